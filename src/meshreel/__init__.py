@@ -13,6 +13,7 @@ Surface           its polygons, hard edges, Attribute (Domain, Kind), FaceGroups
 Track             a quantity that changes over time, such as stress or velocity: TrackKind
 Material          appearance of a face group: Texture (Wrap, Filter), Image, AlphaMode
 register          raw frames, each with its own mesh, to segments that follow the surface
+rig               bones, weights, keys and correctives of an animation: Rig (RigErrors)
 load, save        files of all formats to a sequence and back
 encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
@@ -40,7 +41,7 @@ from meshreel.runtime.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from meshreel import paper as paper
-    from meshreel.api import compare, decode, encode, info, register
+    from meshreel.api import compare, decode, encode, info, register, rig
     from meshreel.codec.inspect import StreamInfo
     from meshreel.codec.reel_file import ReelFile
     from meshreel.codec.streaming import Encoder
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshFrame, MeshSequence, concatenate
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
+    from meshreel.rigging.rig import Rig, RigErrors
 
 __all__ = [
     "AlphaMode",
@@ -93,6 +95,8 @@ __all__ = [
     "Part",
     "Quality",
     "ReelFile",
+    "Rig",
+    "RigErrors",
     "SolverError",
     "StoreError",
     "StreamInfo",
@@ -117,6 +121,7 @@ __all__ = [
     "load",
     "open",
     "register",
+    "rig",
     "save",
     "simulate_flag",
     "to_pyvista",
@@ -128,7 +133,7 @@ _MATERIALS = ("AlphaMode", "Filter", "Image", "Material", "Texture", "Wrap")
 _MODULES = {
     **dict.fromkeys(_SURFACE, "model.surface"),
     **dict.fromkeys(_MATERIALS, "model.materials"),
-    **dict.fromkeys(("compare", "decode", "encode", "info", "register"), "api"),
+    **dict.fromkeys(("compare", "decode", "encode", "info", "register", "rig"), "api"),
     **dict.fromkeys(("MeshFrame", "MeshSequence", "concatenate"), "model.sequence"),
     "Cells": "model.cells",
     "corner_normals": "model.geometry.hard_edges",
@@ -142,6 +147,7 @@ _MODULES = {
     "ReelFile": "codec.reel_file",
     "save": "formats.save",
     "simulate_flag": "model.flag",
+    **dict.fromkeys(("Rig", "RigErrors"), "rigging.rig"),
     "StreamInfo": "codec.inspect",
     **dict.fromkeys(("SurfaceDistances", "SurfaceQuality"), "metrics.surface_distance"),
     "Track": "model.tracks",

@@ -1,4 +1,4 @@
-"""`encode`, `decode`, `info`, `compare` and `register` of `meshreel`, which also accept files."""
+"""`encode`, `decode`, `info`, `compare`, `register` and `rig` of `meshreel`, which also accept files."""
 
 import inspect
 import os
@@ -8,6 +8,8 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
+
+import numpy as np
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
@@ -27,6 +29,7 @@ from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
@@ -35,6 +38,7 @@ from meshreel.runtime.stores.transfer import read_whole
 if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceQuality
+    from meshreel.rigging.rig import Rig
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
@@ -249,6 +253,70 @@ def register(
             job.write(registration, registration.sequence, progress)
     _warn(notes, stacklevel=3)
     return registration.sequence
+
+
+def rig(
+    source: AnyInput,
+    bones: int | None = None,
+    *,
+    max_error: float | str = DEFAULT_LARGEST_PERCENT,
+    kg_error: float = DEFAULT_KG_PERCENT,
+    unit: str | None = None,
+    force: bool = False,
+    progress: Progress = silent,
+) -> "Rig":
+    """Fit bones, at most four weights per vertex and a rest pose to an animation.
+
+    Bones are added until the errors are within their bounds, and then corrective morph targets.
+    Errors are those of what engines show: quantized weights, keys and positions, in float32.
+    ``meshreel.save(sequence, "walk.glb", rig=True)`` and ``.usdc`` write such a rig.
+
+    Parameters
+    ----------
+    source : MeshSequence, path, bytes, or ReelFile
+        An animation with the same faces in all frames, as `encode` accepts it.
+    bones : int, optional
+        Maximum number of bones, 1 to 256. Default: 256.
+    max_error : float or str, default 1
+        Largest distance of a vertex from its position, in percent of the diagonal of the bounding
+        box of all frames, or text such as "0.5u" (model units) or "1mm" (with `unit`).
+    kg_error : float, default 0.5
+        Largest KG error, in percent.
+    unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
+        Length unit of the model, for a `max_error` that is a length.
+    force : bool, default False
+        Whether a rig that exceeds the bounds is returned.
+    progress : callable, optional
+        Called with the stage and the completed fraction, 0..1.
+
+    Returns
+    -------
+    Rig
+        Immutable: rest pose, weights, skeleton, keys, correctives and `errors`; ``positions()``
+        returns the vertices in all frames.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the faces change; `register` makes them constant.
+    InvalidInputError
+        If 256 bones and 64 corrective targets do not meet the bounds, or a bound or `bones` is out
+        of range.
+
+    Notes
+    -----
+    Skinning decomposition of Le and Deng, "Smooth skinning decomposition with rigid bones",
+    SIGGRAPH Asia 2012.
+    """
+    from meshreel.rigging.rig import fit_sequence  # which takes time to import
+
+    sequence = _loaded(source)
+    extent = sequence.extent
+    diagonal = float(np.linalg.norm(extent.high - extent.low))
+    bound = bound_of(max_error, unit).percent(diagonal or 1.0)
+    return fit_sequence(
+        sequence, bones=bones, bounds=Bounds(kg_error, bound), force=force, progress=progress
+    )
 
 
 @overload

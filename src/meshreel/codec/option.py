@@ -112,6 +112,8 @@ class Option:
         Name on the command line, such as "--modes"; by default derived from `name`.
     metavar : str
         Placeholder of the value in help.
+    implied : object
+        Value of the option without an argument on the command line; None if it needs one.
     methods : tuple of str
         Names of the encoding methods that use it.
     needs_all_frames : bool
@@ -134,6 +136,7 @@ class Option:
     group: str = ""
     flag: str = ""
     metavar: str = ""
+    implied: Any = None
     methods: tuple[str, ...] = ()
     needs_all_frames: bool = False
     synonyms: Mapping[str, str] = field(default_factory=dict)

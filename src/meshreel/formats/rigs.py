@@ -9,7 +9,8 @@ from meshreel.formats.error_budget import share_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.rig import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds, Rig, fit_rig
+from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds
+from meshreel.rigging.rig import Rig, fit_sequence
 from meshreel.runtime.counting import counted
 
 
@@ -46,7 +47,7 @@ def rig_of(
     ConnectivityChangeError
         If the faces change.
     InvalidInputError
-        As `meshreel.rigging.rig.fit_rig`.
+        As `meshreel.rigging.rig.fit_sequence`.
     """
     if stream.n_segments > 1:
         raise ConnectivityChangeError(
@@ -69,9 +70,8 @@ def rig_of(
     )
     kg = DEFAULT_KG_PERCENT if options.kg_error is None else options.kg_error
     largest = 100 * budget.added / (diagonal or 1.0)
-    rig = fit_rig(
-        sequence.vertices,
-        sequence.faces,
+    rig = fit_sequence(
+        sequence,
         times_s,
         bones=None if options.rig is True else options.rig,
         bounds=Bounds(kg, largest),

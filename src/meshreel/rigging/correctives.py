@@ -4,18 +4,25 @@ glTF and engines apply morph targets before skinning. So residuals are pulled ba
 blended matrices of the skin, as in pose-space deformation (Lewis et al., SIGGRAPH 2000).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats
-
 BYTE = 127
 MAX_TARGETS = 64
+
 PULL_DAMPING = 0.02
 """Added to the squares of singular values of blended matrices, which are 1 for rotations: where
 blending collapses a vertex, hardly any displacement would move it."""
+
+MAX_PULL = 2.0
+"""Largest distance, in error bounds, by which aims move beyond residuals."""
+
+MIN_LEVELS = 3
+
+Singles = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +37,7 @@ class Correctives:
     """
 
     targets: npt.NDArray[np.int8]
-    weights: npt.NDArray[np.float32]
+    weights: Singles
 
     @classmethod
     def none(cls, n_frames: int, n_verts: int) -> "Correctives":
@@ -39,53 +46,76 @@ class Correctives:
 
 
 class CorrectiveSearch:
-    """Correctives of a residual, more and more of them.
+    """Correctives of a residual, fitted round by round.
 
     Parameters
     ----------
-    residuals : float64 array of shape (3 T, V)
-        What a skin lacks, in model units.
+    residuals : float32 array of shape (T, V, 3)
+        What a skin lacks.
     blended : float32 array of shape (T, V, 3, 3)
         Blended matrices of the skin.
     unit : float
-        Displacement of a target with value 1 and weight 1, in model units.
+        Displacement of a target with value 1 and weight 1, in the unit of the residuals.
+    rounding : float
+        Typical rounding error of a displacement.
     """
 
-    def __init__(
-        self, residuals: Floats, blended: npt.NDArray[np.float32], unit: float
-    ) -> None:
-        n_frames, n_verts = blended.shape[:2]
-        self._wanted = residuals.reshape(n_frames, 3, n_verts).transpose(0, 2, 1)
-        self._blended, self._unit = blended, unit
-        pulled = np.empty((n_frames, 3 * n_verts), np.float32)
-        damping = PULL_DAMPING * np.eye(3)
-        for row, matrices, wanted in zip(pulled, blended, self._wanted, strict=True):
-            gram = np.einsum("vba,vbc->vac", matrices, matrices) + damping
-            matches = np.einsum("vba,vb->va", matrices, wanted)
-            row[:] = np.linalg.solve(gram, matches[:, :, np.newaxis])[:, :, 0].ravel()
-        self._pulled = pulled
-        squares, vectors = np.linalg.eigh((pulled @ pulled.T).astype(np.float64))
-        self._shares = np.maximum(squares[::-1], 0) / max(squares.sum(), 1e-300)
-        self._vectors = vectors[:, ::-1]
+    def __init__(self, residuals: Singles, blended: Singles, unit: float, rounding: float) -> None:
+        self._residuals, self._blended = residuals, blended
+        self._unit, self._rounding = unit, rounding
+        self._aims = residuals.copy()
+        self._pull = np.empty_like(blended)
+        damping = PULL_DAMPING * np.eye(3, dtype=np.float32)
+        for pull, matrices in zip(self._pull, blended, strict=True):
+            transposed = matrices.transpose(0, 2, 1)
+            pull[:] = np.linalg.solve(transposed @ matrices + damping, transposed)
+
+    def round(self, n_targets: int, bound: float) -> Correctives:
+        """Return so many targets, and move the aims where the error exceeds a bound."""
+        targets, values = self._targets(n_targets)
+        weights = np.empty((len(self._aims), len(targets)), np.float32)
+        for frame, matrices in enumerate(self._blended):
+            moved = np.einsum("vab,kvb->kva", matrices, values, optimize=True)
+            flat = moved.reshape(len(targets), -1)
+            gram = (flat @ flat.T).astype(np.float64)
+            gram += 1e-9 * (np.trace(gram) + 1e-30) / len(targets) * np.eye(len(targets))
+            matches = (flat @ self._aims[frame].ravel()).astype(np.float64)
+            weights[frame] = np.linalg.solve(gram, matches)
+            shown = (weights[frame] @ flat).reshape(-1, 3)
+            self._move_aims(frame, shown, bound)
+        return Correctives(targets, weights)
 
     def count_for(self, share: float) -> int:
         """Return the number of modes without which this share of the squared residual remains."""
-        remaining = 1 - np.cumsum(self._shares)
-        return int(np.searchsorted(-remaining, -share)) + 1
+        pulled = self._pulled()
+        squares = np.linalg.eigvalsh((pulled @ pulled.T).astype(np.float64))[::-1]
+        remaining = 1 - np.cumsum(np.maximum(squares, 0)) / max(float(squares.sum()), 1e-300)
+        return int(np.count_nonzero(remaining > share)) + 1
 
-    def fit(self, n_targets: int) -> Correctives:
-        """Return so many targets, with the weights that reduce the residual most."""
-        n_targets = min(n_targets, len(self._vectors))
-        modes = self._vectors[:, :n_targets].T.astype(np.float32) @ self._pulled
-        largest = np.maximum(np.abs(modes).max(axis=1, keepdims=True), 1e-30)
-        targets = np.rint(modes / largest * BYTE).astype(np.int8)
-        targets = targets.reshape(n_targets, -1, 3)
-        values = targets.astype(np.float32) * np.float32(self._unit / BYTE)
-        weights = np.empty((len(self._wanted), n_targets), np.float32)
-        for row, matrices, wanted in zip(weights, self._blended, self._wanted, strict=True):
-            moved = np.einsum("vab,kvb->kva", matrices, values, optimize=True)
-            flat = moved.reshape(n_targets, -1).astype(np.float64)
-            gram = flat @ flat.T
-            gram += 1e-9 * np.trace(gram) / n_targets * np.eye(n_targets)
-            row[:] = np.linalg.solve(gram, flat @ wanted.ravel())
-        return Correctives(targets, weights)
+    def _pulled(self) -> Singles:
+        """Return the aims in the rest pose, of shape (T, 3 V)."""
+        pairs = zip(self._pull, self._aims, strict=True)
+        return np.stack([np.einsum("vab,vb->va", pull, aims).ravel() for pull, aims in pairs])
+
+    def _targets(self, n_targets: int) -> tuple[npt.NDArray[np.int8], Singles]:
+        """Return the main modes of the aims in the rest pose, as stored and as displacements."""
+        pulled = self._pulled()
+        _, vectors = np.linalg.eigh((pulled @ pulled.T).astype(np.float64))
+        main = vectors[:, ::-1][:, :n_targets].astype(np.float32)
+        modes = main.T @ pulled
+        largest = np.maximum(np.abs(modes).max(axis=1), 1e-30)
+        # A rounding error counts as often as the mode is used, which is 1 / T of all squares.
+        step = math.sqrt(12 * len(pulled)) * self._rounding
+        levels = np.clip(np.ceil(largest / step), MIN_LEVELS, BYTE)
+        integers = np.rint(modes * (levels / largest)[:, np.newaxis]).astype(np.int8)
+        targets = integers.reshape(len(modes), -1, 3)
+        return targets, targets.astype(np.float32) * np.float32(self._unit / BYTE)
+
+    def _move_aims(self, frame: int, shown: Singles, bound: float) -> None:
+        missing = self._residuals[frame] - shown
+        lengths = np.linalg.norm(missing, axis=1, keepdims=True)
+        excess = np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
+        pulls = self._aims[frame] - self._residuals[frame] + missing * excess
+        lengths = np.linalg.norm(pulls, axis=1, keepdims=True)
+        pulls *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
+        self._aims[frame] = self._residuals[frame] + pulls

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
-from meshreel.errors import InvalidInputError, Keyword
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.geometry.connectivity import undirected_edges
-from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.rigging.bounds import MAX_BONES, Bounds
 from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
 from meshreel.rigging.keys import (
@@ -30,11 +31,6 @@ from meshreel.rigging.keys import (
 from meshreel.rigging.skeleton import Skeleton, build_skeleton
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
-
-MAX_BONES = 256
-"""Numbers of joints are bytes."""
-
-DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT = 0.5, 1.0
 
 MIN_GROWTH, MAX_GROWTH = 0.05, 0.5
 """Share of the bones that are added at a time: about that by which the KG error is too large."""
@@ -65,6 +61,12 @@ KEY_TOLERANCE = 2.0
 
 MIN_LEVELS = 2047
 """Positive coordinates of the rest pose."""
+
+CORRECTIVE_ROUNDS = 4
+"""Rounds with the same number of correctives."""
+
+CORRECTIVE_ROUNDING = 0.1
+"""Rounding error of each corrective, as share of the root mean squared error that is allowed."""
 
 MAX_ATTEMPTS = 5
 """Quantizations, each twice as fine."""
@@ -193,24 +195,50 @@ class Rig:
         return frames
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """What the errors must not exceed, in percent.
+def fit_sequence(
+    sequence: MeshSequence,
+    times_s: Floats | None = None,
+    *,
+    bones: int | None = None,
+    bounds: Bounds = Bounds(),
+    force: bool = False,
+    progress: Progress = silent,
+) -> Rig:
+    """Return a rig of a sequence with the same faces in all frames.
 
-    Attributes
+    Parameters
     ----------
-    kg : float
-        KG error.
-    largest : float
-        Largest error of a vertex, of the diagonal of the box of all frames.
+    times_s : float64 array of shape (T,), optional
+        Times of the keys; by default those of the sequence, or frame numbers if it has none.
+    bones, bounds, force, progress
+        As in `fit_rig`.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the faces change.
+    InvalidInputError
+        As `fit_rig`.
     """
-
-    kg: float = DEFAULT_KG_PERCENT
-    largest: float = DEFAULT_LARGEST_PERCENT
-
-    def excess(self, kg: float, largest: float) -> float:
-        """Return the factor by which an error exceeds its bound; up to 1 if none does."""
-        return max(kg / self.kg, largest / self.largest)
+    if len(sequence.segments) > 1:
+        raise ConnectivityChangeError(
+            "a rig needs the same faces in all frames; they change between the "
+            f"{len(sequence.segments)} segments of this sequence; register it first (meshreel "
+            "register)"
+        )
+    if times_s is None:
+        times_s = sequence.timing.seconds(sequence.n_frames)
+    if times_s is None:
+        times_s = np.arange(sequence.n_frames, dtype=np.float64)
+    return fit_rig(
+        sequence.vertices,
+        sequence.faces,
+        times_s,
+        bones=bones,
+        bounds=bounds,
+        force=force,
+        progress=progress,
+    )
 
 
 def fit_rig(
@@ -244,11 +272,6 @@ def fit_rig(
     if not 1 <= max_bones <= MAX_BONES:
         raise InvalidInputError(
             Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}"
-        )
-    if not (bounds.kg > 0 and bounds.largest > 0):
-        raise InvalidInputError(
-            "the error bounds of a rig must be above 0; got "
-            f"{bounds.kg:g} % and {bounds.largest:g} %"
         )
     search = _Search(vertices, faces, times_s, bounds, progress)
     rig = search.run(max_bones)
@@ -432,6 +455,7 @@ class _Search:
         )
 
     def _measured(self, rig: Rig) -> Rig:
+        """Return the rig with its errors."""
         shown = rig.positions() + self._origin
         positions = position_errors(self._vertices, shown)
         angle = normal_angles(self._vertices, shown, self._faces).mean_deg
@@ -442,16 +466,26 @@ class _Search:
         """Return the rig with as few correctives as meet the bounds, or with all of them."""
         if self._excess(rig) <= 1 or len(self._times_s) < 2:
             return rig
-        residuals = self._vertices - rig.positions() - self._origin
-        flat = residuals.transpose(0, 2, 1).reshape(-1, residuals.shape[1])
-        search = CorrectiveSearch(flat, rig.blended(), rig.scale)
+        residuals = (self._vertices - rig.positions() - self._origin).astype(np.float32)
+        rounding = CORRECTIVE_ROUNDING * self._allowed() * self._unit
+        search = CorrectiveSearch(residuals, rig.blended(), rig.scale, rounding)
         share = (FIT_KG * self._bounds.kg / rig.errors.kg_percent) ** 2
-        n_targets = min(search.count_for(min(share, 1.0)), MAX_TARGETS)
+        n_targets = min(search.count_for(min(share, 0.5)), MAX_TARGETS, len(self._times_s))
+        bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal * self._unit
+        best, n_rounds = rig, 0
         while True:
-            candidate = self._measured(replace(rig, correctives=search.fit(n_targets)))
-            if self._excess(candidate) <= 1 or n_targets == MAX_TARGETS:
-                return candidate
-            n_targets = min(n_targets + max(1, n_targets // 8), MAX_TARGETS)
+            found = search.round(n_targets, bound)
+            candidate = self._measured(replace(rig, correctives=found))
+            best = min(best, candidate, key=self._excess)
+            is_last = n_targets == min(MAX_TARGETS, len(self._times_s))
+            n_rounds += 1
+            if self._excess(best) <= 1 or (is_last and n_rounds >= CORRECTIVE_ROUNDS):
+                return best
+            if n_rounds >= CORRECTIVE_ROUNDS:
+                growth = min(max(self._excess(candidate) - 1, 0.1), 0.5)
+                n_new = max(1, round(growth * n_targets))
+                n_targets = min(n_targets + n_new, MAX_TARGETS, len(self._times_s))
+                n_rounds = 0
             self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
 
 

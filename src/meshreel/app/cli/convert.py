@@ -6,7 +6,7 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import Encoding, encoding
-from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
+from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MESHES, SplitOption, reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
@@ -14,6 +14,7 @@ from meshreel.app.cli.write_options import (
     WRITING,
     FramesOption,
     OutputOption,
+    OverwriteOption,
     StartNumberOption,
 )
 
@@ -55,7 +56,7 @@ def convert_command(
     start_number: StartNumberOption = None,
     track: TrackOption = (),
     split: SplitOption = False,
-    force: ForceOption = False,
+    force: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write an animated mesh in another format, without loss as far as the format allows.
@@ -72,6 +73,8 @@ def convert_command(
     - `meshreel convert cache.mdd --topology rest.obj -o cache.abc`
 
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
+
+    - `meshreel convert walk.abc -o walk.glb --rig 64`
 
     - `meshreel convert walk.npz -o walk.vat/ --layout openvat-unity --max-error 0.05`
 
@@ -126,7 +129,7 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(max_error=bound, origin=origin, **writing),
+            WriteOptions(max_error=bound, origin=origin, force=force, **writing),
             reading,
             config,
             start_number,

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
+from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
     GLTF_AND_TEXTURES,
@@ -13,6 +13,7 @@ from meshreel.app.cli.write_options import (
     FramesOption,
     GltfErrorOption,
     OutputOption,
+    OverwriteOption,
     StartNumberOption,
 )
 from meshreel.codec.option import Option
@@ -46,7 +47,7 @@ def decode_command(
     memory: MemoryOption = None,
     max_error: GltfErrorOption = None,
     unit: Annotated[str | None, UNIT] = None,
-    force: ForceOption = False,
+    force: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Decode the animation of a .reel file.
@@ -58,6 +59,8 @@ def decode_command(
     - `meshreel decode walk.reel -o walk.npz`
 
     - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
+
+    - `meshreel decode walk.reel -o walk.glb --rig --max-error 0.5`
 
     - `meshreel decode walk.reel -o walk.vat/`
 
@@ -90,7 +93,7 @@ def decode_command(
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(max_error=bound, **writing)
+    options = WriteOptions(max_error=bound, force=force, **writing)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

@@ -162,6 +162,7 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
         [option.name, *option.flag.split()],
         type=None if kind is bool else _click_type(kind, option),
         is_flag=kind is bool,
+        **({} if option.implied is None else {"flag_value": option.implied}),
         multiple=is_list,
         required=required,
         help=help_text,

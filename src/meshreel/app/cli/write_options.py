@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import click
 
 from meshreel.app.cli.parameters import File, Group
-from meshreel.codec.option import Option
+from meshreel.codec.option import Option, Range
 from meshreel.codec.targets import DIAGONAL_OF_ALL
+from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
+RIGS = "Rigs (glTF and USD output)"
 TEXTURES = "Vertex animation textures (.vat output)"
 
 OutputOption = Annotated[
@@ -50,6 +52,13 @@ GltfErrorOption = Annotated[
         f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
         metavar="BOUND",
         group=GLTF_AND_TEXTURES,
+    ),
+]
+OverwriteOption = Annotated[
+    bool,
+    Option(
+        "Replace existing outputs. Also write a rig that exceeds its error bounds.",
+        flag="--force -f",
     ),
 ]
 OUTPUT_ERROR = (
@@ -100,6 +109,27 @@ WRITING = Group(
             "Extension for compression: ext, EXT_meshopt_compression; or khr, "
             "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
             metavar="NAME",
+        ),
+        _option(
+            "rig",
+            int,
+            RIGS,
+            "Move the mesh by at most so many bones, and by corrective morph targets where bones do "
+            f"not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
+            f"{{kg_error}} hold. Without a number: {MAX_BONES}.",
+            range=Range(1, MAX_BONES, is_whole=True),
+            implied=MAX_BONES,
+            metavar="[BONES]",
+        ),
+        _option(
+            "kg_error",
+            float,
+            RIGS,
+            f"Largest KG error of a rig, in percent. Default: {DEFAULT_KG_PERCENT:g}.",
+            range=Range(0, is_open=True),
+            unit="in percent",
+            flag="--kg-error",
+            metavar="PERCENT",
         ),
         _option(
             "layout",

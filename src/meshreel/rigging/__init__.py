@@ -1,0 +1,1 @@
+"""Rigs: bones, weights and correctives fitted to an animation."""
