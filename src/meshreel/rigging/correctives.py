@@ -70,20 +70,26 @@ class CorrectiveSearch:
             transposed = matrices.transpose(0, 2, 1)
             pull[:] = np.linalg.solve(transposed @ matrices + damping, transposed)
 
-    def round(self, n_targets: int, bound: float) -> Correctives:
-        """Return so many targets, and move the aims where the error exceeds a bound."""
-        targets, values = self._targets(n_targets)
-        weights = np.empty((len(self._aims), len(targets)), np.float32)
-        for frame, matrices in enumerate(self._blended):
-            moved = np.einsum("vab,kvb->kva", matrices, values, optimize=True)
-            flat = moved.reshape(len(targets), -1)
-            gram = (flat @ flat.T).astype(np.float64)
-            gram += 1e-9 * (np.trace(gram) + 1e-30) / len(targets) * np.eye(len(targets))
-            matches = (flat @ self._aims[frame].ravel()).astype(np.float64)
-            weights[frame] = np.linalg.solve(gram, matches)
-            shown = (weights[frame] @ flat).reshape(-1, 3)
-            self._move_aims(frame, shown, bound)
-        return Correctives(targets, weights)
+    def round(self, n_targets: int, bound: float) -> tuple[Correctives, float, float]:
+        """Return so many targets, with their root mean squared and their largest error.
+
+        Afterwards, the aims are farther beyond the residuals whose error exceeds the bound.
+        """
+        pulled = self._pulled()
+        targets = self._targets(pulled, n_targets)
+        values = targets.reshape(len(targets), -1) * np.float32(self._unit / BYTE)
+        # As if blended matrices were rotations; aims make up for the difference.
+        gram = (values @ values.T).astype(np.float64)
+        gram += 1e-9 * (np.trace(gram) + 1e-30) / len(targets) * np.eye(len(targets))
+        matches = (values @ pulled.T).astype(np.float64)
+        weights = np.linalg.solve(gram, matches).T.astype(np.float32)
+        errors = [
+            self._move_aims(frame, (own @ values).reshape(-1, 3), bound)
+            for frame, own in enumerate(weights)
+        ]
+        lengths = np.stack(errors)
+        mean = math.sqrt(float(np.square(lengths).mean()))
+        return Correctives(targets, weights), mean, float(lengths.max())
 
     def count_for(self, share: float) -> int:
         """Return the number of modes without which this share of the squared residual remains."""
@@ -97,25 +103,26 @@ class CorrectiveSearch:
         pairs = zip(self._pull, self._aims, strict=True)
         return np.stack([np.einsum("vab,vb->va", pull, aims).ravel() for pull, aims in pairs])
 
-    def _targets(self, n_targets: int) -> tuple[npt.NDArray[np.int8], Singles]:
-        """Return the main modes of the aims in the rest pose, as stored and as displacements."""
-        pulled = self._pulled()
+    def _targets(self, pulled: Singles, n_targets: int) -> npt.NDArray[np.int8]:
+        """Return the main modes of aims in the rest pose, of shape (K, V, 3)."""
         _, vectors = np.linalg.eigh((pulled @ pulled.T).astype(np.float64))
         main = vectors[:, ::-1][:, :n_targets].astype(np.float32)
         modes = main.T @ pulled
         largest = np.maximum(np.abs(modes).max(axis=1), 1e-30)
-        # A rounding error counts as often as the mode is used, which is 1 / T of all squares.
+        # A mode with weights of length 1 has a mean weight of T^-1/2.
         step = math.sqrt(12 * len(pulled)) * self._rounding
         levels = np.clip(np.ceil(largest / step), MIN_LEVELS, BYTE)
         integers = np.rint(modes * (levels / largest)[:, np.newaxis]).astype(np.int8)
-        targets = integers.reshape(len(modes), -1, 3)
-        return targets, targets.astype(np.float32) * np.float32(self._unit / BYTE)
+        return integers.reshape(len(modes), -1, 3)
 
-    def _move_aims(self, frame: int, shown: Singles, bound: float) -> None:
+    def _move_aims(self, frame: int, displacements: Singles, bound: float) -> Singles:
+        """Move the aims of a frame, and return the error of each vertex."""
+        shown = np.einsum("vab,vb->va", self._blended[frame], displacements)
         missing = self._residuals[frame] - shown
-        lengths = np.linalg.norm(missing, axis=1, keepdims=True)
-        excess = np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
+        errors = np.linalg.norm(missing, axis=1, keepdims=True)
+        excess = np.clip(1 - bound / np.maximum(errors, 1e-30), 0, 1)
         pulls = self._aims[frame] - self._residuals[frame] + missing * excess
         lengths = np.linalg.norm(pulls, axis=1, keepdims=True)
         pulls *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
         self._aims[frame] = self._residuals[frame] + pulls
+        return np.asarray(errors[:, 0])

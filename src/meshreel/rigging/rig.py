@@ -391,8 +391,9 @@ class _Search:
         best: Rig | None = None
         for attempt in range(MAX_ATTEMPTS):
             rig = self._stored(max(rounding / 2**attempt, 1e-7))
-            if best is None or self._excess(rig) < self._excess(best):
-                best = rig
+            if best is not None and self._excess(rig) > FIT_LARGEST * self._excess(best):
+                break  # rounding does not matter
+            best = rig
             if self._excess(best) <= 1:
                 break
         assert best is not None
@@ -472,21 +473,22 @@ class _Search:
         share = (FIT_KG * self._bounds.kg / rig.errors.kg_percent) ** 2
         n_targets = min(search.count_for(min(share, 0.5)), MAX_TARGETS, len(self._times_s))
         bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal * self._unit
-        best, n_rounds = rig, 0
-        while True:
-            found = search.round(n_targets, bound)
-            candidate = self._measured(replace(rig, correctives=found))
-            best = min(best, candidate, key=self._excess)
-            is_last = n_targets == min(MAX_TARGETS, len(self._times_s))
+        max_targets = min(MAX_TARGETS, len(self._times_s))
+        best, smallest, n_rounds = rig.correctives, self._excess(rig), 0
+        while smallest > FIT_LARGEST:
+            found, mean, largest = search.round(n_targets, bound)
+            kg = _percent(mean, self._deviation * self._unit)
+            excess = self._bounds.excess(kg, _percent(largest, self._diagonal * self._unit))
+            if excess < smallest:
+                best, smallest = found, excess
             n_rounds += 1
-            if self._excess(best) <= 1 or (is_last and n_rounds >= CORRECTIVE_ROUNDS):
-                return best
-            if n_rounds >= CORRECTIVE_ROUNDS:
-                growth = min(max(self._excess(candidate) - 1, 0.1), 0.5)
-                n_new = max(1, round(growth * n_targets))
-                n_targets = min(n_targets + n_new, MAX_TARGETS, len(self._times_s))
-                n_rounds = 0
+            if n_rounds == CORRECTIVE_ROUNDS:
+                if n_targets == max_targets:
+                    break
+                n_new = max(1, round(min(max(excess - 1, 0.15), 0.5) * n_targets))
+                n_targets, n_rounds = min(n_targets + n_new, max_targets), 0
             self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
+        return self._measured(replace(rig, correctives=best))
 
 
 def round_to(values: Floats, exponent: int) -> Floats:
