@@ -145,7 +145,11 @@ class Decomposition:
 
     def set_skin(self, skin: Skin) -> None:
         """Continue from another skin of the same animation."""
-        self.rest, self.bones, self.weights = skin.rest.copy(), skin.bones.copy(), skin.weights.copy()
+        self.rest, self.bones, self.weights = (
+            skin.rest.copy(),
+            skin.bones.copy(),
+            skin.weights.copy(),
+        )
         self.transforms = skin.transforms
 
     def prune(self, error: float) -> None:
@@ -302,7 +306,9 @@ class Decomposition:
     def seeds(self, residuals: Floats, n_new: int) -> list[Integers]:
         """Return sets of vertices for new bones, where the error is largest."""
         errors = np.square(residuals).sum(axis=0)
-        radius = 0.5 * float(np.ptp(self.rest, axis=0).max()) / max(1, self.transforms.shape[1]) ** 0.5
+        radius = (
+            0.5 * float(np.ptp(self.rest, axis=0).max()) / max(1, self.transforms.shape[1]) ** 0.5
+        )
         seeds = []
         for _ in range(n_new):
             worst = int(errors.argmax())

@@ -45,6 +45,10 @@ GROWING_ROUNDS, FINAL_ROUNDS = 3, 10
 N_RIGID_BONES = 8
 """Bones with which the rest pose is the first frame, as fewer would distort it."""
 
+MIN_GAIN, MAX_STALLED, ENOUGH = 0.2, 3, 0.6
+"""More bones are of no use if the KG error falls so much slower than the number of bones rises, so
+many times in a row, or if it is this share of its bound while the largest error is not met."""
+
 FIT_KG, FIT_LARGEST = 0.95, 0.985
 """Shares of the bounds for the skin before quantization."""
 
@@ -270,9 +274,7 @@ def fit_rig(
     """
     max_bones = MAX_BONES if bones is None else bones
     if not 1 <= max_bones <= MAX_BONES:
-        raise InvalidInputError(
-            Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}"
-        )
+        raise InvalidInputError(Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}")
     search = _Search(vertices, faces, times_s, bounds, progress)
     rig = search.run(max_bones)
     errors = rig.errors
@@ -315,17 +317,16 @@ class _Search:
         self._deviation = math.sqrt(spread / (n_frames * n_verts))
         self._diagonal = reference.diagonal_scaled
         self._components = components(faces, n_verts)
-        self._decomposition = Decomposition(
-            self._frames, self._frames[:3].T, self._components
-        )
+        self._decomposition = Decomposition(self._frames, self._frames[:3].T, self._components)
         self._initial_excess = 0.0
 
     def run(self, max_bones: int) -> Rig:
         """Return the first rig within the bounds, or the best one."""
         fit = self._decomposition
         allowed = self._allowed()
+        max_bones = min(max_bones, self._vertices.shape[1])
         fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
-        target = 1.0
+        target, former, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
         while True:
             kg, largest = self._rounds(GROWING_ROUNDS)
             is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
@@ -336,8 +337,11 @@ class _Search:
                 if self._excess(rig) <= 1:
                     return rig
                 target *= 0.95
-            if fit.n_bones == max_bones:
+            gain = math.log(former / kg) / max(growth, MIN_GROWTH) if kg > 0 else 0.0
+            n_stalled = n_stalled + 1 if gain < MIN_GAIN else 0
+            if fit.n_bones == max_bones or n_stalled == MAX_STALLED or kg < ENOUGH * target:
                 break
+            former = kg
             growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
             residuals = fit.residuals()
@@ -451,9 +455,7 @@ class _Search:
         levels = min(max(MIN_LEVELS, math.ceil(reach / (rounding * unit))), SHORT)
         scale = float(np.float32(reach / levels * SHORT))
         coordinates = np.rint((rest - offset) / scale * SHORT).astype(np.int16)
-        return self._measured(
-            replace(rig, coordinates=coordinates, scale=scale, offset=offset)
-        )
+        return self._measured(replace(rig, coordinates=coordinates, scale=scale, offset=offset))
 
     def _measured(self, rig: Rig) -> Rig:
         """Return the rig with its errors."""

@@ -61,18 +61,20 @@ def build_skeleton(skin: Skin) -> tuple[Skin, Skeleton]:
     near = np.where(is_shared, shared[:, :, :3] / np.where(is_shared, mass, 1), middle)
     gram, motion = differences[:, :, :3, :3], differences[:, :, :3, 3]
     damping = PIVOT_DAMPING * np.eye(3)
-    pivots = np.linalg.solve(
-        gram + damping, (PIVOT_DAMPING * near - motion)[..., np.newaxis]
-    )[..., 0]
+    pivots = np.linalg.solve(gram + damping, (PIVOT_DAMPING * near - motion)[..., np.newaxis])[
+        ..., 0
+    ]
     lifted = np.concatenate([pivots, np.ones((n_bones, n_bones, 1))], axis=2)
     gaps = np.einsum("jka,jkab,jkb->jk", lifted, differences, lifted)
     gaps += PIVOT_DAMPING * np.square(pivots - near).sum(axis=2)
     distances = np.sqrt(np.maximum(gaps, 0)) * np.where(is_shared[:, :, 0], 1, UNRELATED_FACTOR)
     order, parents = _spanning_tree(distances, int(amounts.argmax()))
-    joints = np.array([
-        centers[bone] if parent < 0 else pivots[bone, order[parent]]
-        for bone, parent in zip(order, parents, strict=True)
-    ])
+    joints = np.array(
+        [
+            centers[bone] if parent < 0 else pivots[bone, order[parent]]
+            for bone, parent in zip(order, parents, strict=True)
+        ]
+    )
     numbers = np.empty(n_bones, np.int64)
     numbers[order] = np.arange(n_bones)
     ordered = Skin(skin.rest, numbers[skin.bones], skin.weights, skin.transforms[:, order])
