@@ -1,4 +1,4 @@
-"""`encode`, `decode`, `info`, `compare`, `register` and `rig` of `meshreel`, which also accept files."""
+"""The functions of `meshreel` that also accept files: `encode`, `decode`, `info`, and others."""
 
 import inspect
 import os

@@ -40,3 +40,6 @@ class Bounds:
     def excess(self, kg: float, largest: float) -> float:
         """Return the factor by which an error exceeds its bound; up to 1 if none does."""
         return max(kg / self.kg, largest / self.largest)
+
+
+DEFAULT_BOUNDS = Bounds()

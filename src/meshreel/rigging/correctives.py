@@ -113,7 +113,7 @@ class CorrectiveSearch:
         step = math.sqrt(12 * len(pulled)) * self._rounding
         levels = np.clip(np.ceil(largest / step), MIN_LEVELS, BYTE)
         integers = np.rint(modes * (levels / largest)[:, np.newaxis]).astype(np.int8)
-        return integers.reshape(len(modes), -1, 3)
+        return np.asarray(integers.reshape(len(modes), -1, 3))
 
     def _move_aims(self, frame: int, displacements: Singles, bound: float) -> Singles:
         """Move the aims of a frame, and return the error of each vertex."""

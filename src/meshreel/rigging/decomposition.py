@@ -13,7 +13,6 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 
@@ -59,7 +58,7 @@ class Skin:
     @property
     def n_bones(self) -> int:
         """Number of bones."""
-        return self.transforms.shape[1]
+        return int(self.transforms.shape[1])
 
     def dense_weights(self) -> Floats:
         """Return the weights of all bones, of shape (V, B)."""
@@ -135,7 +134,7 @@ class Decomposition:
     @property
     def n_bones(self) -> int:
         """Number of bones."""
-        return self.transforms.shape[1]
+        return int(self.transforms.shape[1])
 
     def copy(self) -> "Decomposition":
         """Return a copy that changes independently."""

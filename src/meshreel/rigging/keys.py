@@ -1,7 +1,7 @@
 """Keyframes of bones: quantized, relative to parents, and left out where interpolation suffices."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ from meshreel.rigging.skeleton import Skeleton
 
 Shorts = npt.NDArray[np.int16]
 Singles = npt.NDArray[np.float32]
+Real = TypeVar("Real", Floats, Singles)
 
 SHORT = 32767
 MIN_BITS, MAX_BITS = 6, 16
@@ -60,23 +61,25 @@ class BoneTrack:
         """Unit quaternions x, y, z, w as normalized integers, of shape (N, 4)."""
         return decode_rotations(self.codes)
 
-    def matrices(self, times_s: Floats) -> Singles:
-        """Return the transforms in all frames, in float32 as engines compute them: (T, 3, 4)."""
+    def poses(self, times_s: Floats) -> tuple[Singles, Singles]:
+        """Return unit quaternions and translations in all frames, in float32 as in engines."""
         quaternions = unit(self.rotations.astype(np.float32))
-        return to_matrices(*_interpolated(times_s, self.frames, quaternions, self.translations))
+        return _interpolated(times_s, self.frames, quaternions, self.translations)
+
+    def matrices(self, times_s: Floats) -> Singles:
+        """Return the transforms in all frames, of shape (T, 3, 4)."""
+        return to_matrices(*self.poses(times_s))
 
 
-def unit(quaternions: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+def unit(quaternions: Real) -> Real:
     """Return quaternions with length 1."""
-    return quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    length: Real = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return quaternions / length
 
 
 def _interpolated(
-    times_s: Floats,
-    frames: Integers,
-    quaternions: npt.NDArray[np.floating],
-    translations: npt.NDArray[np.floating],
-) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]:
+    times_s: Floats, frames: Integers, quaternions: Real, translations: Real
+) -> tuple[Real, Real]:
     """Return quaternions and translations at all times, given those at the times of some frames."""
     if len(frames) == len(times_s):
         return quaternions, translations
@@ -101,9 +104,7 @@ def _interpolated(
     return unit(mixed), (1 - share) * translations[before] + share * translations[before + 1]
 
 
-def to_matrices(
-    quaternions: npt.NDArray[np.floating], translations: npt.NDArray[np.floating]
-) -> npt.NDArray[np.floating]:
+def to_matrices(quaternions: Real, translations: Real) -> Real:
     """Return transforms of shape (T, 3, 4) of unit quaternions x, y, z, w and translations."""
     x, y, z, w = quaternions.T
     rows = [
@@ -216,7 +217,7 @@ def relative_to(above: Floats, transforms: Floats) -> Floats:
 
 def composed(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the transforms that apply `second`, then `first`; both of shape (T, 3, 4)."""
-    product = first[:, :, :3] @ second
+    product: npt.NDArray[Any] = first[:, :, :3] @ second
     product[:, :, 3] += first[:, :, 3]
     return product
 

@@ -14,7 +14,7 @@ from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
-from meshreel.rigging.bounds import MAX_BONES, Bounds
+from meshreel.rigging.bounds import DEFAULT_BOUNDS, MAX_BONES, Bounds
 from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
 from meshreel.rigging.keys import (
@@ -204,7 +204,7 @@ def fit_sequence(
     times_s: Floats | None = None,
     *,
     bones: int | None = None,
-    bounds: Bounds = Bounds(),
+    bounds: Bounds = DEFAULT_BOUNDS,
     force: bool = False,
     progress: Progress = silent,
 ) -> Rig:
@@ -251,7 +251,7 @@ def fit_rig(
     times_s: Floats,
     *,
     bones: int | None = None,
-    bounds: Bounds = Bounds(),
+    bounds: Bounds = DEFAULT_BOUNDS,
     force: bool = False,
     progress: Progress = silent,
 ) -> Rig:
@@ -356,7 +356,8 @@ class _Search:
     def _rounds(self, n_rounds: int, target: float = 0.0) -> tuple[float, float]:
         """Fit for so many rounds, or until the target is met, and return the errors.
 
-        They are multiples of what is allowed before quantization. With a target, the worst vertices count more.
+        They are multiples of what is allowed before quantization. With a target, the worst vertices
+        count more.
         """
         fit = self._decomposition
         bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal

@@ -114,8 +114,8 @@ WRITING = Group(
             "rig",
             int,
             RIGS,
-            "Move the mesh by at most so many bones, and by corrective morph targets where bones do "
-            f"not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
+            "Move the mesh by at most so many bones, and by corrective morph targets where bones "
+            f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
             f"{{kg_error}} hold. Without a number: {MAX_BONES}.",
             range=Range(1, MAX_BONES, is_whole=True),
             implied=MAX_BONES,

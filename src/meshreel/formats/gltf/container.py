@@ -222,11 +222,12 @@ class BufferWriter:
         values = np.concatenate(curves)
         values = values.astype(values.dtype.newbyteorder("<"))
         view = self._add_elements(values, filtered=filtered)
-        normalized: Json = {"normalized": True} if values.dtype.kind == "i" else {}
         accessors, start = [], 0
         for curve in curves:
-            offset = {"byteOffset": start} if start else {}
-            accessors.append(self._add_accessor(view, curve, **offset, **normalized))
+            properties: Json = {"byteOffset": start} if start else {}
+            if values.dtype.kind == "i":
+                properties["normalized"] = True
+            accessors.append(self._add_accessor(view, curve, **properties))
             start += curve.nbytes
         return accessors
 

@@ -1,6 +1,7 @@
 """Writing glTF: a skinned mesh, its bones with their keys, and corrective morph targets."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from meshreel.formats.gltf.container import (
 )
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
-    SplitVertices,
     StoredValues,
     describe_losses,
     mesh_json,
@@ -47,8 +47,8 @@ from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
 
 NORMAL_LEVELS = 127
-POSE_DIGITS = 5
-"""Decimals of the first pose of animated nodes, which only shows while nothing plays."""
+POSE_DIGITS, EXACT_DIGITS = 4, 9
+"""Significant digits of the pose of nodes in the first frame, and of float32 values."""
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -65,7 +65,7 @@ def write_any_glb(path: Path, stream: SegmentedStream, options: WriteOptions) ->
         write_glb(path, stream, options)
         return
     advice = "allow larger errors (max_error)"
-    _write(stream, options, lambda *content: write_container(path, *content, advice))
+    _write(stream, options, partial(write_container, path, advice=advice))
 
 
 def write_any_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
@@ -79,7 +79,7 @@ def write_any_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -
     if not is_rigged(options):
         write_gltf(path, stream, options)
         return
-    _write(stream, options, lambda *content: write_text(path, *content))
+    _write(stream, options, partial(write_text, path))
 
 
 def _write(
@@ -218,17 +218,11 @@ class _RiggedScene:
         names, parents = rig.skeleton.names, rig.skeleton.parents.tolist()
         for name, parent, track in zip(names, parents, rig.tracks, strict=True):
             node: Json = {"name": name}
-            pose = {
-                "translation": (track.translations, track.translations),
-                "rotation": (unit_singles(track.rotations), track.codes),
-            }
-            for path, (values, stored) in pose.items():
-                is_exact = not moves(stored)
-                first = values[0].astype(np.float64)
-                node[path] = [
-                    float(str(np.float32(value))) if is_exact else round(value, POSE_DIGITS)
-                    for value in first.tolist()
-                ]
+            quaternions, translations = track.poses(rig.times_s)
+            for path, values in (("translation", translations), ("rotation", quaternions)):
+                # Values without channel are exact; others only show while nothing plays.
+                digits = POSE_DIGITS if moves(values) else EXACT_DIGITS
+                node[path] = [float(f"{value:.{digits}g}") for value in values[0].tolist()]
             above = nodes[armature if parent < 0 else bones[parent]]
             above.setdefault("children", []).append(len(nodes))
             bones.append(len(nodes))
@@ -276,12 +270,6 @@ class _RiggedScene:
 def moves(keys: npt.NDArray[np.generic]) -> bool:
     """Return whether keys of shape (N, C) differ."""
     return bool((keys != keys[0]).any())
-
-
-def unit_singles(rotations: npt.NDArray[np.int16]) -> npt.NDArray[np.float64]:
-    """Return normalized integers as unit quaternions."""
-    values = rotations.astype(np.float64)
-    return np.asarray(values / np.linalg.norm(values, axis=1, keepdims=True))
 
 
 def align_influences(joints: Bytes, weights: Bytes) -> tuple[Bytes, Bytes]:

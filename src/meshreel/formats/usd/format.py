@@ -2,7 +2,7 @@
 
 from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
 from meshreel.formats.usd.reading import read_meshes
-from meshreel.formats.usd.writing import write_usd
+from meshreel.formats.usd.rigged import write_any_usd
 from meshreel.runtime.extras import USD
 
 TITLES = {
@@ -18,8 +18,9 @@ FORMATS = tuple(
         title,
         read_meshes=read_meshes,
         extra=USD,
-        write=write_usd,
+        write=write_any_usd,
         holds_segments=True,
+        writes=frozenset({"rig", "kg_error", "max_error"}),
         names_files=True,
         holds_materials=True,
         has_image_folder=extension != ".usdz",

@@ -6,7 +6,7 @@ text files and packages are made from that file.
 
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -94,6 +94,23 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     InvalidInputError
         If a position does not fit into float32.
     """
+    write_stage(path, stream, _write_binary)
+
+
+def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[..., None]) -> None:
+    """Write a USD file by a function that writes a binary one.
+
+    Parameters
+    ----------
+    write_binary : function
+        Called with the path of the binary file, the stream, the data that its segments share, and
+        ``is_package``.
+
+    Raises
+    ------
+    FormatError
+        If USD cannot write the file.
+    """
     is_package = path.suffix.lower() == ".usdz"
     stream, shared = sharing_materials(stream)
     shared.note_others(path.suffix.lower(), stream.notes)
@@ -106,7 +123,7 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
         if is_package:
             _write_images(Path(folder) / PACKAGE_FOLDER, next(stream.meshes()).surface.images)
-        _write_binary(binary, stream, shared, is_package=is_package)
+        write_binary(binary, stream, shared, is_package=is_package)
         if is_package:
             asset = USD.load("Sdf").AssetPath(str(binary))
             is_written = USD.load("UsdUtils").CreateNewUsdzPackage(asset, str(path))
@@ -131,20 +148,20 @@ def _write_binary(
     path: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
 ) -> None:
     stage = USD.load("Usd").Stage.CreateNew(str(path))
-    codes = _write_time_codes(stage, stream)
+    codes = write_time_codes(stage, stream)
     changing = shared if stream.n_segments > 1 else None
     folder = PACKAGE_FOLDER if is_package else stream.image_folder
     meshes: list[MeshWriter] = []
     rounding: Rounding | None = None
     n_unsaved = 0
     for segment, (start, stop) in zip(stream.segments(), pairwise(stream.starts), strict=True):
-        parts, own = _parts(segment), codes[start:stop]
+        parts, own = parts_of(segment), codes[start:stop]
         if rounding is None:
             rounding = Rounding(segment.first, "USD")
             paths = mesh_paths([part.name for part in parts], segment.name or "scene")
-            root = _write_root(stage, paths[0], rounding.shift)
+            root = write_root(stage, paths[0], rounding.shift)
             names = {path.split("/")[2] for path in paths}
-            materials = _materials(stage, root, names, segment, folder, is_package=is_package)
+            materials = material_writer(stage, root, names, segment, folder, is_package=is_package)
             for part, mesh_path in zip(parts, paths, strict=True):
                 has_normals = part.writes_edge_normals(segment.tracks, changing)
                 meshes.append(MeshWriter(stage, mesh_path, has_normals=has_normals))
@@ -167,7 +184,7 @@ def _write_binary(
     rounding.note(stream.notes)
 
 
-def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
+def write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     """Write the rate and range of the stage, and return the time code of each frame, if any."""
     timing = stream.timing
     if stream.n_frames == 1 and not (timing.fps or timing.start_s):
@@ -184,7 +201,7 @@ def _write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     return list(codes)
 
 
-def _write_root(stage: Any, path: str, shift: Floats) -> str:
+def write_root(stage: Any, path: str, shift: Floats) -> str:
     """Write the axes, units and root transform of a stage, and return the path of the root."""
     geometry, root = USD.load("UsdGeom"), "/" + path.split("/")[1]
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
@@ -197,7 +214,7 @@ def _write_root(stage: Any, path: str, shift: Floats) -> str:
     return root
 
 
-def _materials(
+def material_writer(
     stage: Any, root: str, names: set[str], first: FrameStream, folder: str, *, is_package: bool
 ) -> Materials:
     """Return the writer of materials, given the first segment and the folder of the images."""
@@ -220,7 +237,7 @@ def _materials(
     )
 
 
-def _parts(stream: FrameStream) -> list[PartMesh]:
+def parts_of(stream: FrameStream) -> list[PartMesh]:
     """Return the parts of a mesh that have faces; notes of the stream name the others."""
     parts = []
     for part in split_parts(stream.faces, stream.surface, stream.n_verts, stream.name or "mesh"):
@@ -324,12 +341,12 @@ class MeshWriter:
         changing : SharedData, optional
             Data of all segments, if there are several.
         """
-        self._part, when = part, _time_code(codes[0])
-        self._mesh.CreateFaceVertexCountsAttr().Set(_array("int", part.counts), when)
-        self._mesh.CreateFaceVertexIndicesAttr().Set(_array("int", part.corners), when)
+        self._part, when = part, usd_time(codes[0])
+        self._mesh.CreateFaceVertexCountsAttr().Set(usd_array("int", part.counts), when)
+        self._mesh.CreateFaceVertexIndicesAttr().Set(usd_array("int", part.corners), when)
         if self._normals is not None:
             self._shading = part.edge_normals()
-            self._normals.SetIndices(_array("int", self._shading.rows.of_corner), when)
+            self._normals.SetIndices(usd_array("int", self._shading.rows.of_corner), when)
         for attribute, name in primvar_names(part.surface):
             self._write_attribute(attribute, name, codes, segment.notes)
         self._write_groups(part.surface.groups, materials, codes[0], changing)
@@ -353,16 +370,16 @@ class MeshWriter:
         values : dict of str to array of shape (N, C)
             Values of the tracks for all meshes of the sequence.
         """
-        points, when = frame[self._part.verts], _time_code(code)
-        self._points.Set(_array("float3", points), when)
+        points, when = frame[self._part.verts], usd_time(code)
+        self._points.Set(usd_array("float3", points), when)
         extent = np.stack([points.min(axis=0), points.max(axis=0)])
-        self._extent.Set(_array("float3", extent), when)
+        self._extent.Set(usd_array("float3", extent), when)
         if self._shading is not None:
             normals = self._shading.of_frames(points[np.newaxis])[0]
-            self._normals.Set(_array("float3", normals), when)
+            self._normals.Set(usd_array("float3", normals), when)
         for name, items, columns, type_name, scale, attribute in self._tracks:
             own = values[name][items, columns]
-            attribute.Set(_array(type_name, own / scale if scale != 1 else own), when)
+            attribute.Set(usd_array(type_name, own / scale if scale != 1 else own), when)
 
     def _write_attribute(
         self, attribute: Attribute, name: str, codes: Codes, notes: list[str]
@@ -387,9 +404,9 @@ class MeshWriter:
             if not is_single:
                 primvar.GetAttr().SetCustomDataByKey(IS_ATTRIBUTE, True)
             for code in codes:
-                primvar.Set(_array(type_name, own), _time_code(code))
+                primvar.Set(usd_array(type_name, own), usd_time(code))
             if indices is not None:
-                primvar.SetIndices(_array("int", indices), _time_code(codes[0]))
+                primvar.SetIndices(usd_array("int", indices), usd_time(codes[0]))
 
     def _primvar(self, name: str, type_name: str, interpolation: str, n_columns: int) -> Any:
         declared = USD.load("Sdf").ValueTypeNames.Find(f"{type_name}[]")
@@ -469,10 +486,10 @@ class MeshWriter:
         for number, label in enumerate(groups.labels):
             name = unique_name(prim_name(label), used)
             subset = geometry.Subset.CreateGeomSubset(
-                mesh, name, tokens.face, _array("int", np.empty(0)), family
+                mesh, name, tokens.face, usd_array("int", np.empty(0)), family
             )
-            faces = _array("int", np.flatnonzero(groups.numbers == number))
-            subset.GetIndicesAttr().Set(faces, _time_code(code))
+            faces = usd_array("int", np.flatnonzero(groups.numbers == number))
+            subset.GetIndicesAttr().Set(faces, usd_time(code))
             set_display_name(subset.GetPrim(), label)
             if is_material:
                 materials.bind(subset.GetPrim(), label)
@@ -508,7 +525,7 @@ def _type_name(kind: Kind | TrackKind, name: str, dtype: np.dtype[Any], n_column
     return element
 
 
-def _array(type_name: str, values: npt.NDArray[Any]) -> Any:
+def usd_array(type_name: str, values: npt.NDArray[Any]) -> Any:
     """Return values as an array of a type of the library, converted to its number type."""
     array, dtype = _array_type(type_name)
     values = values.astype(dtype, copy=False)
@@ -524,7 +541,7 @@ def _array_type(type_name: str) -> tuple[Any, np.dtype[Any]]:
     return array, np.asarray(array(1)).dtype
 
 
-def _time_code(code: float | None) -> Any:
+def usd_time(code: float | None) -> Any:
     """Return a time code of USD; None is that of the default value."""
     return USD.load("Usd").TimeCode.Default() if code is None else code
 

@@ -1,0 +1,167 @@
+"""Writing USD: a skinned mesh, its skeleton with an animation, and blend shapes."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import InvalidInputError, Keyword
+from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.frames.shared_data import SharedData
+from meshreel.formats.notes import note_unwritten_tracks
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.rigs import is_rigged, rig_of
+from meshreel.formats.scenes.parts import unique_name
+from meshreel.formats.usd.writing import (
+    PACKAGE_FOLDER,
+    Codes,
+    MeshWriter,
+    material_writer,
+    mesh_paths,
+    parts_of,
+    usd_array,
+    usd_time,
+    write_root,
+    write_stage,
+    write_time_codes,
+    write_usd,
+)
+from meshreel.rigging.correctives import BYTE
+from meshreel.rigging.decomposition import MAX_INFLUENCES
+from meshreel.rigging.rig import FULL, Rig
+from meshreel.runtime.extras import USD
+
+
+def write_any_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a sequence to a USD file, with a rig if the options request one.
+
+    Raises
+    ------
+    FormatError
+        As `write_usd`.
+    InvalidInputError
+        As `write_usd` and `meshreel.formats.rigs.rig_of`, or if `max_error` has no effect.
+    """
+    if not is_rigged(options):
+        if options.max_error is not None:
+            raise InvalidInputError(
+                Keyword("max_error"),
+                " is a bound of rigs in USD, which otherwise stores exact frames; add ",
+                Keyword("rig"),
+                ", or omit it",
+            )
+        write_usd(path, stream, options)
+        return
+
+    def write_rigged(
+        binary: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
+    ) -> None:
+        _write_binary(binary, stream, options, is_package=is_package)
+
+    write_stage(path, stream, write_rigged)
+
+
+def _write_binary(
+    path: Path, stream: SegmentedStream, options: WriteOptions, *, is_package: bool
+) -> None:
+    skel = USD.load("UsdSkel")
+    stage = USD.load("Usd").Stage.CreateNew(str(path))
+    codes = write_time_codes(stage, stream)
+    times = np.array([0.0 if code is None else code for code in codes])
+    sequence, rig = rig_of(stream, options, times)
+    note_unwritten_tracks(list(sequence.tracks), "a rig", stream.notes)
+    segment = next(stream.meshes())
+    if segment.surface.hard_edges is not None:
+        stream.notes.append("left out hard edges: programs compute the normals of a rig")
+    parts = parts_of(segment)
+    paths = mesh_paths([part.name for part in parts], segment.name or "scene")
+    root = write_root(stage, paths[0], rig.origin)
+    skel.Root.Define(stage, root)
+    names = {path.split("/")[2] for path in paths}
+    skeleton = f"{root}/{unique_name('skeleton', names)}"
+    folder = PACKAGE_FOLDER if is_package else stream.image_folder
+    materials = material_writer(stage, root, names, segment, folder, is_package=is_package)
+    _write_skeleton(stage, skeleton, rig)
+    points = (rig.rest - rig.origin).astype(np.float32)
+    shapes = [f"corrective_{number + 1}" for number in range(rig.n_targets)]
+    _write_animation(stage, f"{skeleton}/animation", rig, codes, shapes)
+    for part, mesh_path in zip(parts, paths, strict=True):
+        mesh = MeshWriter(stage, mesh_path, has_normals=False)
+        mesh.begin(part, segment, [None], materials, None)
+        mesh.write_frame(points, {}, None)
+        _bind(stage, mesh_path, skeleton, rig, part.verts, shapes)
+    materials.note_unused()
+    stage.GetRootLayer().Save()
+
+
+def joint_paths(rig: Rig) -> list[str]:
+    """Return the paths of the joints: names from the root, as UsdSkel has them."""
+    paths: list[str] = []
+    for name, parent in zip(rig.skeleton.names, rig.skeleton.parents.tolist(), strict=True):
+        paths.append(name if parent < 0 else f"{paths[parent]}/{name}")
+    return paths
+
+
+def _write_skeleton(stage: Any, path: str, rig: Rig) -> None:
+    skel, parents, joints = USD.load("UsdSkel"), rig.skeleton.parents, rig.skeleton.joints
+    above = np.where(parents[:, np.newaxis] < 0, 0.0, joints[parents])
+    skeleton = skel.Skeleton.Define(stage, path)
+    skeleton.CreateJointsAttr(joint_paths(rig))
+    skeleton.CreateBindTransformsAttr(_translations(joints))
+    skeleton.CreateRestTransformsAttr(_translations(joints - above))
+    binding = skel.BindingAPI.Apply(skeleton.GetPrim())
+    binding.CreateAnimationSourceRel().SetTargets([f"{path}/animation"])
+
+
+def _translations(offsets: npt.NDArray[np.float64]) -> Any:
+    """Return the matrices of translations, whose last row is the offset in USD."""
+    matrices = np.tile(np.eye(4), (len(offsets), 1, 1))
+    matrices[:, 3, :3] = offsets
+    return USD.load("Vt").Matrix4dArray.FromNumpy(matrices)
+
+
+def _write_animation(stage: Any, path: str, rig: Rig, codes: Codes, shapes: list[str]) -> None:
+    """Write the poses of all frames, since all joints of USD have the same samples."""
+    vt = USD.load("Vt")
+    animation = USD.load("UsdSkel").Animation.Define(stage, path)
+    animation.CreateJointsAttr(joint_paths(rig))
+    animation.CreateScalesAttr(vt.Vec3hArray(rig.n_bones, USD.load("Gf").Vec3h(1, 1, 1)))
+    poses = [track.poses(rig.times_s) for track in rig.tracks]
+    quaternions = np.stack([one for one, _ in poses], axis=1)
+    translations = np.stack([one for _, one in poses], axis=1)
+    rotations, offsets = animation.CreateRotationsAttr(), animation.CreateTranslationsAttr()
+    weights = None
+    if shapes:
+        animation.CreateBlendShapesAttr(shapes)
+        weights = animation.CreateBlendShapeWeightsAttr()
+    for frame, code in enumerate(codes):
+        when = usd_time(code)
+        rotations.Set(vt.QuatfArray.FromNumpy(quaternions[frame].astype(np.float32)), when)
+        offsets.Set(usd_array("float3", translations[frame]), when)
+        if weights is not None:
+            weights.Set(usd_array("float", rig.correctives.weights[frame]), when)
+
+
+def _bind(stage: Any, path: str, skeleton: str, rig: Rig, verts: slice, shapes: list[str]) -> None:
+    """Bind a mesh to the skeleton, and write its blend shapes."""
+    skel = USD.load("UsdSkel")
+    binding = skel.BindingAPI.Apply(stage.GetPrimAtPath(path))
+    binding.CreateSkeletonRel().SetTargets([skeleton])
+    indices = binding.CreateJointIndicesPrimvar(False, MAX_INFLUENCES)
+    indices.Set(usd_array("int", rig.joints[verts]))
+    weights = rig.weights[verts] / np.float32(FULL)
+    binding.CreateJointWeightsPrimvar(False, MAX_INFLUENCES).Set(usd_array("float", weights))
+    binding.CreateGeomBindTransformAttr(USD.load("Gf").Matrix4d(1.0))
+    if not shapes:
+        return
+    displacements = rig.correctives.targets[:, verts] * np.float32(rig.scale / BYTE)
+    targets = []
+    for name, offsets in zip(shapes, displacements, strict=True):
+        shape = skel.BlendShape.Define(stage, f"{path}/{name}")
+        moved = np.flatnonzero(offsets.any(axis=1))
+        shape.CreateOffsetsAttr(usd_array("float3", offsets[moved]))
+        shape.CreatePointIndicesAttr(usd_array("int", moved))
+        targets.append(shape.GetPath())
+    binding.CreateBlendShapesAttr(shapes)
+    binding.CreateBlendShapeTargetsRel().SetTargets(targets)

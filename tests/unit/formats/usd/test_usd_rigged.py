@@ -1,0 +1,27 @@
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.errors import InvalidInputError
+from samples.rigs import bending_tube
+
+pytest.importorskip("pxr")
+
+
+@pytest.mark.parametrize("extension", ["usdc", "usda", "usdz"])
+@pytest.mark.parametrize("bulge", [0.0, 0.3])
+def test_read_back_positions_are_those_of_the_rig(tmp_path, extension, bulge):
+    tube = bending_tube(bulge=bulge)
+    bones = 2 if bulge else None
+    path = tmp_path / f"tube.{extension}"
+    meshreel.save(tube, path, rig=bones or True)
+    rig, back = meshreel.rig(tube, bones), meshreel.load(path)
+    shown = rig.positions() + rig.origin
+    assert np.abs(back.vertices - shown).max() <= 1e-5 * np.ptp(shown)
+    np.testing.assert_array_equal(back.faces, tube.faces)
+    assert back.fps == 25
+
+
+def test_bound_without_rig_is_refused(tmp_path):
+    with pytest.raises(InvalidInputError, match="max_error is a bound of rigs in USD"):
+        meshreel.save(bending_tube(), tmp_path / "a.usdc", max_error=1)
