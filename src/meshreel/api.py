@@ -260,7 +260,7 @@ def rig(
     bones: int | None = None,
     *,
     max_error: float | str = DEFAULT_LARGEST_PERCENT,
-    kg_error: float = DEFAULT_KG_PERCENT,
+    kg: float = DEFAULT_KG_PERCENT,
     unit: str | None = None,
     force: bool = False,
     progress: Progress = silent,
@@ -280,7 +280,7 @@ def rig(
     max_error : float or str, default 1
         Largest distance of a vertex from its position, in percent of the diagonal of the bounding
         box of all frames, or text such as "0.5u" (model units) or "1mm" (with `unit`).
-    kg_error : float, default 0.5
+    kg : float, default 0.5
         Largest KG error, in percent.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `max_error` that is a length.
@@ -315,7 +315,7 @@ def rig(
     diagonal = float(np.linalg.norm(extent.high - extent.low))
     bound = bound_of(max_error, unit).percent(diagonal or 1.0)
     return fit_sequence(
-        sequence, bones=bones, bounds=Bounds(kg_error, bound), force=force, progress=progress
+        sequence, bones=bones, bounds=Bounds(kg, bound), force=force, progress=progress
     )
 
 

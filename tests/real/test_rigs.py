@@ -18,6 +18,6 @@ def test_walk_is_a_small_rig(data, tmp_path):
 
 def test_many_components_have_bones_of_their_own(data):
     chicken = meshreel.load(data / "chicken.npz")
-    rig = meshreel.rig(meshreel.MeshSequence(chicken.vertices[::20], chicken.faces), kg_error=1)
+    rig = meshreel.rig(meshreel.MeshSequence(chicken.vertices[::20], chicken.faces), kg=1)
     assert rig.n_targets == 0
     assert rig.errors.kg_percent <= 1

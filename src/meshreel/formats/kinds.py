@@ -34,7 +34,7 @@ WriteOption = Literal[
     "layout",
     "textures",
     "rig",
-    "kg_error",
+    "kg",
 ]
 
 NO_TRACKS: frozenset[Domain] = frozenset()

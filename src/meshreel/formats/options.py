@@ -126,8 +126,8 @@ class WriteOptions:
     rig : bool or int, optional
         glTF and USD: whether the mesh is moved by bones, at most so many (True: 256), and by
         corrective morph targets where bones do not suffice, within `max_error` (default 1 percent)
-        and `kg_error`. See `meshreel.rig`.
-    kg_error : float, optional
+        and `kg`. See `meshreel.rig`.
+    kg : float, optional
         With `rig`: largest KG error, in percent; default 0.5.
     force : bool, default False
         With `rig`: whether a rig that exceeds its error bounds is written.
@@ -144,6 +144,6 @@ class WriteOptions:
     layout: str | None = None
     textures: str | None = None
     rig: bool | int | None = None
-    kg_error: float | None = None
+    kg: float | None = None
     force: bool = False
     origin: Origin | None = None

@@ -23,9 +23,9 @@ def is_rigged(options: WriteOptions) -> bool:
         If another option has no effect with this choice.
     """
     if not options.rig:
-        if options.kg_error is not None:
+        if options.kg is not None:
             raise InvalidInputError(
-                Keyword("kg_error"), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
+                Keyword("kg"), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
             )
         return False
     if options.targets is not None:
@@ -68,7 +68,7 @@ def rig_of(
         is_total=options.max_error is not None,
         consumer="the rig",
     )
-    kg = DEFAULT_KG_PERCENT if options.kg_error is None else options.kg_error
+    kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
     largest = 100 * budget.added / (diagonal or 1.0)
     rig = fit_sequence(
         sequence,

@@ -78,8 +78,11 @@ def unit(quaternions: Real) -> Real:
 
 
 def _interpolated(
-    times_s: Floats, frames: Integers, quaternions: Real, translations: Real
-) -> tuple[Real, Real]:
+    times_s: Floats,
+    frames: Integers,
+    quaternions: npt.NDArray[Any],
+    translations: npt.NDArray[Any],
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return quaternions and translations at all times, given those at the times of some frames."""
     if len(frames) == len(times_s):
         return quaternions, translations
@@ -97,11 +100,12 @@ def _interpolated(
     angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
     is_arc = angle > 1e-6
     sine = np.where(is_arc, np.sin(angle), 1)
-    mixed = (
+    mixed: npt.NDArray[Any] = (
         np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
         + np.where(is_arc, np.sin(share * angle) / sine, share) * b
     )
-    return unit(mixed), (1 - share) * translations[before] + share * translations[before + 1]
+    moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
+    return unit(mixed), moved
 
 
 def to_matrices(quaternions: Real, translations: Real) -> Real:

@@ -15,7 +15,8 @@ def test_rigid_motion_is_found_exactly():
     points, weights = rng.normal(size=(20, 3)), rng.uniform(0.2, 1, 20)
     rotation, offset = turn(1.0) @ turn(-0.6, 0), rng.normal(size=3)
     targets = ((points @ rotation.T + offset) * weights[:, np.newaxis])[np.newaxis]
-    found = fit_rigid(*moments_of(points, targets, weights), np.eye(3, 4)[np.newaxis])
+    moments, gram = moments_of(points, targets, weights)
+    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
     np.testing.assert_allclose(found[0, :, :3], rotation, atol=1e-5)
     np.testing.assert_allclose(found[0, :, 3], offset, atol=1e-5)
 
@@ -23,14 +24,16 @@ def test_rigid_motion_is_found_exactly():
 def test_mirrored_points_get_a_rotation():
     points = np.random.default_rng(2).normal(size=(20, 3))
     targets = (points * [1, 1, -1])[np.newaxis]
-    found = fit_rigid(*moments_of(points, targets, np.ones(20)), np.eye(3, 4)[np.newaxis])
+    moments, gram = moments_of(points, targets, np.ones(20))
+    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
     assert np.linalg.det(found[0, :, :3]) == pytest.approx(1)
 
 
 def test_collinear_points_keep_the_free_rotation():
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.0]])
     former = np.column_stack([turn(0.5, 0), np.zeros(3)])[np.newaxis]
-    found = fit_rigid(*moments_of(points, points[np.newaxis], np.ones(3)), former)
+    moments, gram = moments_of(points, points[np.newaxis], np.ones(3))
+    found = fit_rigid(moments, gram, former)
     np.testing.assert_allclose(found[0, :, :3], former[0, :, :3], atol=1e-3)
 
 

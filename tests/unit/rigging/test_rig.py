@@ -8,7 +8,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.rig import byte_weights, components
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
-EXACT = {"max_error": 0.01, "kg_error": 0.01}
+EXACT = {"max_error": 0.01, "kg": 0.01}
 
 
 def shown(rig):
@@ -17,7 +17,7 @@ def shown(rig):
 
 def test_tube_needs_two_bones_and_meets_its_bounds():
     tube = bending_tube()
-    rig = meshreel.rig(tube, kg_error=0.3, max_error=0.5)
+    rig = meshreel.rig(tube, kg=0.3, max_error=0.5)
     errors = position_errors(tube.vertices, shown(rig))
     assert errors.kg_error_percent == rig.errors.kg_percent <= 0.3
     assert errors.max_error_percent == rig.errors.largest_percent <= 0.5
@@ -64,7 +64,7 @@ def test_scale_and_mirror_are_met_without_reflections(motion):
 
 def test_correctives_meet_what_bones_do_not():
     tube = bending_tube(bulge=0.3)
-    rig = meshreel.rig(tube, 2, kg_error=0.5)
+    rig = meshreel.rig(tube, 2, kg=0.5)
     assert rig.n_bones == 2
     assert rig.n_targets > 0
     assert position_errors(tube.vertices, shown(rig)).kg_error_percent <= 0.5
@@ -99,7 +99,7 @@ def test_number_of_bones_out_of_range_is_refused(bones):
 
 def test_bounds_must_be_above_zero():
     with pytest.raises(InvalidInputError, match=r"above 0 %; got a KG error of 0 %"):
-        meshreel.rig(bending_tube(), kg_error=0)
+        meshreel.rig(bending_tube(), kg=0)
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1e30])

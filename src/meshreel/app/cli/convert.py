@@ -11,6 +11,7 @@ from meshreel.app.cli.read_options import MESHES, SplitOption, reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
     OUTPUT_ERROR,
+    OUTPUT_KG,
     WRITING,
     FramesOption,
     OutputOption,
@@ -21,7 +22,7 @@ from meshreel.app.cli.write_options import (
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
-GENERAL_OPTIONS = ("max_error", "unit")
+GENERAL_OPTIONS = ("max_error", "unit", "kg")
 """Options for encoding that also apply to other outputs than .reel."""
 
 
@@ -51,7 +52,7 @@ def convert_command(
         ),
     ],
     writing: Annotated[dict[str, Any], WRITING],
-    encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR)],
+    encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR, kg=OUTPUT_KG)],
     frames: FramesOption = None,
     start_number: StartNumberOption = None,
     track: TrackOption = (),
@@ -129,7 +130,7 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(max_error=bound, origin=origin, force=force, **writing),
+            WriteOptions(max_error=bound, kg=encoding["kg"], origin=origin, force=force, **writing),
             reading,
             config,
             start_number,

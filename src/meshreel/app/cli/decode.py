@@ -8,7 +8,9 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
-    GLTF_AND_TEXTURES,
+    BOUNDS,
+    RIG_KG,
+    RIGS,
     WRITING,
     FramesOption,
     GltfErrorOption,
@@ -19,7 +21,8 @@ from meshreel.app.cli.write_options import (
 from meshreel.codec.option import Option
 from meshreel.codec.options import option_named
 
-UNIT = replace(option_named("unit"), group=GLTF_AND_TEXTURES)
+UNIT = replace(option_named("unit"), group=BOUNDS)
+KG = replace(option_named("kg"), group=RIGS, help=RIG_KG)
 
 
 @command
@@ -47,6 +50,7 @@ def decode_command(
     memory: MemoryOption = None,
     max_error: GltfErrorOption = None,
     unit: Annotated[str | None, UNIT] = None,
+    kg: Annotated[float | None, KG] = None,
     force: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -93,7 +97,7 @@ def decode_command(
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(max_error=bound, force=force, **writing)
+    options = WriteOptions(max_error=bound, kg=kg, force=force, **writing)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

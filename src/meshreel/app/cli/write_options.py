@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 GLTF = "glTF output"
 GLTF_AND_TEXTURES = "glTF and .vat output"
+BOUNDS = "Error bounds of glTF, .vat and rigs"
 RIGS = "Rigs (glTF and USD output)"
 TEXTURES = "Vertex animation textures (.vat output)"
 
@@ -48,10 +49,10 @@ GltfErrorOption = Annotated[
     str | None,
     Option(
         "Error bound relative to the original if the .reel has an error bound itself; else bound "
-        "of the error that morph targets or textures add. 0.1 or 0.1%: percent "
+        "of the error that morph targets, bones or textures add. 0.1 or 0.1%: percent "
         f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
         metavar="BOUND",
-        group=GLTF_AND_TEXTURES,
+        group=BOUNDS,
     ),
 ]
 OverwriteOption = Annotated[
@@ -61,10 +62,16 @@ OverwriteOption = Annotated[
         flag="--force -f",
     ),
 ]
+RIG_KG = f"Largest KG error of a rig. Default: {DEFAULT_KG_PERCENT:g}."
+OUTPUT_KG = (
+    "Smallest .reel of at most this KG error, relative to the shape's extent. With {rig}: largest "
+    f"KG error of the rig. Default: {DEFAULT_KG_PERCENT:g}."
+)
+"""Help of `--kg` for all outputs."""
 OUTPUT_ERROR = (
     "Error bound of every vertex in every frame of a .reel. For glTF and .vat: bound of the error "
-    f"that morph targets or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: model "
-    "units; 0.5mm: a length, see {unit}."
+    f"that morph targets, bones or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: "
+    "model units; 0.5mm: a length, see {unit}."
 )
 """Help of `--max-error` for all outputs."""
 
@@ -116,20 +123,10 @@ WRITING = Group(
             RIGS,
             "Move the mesh by at most so many bones, and by corrective morph targets where bones "
             f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
-            f"{{kg_error}} hold. Without a number: {MAX_BONES}.",
+            f"{{kg}} hold. Without a number: {MAX_BONES}.",
             range=Range(1, MAX_BONES, is_whole=True),
             implied=MAX_BONES,
             metavar="[BONES]",
-        ),
-        _option(
-            "kg_error",
-            float,
-            RIGS,
-            f"Largest KG error of a rig, in percent. Default: {DEFAULT_KG_PERCENT:g}.",
-            range=Range(0, is_open=True),
-            unit="in percent",
-            flag="--kg-error",
-            metavar="PERCENT",
         ),
         _option(
             "layout",

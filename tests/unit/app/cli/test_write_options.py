@@ -3,13 +3,16 @@
 import pytest
 
 from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.write_options import GLTF, GLTF_AND_TEXTURES, TEXTURES
+from meshreel.app.cli.write_options import BOUNDS, GLTF, GLTF_AND_TEXTURES, RIGS, TEXTURES
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 
+USD = (".usd", ".usda", ".usdc", ".usdz")
 PANELS = {
     frozenset({".glb", ".gltf"}): GLTF,
     frozenset({".glb", ".gltf", ".vat"}): GLTF_AND_TEXTURES,
     frozenset({".vat"}): TEXTURES,
+    frozenset({".glb", ".gltf", *USD}): RIGS,
+    frozenset({".glb", ".gltf", ".vat", *USD}): BOUNDS,
 }
 """Panels by the extensions of outputs to which an option applies, except .reel."""
 
@@ -18,10 +21,19 @@ PANELS = {
     ("command", "name"),
     [
         ("decode", "max_error"),
+        ("decode", "kg"),
         *(
             (command, name)
             for command in ("decode", "convert")
-            for name in ("targets", "normals", "compression", "meshopt", "layout", "textures")
+            for name in (
+                "targets",
+                "normals",
+                "compression",
+                "meshopt",
+                "layout",
+                "textures",
+                "rig",
+            )
         ),
     ],
 )
