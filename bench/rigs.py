@@ -12,8 +12,6 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 import meshreel
 from measuring import machine_text, print_table
 
@@ -29,16 +27,9 @@ HEADER = [
 ]
 
 
-def without_isolated(sequence: meshreel.MeshSequence) -> meshreel.MeshSequence:
-    """The sequence without vertices that no face uses, which GLB files leave out."""
-    used, faces = np.unique(sequence.faces, return_inverse=True)
-    faces = faces.reshape(-1, 3).astype(np.int32)
-    return meshreel.MeshSequence(sequence.vertices[:, used], faces, sequence.fps, sequence.name)
-
-
 def row_of(path: Path, folder: Path, args: argparse.Namespace) -> tuple[list[str], list[str]]:
     """The row of a sequence, and the notes on its rig."""
-    sequence, notes = without_isolated(meshreel.load(path)), list[str]()
+    sequence, notes = meshreel.load(path), list[str]()
     folder = folder / path.stem
     folder.mkdir()
     rigged, morphed = folder / "rig.glb", folder / "morphs.glb"
@@ -48,14 +39,16 @@ def row_of(path: Path, folder: Path, args: argparse.Namespace) -> tuple[list[str
         rig=args.bones or True, kg=args.kg,
     )  # fmt: skip
     seconds = time.process_time() - start_s
-    quality = meshreel.compare(sequence, meshreel.load(rigged), surface=False)
+    quality = meshreel.compare(sequence, meshreel.load(rigged))
+    # Files leave out vertices that no face uses; then only surfaces can be compared.
+    is_same = isinstance(quality, meshreel.Quality)
     meshreel.save(sequence, morphed, max_error=args.max_error, normals=False)
     stream = meshreel.encode(sequence, kg=args.kg)
     row = [
         path.stem,
-        f"{quality.kg_error_percent:.3f}",
-        f"{quality.max_error_percent:.3f}",
-        f"{quality.normal_angle_mean_deg:.1f}",
+        f"{quality.kg_error_percent:.3f}" if is_same else "-",
+        f"{quality.max_error_percent:.3f}" if is_same else "-",
+        f"{quality.normal_angle_mean_deg:.1f}" if is_same else "-",
         f"{rigged.stat().st_size / 1e3:.0f}",
         f"{seconds:.0f}",
         f"{morphed.stat().st_size / 1e3:.0f}",

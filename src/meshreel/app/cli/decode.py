@@ -64,7 +64,7 @@ def decode_command(
 
     - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
 
-    - `meshreel decode walk.reel -o walk.glb --rig --max-error 0.5`
+    - `meshreel decode walk.reel -o walk.glb --max-error 0.5 --rig`
 
     - `meshreel decode walk.reel -o walk.vat/`
 
