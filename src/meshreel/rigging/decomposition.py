@@ -17,7 +17,7 @@ import numpy as np
 from meshreel.arrays import Floats, Integers
 
 MAX_INFLUENCES = 4
-N_CANDIDATES = 8
+N_CANDIDATES = 10
 """Bones of which the weights of a vertex are chosen: the nearest in motion, and its former ones."""
 
 N_SWEEPS = 4
