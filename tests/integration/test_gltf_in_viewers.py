@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from samples.browser import FOLDER, driven_browser, play
 from samples.glb import largest_error_percent, stream_of
 from samples.materials import look, png
 from samples.meshes import quad_sheet
+from samples.rigs import bending_tube, boxes, turn
 from samples.vat_player import PLAYERS
 
 MODULES = FOLDER / "node_modules"
@@ -188,6 +190,28 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
     whole, part = (np.linalg.norm(one.extent.high - one.extent.low) for one in (sequence, shown))
     assert error * part / whole <= achieved_percent(notes) + 2e-5
     assert picture.startswith(b"\x89PNG")
+
+
+RIGS = {
+    "bones": (bending_tube, {"rig": 8}),
+    "correctives": (partial(bending_tube, bulge=0.3), {"rig": 2, "kg": 2, "max_error": 2}),
+    "plain": (bending_tube, {"rig": 8, "compression": False}),
+    "rigid": (lambda: boxes([turn, lambda frame: turn(-frame, 1)]), {"rig": True}),
+}
+
+
+@needs_node
+@pytest.mark.parametrize("case", RIGS)
+def test_the_browser_moves_rigs_as_they_are_read(page, tmp_path, case):
+    make, options = RIGS[case]
+    meshreel.save(make(), tmp_path / "a.glb", **options)
+    (report,) = reports_of(tmp_path / "a.glb")
+    assert [one for one in report["issues"]["messages"] if not is_harmless(one)] == []
+    sequence = load(tmp_path / "a.glb")
+    frames = [0, 3, sequence.n_frames - 1]
+    positions, _ = play(page, tmp_path / "a.glb", [frame / sequence.fps for frame in frames])
+    distances = np.linalg.norm(positions - sequence.vertices[frames], axis=2)
+    assert distances.max() <= 1e-4 * np.linalg.norm(sequence.extent.high - sequence.extent.low)
 
 
 def achieved_percent(notes):
