@@ -44,6 +44,16 @@ class Correctives:
         """Return no targets."""
         return cls(np.zeros((0, n_verts, 3), np.int8), np.zeros((n_frames, 0), np.float32))
 
+    def nonnegative(self) -> "tuple[Singles, Correctives]":
+        """Return displacements of the rest pose, in units, and the same motion from there.
+
+        No weight is negative then: Blender 5.0 limits negative ones to 0 if that of the first frame
+        is not the lowest.
+        """
+        lowest = np.minimum(self.weights.min(axis=0), 0)
+        moved = np.tensordot(lowest, self.targets / np.float32(BYTE), 1)
+        return moved, Correctives(self.targets, self.weights - lowest)
+
 
 class CorrectiveSearch:
     """Correctives of a residual, fitted round by round.

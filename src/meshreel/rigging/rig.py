@@ -491,7 +491,12 @@ class _Search:
                 n_new = max(1, round(min(max(excess - 1, 0.15), 0.5) * n_targets))
                 n_targets, n_rounds = min(n_targets + n_new, max_targets), 0
             self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
-        return self._measured(replace(rig, correctives=best))
+        moved, correctives = best.nonnegative()
+        coordinates = np.rint(rig.coordinates + SHORT * moved)
+        if np.abs(coordinates).max() > SHORT:
+            return self._measured(replace(rig, correctives=best))
+        moved_rig = replace(rig, coordinates=coordinates.astype(np.int16), correctives=correctives)
+        return self._measured(moved_rig)
 
 
 def round_to(values: Floats, exponent: int) -> Floats:

@@ -28,3 +28,13 @@ def test_further_rounds_reduce_the_largest_error():
     bound = 0.8 * correctives.round(4, np.inf)[2]
     largest = [correctives.round(4, bound)[2] for _ in range(8)]
     assert largest[-1] < largest[0]
+
+
+def test_weights_can_be_made_nonnegative_without_changing_the_motion():
+    correctives, _ = search()
+    found, _, _ = correctives.round(3, np.inf)
+    moved, positive = found.nonnegative()
+    assert found.weights.min() < 0 <= positive.weights.min()
+    before = np.tensordot(found.weights, found.targets / 127, 1)
+    after = moved + np.tensordot(positive.weights, found.targets / 127, 1)
+    np.testing.assert_allclose(after, before, atol=1e-5 * np.abs(before).max())
