@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword
-from meshreel.formats.notes import NoteKind, add_note
+from meshreel.formats.notes import NoteKind, add_note, listed
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.kernel.cells import cell_sizes
 from meshreel.model.cells import Cells as VolumeCells
@@ -105,14 +105,16 @@ class CellSurface:
         The source cell of each polygon.
     kept : int64 array or slice
         Points that become vertices, in order: all, or the boundary points of solid cells.
-    n_solids, n_interior : int
-        Numbers of solid cells, and of their points that are no corner of a polygon.
+    n_solids, n_lost : int
+        Numbers of solid cells, and of points that do not become vertices.
     volume : model.Cells, optional
         The cells, if they are kept; then all their points are vertices.
     volume_rows : int64 array, optional
         Rows of the cell data that belong to these cells. Default: all.
     changes : tuple of str
         What was changed in them, for notes.
+    unstored : tuple of str
+        Types of cells that cannot be stored, if solids are reduced to their surface, for notes.
     """
 
     counts: npt.NDArray[np.int64]
@@ -120,18 +122,22 @@ class CellSurface:
     cells: npt.NDArray[np.int64]
     kept: npt.NDArray[np.int64] | slice
     n_solids: int = 0
-    n_interior: int = 0
+    n_lost: int = 0
     volume: VolumeCells | None = None
     volume_rows: npt.NDArray[np.int64] | None = None
     changes: tuple[str, ...] = ()
+    unstored: tuple[str, ...] = ()
 
     def note_interior(self, notes: list[str]) -> None:
         """Note what is not kept of cells: mostly the inside of solids, unless they all are."""
         for change in self.changes:
             add_note(notes, NoteKind.CHANGED, "types of cells", change)
         if self.n_solids:
-            cells, nodes = counted(self.n_solids, "solid cell"), counted(self.n_interior, "node")
-            text = f"left out: the inside of {cells}, with {nodes} that their surface does not use"
+            text = f"left out: the inside of {counted(self.n_solids, 'solid cell')}"
+            if self.n_lost:
+                text += f", with {counted(self.n_lost, 'node')} that no face has"
+            if self.unstored:
+                text += f"; cells of {listed(self.unstored)} cannot be stored"
             add_note(notes, NoteKind.LEFT_OUT, "the inside of solid cells", text)
 
     @property
@@ -161,47 +167,117 @@ class CellSurface:
         return PolygonMesh(points[self.kept], self.counts, self.corners, self.volume)
 
 
-FIXED_TYPES = (POLY_VERTEX, 1, 1), (POLY_LINE, 2, 3), (POLYGON, 3, 5), (POLYGON, 4, 9)
-"""Types with any number of points, a number of points, and the type of as many."""
+EMPTY, PIXEL, VOXEL = 0, 8, 11
+CONVERSIONS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
+    (EMPTY, 1, (0,)),
+    (POLY_VERTEX, 1, (0,)),
+    (POLY_LINE, 3, (0, 1)),
+    (STRIP, 5, (0, 1, 2)),
+    (POLYGON, 5, (0, 1, 2)),
+    (POLYGON, 9, (0, 1, 2, 3)),
+    (PIXEL, 9, (0, 1, 3, 2)),
+    (VOXEL, 12, (0, 1, 3, 2, 4, 5, 7, 6)),
+)
+"""Types that are stored as another type: it, and the order of the points of each cell."""
 
-PIXEL, VOXEL = 8, 11
-ORDERS = {PIXEL: (9, (0, 1, 3, 2)), VOXEL: (12, (0, 1, 3, 2, 4, 5, 7, 6))}
-"""Type and order of points that replace other ones."""
+SPLIT_TYPES = (EMPTY, POLY_VERTEX, POLY_LINE, STRIP)
+"""Types of any number of points, where a stored cell begins at each point but the last ones."""
+
+TYPE_NAMES = {
+    0: "empty cell", 1: "point", 2: "poly-vertex", 3: "line", 4: "polyline", 5: "triangle",
+    6: "triangle strip", 7: "polygon of more than 4 corners", 8: "pixel", 9: "quad", 11: "voxel",
+    12: "hexahedron", 30: "quadratic linear quad", 31: "quadratic linear wedge", 35: "cubic line",
+    36: "quadratic polygon", 37: "triquadratic pyramid", 41: "convex point set", 42: "polyhedron",
+    **dict.fromkeys(range(68, 75), "Lagrange cell"), **dict.fromkeys(range(75, 82), "Bézier cell"),
+    POLYHEDRON: "polyhedron",
+}  # fmt: skip
+"""Names of the types that notes and messages list."""
 
 
 def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
-    """Return the surface of the cells, with the cells if some are solid and all can be kept.
+    """Return the surface of the cells, with the cells if some are solid and all can be stored.
 
     Raises
     ------
     FormatError
-        As `extract_surface`.
+        As `extract_surface`, or if the number of points differs from what the cells declare.
     """
-    if not np.isin(cells.types, list(SOLID_CELL_FACES)).any():
+    if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
+        raise FormatError(
+            f"cells declare {counted(cells.counts.sum(), 'point')}; the file has "
+            f"{len(cells.points)}"
+        )
+    if not np.isin(cells.types, [*SOLID_CELL_FACES, POLYHEDRON]).any():
         return extract_surface(cells, n_points)
-    types, points = cells.types.copy(), cells.points.copy()
-    for kind, count, fixed in FIXED_TYPES:
-        types[(types == kind) & (cells.counts == count)] = fixed
-    starts, changes = np.cumsum(cells.counts) - cells.counts, []
-    for kind, (new, order) in ORDERS.items():
-        chosen = np.flatnonzero((cells.types == kind) & (cells.counts == len(order)))
-        if len(chosen):
-            places = starts[chosen, None] + np.arange(len(order))
-            points[places] = cells.points[starts[chosen, None] + np.array(order)]
-            types[chosen] = new
-            changes.append(f"{counted(len(chosen), 'cell')} of type {kind} became type {new}")
-    is_known = (types >= 0) & (types < len(cell_sizes()))
-    sizes = cell_sizes()[np.where(is_known, types, 0)]
-    if not (is_known & (sizes == cells.counts)).all():
-        return extract_surface(cells, n_points)
+    stored, rows, changes = _converted(cells)
+    is_known = (stored.types >= 0) & (stored.types < len(cell_sizes()))
+    sizes = cell_sizes()[np.where(is_known, stored.types, 0)]
+    is_stored = is_known & (sizes == stored.counts)
+    if not is_stored.all():
+        kinds = np.unique(stored.types[~is_stored]).tolist()
+        surface = extract_surface(cells, n_points)
+        return replace(surface, unstored=tuple(_type_text(kind) for kind in kinds))
     try:
-        volume = validated_cells(VolumeCells(types, points.astype(np.int32)), n_points)
-        surface = volume.surface(n_points)
+        nodes = stored.points.astype(np.int32)
+        volume = validated_cells(VolumeCells(stored.types, nodes), n_points)
+        polygons = volume.surface(n_points)
     except InvalidInputError as error:
         raise FormatError(str(error)) from None
-    corners = join_triangles(surface.sizes, surface.triangles)
-    counts, owners = surface.sizes.astype(np.int64), surface.owners.astype(np.int64)
-    return CellSurface(counts, corners, owners, slice(None), volume=volume, changes=tuple(changes))
+    return CellSurface(
+        polygons.sizes.astype(np.int64),
+        join_triangles(polygons.sizes, polygons.triangles),
+        rows[polygons.owners],
+        slice(None),
+        volume=volume,
+        volume_rows=rows if changes else None,
+        changes=changes,
+    )
+
+
+def _type_text(kind: int) -> str:
+    """Return the number and name of a type, such as "type 8 (pixel)"."""
+    number = 42 if kind == POLYHEDRON else kind
+    return f"type {number} ({TYPE_NAMES[kind]})" if kind in TYPE_NAMES else f"type {number}"
+
+
+def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, ...]]:
+    """Convert cells to types that can be stored, if possible.
+
+    Returns
+    -------
+    Cells
+    rows : int64 array of shape (N,)
+        The given cell of each of them.
+    changes : tuple of str
+        What was changed, for notes.
+    """
+    if not np.isin(cells.types, [kind for kind, _, _ in CONVERSIONS]).any():
+        return cells, np.arange(len(cells.types)), ()
+    types, sizes, changes = cells.types.copy(), cells.counts.copy(), []
+    n_parts = np.ones(len(types), np.int64)
+    for kind, new, order in CONVERSIONS:
+        chosen = cells.types == kind
+        if kind not in SPLIT_TYPES:
+            chosen &= cells.counts == len(order)
+        types[chosen], sizes[chosen] = new, len(order)
+        n_parts[chosen] = np.maximum(0, cells.counts[chosen] - len(order) + 1)
+        is_reordered = list(order) != sorted(order)
+        if n_changed := len(changed := n_parts[chosen & (is_reordered | (n_parts != 1))]):
+            number = f"{changed.sum()} of " if changed.sum() != n_changed else ""
+            given = f"{counted(n_changed, 'cell')} of {_type_text(kind)}"
+            changes.append(f"{given} became {number}{_type_text(new)}")
+    rows = np.repeat(np.arange(len(types)), n_parts)
+    part = np.arange(len(rows)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
+    starts = np.cumsum(cells.counts) - cells.counts
+    kinds, sizes = cells.types[rows], sizes[rows]
+    points = cells.points[ragged_indices(starts[rows] + part, sizes)]
+    first = np.cumsum(sizes) - sizes
+    orders = [(kinds == kind, order) for kind, _, order in CONVERSIONS if kind in (PIXEL, VOXEL)]
+    # Every second triangle of a strip is reversed to keep the orientation.
+    for chosen, order in [*orders, ((kinds == STRIP) & (part % 2 == 1), (0, 2, 1))]:
+        at = first[chosen & (sizes == len(order)), None]
+        points[at + np.arange(len(order))] = points[at + np.array(order)]
+    return Cells(types[rows], sizes, points), rows, tuple(changes)
 
 
 def joined_cells(
@@ -250,11 +326,6 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
         If a cell type is unknown, a cell has too few points or a point index is out of range,
         or there is no surface.
     """
-    if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
-        raise FormatError(
-            f"cells declare {counted(cells.counts.sum(), 'point')}; the file has "
-            f"{len(cells.points)}"
-        )
     starts = np.cumsum(cells.counts) - cells.counts
     none = [(np.empty(0, np.int64),) * 3]
     faces = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
@@ -268,13 +339,7 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     )
     order = shown[np.argsort(owners[shown], kind="stable")]
     first = np.cumsum(counts) - counts
-    is_interior = np.zeros(n_points, bool)
-    is_interior[corners] = True
-    is_listed = np.repeat(is_solid_cell & (cells.types != POLYHEDRON), cells.counts)
-    listed = cells.points[is_listed]  # also those between corners
-    is_interior[listed[(listed >= 0) & (listed < n_points)]] = True
     corners = corners[ragged_indices(first[order], counts[order])]
-    is_interior[corners] = False
     kept: npt.NDArray[np.int64] | slice = slice(None)
     if is_solid.any():
         kept, corners = np.unique(corners, return_inverse=True)
@@ -286,7 +351,7 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
         owners[order],
         kept,
         int(is_solid_cell.sum()),
-        int(is_interior.sum()),
+        0 if isinstance(kept, slice) else n_points - len(kept),
     )
 
 
@@ -322,7 +387,9 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
         (FLAT_CELL_CORNERS[kind],) if kind in FLAT_CELL_CORNERS else ()
     )
     if not faces:
-        raise FormatError(f"contains cells of unsupported type {kind}; export a surface instead")
+        raise FormatError(
+            f"contains cells of unsupported {_type_text(kind)}; export a surface instead"
+        )
     needed = 1 + max(max(face) for face in faces)
     if (counts < needed).any():
         raise FormatError(

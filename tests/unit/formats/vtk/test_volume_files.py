@@ -8,7 +8,7 @@ from meshreel import Cells, FormatError, MeshSequence, Track, load, save
 
 pytest.importorskip("vtkmodules")
 pytest.importorskip("h5py")
-from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
@@ -111,7 +111,75 @@ def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path):
     found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
     assert found.surface.cells.types.tolist() == [12, 9]
     assert found.surface.cells.nodes.tolist() == [0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 2]
-    assert notes == ["1 cell of type 8 became type 9", "1 cell of type 11 became type 12"]
+    assert notes == [
+        "1 cell of type 8 (pixel) became type 9 (quad)",
+        "1 cell of type 11 (voxel) became type 12 (hexahedron)",
+    ]
+
+
+def with_values(points, cells):
+    """Return a grid with the number of each cell as its value."""
+    mesh = grid(points, cells)
+    numbers = numpy_to_vtk(np.arange(len(cells)) + 0.5, deep=True)
+    numbers.SetName("number")
+    mesh.GetCellData().AddArray(numbers)
+    return mesh
+
+
+TETRAHEDRON = (10, [0, 1, 2, 3])
+NODES = np.random.default_rng(3).random((12, 3))
+
+
+@pytest.mark.parametrize(
+    ("cell", "types", "nodes", "note"),
+    [
+        ((2, [4, 5, 6]), [1, 1, 1], [4, 5, 6], "2 (poly-vertex) became 3 of type 1 (point)"),
+        ((2, [4]), [1], [4], None),
+        ((4, [4, 5, 6]), [3, 3], [4, 5, 5, 6], "4 (polyline) became 2 of type 3 (line)"),
+        ((4, [4]), [], [], "4 (polyline) became 0 of type 3 (line)"),
+        (
+            (6, [4, 5, 6, 7]),
+            [5, 5],
+            [4, 5, 6, 5, 7, 6],
+            "6 (triangle strip) became 2 of type 5 (triangle)",
+        ),
+        ((7, [4, 5, 6]), [5], [4, 5, 6], None),
+        ((7, [4, 5, 6, 7]), [9], [4, 5, 6, 7], None),
+        ((0, []), [], [], "0 (empty cell) became 0 of type 1 (point)"),
+    ],
+)
+def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes, note):
+    mesh, notes = with_values(NODES, [TETRAHEDRON, cell, (10, [8, 9, 10, 11])]), []
+    path = write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu")
+    found = load(path, notes=notes)
+    assert found.surface.cells.types.tolist() == [10, *types, 10]
+    assert found.surface.cells.nodes.tolist() == [*range(4), *nodes, *range(8, 12)]
+    values = found.tracks["number"]
+    assert values.domain == "cell"
+    assert values.values.ravel().tolist() == [0.5, *[1.5] * len(types), 2.5]
+    np.testing.assert_array_equal(found.vertices[0], NODES)
+    assert notes == ([f"1 cell of type {note}"] if note else [])
+
+
+@pytest.mark.parametrize(
+    ("cell", "name"),
+    [
+        ((7, [0, 1, 2, 4, 5]), "7 (polygon of more than 4 corners)"),
+        ((30, [0, 1, 2, 3, 4, 5]), "30 (quadratic linear quad)"),
+        ((35, [0, 1, 4, 5]), "35 (cubic line)"),
+        ((71, [4, 5, 6, 7]), "71 (Lagrange cell)"),
+    ],
+)
+def test_cells_that_cannot_be_stored_reduce_solids_to_their_surface(tmp_path, cell, name):
+    mesh, notes = grid(NODES, [TETRAHEDRON, cell]), []
+    found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
+    assert found.surface.cells is None
+    solids = "2 solid cells" if cell[0] == 71 else "1 solid cell"
+    lost = len(NODES) - found.n_verts
+    assert (
+        f"left out: the inside of {solids}, with {lost} nodes that no face has; cells of type "
+        f"{name} cannot be stored"
+    ) in notes
 
 
 def test_values_of_faces_are_left_out_with_cells(tmp_path):
