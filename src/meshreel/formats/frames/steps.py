@@ -347,12 +347,9 @@ def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, tuple[str, ...]]:
     """Join pieces; keep the arrays that all share, and describe the others for notes."""
     if len(pieces) == 1:
         return pieces[0], ()
-    for piece in pieces:  # an invalid index would point into another piece after joining
-        if ((piece.cells.points < 0) | (piece.cells.points >= len(piece.points))).any():
-            raise FormatError(f"a cell has a point index outside 0..{len(piece.points) - 1}")
     starts = np.cumsum([0] + [len(piece.points) for piece in pieces])
     cells = Cells.join(
-        replace(piece.cells, points=piece.cells.points + start)
+        piece.cells.shifted(start, len(piece.points))
         for piece, start in zip(pieces, starts, strict=False)
     )
     arrays = tuple(_joined_arrays(pieces))

@@ -14,8 +14,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, Singles
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
-from meshreel.formats.surfaces.cells import POLYGON, POLYHEDRON, Cells
-from meshreel.model.geometry.polygons import ragged_indices
+from meshreel.formats.surfaces.cells import POLYGON, Cells
 
 LINE_BYTES = 80
 FIRST_PART = 5 * LINE_BYTES
@@ -322,19 +321,11 @@ def _read_block(tables: Tables, block: Block) -> Cells:
 
 
 def _read_polyhedra(tables: Tables, count: int) -> Cells:
-    """Read polyhedra; each becomes its number of faces and, for each face, its size and nodes."""
+    """Read polyhedra."""
     n_faces = tables.integers(count)
     sizes = tables.integers(_total(n_faces))
     nodes = tables.integers(_total(sizes), len(sizes)) - 1
-    of_face = np.empty(len(nodes) + len(sizes), np.int64)
-    starts = np.cumsum(sizes + 1) - sizes - 1
-    of_face[starts] = sizes
-    of_face[ragged_indices(starts + 1, sizes)] = nodes
-    first = np.cumsum(n_faces) - n_faces  # the first face of each cell
-    begins = np.append(starts, len(of_face))
-    lengths = begins[first + n_faces] - begins[first] + 1
-    points = np.insert(of_face, begins[first], n_faces)
-    return Cells(np.full(count, POLYHEDRON), lengths, points)
+    return Cells.polyhedra(n_faces, sizes, nodes)
 
 
 def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:

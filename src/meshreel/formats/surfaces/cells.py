@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.notes import NoteKind, add_note, listed
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -19,6 +20,7 @@ from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
+QUADRATIC_POLYGON = 36
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
 
 FLAT_CELL_CORNERS: dict[int, tuple[int, ...]] = {
@@ -59,11 +61,12 @@ SOLID_CELL_FACES: dict[int, Sequence[tuple[int, ...]]] = {
 
 MAX_FACE_CORNERS = 256
 POLYHEDRON = -1
-"""Type of solid cells with any faces, which VTK does not have in this form.
+"""Type of polyhedra, whose points are as in VTK's legacy files.
 
-The points of such a cell are its number of faces, then for each face its number of corners and
-their point indices.
+They are the number of faces, then for each face its number of corners and their point indices.
 """
+VTK_POLYHEDRON = 42
+"""VTK's type of polyhedra, whose faces are in separate arrays of `.vtu` and VTKHDF files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,85 @@ class Cells:
         rows = [(cells.types, cells.counts, cells.points) for cells in groups]
         columns = zip(*(rows or [(none, none, none)]), strict=True)
         return cls(*map(np.concatenate, columns))
+
+    @classmethod
+    def polyhedra(cls, n_faces: Integers, sizes: Integers, nodes: Integers) -> "Cells":
+        """Return polyhedra.
+
+        Parameters
+        ----------
+        n_faces : integer array of shape (N,)
+            Number of faces of each.
+        sizes : integer array of shape (sum of n_faces,)
+            Number of corners of each face.
+        nodes : integer array of shape (sum of sizes,)
+            Point indices of the corners.
+        """
+        of_face = np.empty(len(nodes) + len(sizes), np.int64)
+        starts = np.cumsum(sizes + 1) - sizes - 1
+        of_face[starts] = sizes
+        of_face[ragged_indices(starts + 1, sizes)] = nodes
+        first = np.cumsum(n_faces) - n_faces  # the first face of each cell
+        begins = np.append(starts, len(of_face))
+        lengths = begins[first + n_faces] - begins[first] + 1
+        points = np.insert(of_face, begins[first], n_faces)
+        return cls(np.full(len(n_faces), POLYHEDRON), lengths, points)
+
+    def with_polyhedra(self, polyhedra: "Cells") -> "Cells":
+        """Return the cells with polyhedra in place of those of type `VTK_POLYHEDRON`."""
+        is_polyhedron = self.types == VTK_POLYHEDRON
+        counts, starts = self.counts.copy(), np.cumsum(self.counts) - self.counts
+        counts[is_polyhedron] = polyhedra.counts
+        starts[is_polyhedron] = len(self.points) + np.cumsum(polyhedra.counts) - polyhedra.counts
+        points = np.concatenate([self.points, polyhedra.points])[ragged_indices(starts, counts)]
+        types = np.where(is_polyhedron, POLYHEDRON, self.types.astype(np.int64))
+        return Cells(types, counts, points)
+
+    def with_faces(
+        self, n_faces: Integers, faces: Integers, sizes: Integers, nodes: Integers
+    ) -> "Cells":
+        """Return the cells with their polyhedra, whose faces are in separate arrays.
+
+        Parameters
+        ----------
+        n_faces : integer array of shape (N,)
+            Number of faces of each cell; 0 if it is no polyhedron.
+        faces : integer array of shape (sum of n_faces,)
+            Indices of its faces.
+        sizes, nodes : integer arrays
+            Number of corners of each face, and their point indices, concatenated.
+
+        Raises
+        ------
+        FormatError
+            If a face does not exist or has too many corners, or the arrays do not fit each other.
+        """
+        is_polyhedron = self.types == VTK_POLYHEDRON
+        if len(n_faces) != len(self.types) or n_faces[~is_polyhedron].any():
+            raise FormatError(f"faces of {len(n_faces)} cells do not fit its polyhedra")
+        if ((faces < 0) | (faces >= len(sizes))).any():
+            raise FormatError(f"a polyhedron has a face outside 0..{len(sizes) - 1}")
+        _validate_face_sizes(sizes)
+        corners = nodes[ragged_indices((np.cumsum(sizes) - sizes)[faces], sizes[faces])]
+        return self.with_polyhedra(Cells.polyhedra(n_faces[is_polyhedron], sizes[faces], corners))
+
+    def shifted(self, by: int, n_points: int) -> "Cells":
+        """Return cells whose point indices are larger by `by`.
+
+        Raises
+        ------
+        FormatError
+            If one of them is not one of `n_points` points, or a polyhedron is damaged.
+        """
+        is_index = np.ones(len(self.points), bool)
+        chosen = np.flatnonzero(self.types == POLYHEDRON)
+        if len(chosen):
+            first = (np.cumsum(self.counts) - self.counts)[chosen]
+            is_index[first] = False
+            is_index[_places_of_faces(self.points, first, self.counts[chosen], chosen)[0]] = False
+        if not ((self.points >= 0) & (self.points < n_points) | ~is_index).all():
+            raise FormatError(f"a cell has a point index outside 0..{n_points - 1}")
+        return replace(self, points=self.points + by * is_index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,10 +459,13 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
     counts, first = cells.counts[chosen], starts[chosen]
     if kind in POINTS_AND_LINES:
         return (np.empty(0, np.int64),) * 3
-    if kind == POLYGON:
+    if kind in (POLYGON, QUADRATIC_POLYGON):
+        counts = counts // 2 if kind == QUADRATIC_POLYGON else counts  # corners are first
         return counts, cells.points[ragged_indices(first, counts)], chosen
     if kind == POLYHEDRON:
-        return _faces_of_polyhedra(cells.points, first, first + counts, chosen)
+        places, owners = _places_of_faces(cells.points, first, counts, chosen)
+        sizes = cells.points[places]
+        return sizes, cells.points[ragged_indices(places + 1, sizes)], owners
     if kind == STRIP:
         return _strips(cells.points, first, counts, chosen)
     faces = SOLID_CELL_FACES.get(kind) or (
@@ -401,37 +486,39 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
     return sizes.astype(np.int64), corners, np.repeat(chosen, len(faces))
 
 
-def _faces_of_polyhedra(
+def _places_of_faces(
     points: npt.NDArray[np.int64],
     first: npt.NDArray[np.int64],
-    stops: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.int64],
     cells: npt.NDArray[np.int64],
-) -> _Faces:
-    """Return the faces of polyhedra: the first face of each, the second, and so on."""
-    if (first >= stops).any():
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return where the faces of polyhedra begin in their points, and the cell of each face.
+
+    The order is the first face of each polyhedron, the second, and so on.
+    """
+    if (counts < 1).any():
         raise FormatError("a polyhedron is empty")
-    n_left, at = points[first], first + 1
-    counts, corners, owners = [], [], []
+    n_left, at, stops = points[first], first + 1, first + counts
+    places, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     while len(cells := cells[is_left := n_left > 0]):
         n_left, at, stops = n_left[is_left] - 1, at[is_left], stops[is_left]
         sizes = points[np.minimum(at, stops - 1)]
         if (sizes < 3).any() or (at + 1 + sizes > stops).any():
             raise FormatError("a polyhedron has a face with fewer than three corners")
-        if (sizes > MAX_FACE_CORNERS).any():
-            raise FormatError(
-                f"a polyhedron has a face of {sizes.max()} corners; up to {MAX_FACE_CORNERS} are "
-                "supported"
-            )
-        counts.append(sizes)
-        corners.append(points[ragged_indices(at + 1, sizes)])
+        _validate_face_sizes(sizes)
+        places.append(at)
         owners.append(cells)
         at = at + 1 + sizes
-    none = [np.empty(0, np.int64)]
-    return (
-        np.concatenate(counts or none),
-        np.concatenate(corners or none),
-        np.concatenate(owners or none),
-    )
+    return np.concatenate(places), np.concatenate(owners)
+
+
+def _validate_face_sizes(sizes: Integers) -> None:
+    """Raise an error if a face of a polyhedron has more corners than supported."""
+    if (sizes > MAX_FACE_CORNERS).any():
+        raise FormatError(
+            f"a polyhedron has a face of {sizes.max()} corners; up to {MAX_FACE_CORNERS} are "
+            "supported"
+        )
 
 
 def _strips(

@@ -27,7 +27,15 @@ from meshreel.formats.frames.steps import (
 )
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import listed
-from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
+from meshreel.formats.surfaces.cells import (
+    POLY_LINE,
+    POLY_VERTEX,
+    POLYGON,
+    POLYHEDRON,
+    STRIP,
+    VTK_POLYHEDRON,
+    Cells,
+)
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 
@@ -209,7 +217,9 @@ class _LegacyReader:
         if self._types is not None:
             if len(self._types) != len(cells.types):
                 raise FormatError(f"has {len(self._types)} CELL_TYPES for {len(cells.types)} cells")
-            cells = replace(cells, types=self._types)
+            # Points of polyhedra are already stored with their numbers of faces and corners.
+            types = np.where(self._types == VTK_POLYHEDRON, POLYHEDRON, self._types)
+            cells = replace(cells, types=types)
         arrays = tuple(array for arrays in self._arrays.values() for array in arrays)
         return Piece(self._points, cells, arrays).step(self._left_out())
 

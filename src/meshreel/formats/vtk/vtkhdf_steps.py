@@ -32,6 +32,7 @@ from meshreel.formats.surfaces.cells import (
     POLY_VERTEX,
     POLYGON,
     STRIP,
+    VTK_POLYHEDRON,
     Cells,
     CellSurface,
     cell_mesh,
@@ -215,7 +216,24 @@ class VtkSteps:
             found.append(read_cells(group, kind, parts, points, *starts, before))
         if not found:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
-        return Cells.join(found)
+        return self._with_polyhedra(Cells.join(found))
+
+    def _with_polyhedra(self, cells: Cells) -> Cells:
+        """Return cells with their polyhedra; they are not read from files of several partitions."""
+        if len(self._n_points) > 1 or not (cells.types == VTK_POLYHEDRON).any():
+            return cells
+
+        def read(offsets: str, name: str) -> tuple[Integers, Integers]:
+            ends, values = (
+                read_integers(require_dataset(self._group, one)).ravel() for one in (offsets, name)
+            )
+            counts = np.diff(ends)
+            if (counts < 0).any() or ends[:1].tolist() != [0] or ends[-1] != len(values):
+                raise FormatError(f"{offsets} do not fit the {len(values)} numbers of {name}")
+            return counts, values
+
+        faces = read("PolyhedronOffsets", "PolyhedronToFaces")
+        return cells.with_faces(*faces, *read("FaceOffsets", "FaceConnectivity"))
 
     def _stored_arrays(self, place: str) -> Iterator["StoredArray"]:
         """Yield the numeric arrays at points or cells; the notes list the others."""

@@ -27,7 +27,15 @@ from meshreel.formats.frames.steps import (
 )
 from meshreel.formats.kinds import NOT_OF_CORNERS, OF_CELLS, FrameFormat
 from meshreel.formats.notes import listed
-from meshreel.formats.surfaces.cells import POLY_LINE, POLY_VERTEX, POLYGON, STRIP, Cells
+from meshreel.formats.surfaces.cells import (
+    POLY_LINE,
+    POLY_VERTEX,
+    POLYGON,
+    POLYHEDRON,
+    STRIP,
+    VTK_POLYHEDRON,
+    Cells,
+)
 from meshreel.formats.vtk.xml_arrays import (
     ATTRIBUTE_KIND,
     TRACK_KIND,
@@ -129,7 +137,25 @@ def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
     types = _named(group, "types", coding)
     if len(types) != len(counts):
         raise FormatError(f"has {len(types)} types for {len(counts)} cells")
-    return Cells(types, counts, points)
+    cells = Cells(types, counts, points)
+    return _with_polyhedra(cells, group, coding) if (types == VTK_POLYHEDRON).any() else cells
+
+
+def _with_polyhedra(cells: Cells, group: Element, coding: ArrayCoding) -> Cells:
+    """Return cells with their polyhedra, whose faces have arrays of their own."""
+    if group.find("DataArray[@Name='faceoffsets']") is None:  # VTK 9.4 and later
+        n_faces, faces = _connectivity(group, coding, "polyhedron_to_faces", "polyhedron_offsets")
+        sizes, nodes = _connectivity(group, coding, "face_connectivity", "face_offsets")
+        return cells.with_faces(n_faces, faces, sizes, nodes)
+    points = _named(group, "faces", coding).astype(np.int64)
+    ends = _named(group, "faceoffsets", coding).astype(np.int64)
+    if len(ends) != len(cells.types):
+        raise FormatError(f"has {len(ends)} faceoffsets for {len(cells.types)} cells")
+    ends = ends[cells.types == VTK_POLYHEDRON]  # others are -1
+    counts = np.diff(ends, prepend=0)
+    if (counts < 1).any() or ends[-1] != len(points):
+        raise FormatError(f"faceoffsets do not fit {len(points)} numbers of faces")
+    return cells.with_polyhedra(Cells(np.full(len(ends), POLYHEDRON), counts, points))
 
 
 def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
@@ -155,13 +181,15 @@ def _check_count(piece: Element, name: str, n_found: int) -> None:
         )
 
 
-def _connectivity(group: Element, coding: ArrayCoding) -> tuple[Integers, Integers]:
-    """Return the point count of each cell, and all point indices."""
-    points = _named(group, "connectivity", coding).astype(np.int64)
-    ends = _named(group, "offsets", coding).astype(np.int64)
+def _connectivity(
+    group: Element, coding: ArrayCoding, name: str = "connectivity", offsets: str = "offsets"
+) -> tuple[Integers, Integers]:
+    """Return the point count of each cell, and all point indices; or those of other arrays."""
+    points = _named(group, name, coding).astype(np.int64)
+    ends = _named(group, offsets, coding).astype(np.int64)
     counts = np.diff(ends, prepend=0)
     if len(ends) and ((counts < 0).any() or ends[-1] != len(points)):
-        raise FormatError(f"offsets of {group.tag} do not fit its {len(points)} corners")
+        raise FormatError(f"{offsets} of {group.tag} do not fit its {len(points)} corners")
     return counts, points
 
 

@@ -1,0 +1,134 @@
+"""Polyhedra of VTK files, which are read as their surface."""
+
+import numpy as np
+import pytest
+
+from conformance.sources import boxes
+from meshreel import FormatError, load
+
+pytest.importorskip("vtkmodules")
+pytest.importorskip("h5py")
+from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.vtkIOHDF import vtkHDFWriter
+from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+from samples.vtk import grid, write_mesh
+
+POINTS, HEXAHEDRA = boxes(3, 1, 1)
+SIDES = [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
+NOTE = "left out: the inside of 3 solid cells; cells of type 42 (polyhedron) cannot be stored"
+WRITERS = {
+    "a.vtu": vtkXMLUnstructuredGridWriter,
+    "a.vtk": vtkUnstructuredGridWriter,
+    "a.vtkhdf": vtkHDFWriter,
+}
+
+
+def faces_of(box):
+    """Return the numbers of faces and corners, and the corners, of a box as a polyhedron."""
+    return [6, *(number for side in SIDES for number in (4, *(int(box[at]) for at in side)))]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_faces_that_solids_share_are_inner(tmp_path, name):
+    first, middle, last = HEXAHEDRA
+    mesh, notes = grid(POINTS, [(42, faces_of(first)), (12, middle), (42, faces_of(last))]), []
+    numbers = numpy_to_vtk(np.array([0.5, 1.5, 2.5]), deep=True)
+    numbers.SetName("number")
+    mesh.GetCellData().AddArray(numbers)
+    found = load(write_mesh(WRITERS[name](), mesh, tmp_path / name), notes=notes)
+    corners = found.vertices[0].astype(float)[found.faces]
+    assert np.linalg.det(corners).sum() / 6 == pytest.approx(3)
+    assert found.surface.n_faces(len(found.faces)) == 14
+    assert found.n_verts == len(POINTS)
+    assert found.tracks["number"].domain == "face"
+    assert found.tracks["number"].values.ravel().tolist() == [0.5] * 5 + [1.5] * 4 + [2.5] * 5
+    assert NOTE in notes
+
+
+def piece(points, types, connectivity, offsets, **arrays):
+    """Return a piece of a .vtu file."""
+    arrays = {"connectivity": connectivity, "offsets": offsets, "types": types, **arrays}
+    cells = "".join(
+        f'<DataArray type="Int64" Name="{name}" format="ascii">{" ".join(map(str, values))}'
+        "</DataArray>"
+        for name, values in arrays.items()
+    )
+    return (
+        f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(types)}"><Points><DataArray '
+        f'type="Float64" NumberOfComponents="3" format="ascii">{" ".join(map(str, points.ravel()))}'
+        f"</DataArray></Points><Cells>{cells}</Cells></Piece>"
+    )
+
+
+def write_pieces(path, *pieces):
+    path.write_text(
+        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian">'
+        f"<UnstructuredGrid>{''.join(pieces)}</UnstructuredGrid></VTKFile>"
+    )
+    return path
+
+
+BOX = POINTS[HEXAHEDRA[0]]
+
+
+NODES = [*range(8)]
+
+
+def test_pieces_with_polyhedra_are_joined(tmp_path):
+    one, two = {"faces": faces_of(NODES)}, {"faces": faces_of(NODES) * 2}
+    first = piece(BOX, [12, 42], NODES * 2, [8, 16], **one, faceoffsets=[-1, 31])
+    second = piece(BOX + np.array([5, 0, 0]), [42], NODES, [8], **one, faceoffsets=[31])
+    third = piece(BOX, [42, 42], NODES * 2, [8, 16], **two, faceoffsets=[31, 62])
+    found = load(write_pieces(tmp_path / "a.vtu", first, second, third))
+    # The two cells of the first piece share all faces, and so do those of the third.
+    assert found.surface.n_faces(len(found.faces)) == 6
+    np.testing.assert_array_equal(found.vertices[0], BOX + np.array([5, 0, 0]))
+
+
+@pytest.mark.parametrize(
+    ("faces", "ends", "message"),
+    [
+        (faces_of(NODES), [30], "faceoffsets do not fit 31 numbers"),
+        (faces_of(NODES), [-1], "faceoffsets do not fit 31 numbers"),
+        (faces_of(NODES), [31, 31], "has 2 faceoffsets for 1 cells"),
+        ([7, *faces_of(NODES)[1:]], [31], "a polyhedron has a face with fewer than three"),
+        (faces_of(range(1, 9)), [31], "outside|8"),
+    ],
+)
+@pytest.mark.parametrize("n_pieces", [1, 2])
+def test_damaged_faces_are_an_error(tmp_path, faces, ends, message, n_pieces):
+    one = piece(BOX, [42], NODES, [8], faces=faces, faceoffsets=ends)
+    with pytest.raises(FormatError, match=message):
+        load(write_pieces(tmp_path / "a.vtu", *[one] * n_pieces))
+
+
+@pytest.mark.parametrize(
+    ("damaged", "message"),
+    [
+        ({}, None),
+        ({"polyhedron_to_faces": [0, 1, 2, 3, 4, 6]}, r"a polyhedron has a face outside 0\.\.5"),
+        ({"face_offsets": [4, 8, 12, 16, 20, 25]}, "face_offsets of Cells do not fit"),
+        ({"polyhedron_offsets": [6, 6]}, "faces of 2 cells do not fit"),
+        ({"face_connectivity": [0, 1, 9] * 8}, "9"),
+    ],
+)
+def test_faces_in_arrays_of_their_own_are_read_or_an_error(tmp_path, damaged, message):
+    arrays = {
+        "face_connectivity": np.ravel(SIDES), "face_offsets": [4, 8, 12, 16, 20, 24],
+        "polyhedron_to_faces": [0, 1, 2, 3, 4, 5], "polyhedron_offsets": [6],
+    }  # fmt: skip
+    path = write_pieces(tmp_path / "a.vtu", piece(BOX, [42], NODES, [8], **arrays | damaged))
+    if message is None:
+        assert load(path).surface.face_sizes.tolist() == [4] * 6
+        return
+    with pytest.raises(FormatError, match=message):
+        load(path)
+
+
+def test_quadratic_polygons_have_the_corners_that_are_first(tmp_path):
+    mesh = grid(POINTS, [(36, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9])])
+    found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"))
+    assert found.surface.face_sizes.tolist() == [5]
+    assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
