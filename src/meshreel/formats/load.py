@@ -68,7 +68,8 @@ def load(
         Attributes and groups to load: "all", "none", or names, as a list or as "uv,color"; a kind
         such as "uv" or "color" selects all of that kind. Polygons and parts are always loaded.
     skip_bad : bool, default False
-        Leave out meshes of a file that cannot be read; a note lists them.
+        Leave out meshes of a file that cannot be read, and steps of a ``.pvd`` without faces; a
+        note lists them.
     allow_outside : bool, default False
         Allow references to files outside the folder of a file: layers, buffers, frames.
     animation : str or int, optional

@@ -17,6 +17,10 @@ from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 
+class EmptyMeshError(FormatError):
+    """A mesh without vertices or faces."""
+
+
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
     """One frame of a file: vertices in file order, faces of any size.
@@ -99,12 +103,13 @@ def polygon_mesh(
 
     Raises
     ------
+    EmptyMeshError
+        If vertices or faces are missing.
     FormatError
-        If vertices or faces are missing, a face has fewer than three corners, or an index is
-        out of range.
+        If a face has fewer than three corners, or an index is out of range.
     """
     if len(vertices) == 0 or len(counts) == 0:
-        raise FormatError(
+        raise EmptyMeshError(
             f"holds {counted(len(vertices), 'vertex')} and {counted(len(counts), 'face')}; a "
             "triangle mesh needs both"
         )

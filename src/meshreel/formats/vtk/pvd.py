@@ -15,12 +15,12 @@ from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import Step, StepFrames
 from meshreel.formats.kinds import OF_CELLS, SequenceFormat
-from meshreel.formats.notes import note_left_out
+from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import Neighbours, file_order_times
-from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.formats.surfaces.polygons import EmptyMeshError, PolygonMesh
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_vtk_xml
@@ -76,6 +76,8 @@ def _file(path: Path, element: Element, options: ReadOptions) -> Path:
 
 
 def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions) -> SceneMesh:
+    if options.skip_bad:
+        files = _files_with_faces(files, options)
     pieces: dict[float, list[Path]] = {}
     for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
@@ -84,16 +86,58 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
     if several is not None and not options.merge:
         frames = [[file] for _, file in files]
         if (file_order := file_order_times(len(files), options)) is None:
-            raise InvalidInputError(
-                f"lists {len(pieces[several])} files for the time {several:g} with the same part "
-                "number; merge the files of each time into one mesh with ",
-                Keyword("merge", True),
-                ", or read each file as a frame, in file order, with ",
-                Keyword("fps"),
-            )
+            raise _equal_times_error(several, {time: len(pieces[time]) for time in pieces})
         times = file_order
     read = _PieceFrames(name, times, frames, options.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
+
+
+def _files_with_faces(
+    files: list[tuple[float, Path]], options: ReadOptions
+) -> list[tuple[float, Path]]:
+    """Return the times and files of steps with faces; a note lists the others."""
+    kept, empty = [], []
+    for time, path in files:
+        try:
+            _read_step(path, time)
+            kept.append((time, path))
+        except EmptyMeshError:
+            empty.append(f"{path.name} (time {time:g})")
+    if not kept:
+        raise EmptyMeshError(f"lists only files without faces: {listed(empty)}")
+    note_kinds(options.notes, "steps without faces", empty)
+    return kept
+
+
+def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInputError:
+    """Return the error for several files of a time, given the number of files of each time."""
+    text = f"lists {n_files[time]} files for the time {time:g}"
+    in_order = "read each file as a frame, in file order, with ", Keyword("fps")
+    single = next((other for other, count in n_files.items() if count == 1), None)
+    if single is None:
+        return InvalidInputError(
+            f"{text} with the same part number; merge the files of each time into one mesh with ",
+            Keyword("merge", True),
+            ", or ",
+            *in_order,
+        )
+    return InvalidInputError(
+        f"{text} and 1 for the time {single:g}, as after a restart; delete the older entries of "
+        "such times, or ",
+        *in_order,
+        "; if they are pieces of one mesh, merge the files of each time with ",
+        Keyword("merge", True),
+    )
+
+
+def _read_step(path: Path, time: float) -> Step:
+    data = read_bytes(path)
+    with errors_naming(path):
+        try:
+            return READERS[path.suffix.lower()](data)
+        except EmptyMeshError as error:
+            remedy = f"; leave out the step at time {time:g}, and others without faces, with "
+            raise EmptyMeshError(*error.args, remedy, Keyword("skip_bad", True)) from None
 
 
 class _PieceFrames:
@@ -108,12 +152,13 @@ class _PieceFrames:
 
     def __init__(self, name: str, times: Floats, files: list[list[Path]], notes: list[str]) -> None:
         self._name, self._times, self._notes = name, times, notes
-        series: list[list[Path]] = [[] for _ in range(max(len(one) for one in files))]
+        n_series = max(len(one) for one in files)
+        series: list[list[tuple[Path, float]]] = [[] for _ in range(n_series)]
         places = []
-        for one in files:
+        for time, one in zip(times.tolist(), files, strict=True):
             places.append([len(series[number]) for number in range(len(one))])
             for number, file in enumerate(one):
-                series[number].append(file)
+                series[number].append((file, time))
         self._places, self._pieces = places, [_file_frames(one, notes) for one in series]
 
     def frame(self, index: int) -> PolygonMesh:
@@ -153,17 +198,14 @@ def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
     return read(place)
 
 
-def _file_frames(files: list[Path], notes: list[str]) -> StepFrames:
-    """Return the frames of files with one step each."""
+def _file_frames(files: list[tuple[Path, float]], notes: list[str]) -> StepFrames:
+    """Return the frames of files with one step each, given with their times."""
     last: dict[int, Step] = {}
 
     def read(index: int) -> Step:
         if index not in last:
             last.clear()
-            path = files[index]
-            data = read_bytes(path)
-            with errors_naming(path):
-                last[index] = READERS[path.suffix.lower()](data)
+            last[index] = _read_step(*files[index])
         return last[index]
 
     return StepFrames(read, notes)

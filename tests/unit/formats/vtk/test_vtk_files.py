@@ -433,6 +433,34 @@ def test_load_suggests_merging_files_of_one_time(tmp_path, choice):
         load(path, **choice)
 
 
+def test_load_does_not_suggest_merging_first_after_a_restart(tmp_path):
+    path, _ = unnamed_pieces(tmp_path, (0, 1, 2, 1, 2, 3))
+    message = (
+        r"2 files for the time 1 and 1 for the time 0, as after a restart; delete the older "
+        r"entries of such times, or read .* with fps; if they are pieces of one mesh, .* with merge"
+    )
+    with pytest.raises(InvalidInputError, match=message):
+        load(path)
+
+
+@pytest.mark.parametrize("empty", [0, 1])
+def test_skip_bad_leaves_out_steps_without_faces(tmp_path, empty):
+    positions, times, notes = write_series(tmp_path, 4), [0, 0.5, 0.75, 3], []
+    write_mesh(xml_writer("vtu"), grid(POINTS[:0], []), tmp_path / f"f_{empty}.vtu")
+    rows = [f'timestep="{time}" file="f_{i}.vtu"' for i, time in enumerate(times)]
+    path = write_pvd(tmp_path, rows)
+    name, time = f"f_{empty}.vtu", times.pop(empty)
+    message = rf"{name}: holds 0 vertices .* step at time {time:g}, .* with skip_bad=True"
+    with pytest.raises(FormatError, match=message):
+        load(path)
+    found = load(path, skip_bad=True, notes=notes)
+    np.testing.assert_array_equal(found.vertices, np.delete(positions, empty, axis=0))
+    assert found.times.tolist() == times
+    assert f"left out: steps without faces: {name} (time {time:g})" in notes
+    with pytest.raises(FormatError, match=rf"only files without faces: {name}"):
+        load(write_pvd(tmp_path, [rows[empty]]), skip_bad=True)
+
+
 @pytest.mark.parametrize("read", [load, open_source])
 def test_merge_joins_the_files_of_a_time(tmp_path, read):
     path, positions = unnamed_pieces(tmp_path)
