@@ -81,7 +81,7 @@ class CorrectiveSearch:
             pull[:] = np.linalg.solve(transposed @ matrices + damping, transposed)
 
     def round(self, n_targets: int, bound: float) -> tuple[Correctives, float, float]:
-        """Return so many targets, with their root mean squared and their largest error.
+        """Return a number of targets, with their root mean squared and their largest error.
 
         Afterwards, the aims are farther beyond the residuals whose error exceeds the bound.
         """

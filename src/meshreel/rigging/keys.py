@@ -136,7 +136,7 @@ def to_quaternions(rotations: Floats) -> Floats:
 
 
 def encode_rotations(quaternions: Floats, bits: int) -> Shorts:
-    """Return the three smaller components of quaternions in so many bits, and the scale.
+    """Return the three smaller components of quaternions in a number of bits, and the scale.
 
     They are the input of the quaternion filter of `EXT_meshopt_compression`: the last component is
     the value that stands for the square root of 1/2, with the number of the largest component in

@@ -354,7 +354,7 @@ class _Search:
         return self._bounds.kg / 100 * self._deviation
 
     def _rounds(self, n_rounds: int, target: float = 0.0) -> tuple[float, float]:
-        """Fit for so many rounds, or until the target is met, and return the errors.
+        """Fit for a number of rounds, or until the target is met, and return the errors.
 
         They are multiples of what is allowed before quantization. With a target, the worst vertices
         count more.

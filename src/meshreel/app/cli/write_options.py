@@ -121,7 +121,7 @@ WRITING = Group(
             "rig",
             int,
             RIGS,
-            "Move the mesh by at most so many bones, and by corrective morph targets where bones "
+            "Move the mesh by at most this many bones, and by corrective morph targets where bones "
             f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
             f"{{kg}} hold. Without a number: {MAX_BONES}.",
             range=Range(1, MAX_BONES, is_whole=True),

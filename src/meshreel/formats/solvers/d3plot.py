@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -191,7 +192,7 @@ class _States:
 
 
 def _result(
-    domain: Domain, name: str, read: Callable[[], npt.NDArray[np.floating]], field: Field
+    domain: Domain, name: str, read: Callable[[], npt.NDArray[Any]], field: Field
 ) -> DataArray:
     return DataArray(domain, name, read, lambda: None, lambda: field, is_track=True)
 
