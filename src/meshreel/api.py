@@ -308,7 +308,7 @@ def rig(
     Skinning decomposition of Le and Deng, "Smooth skinning decomposition with rigid bones",
     SIGGRAPH Asia 2012.
     """
-    from meshreel.rigging.rig import fit_sequence  # which takes time to import
+    from meshreel.rigging.fitting import fit_sequence  # which takes time to import
 
     sequence = _loaded(source)
     extent = sequence.extent

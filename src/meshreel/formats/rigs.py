@@ -10,7 +10,8 @@ from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds
-from meshreel.rigging.rig import Rig, fit_sequence
+from meshreel.rigging.fitting import fit_sequence
+from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
 
 
@@ -47,7 +48,7 @@ def rig_of(
     ConnectivityChangeError
         If the faces change.
     InvalidInputError
-        As `meshreel.rigging.rig.fit_sequence`.
+        As `meshreel.rigging.fitting.fit_sequence`.
     """
     if stream.n_segments > 1:
         raise ConnectivityChangeError(

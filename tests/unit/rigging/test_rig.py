@@ -5,7 +5,7 @@ import meshreel
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.rig import byte_weights, components
+from meshreel.rigging.fitting import byte_weights, components
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
 EXACT = {"max_error": 0.01, "kg": 0.01}

@@ -1,0 +1,402 @@
+"""Fitting of rigs to animations: bones, then correctives, until bounds are met."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from meshreel.arrays import Floats, Integers
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
+from meshreel.metrics.normals import normal_angles
+from meshreel.metrics.position_errors import position_errors
+from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.rigging.bounds import DEFAULT_BOUNDS, MAX_BONES, Bounds
+from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
+from meshreel.rigging.decomposition import Decomposition, Skin
+from meshreel.rigging.keys import MAX_BITS, MIN_BITS, SHORT, Steps, fit_tracks
+from meshreel.rigging.rig import FULL, Bytes, Rig, RigErrors
+from meshreel.rigging.skeleton import Skeleton, build_skeleton
+from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Progress, silent
+
+MIN_GROWTH, MAX_GROWTH = 0.05, 0.5
+"""Share of the bones that are added at a time: about that by which the KG error is too large."""
+
+AIM_SHARE = 0.8
+"""Share of the bound of the largest error above which vertices count more."""
+
+NEAR_KG, NEAR_LARGEST = 1.3, 2.0
+"""Multiples of the bounds that further rounds may reduce to them."""
+
+GROWING_ROUNDS, FINAL_ROUNDS = 3, 10
+N_RIGID_BONES = 8
+"""Bones with which the rest pose is the first frame, as fewer would distort it."""
+
+MIN_GAIN, MAX_STALLED, ENOUGH = 0.2, 3, 0.6
+"""More bones are of no use if the KG error falls so much slower than the number of bones rises, so
+many times in a row, or if it is this share of its bound while the largest error is not met."""
+
+FIT_KG, FIT_LARGEST = 0.95, 0.985
+"""Shares of the bounds for the skin before quantization."""
+
+ROUNDING_SHARE, MAX_ROUNDING = 0.45, 1e-3
+"""Root mean squared rounding error of rotations, translations and positions each: as share of the
+error that is left, and relative to the deviation of the vertices from the centroid of a frame, so
+that what rests does not tremble."""
+
+PRUNING = 1.0
+"""Error that leaving out an influence may add, in rounding errors."""
+
+KEY_TOLERANCE = 2.0
+"""Largest error by keys that are left out, in rounding errors."""
+
+MIN_LEVELS = 2047
+"""Positive coordinates of the rest pose."""
+
+CORRECTIVE_ROUNDS = 4
+"""Rounds with the same number of correctives."""
+
+CORRECTIVE_ROUNDING = 0.1
+"""Rounding error of each corrective, as share of the root mean squared error that is allowed."""
+
+MAX_ATTEMPTS = 5
+"""Quantizations, each twice as fine."""
+
+
+def fit_sequence(
+    sequence: MeshSequence,
+    times_s: Floats | None = None,
+    *,
+    bones: int | None = None,
+    bounds: Bounds = DEFAULT_BOUNDS,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Rig:
+    """Return a rig of a sequence with the same faces in all frames.
+
+    Parameters
+    ----------
+    times_s : float64 array of shape (T,), optional
+        Times of the keys; by default those of the sequence, or frame numbers if it has none.
+    bones, bounds, force, progress
+        As in `fit_rig`.
+
+    Raises
+    ------
+    ConnectivityChangeError
+        If the faces change.
+    InvalidInputError
+        As `fit_rig`.
+    """
+    if len(sequence.segments) > 1:
+        raise ConnectivityChangeError(
+            "a rig needs the same faces in all frames; they change between the "
+            f"{len(sequence.segments)} segments of this sequence; register it first (meshreel "
+            "register)"
+        )
+    if times_s is None:
+        times_s = sequence.timing.seconds(sequence.n_frames)
+    if times_s is None:
+        times_s = np.arange(sequence.n_frames, dtype=np.float64)
+    return fit_rig(
+        sequence.vertices,
+        sequence.faces,
+        times_s,
+        bones=bones,
+        bounds=bounds,
+        force=force,
+        progress=progress,
+    )
+
+
+def fit_rig(
+    vertices: Vertices,
+    faces: Faces,
+    times_s: Floats,
+    *,
+    bones: int | None = None,
+    bounds: Bounds = DEFAULT_BOUNDS,
+    force: bool = False,
+    progress: Progress = silent,
+) -> Rig:
+    """Return a rig with few bones, and correctives where these do not suffice.
+
+    Parameters
+    ----------
+    vertices : float array of shape (T, V, 3)
+    faces : int32 array of shape (M, 3)
+    times_s : float64 array of shape (T,)
+    bones : int, optional
+        Maximum number of bones, up to 256, which is the default.
+    force : bool, default False
+        Whether a rig beyond the bounds is returned.
+
+    Raises
+    ------
+    InvalidInputError
+        If the bounds cannot be met, naming what was reached; or if an argument is out of range.
+    """
+    max_bones = MAX_BONES if bones is None else bones
+    if not 1 <= max_bones <= MAX_BONES:
+        raise InvalidInputError(Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}")
+    search = _Search(vertices, faces, times_s, bounds, progress)
+    rig = search.run(max_bones)
+    errors = rig.errors
+    if bounds.excess(errors.kg_percent, errors.largest_percent) > 1 and not force:
+        raise InvalidInputError(
+            f"{counted(rig.n_bones, 'bone')} and {counted(rig.n_targets, 'corrective target')} "
+            f"reach a KG error of {errors.kg_percent:.3g} % and a largest error of "
+            f"{errors.largest_percent:.3g} % of the diagonal; {bounds.kg:g} % and "
+            f"{bounds.largest:g} % are allowed; allow larger errors, write morph targets (omit ",
+            Keyword("rig"),
+            "), or accept this rig (",
+            Keyword("force"),
+            ")",
+        )
+    progress("rigging", 1.0)
+    return rig
+
+
+class _Search:
+    """The search for a rig within bounds; works in units of about the size of the box."""
+
+    def __init__(
+        self,
+        vertices: Vertices,
+        faces: Faces,
+        times_s: Floats,
+        bounds: Bounds,
+        progress: Progress,
+    ) -> None:
+        self._vertices, self._faces, self._times_s = vertices, faces, times_s
+        self._bounds, self._progress = bounds, progress
+        reference = bounding_box_reference(vertices)
+        # Files store the origin in float32.
+        self._origin = reference.center.astype(np.float32).astype(np.float64)
+        self._unit = 1 / reference.scale
+        n_frames, n_verts = vertices.shape[:2]
+        scaled = (vertices - self._origin) * reference.scale
+        self._frames = np.ascontiguousarray(scaled.transpose(0, 2, 1)).reshape(-1, n_verts)
+        spread = np.square(scaled - scaled.mean(axis=1, keepdims=True)).sum()
+        self._deviation = math.sqrt(spread / (n_frames * n_verts))
+        self._diagonal = reference.diagonal_scaled
+        self._components = components(faces, n_verts)
+        self._decomposition = Decomposition(self._frames, self._frames[:3].T, self._components)
+        self._initial_excess = 0.0
+
+    def run(self, max_bones: int) -> Rig:
+        """Return the first rig within the bounds, or the best one."""
+        fit = self._decomposition
+        allowed = self._allowed()
+        max_bones = min(max_bones, self._vertices.shape[1])
+        fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
+        target, former, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
+        while True:
+            kg, largest = self._rounds(GROWING_ROUNDS)
+            is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
+            if is_near or fit.n_bones == max_bones:
+                kg, largest = self._rounds(FINAL_ROUNDS, target)
+            if max(kg, largest) <= target:
+                rig = self._quantized()
+                if self._excess(rig) <= 1:
+                    return rig
+                target *= 0.95
+            gain = math.log(former / kg) / max(growth, MIN_GROWTH) if kg > 0 else 0.0
+            n_stalled = n_stalled + 1 if gain < MIN_GAIN else 0
+            if fit.n_bones == max_bones or n_stalled == MAX_STALLED or kg < ENOUGH * target:
+                break
+            former = kg
+            growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
+            n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
+            residuals = fit.residuals()
+            fit.add_bones(fit.seeds(residuals, n_new))
+            fit.aim(residuals, math.inf)
+        return self._with_correctives(self._quantized())
+
+    def _allowed(self) -> float:
+        """Return the root mean squared error that is allowed."""
+        return self._bounds.kg / 100 * self._deviation
+
+    def _rounds(self, n_rounds: int, target: float = 0.0) -> tuple[float, float]:
+        """Fit for a number of rounds, or until the target is met, and return the errors.
+
+        They are multiples of what is allowed before quantization. With a target, the worst vertices
+        count more.
+        """
+        fit = self._decomposition
+        bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal
+        residuals = fit.residuals()
+        for _ in range(n_rounds):
+            if target:
+                fit.aim(residuals, bound)
+            fit.round(fits_rest=fit.n_bones >= N_RIGID_BONES)
+            if target:
+                residuals = fit.residuals()
+                if max(self._fit_errors(residuals)) <= target:
+                    break
+        errors = self._fit_errors(fit.residuals())
+        excess = max(*errors, 1.0)
+        self._initial_excess = max(self._initial_excess, excess, 1 + 1e-9)
+        share = 1 - math.log(excess) / math.log(self._initial_excess)
+        self._progress("rigging", 0.95 * share)
+        return errors
+
+    def _fit_errors(self, residuals: Floats) -> tuple[float, float]:
+        squares = np.square(residuals.reshape(-1, 3, residuals.shape[1])).sum(axis=1)
+        kg = _percent(math.sqrt(squares.mean()), self._deviation)
+        largest = _percent(math.sqrt(squares.max()), self._diagonal)
+        return kg / (FIT_KG * self._bounds.kg), largest / (FIT_LARGEST * self._bounds.largest)
+
+    def _excess(self, rig: Rig) -> float:
+        return self._bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent)
+
+    def _quantized(self) -> Rig:
+        """Return the current skin as it is stored, with the coarsest rounding that suffices."""
+        fit = self._decomposition
+        residuals = fit.residuals()
+        reached = math.sqrt(np.square(residuals).sum() / (residuals.size / 3))
+        left = math.sqrt(max(self._allowed() ** 2 - reached**2, (0.1 * self._allowed()) ** 2))
+        rounding = min(ROUNDING_SHARE * left, MAX_ROUNDING * self._deviation)
+        best: Rig | None = None
+        for attempt in range(MAX_ATTEMPTS):
+            rig = self._stored(max(rounding / 2**attempt, 1e-7))
+            if best is not None and self._excess(rig) > FIT_LARGEST * self._excess(best):
+                break  # rounding does not matter
+            best = rig
+            if self._excess(best) <= 1:
+                break
+        assert best is not None
+        return best
+
+    def _stored(self, rounding: float) -> Rig:
+        fit = self._decomposition.copy()
+        fit.prune(PRUNING * rounding)
+        skin, skeleton = build_skeleton(fit.skin)
+        weights = byte_weights(skin.weights)
+        skin = replace(skin, weights=weights / FULL)
+        dense = skin.dense_weights()
+        distances = np.linalg.norm(skin.rest[:, np.newaxis] - skeleton.joints, axis=2)
+        masses = np.maximum(dense.sum(axis=0), 1e-9)
+        radii = np.sqrt((dense * np.square(distances)).sum(axis=0) / masses)
+        radius = math.sqrt((dense * np.square(distances)).sum() / len(dense))
+        bits = math.ceil(math.log2(math.sqrt(0.5) * radius / rounding + 1)) + 1
+        exponent = math.floor(math.log2(2 * rounding * self._unit))
+        unit = self._unit
+        # Rounded joints are shorter in compressed files, and as good.
+        joints = round_to(skeleton.joints * unit, exponent)
+        transforms = skin.transforms.copy()
+        transforms[..., 3] *= unit
+        tracks = fit_tracks(
+            transforms,
+            Skeleton(skeleton.parents, joints),
+            radii * unit,
+            self._times_s,
+            Steps(min(max(bits, MIN_BITS), MAX_BITS), exponent),
+            KEY_TOLERANCE * rounding * unit,
+        )
+        rig = Rig(
+            self._faces,
+            self._times_s,
+            np.zeros((len(weights), 3), np.int16),
+            1.0,
+            np.zeros(3),
+            self._origin,
+            skin.bones.astype(np.uint8),
+            weights,
+            Skeleton(skeleton.parents, joints),
+            tracks,
+            Correctives.none(len(self._times_s), len(weights)),
+            RigErrors(0.0, 0.0, 0.0),
+        )
+        # What the rounded bones do to the rest pose: matrices from the rest pose, in scaled units.
+        stored = rig.matrices.astype(np.float64)
+        stored[..., 3] /= unit
+        fit.set_skin(Skin(skin.rest, skin.bones, skin.weights, stored))
+        fit.fit_rest()
+        rest = fit.rest * unit
+        low, high = rest.min(axis=0), rest.max(axis=0)
+        offset = round_to((low + high) / 2, exponent)
+        reach = max(float(np.abs(rest - offset).max()), 1e-30)
+        levels = min(max(MIN_LEVELS, math.ceil(reach / (rounding * unit))), SHORT)
+        scale = float(np.float32(reach / levels * SHORT))
+        coordinates = np.rint((rest - offset) / scale * SHORT).astype(np.int16)
+        return self._measured(replace(rig, coordinates=coordinates, scale=scale, offset=offset))
+
+    def _measured(self, rig: Rig) -> Rig:
+        """Return the rig with its errors."""
+        shown = rig.positions() + self._origin
+        positions = position_errors(self._vertices, shown)
+        angle = normal_angles(self._vertices, shown, self._faces).mean_deg
+        errors = RigErrors(positions.kg_error_percent, positions.max_error_percent, angle)
+        return replace(rig, errors=errors)
+
+    def _with_correctives(self, rig: Rig) -> Rig:
+        """Return the rig with as few correctives as meet the bounds, or with all of them."""
+        if self._excess(rig) <= 1 or len(self._times_s) < 2:
+            return rig
+        residuals = (self._vertices - rig.positions() - self._origin).astype(np.float32)
+        rounding = CORRECTIVE_ROUNDING * self._allowed() * self._unit
+        search = CorrectiveSearch(residuals, rig.blended(), rig.scale, rounding)
+        share = (FIT_KG * self._bounds.kg / rig.errors.kg_percent) ** 2
+        n_targets = min(search.count_for(min(share, 0.5)), MAX_TARGETS, len(self._times_s))
+        bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal * self._unit
+        max_targets = min(MAX_TARGETS, len(self._times_s))
+        best, smallest, n_rounds = rig.correctives, self._excess(rig), 0
+        while smallest > FIT_LARGEST:
+            found, mean, largest = search.round(n_targets, bound)
+            kg = _percent(mean, self._deviation * self._unit)
+            excess = self._bounds.excess(kg, _percent(largest, self._diagonal * self._unit))
+            if excess < smallest:
+                best, smallest = found, excess
+            n_rounds += 1
+            if n_rounds == CORRECTIVE_ROUNDS:
+                if n_targets == max_targets:
+                    break
+                n_new = max(1, round(min(max(excess - 1, 0.15), 0.5) * n_targets))
+                n_targets, n_rounds = min(n_targets + n_new, max_targets), 0
+            self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
+        moved, correctives = best.nonnegative()
+        coordinates = np.rint(rig.coordinates + SHORT * moved)
+        if np.abs(coordinates).max() > SHORT:
+            return self._measured(replace(rig, correctives=best))
+        moved_rig = replace(rig, coordinates=coordinates.astype(np.int16), correctives=correctives)
+        return self._measured(moved_rig)
+
+
+def round_to(values: Floats, exponent: int) -> Floats:
+    """Return values rounded to multiples of 2 to the power of an exponent."""
+    return np.asarray(np.ldexp(np.rint(np.ldexp(values, -exponent)), exponent) + 0.0)
+
+
+def _percent(value: float, whole: float) -> float:
+    if whole > 0:
+        return 100 * value / whole
+    return 0.0 if value <= 1e-12 else math.inf
+
+
+def byte_weights(weights: Floats) -> Bytes:
+    """Return weights of shape (V, 4) rounded to bytes with sum 255.
+
+    The largest weight takes the difference, which is at most 2.
+    """
+    rounded = np.rint(weights * FULL).astype(np.int64)
+    largest = weights.argmax(axis=1)
+    rounded[np.arange(len(weights)), largest] += FULL - rounded.sum(axis=1)
+    return rounded.astype(np.uint8)
+
+
+def components(faces: Faces, n_verts: int) -> Integers:
+    """Return the number of the connected component of each vertex, of shape (V,)."""
+    labels = np.arange(n_verts)
+    first, second = undirected_edges(faces).T
+    while True:
+        lowest = np.minimum(labels[first], labels[second])
+        new = labels.copy()
+        np.minimum.at(new, first, lowest)
+        np.minimum.at(new, second, lowest)
+        new = new[new]
+        if np.array_equal(new, labels):
+            return np.unique(labels, return_inverse=True)[1]
+        labels = new
