@@ -139,7 +139,10 @@ def test_error_names_a_folder_that_cannot_be_written(folder, arguments):
         (["convert", "walk.npz", "-o", "x.abc", "--targets", "3"], ["--targets", ".abc"]),
         (["convert", "walk.npz", "-o", "x.reel", "--targets", "3"], ["--targets", ".reel"]),
         (["convert", "walk.npz", "-o", "x.reel", "--normals"], ["--normals", ".reel"]),
-        (["convert", "walk.npz", "-o", "x.glb", "--kg", "1"], ["--kg", "x.glb", ".reel"]),
+        (
+            ["convert", "walk.npz", "-o", "x.glb", "--kg", "1"],
+            ["--kg is a bound of rigs; add --rig"],
+        ),
         (["convert", "walk.npz", "-o", "x.glb", "--method", "reel"], ["--method", ".reel"]),
         (["convert", "walk.npz", "-o", "x.npz", "--block-frames", "9"], ["--block-frames"]),
         (["convert", "walk.npz", "-o", "f_%d.obj", "--start-number", "-3"], ["0 or more"]),

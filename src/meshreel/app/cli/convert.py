@@ -116,6 +116,7 @@ def convert_command(
     if not is_stream(output):
         refuse_stream_options({*stream_options, "track"}, output)
     config = config_of(**(encoding if is_stream(output) else stream_options))
+    rig_kg = None if is_stream(output) else encoding["kg"]
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
@@ -130,7 +131,7 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(max_error=bound, kg=encoding["kg"], origin=origin, force=force, **writing),
+            WriteOptions(max_error=bound, kg=rig_kg, origin=origin, force=force, **writing),
             reading,
             config,
             start_number,
