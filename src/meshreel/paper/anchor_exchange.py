@@ -8,8 +8,9 @@ from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper.anchors import farthest_points
-from meshreel.paper.laplacian import adjacency_matrix, component_labels
+from meshreel.paper.laplacian import adjacency_matrix
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import MAX_RESPONSES
 
@@ -61,7 +62,7 @@ def exchange_anchors(mesh: MeshModel, delta_errors: Iterable[Floats]) -> Integer
     """
     candidates = _candidates(mesh)
     state = _initial_state(mesh, candidates, delta_errors)
-    _, labels = component_labels(mesh.faces, mesh.n_verts)
+    labels = component_labels(mesh.faces, mesh.n_verts)
     components, is_anchor = labels[candidates], np.isin(candidates, mesh.anchors)
     for _ in range(MAX_PASSES):
         before = is_anchor.copy()

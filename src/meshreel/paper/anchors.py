@@ -7,9 +7,9 @@ from scipy.sparse import csr_array
 
 from meshreel.arrays import Integers
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.connectivity import isolated_vertices
+from meshreel.model.geometry.connectivity import component_labels, isolated_vertices
 from meshreel.model.sequence import Faces
-from meshreel.paper.laplacian import adjacency_matrix, component_labels, neighbors_of
+from meshreel.paper.laplacian import adjacency_matrix, neighbors_of
 
 
 def choose_anchors(
@@ -32,7 +32,7 @@ def choose_anchors(
     -------
     int64 array of shape (A,), ascending
     """
-    n_components, _ = component_labels(faces, n_verts)
+    n_components = int(component_labels(faces, n_verts).max()) + 1
     isolated = isolated_vertices(faces, n_verts)
     connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
     n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
@@ -56,7 +56,7 @@ def first_of_components(ranked: Integers, faces: Faces, n_verts: int, n_anchors:
     -------
     int64 array of shape (n_anchors,), ascending
     """
-    _, labels = component_labels(faces, n_verts)
+    labels = component_labels(faces, n_verts)
     _, first = np.unique(labels[ranked], return_index=True)
     others = np.delete(ranked, first)
     return np.sort(np.concatenate([ranked[first], others[: n_anchors - len(first)]]))
@@ -84,7 +84,7 @@ def check_anchors(anchors: Sequence[int], faces: Faces, n_verts: int) -> Integer
         raise InvalidInputError(
             f"vertex {without_edge[0]} has no edge and cannot be an anchor; leave it out"
         )
-    _, labels = component_labels(faces, n_verts)
+    labels = component_labels(faces, n_verts)
     missing = np.setdiff1d(labels, np.concatenate([labels[vertices], labels[isolated]]))
     if len(missing):
         vertex = int(np.flatnonzero(labels == missing[0])[0])

@@ -6,9 +6,8 @@ Loops of degenerate faces and repeated edges are left out, as in `model.geometry
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 
-from meshreel.arrays import Floats, Integers
+from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Faces
@@ -42,15 +41,6 @@ def neighbors_of(
     last = np.cumsum(counts, dtype=counts.dtype)
     positions = np.arange(last[-1:].sum(), dtype=counts.dtype) + np.repeat(ends - last, counts)
     return counts, adjacency.indices[positions]
-
-
-def component_labels(faces: Faces, n_verts: int) -> tuple[int, Integers]:
-    """Number of connected components, and the component of each vertex.
-
-    Components are numbered by their lowest vertex; an isolated vertex is a component.
-    """
-    n_components, labels = connected_components(adjacency_matrix(faces, n_verts), directed=False)
-    return int(n_components), labels.astype(np.int64)
 
 
 def uniform_laplacian(faces: Faces, n_verts: int, *, normalized: bool = False) -> csr_array:

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.arrays import Floats, Integers
+from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
 from meshreel.rigging.bounds import DEFAULT_BOUNDS, MAX_BONES, Bounds
 from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
@@ -182,7 +182,7 @@ class _Search:
         spread = np.square(scaled - scaled.mean(axis=1, keepdims=True)).sum()
         self._deviation = math.sqrt(spread / (n_frames * n_verts))
         self._diagonal = reference.diagonal_scaled
-        self._components = components(faces, n_verts)
+        self._components = component_labels(faces, n_verts)
         self._decomposition = Decomposition(self._frames, self._frames[:3].T, self._components)
         self._initial_excess = 0.0
 
@@ -385,18 +385,3 @@ def byte_weights(weights: Floats) -> Bytes:
     largest = weights.argmax(axis=1)
     rounded[np.arange(len(weights)), largest] += FULL - rounded.sum(axis=1)
     return rounded.astype(np.uint8)
-
-
-def components(faces: Faces, n_verts: int) -> Integers:
-    """Return the number of the connected component of each vertex, of shape (V,)."""
-    labels = np.arange(n_verts)
-    first, second = undirected_edges(faces).T
-    while True:
-        lowest = np.minimum(labels[first], labels[second])
-        new = labels.copy()
-        np.minimum.at(new, first, lowest)
-        np.minimum.at(new, second, lowest)
-        new = new[new]
-        if np.array_equal(new, labels):
-            return np.unique(labels, return_inverse=True)[1]
-        labels = new

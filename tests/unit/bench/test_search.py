@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.model.geometry.connectivity import isolated_vertices
+from meshreel.model.geometry.connectivity import component_labels, isolated_vertices
 from meshreel.paper.anchors import choose_anchors
-from meshreel.paper.laplacian import component_labels
 from meshreel.runtime.progress import silent
 from meshreel.studies.runs import Store, result_of
 from questions import search
@@ -131,7 +130,7 @@ def test_sets_of_anchors_are_equally_large_and_reach_every_component(choice, mon
     anchors = ANCHOR_CHOICES[choice](sequence, farthest)
     assert len(np.unique(anchors)) == len(farthest) == 8
     assert not set(anchors) & set(isolated_vertices(sequence.faces, sequence.n_verts))
-    _, labels = component_labels(sequence.faces, sequence.n_verts)
+    labels = component_labels(sequence.faces, sequence.n_verts)
     assert len(set(labels[anchors])) == 2
 
 

@@ -7,9 +7,9 @@ from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper import anchor_exchange
 from meshreel.paper.anchor_exchange import MIN_REDUCTION, exchange_anchors
-from meshreel.paper.laplacian import component_labels
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.stream import read
 from samples.meshes import (
@@ -103,7 +103,7 @@ def test_optimized_anchors_give_the_stream_of_the_same_listed_anchors(method, va
     )
     anchors = read(data).anchors.tolist()
     assert len(anchors) == 8
-    _, labels = component_labels(sequence.faces, sequence.n_verts)
+    labels = component_labels(sequence.faces, sequence.n_verts)
     assert len(set(labels[anchors])) == 2
     assert encode(sequence, method, anchors=anchors, choices=choices, **options) == data
 

@@ -3,8 +3,9 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from meshreel.errors import InvalidInputError
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper.anchors import check_anchors, choose_anchors, farthest_points
-from meshreel.paper.laplacian import adjacency_matrix, component_labels
+from meshreel.paper.laplacian import adjacency_matrix
 from samples.meshes import grid_faces, octahedron_faces
 
 
@@ -19,7 +20,7 @@ def test_each_point_is_farthest_from_earlier_ones_by_dijkstra():
 def test_every_component_gets_a_point():
     faces = np.concatenate([octahedron_faces() + 6 * k for k in range(5)])
     points = farthest_points(adjacency_matrix(faces, 30), 5)
-    _, labels = component_labels(faces, 30)
+    labels = component_labels(faces, 30)
     assert sorted(labels[points]) == [0, 1, 2, 3, 4]
 
 

@@ -7,7 +7,8 @@ from scipy.spatial import Delaunay
 
 import meshreel
 from meshreel.errors import MemoryLimitError, SolverError
-from meshreel.paper.laplacian import component_labels, delta_coordinates, uniform_laplacian
+from meshreel.model.geometry.connectivity import component_labels
+from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.reconstruction_system import MAX_ROW_ENTRIES, ReconstructionSystem
 from samples.meshes import grid_faces, octahedron_faces
 
@@ -94,7 +95,7 @@ def test_solution_on_an_irregular_mesh_is_the_original(normalized, share):
     faces, n_verts = irregular_faces()
     laplacian = uniform_laplacian(faces, n_verts, normalized=normalized)
     selected = np.random.default_rng(5).random(n_verts) < share
-    _, labels = component_labels(faces, n_verts)
+    labels = component_labels(faces, n_verts)
     selected[np.unique(labels, return_index=True)[1]] = True
     anchors, values = np.flatnonzero(selected), columns(n_verts)
     system = ReconstructionSystem(laplacian, anchors)

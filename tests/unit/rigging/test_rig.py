@@ -4,8 +4,9 @@ import pytest
 import meshreel
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.position_errors import position_errors
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.fitting import byte_weights, components
+from meshreel.rigging.fitting import byte_weights
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
 EXACT = {"max_error": 0.01, "kg": 0.01}
@@ -119,7 +120,9 @@ def test_odd_meshes_are_rigged():
 
 def test_components_are_numbered():
     sequence = boxes([lambda t: np.eye(3)] * 3)
-    np.testing.assert_array_equal(components(sequence.faces, 25)[:24], np.repeat([0, 1, 2], 8))
+    np.testing.assert_array_equal(
+        component_labels(sequence.faces, 25)[:24], np.repeat([0, 1, 2], 8)
+    )
 
 
 def test_progress_reaches_the_end():

@@ -15,6 +15,26 @@ def undirected_edges(faces: Faces) -> Integers:
     return _edges_and_face_counts(faces)[0]
 
 
+def component_labels(faces: Faces, n_verts: int) -> Integers:
+    """Number of the connected component of each vertex, of shape (V,).
+
+    Components are numbered by their lowest vertex; an isolated vertex is a component. Each vertex
+    points to a lower one of its component, which points to a lower one, until nothing changes
+    (Shiloach and Vishkin 1982).
+    """
+    labels = np.arange(n_verts)
+    first, second = undirected_edges(faces).T
+    while True:
+        lowest = np.minimum(labels[first], labels[second])
+        lower = labels.copy()
+        np.minimum.at(lower, labels[first], lowest)
+        np.minimum.at(lower, labels[second], lowest)
+        lower = lower[lower]
+        if np.array_equal(lower, labels):
+            return np.unique(labels, return_inverse=True)[1]
+        labels = lower
+
+
 def isolated_vertices(faces: Faces, n_verts: int) -> Integers:
     """Vertices without an edge, ascending."""
     has_edge = np.zeros(n_verts, bool)
