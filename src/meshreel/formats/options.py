@@ -124,7 +124,7 @@ class WriteOptions:
         ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
         for 8 bits, or 16 if the error requires them.
     rig : bool or int, optional
-        glTF and USD: whether the mesh is moved by bones, at most so many (True: 256), and by
+        glTF and USD: whether the mesh is moved by bones, at most this many (True: 256), and by
         corrective morph targets where bones do not suffice, within `max_error` (default 1 percent)
         and `kg`. See `meshreel.rig`.
     kg : float, optional

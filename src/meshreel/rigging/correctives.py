@@ -10,15 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.rigging.aims import farther
+
 BYTE = 127
 MAX_TARGETS = 64
 
 PULL_DAMPING = 0.02
 """Added to the squares of singular values of blended matrices, which are 1 for rotations: where
 blending collapses a vertex, hardly any displacement would move it."""
-
-MAX_PULL = 2.0
-"""Largest distance, in error bounds, by which aims move beyond residuals."""
 
 MIN_LEVELS = 3
 
@@ -129,10 +128,6 @@ class CorrectiveSearch:
         """Move the aims of a frame, and return the error of each vertex."""
         shown = np.einsum("vab,vb->va", self._blended[frame], displacements)
         missing = self._residuals[frame] - shown
-        errors = np.linalg.norm(missing, axis=1, keepdims=True)
-        excess = np.clip(1 - bound / np.maximum(errors, 1e-30), 0, 1)
-        pulls = self._aims[frame] - self._residuals[frame] + missing * excess
-        lengths = np.linalg.norm(pulls, axis=1, keepdims=True)
-        pulls *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
+        pulls = farther(self._aims[frame] - self._residuals[frame], missing, bound)
         self._aims[frame] = self._residuals[frame] + pulls
-        return np.asarray(errors[:, 0])
+        return np.asarray(np.linalg.norm(missing, axis=1))

@@ -13,8 +13,11 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
+from meshreel.model.geometry.rotations import Real
+from meshreel.rigging.aims import farther
 
 MAX_INFLUENCES = 4
 N_CANDIDATES = 10
@@ -28,9 +31,6 @@ CHUNK = 2048
 
 DAMPING = 1e-6
 """Share of the former transform, and of the former rest position, in a new one."""
-
-MAX_PULL = 2.0
-"""Largest distance, in error bounds, by which aims move beyond positions."""
 
 MONOMIALS = np.triu_indices(4)
 
@@ -62,15 +62,19 @@ class Skin:
 
     def dense_weights(self) -> Floats:
         """Return the weights of all bones, of shape (V, B)."""
-        dense = np.zeros((len(self.rest), self.n_bones))
-        rows = np.arange(len(self.rest))[:, np.newaxis]
-        np.add.at(dense, (rows, self.bones), self.weights)
-        return dense
+        return scattered(self.weights, self.bones, self.n_bones)
 
     def frames(self) -> Floats:
         """Return the positions in all frames, as rows x, y, z of each frame: (3 T, V)."""
         matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * self.n_bones)
         return matrices @ _weighted_rest(self.dense_weights(), self.rest).T
+
+
+def scattered(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
+    """Return the weights of all bones, of shape (V, B), from those of a few bones per vertex."""
+    dense = np.zeros((len(weights), n_bones), weights.dtype)
+    np.add.at(dense, (np.arange(len(weights))[:, np.newaxis], bones), weights)
+    return dense
 
 
 def _weighted_rest(weights: Floats, rest: Floats) -> Floats:
@@ -289,17 +293,14 @@ class Decomposition:
     def aim(self, residuals: Floats, bound: float) -> None:
         """Move the positions that are fitted beyond those with an error above a bound.
 
-        They move farther in each call, up to `MAX_PULL` bounds; infinity moves them back.
+        They move farther in each call, up to a limit; infinity moves them back.
         """
         if np.isinf(bound):
             self._aims = self._frames
             return
-        by_axis = residuals.reshape(-1, 3, residuals.shape[1])
-        lengths = np.linalg.norm(by_axis, axis=1, keepdims=True)
-        excess = np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
-        pulls = (self._aims - self._frames).reshape(by_axis.shape) + by_axis * excess
-        lengths = np.linalg.norm(pulls, axis=1, keepdims=True)
-        pulls *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
+        shape = -1, 3, residuals.shape[1]
+        former = (self._aims - self._frames).reshape(shape)
+        pulls = farther(former, residuals.reshape(shape), bound)
         self._aims = self._frames + pulls.reshape(residuals.shape)
 
     def seeds(self, residuals: Floats, n_new: int) -> list[Integers]:

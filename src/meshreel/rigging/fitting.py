@@ -35,8 +35,9 @@ N_RIGID_BONES = 8
 """Bones with which the rest pose is the first frame, as fewer would distort it."""
 
 MIN_GAIN, MAX_STALLED, ENOUGH = 0.2, 3, 0.6
-"""More bones are of no use if the KG error falls so much slower than the number of bones rises, so
-many times in a row, or if it is this share of its bound while the largest error is not met."""
+"""More bones are of no use if the logarithm of the KG error falls by less than this share of the
+growth of the number of bones, this many times in a row; or if the KG error is this share of its
+bound while the largest error is not met."""
 
 FIT_KG, FIT_LARGEST = 0.95, 0.985
 """Shares of the bounds for the skin before quantization."""
@@ -74,21 +75,23 @@ def fit_sequence(
     force: bool = False,
     progress: Progress = silent,
 ) -> Rig:
-    """Return a rig of a sequence with the same faces in all frames.
+    """Return a rig with few bones, and correctives where these do not suffice.
 
     Parameters
     ----------
     times_s : float64 array of shape (T,), optional
         Times of the keys; by default those of the sequence, or frame numbers if it has none.
-    bones, bounds, force, progress
-        As in `fit_rig`.
+    bones : int, optional
+        Maximum number of bones, up to 256, which is the default.
+    force : bool, default False
+        Whether a rig beyond the bounds is returned.
 
     Raises
     ------
     ConnectivityChangeError
         If the faces change.
     InvalidInputError
-        As `fit_rig`.
+        If the bounds cannot be met, naming what was reached; or if an argument is out of range.
     """
     if len(sequence.segments) > 1:
         raise ConnectivityChangeError(
@@ -100,48 +103,10 @@ def fit_sequence(
         times_s = sequence.timing.seconds(sequence.n_frames)
     if times_s is None:
         times_s = np.arange(sequence.n_frames, dtype=np.float64)
-    return fit_rig(
-        sequence.vertices,
-        sequence.faces,
-        times_s,
-        bones=bones,
-        bounds=bounds,
-        force=force,
-        progress=progress,
-    )
-
-
-def fit_rig(
-    vertices: Vertices,
-    faces: Faces,
-    times_s: Floats,
-    *,
-    bones: int | None = None,
-    bounds: Bounds = DEFAULT_BOUNDS,
-    force: bool = False,
-    progress: Progress = silent,
-) -> Rig:
-    """Return a rig with few bones, and correctives where these do not suffice.
-
-    Parameters
-    ----------
-    vertices : float array of shape (T, V, 3)
-    faces : int32 array of shape (M, 3)
-    times_s : float64 array of shape (T,)
-    bones : int, optional
-        Maximum number of bones, up to 256, which is the default.
-    force : bool, default False
-        Whether a rig beyond the bounds is returned.
-
-    Raises
-    ------
-    InvalidInputError
-        If the bounds cannot be met, naming what was reached; or if an argument is out of range.
-    """
     max_bones = MAX_BONES if bones is None else bones
     if not 1 <= max_bones <= MAX_BONES:
         raise InvalidInputError(Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}")
-    search = _Search(vertices, faces, times_s, bounds, progress)
+    search = _Search(sequence.vertices, sequence.faces, times_s, bounds, progress)
     rig = search.run(max_bones)
     errors = rig.errors
     if bounds.excess(errors.kg_percent, errors.largest_percent) > 1 and not force:
@@ -194,10 +159,14 @@ class _Search:
         fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
         target, former, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
         while True:
-            kg, largest = self._rounds(GROWING_ROUNDS)
+            residuals = self._grown()
+            kg, largest = self._fit_errors(residuals)
+            self._show_progress((kg, largest))
             is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
             if is_near or fit.n_bones == max_bones:
-                kg, largest = self._rounds(FINAL_ROUNDS, target)
+                residuals = self._refined(residuals, target)
+                kg, largest = self._fit_errors(residuals)
+                self._show_progress((kg, largest))
             if max(kg, largest) <= target:
                 rig = self._quantized()
                 if self._excess(rig) <= 1:
@@ -210,7 +179,6 @@ class _Search:
             former = kg
             growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
-            residuals = fit.residuals()
             fit.add_bones(fit.seeds(residuals, n_new))
             fit.aim(residuals, math.inf)
         return self._with_correctives(self._quantized())
@@ -219,31 +187,36 @@ class _Search:
         """Return the root mean squared error that is allowed."""
         return self._bounds.kg / 100 * self._deviation
 
-    def _rounds(self, n_rounds: int, target: float = 0.0) -> tuple[float, float]:
-        """Fit for a number of rounds, or until the target is met, and return the errors.
+    def _grown(self) -> Floats:
+        """Fit some rounds after new bones, and return the residuals."""
+        for _ in range(GROWING_ROUNDS):
+            self._round()
+        return self._decomposition.residuals()
 
-        They are multiples of what is allowed before quantization. With a target, the worst vertices
-        count more.
-        """
+    def _refined(self, residuals: Floats, target: float) -> Floats:
+        """Fit until the errors meet the target, the worst vertices most; return the residuals."""
         fit = self._decomposition
         bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal
-        residuals = fit.residuals()
-        for _ in range(n_rounds):
-            if target:
-                fit.aim(residuals, bound)
-            fit.round(fits_rest=fit.n_bones >= N_RIGID_BONES)
-            if target:
-                residuals = fit.residuals()
-                if max(self._fit_errors(residuals)) <= target:
-                    break
-        errors = self._fit_errors(fit.residuals())
+        for _ in range(FINAL_ROUNDS):
+            fit.aim(residuals, bound)
+            self._round()
+            residuals = fit.residuals()
+            if max(self._fit_errors(residuals)) <= target:
+                break
+        return residuals
+
+    def _round(self) -> None:
+        fit = self._decomposition
+        fit.round(fits_rest=fit.n_bones >= N_RIGID_BONES)
+
+    def _show_progress(self, errors: tuple[float, float]) -> None:
         excess = max(*errors, 1.0)
         self._initial_excess = max(self._initial_excess, excess, 1 + 1e-9)
         share = 1 - math.log(excess) / math.log(self._initial_excess)
         self._progress("rigging", 0.95 * share)
-        return errors
 
     def _fit_errors(self, residuals: Floats) -> tuple[float, float]:
+        """Return KG and largest error, as multiples of what is allowed before quantization."""
         squares = np.square(residuals.reshape(-1, 3, residuals.shape[1])).sum(axis=1)
         kg = _percent(math.sqrt(squares.mean()), self._deviation)
         largest = _percent(math.sqrt(squares.max()), self._diagonal)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
 from meshreel.rigging.correctives import Correctives
+from meshreel.rigging.decomposition import scattered
 from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, Singles, composed
 from meshreel.rigging.skeleton import Skeleton
 
@@ -110,10 +111,8 @@ class Rig:
 
     def dense_weights(self) -> Singles:
         """Return the weights of all bones, of shape (V, B)."""
-        dense = np.zeros((len(self.joints), self.n_bones), np.float32)
-        rows = np.arange(len(dense))[:, np.newaxis]
-        np.add.at(dense, (rows, self.joints), self.weights / np.float32(FULL))
-        return dense
+        weights = self.weights.astype(np.float32) / np.float32(FULL)
+        return scattered(weights, self.joints, self.n_bones)
 
     def blended(self) -> Singles:
         """Return the blended rotations of each vertex, in model units: (T, V, 3, 3)."""
