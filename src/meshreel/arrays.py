@@ -1,6 +1,6 @@
 """Array types shared by the whole package, repeated values, and rows as bytes."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +9,8 @@ Bytes = npt.NDArray[np.uint8]
 Singles = npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Real = TypeVar("Real", Floats, Singles)
+"""Of functions that compute in the precision of their arguments."""
 Values = npt.NDArray[Any]
 """Numbers of any type."""
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.model.geometry.rotations import Real
+from meshreel.arrays import Real
 
 MAX_PULL = 2.0
 """Largest distance between an aim and the given position, in error bounds."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Singles
 from meshreel.rigging.aims import farther
 
 BYTE = 127
@@ -20,8 +21,6 @@ PULL_DAMPING = 0.02
 blending collapses a vertex, hardly any displacement would move it."""
 
 MIN_LEVELS = 3
-
-Singles = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers
-from meshreel.model.geometry.rotations import Real
+from meshreel.arrays import Floats, Integers, Real
 from meshreel.rigging.aims import farther
 
 MAX_INFLUENCES = 4

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Bytes, Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
@@ -16,7 +16,7 @@ from meshreel.rigging.bounds import DEFAULT_BOUNDS, MAX_BONES, Bounds
 from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
 from meshreel.rigging.keys import MAX_BITS, MIN_BITS, SHORT, Steps, fit_tracks
-from meshreel.rigging.rig import FULL, Bytes, Rig, RigErrors
+from meshreel.rigging.rig import FULL, Rig, RigErrors
 from meshreel.rigging.skeleton import Skeleton, build_skeleton
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent

@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers
-from meshreel.model.geometry.rotations import rotation_matrices, slerp, unit
+from meshreel.arrays import Floats, Integers, Real, Singles
 from meshreel.rigging.skeleton import Skeleton
 
 Shorts = npt.NDArray[np.int16]
-Singles = npt.NDArray[np.float32]
 
 SHORT = 32767
 MIN_BITS, MAX_BITS = 6, 16
@@ -68,10 +66,13 @@ class BoneTrack:
 
     def matrices(self, times_s: Floats) -> Singles:
         """Return the transforms in all frames, of shape (T, 3, 4)."""
-        quaternions, translations = self.poses(times_s)
-        return np.concatenate(
-            [rotation_matrices(quaternions), translations[:, :, np.newaxis]], axis=2
-        )
+        return to_matrices(*self.poses(times_s))
+
+
+def unit(quaternions: Real) -> Real:
+    """Return quaternions with length 1."""
+    length: Real = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return quaternions / length
 
 
 def _interpolated(
@@ -91,9 +92,29 @@ def _interpolated(
     first, second = frames[before], frames[before + 1]
     share = (times_s - times_s[first]) / (times_s[second] - times_s[first])
     share = np.clip(share, 0, 1).astype(quaternions.dtype)[:, np.newaxis]
-    turned = unit(slerp(quaternions[before], quaternions[before + 1], share))
+    a, b = quaternions[before], quaternions[before + 1]
+    cosine = (a * b).sum(axis=1, keepdims=True)
+    b = np.where(cosine < 0, -b, b)
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
+    is_arc = angle > 1e-6
+    sine = np.where(is_arc, np.sin(angle), 1)
+    mixed: npt.NDArray[Any] = (
+        np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
+        + np.where(is_arc, np.sin(share * angle) / sine, share) * b
+    )
     moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
-    return turned, moved
+    return unit(mixed), moved
+
+
+def to_matrices(quaternions: Real, translations: Real) -> Real:
+    """Return transforms of shape (T, 3, 4) of unit quaternions x, y, z, w and translations."""
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translations[:, 0]],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translations[:, 1]],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translations[:, 2]],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
 
 
 def to_quaternions(rotations: Floats) -> Floats:

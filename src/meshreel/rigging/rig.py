@@ -4,19 +4,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Bytes, Floats, Singles
 from meshreel.model.sequence import Faces
 from meshreel.rigging.correctives import Correctives
 from meshreel.rigging.decomposition import scattered
-from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, Singles, composed
+from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, composed
 from meshreel.rigging.skeleton import Skeleton
 
 FULL = 255
 """Sum of the weights of a vertex."""
-
-Bytes = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Bytes
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.container import (
     JOINTS,
@@ -49,8 +50,6 @@ from meshreel.runtime.counting import counted
 NORMAL_LEVELS = 127
 POSE_DIGITS, EXACT_DIGITS = 4, 9
 """Significant digits of the pose of nodes in the first frame, and of float32 values."""
-
-Bytes = npt.NDArray[np.uint8]
 
 
 def write_any_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:

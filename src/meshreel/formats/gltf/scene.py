@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.animation import Nodes, compose
+from meshreel.formats.gltf.animation import Nodes, compose, unit
 from meshreel.formats.gltf.document import INSTANCING, Document, JsonObject
 from meshreel.formats.gltf.geometry import (
     Geometry,
@@ -21,7 +21,6 @@ from meshreel.formats.gltf.geometry import (
 )
 from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.geometry.hard_edges import merged_edges
-from meshreel.model.geometry.rotations import unit
 from meshreel.model.surface import Attribute, Domain, Surface
 
 INSTANCE_DEFAULTS: dict[str, tuple[int, ...]] = {

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve
-from meshreel.model.geometry.rotations import slerp
+from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve, slerp
 
 KEYS = np.array([1.0, 1.5, 3.0])
 VALUES = np.array([[0.0, 1.0], [2.0, 1.0], [-1.0, 4.0]])
