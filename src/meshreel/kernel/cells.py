@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.kernel.library import call, encoded
+from meshreel.kernel.order import BYTES_EACH
 
 Int32s = npt.NDArray[np.int32]
 Types = npt.NDArray[np.uint8]
@@ -16,7 +17,7 @@ Types = npt.NDArray[np.uint8]
 MAX_CELLS, MAX_NODES = 1 << 26, 1 << 28
 """Largest numbers of cells, and of nodes of all cells together."""
 
-NODE_BYTES, MORE_BYTES, ORDER_BYTES = 16, 64, 32
+NODE_BYTES, MORE_BYTES = 16, 64
 
 
 class CellSurface(NamedTuple):
@@ -175,6 +176,6 @@ def encode_cells_order(cells: EncodedCells) -> bytes:
         *shape[1:],
         *sequences,
         what="orders",
-        capacity=ORDER_BYTES * (n_cells + n_verts + 1),
+        capacity=BYTES_EACH * (n_cells + n_verts + 1),
         memory_of=("reel_cells_order_memory", *shape),
     )

@@ -10,7 +10,7 @@ Integers = npt.NDArray[np.int32]
 AnyIntegers = npt.NDArray[np.integer]
 
 BYTES_EACH = 32
-"""Upper bound of the bytes of a vertex or a face."""
+"""Upper bound of the bytes of a vertex, a face or a cell."""
 
 MAX_FACES = 1 << 29
 

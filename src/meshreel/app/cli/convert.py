@@ -7,7 +7,7 @@ import click
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import Encoding, encoding
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import MESHES, SplitOption, reading
+from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
     OUTPUT_ERROR,
@@ -39,17 +39,7 @@ def convert_command(
     output: OutputOption,
     reading: Annotated[
         "ReadOptions",
-        reading(
-            "fps",
-            *MESHES,
-            "topology",
-            "dataset",
-            "displace",
-            "resample",
-            "keep_deleted",
-            "attributes",
-            "register",
-        ),
+        reading(*WHOLE_SEQUENCES),
     ],
     writing: Annotated[dict[str, Any], WRITING],
     encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR, kg=OUTPUT_KG)],

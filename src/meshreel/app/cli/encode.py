@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
-from meshreel.app.cli.read_options import MESHES, SplitOption, reading
+from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import StreamOption
 
@@ -35,17 +35,7 @@ def encode_command(
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
         "ReadOptions",
-        reading(
-            "fps",
-            *MESHES,
-            "topology",
-            "dataset",
-            "displace",
-            "resample",
-            "keep_deleted",
-            "attributes",
-            "register",
-        ),
+        reading(*WHOLE_SEQUENCES),
     ],
     output: StreamOption = None,
     track: TrackOption = (),

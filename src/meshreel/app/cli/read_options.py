@@ -45,6 +45,12 @@ MAX_FPS = 1e6
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
+WHOLE_SEQUENCES = (
+    "fps", *MESHES, "topology", "dataset", "displace", "resample", "keep_deleted", "attributes",
+    "register",
+)  # fmt: skip
+"""All options of commands that read a sequence to write it."""
+
 
 def _option(annotation: Any, help: str, metavar: str = "", **settings: Any) -> Option:
     return Option(help, metavar=metavar, annotation=annotation, group=READING, **settings)

@@ -180,10 +180,11 @@ class _States:
     def _surface(self, index: int) -> CellSurface:
         """Return the surface of the cells that exist in a state, cached while they are equal."""
         layout, state = self._states[index]
-        is_alive = layout.is_alive(state)
         if self._keeps_deleted:
-            is_alive[:] = True
-        elif not is_alive.all():
+            is_alive = np.ones(len(layout.cells.types), bool)
+        else:
+            is_alive = layout.is_alive(state)
+        if not is_alive.all():
             add_note(self._notes, NoteKind.SEGMENTS, "deleted elements", DELETED)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
