@@ -523,38 +523,41 @@ static int64_t code_items(reel_range_coder *coder, reel_arena arena, const item_
     return 0;
 }
 
-static int64_t code_vertices(reel_range_coder *coder, reel_arena arena, const mesh_order *mesh) {
-    item_graph graph = allocate_graph(&arena, mesh->n_verts, 6 * mesh->n_faces);
-    if (arena.failed) {
-        return reel_failure(REEL_NO_MEMORY, 0);
-    }
-    find_neighbors(&graph, mesh);
-    return code_items(coder, arena, &graph, mesh->sequence);
+/* ---- names of vertices ---- */
+
+/* Names of vertices: numbers in the order of their first use. */
+typedef struct {
+    int64_t n_verts;
+    int32_t n_named;
+    int32_t *name_of;   /* name of each vertex, or -1 */
+    int32_t *vertex_of; /* vertex of each name */
+} vertex_names;
+
+static size_t names_bytes(int64_t n_verts) {
+    return 2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t));
 }
 
-/* ---- both ---- */
+static vertex_names start_names(reel_arena *arena, int64_t n_verts) {
+    vertex_names names = {n_verts, 0, reel_allocate(arena, (size_t)n_verts, sizeof(int32_t)),
+                          reel_allocate(arena, (size_t)n_verts, sizeof(int32_t))};
+    for (int64_t i = 0; !arena->failed && i < n_verts; i++) {
+        names.name_of[i] = -1;
+    }
+    return names;
+}
 
-/* Rename vertices by their first use in the coded faces, unused ones last: `faces` receives the
-   faces in new names, `vertex_of` the vertex of each name, `name_of` the name of each vertex. */
-static void name_vertices(const mesh_order *mesh, int32_t *faces, int32_t *name_of,
-                          int32_t *vertex_of) {
-    int32_t clock = 0;
-    for (int64_t i = 0; i < mesh->n_verts; i++) {
-        name_of[i] = -1;
+/* The name of a vertex, which gets the next one at its first use. */
+static int32_t name_vertex(vertex_names *names, int32_t vertex) {
+    if (names->name_of[vertex] < 0) {
+        names->vertex_of[names->n_named] = vertex;
+        names->name_of[vertex] = names->n_named++;
     }
-    for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
-        int32_t vertex = mesh->faces[side_of(mesh->corners[i / 3], (int)(i % 3))];
-        if (name_of[vertex] < 0) {
-            vertex_of[clock] = vertex;
-            name_of[vertex] = clock++;
-        }
-        faces[i] = name_of[vertex];
-    }
-    for (int32_t i = 0; i < mesh->n_verts; i++) {
-        if (name_of[i] < 0) {
-            vertex_of[clock] = i;
-            name_of[i] = clock++;
-        }
+    return names->name_of[vertex];
+}
+
+static void name_unused(vertex_names *names) {
+    for (int32_t i = 0; i < names->n_verts; i++) {
+        name_vertex(names, i);
     }
 }
 
@@ -564,41 +567,66 @@ static void rename_vertices(int32_t *vertices, int64_t n, const int32_t *names) 
     }
 }
 
-static int64_t code_order(reel_range_coder *coder, reel_arena arena, const mesh_order *mesh,
-                          bool with_faces) {
-    if (!with_faces) {
-        int64_t failed = code_vertices(coder, arena, mesh);
-        return failed ? failed : reel_finish(coder);
-    }
-    size_t verts = (size_t)mesh->n_verts;
-    mesh_order named = *mesh;
-    int32_t *faces = reel_allocate(&arena, 3 * (size_t)mesh->n_faces, sizeof *faces);
-    int32_t *name_of = reel_allocate(&arena, verts, sizeof *name_of);
-    int32_t *vertex_of = reel_allocate(&arena, verts, sizeof *vertex_of);
-    reel_arena for_faces = arena; /* memory of the faces is reused for the vertices */
-    int64_t failed = arena.failed ? 0 : code_faces(coder, &for_faces, mesh);
-    if (arena.failed || failed) {
-        return failed ? failed : reel_failure(REEL_NO_MEMORY, 0);
-    }
-    name_vertices(mesh, faces, name_of, vertex_of);
-    named.faces = faces;
+/* Code vertices in their original order, `sequence`, given the graph of their names. */
+static int64_t code_named(reel_range_coder *coder, reel_arena arena, const item_graph *graph,
+                          const vertex_names *names, int32_t *sequence) {
     if (reel_is_encoder(coder)) {
-        rename_vertices(mesh->sequence, mesh->n_verts, name_of);
+        rename_vertices(sequence, names->n_verts, names->name_of);
     }
-    failed = code_vertices(coder, arena, &named);
-    if (failed) {
-        return failed;
+    int64_t result = code_items(coder, arena, graph, sequence);
+    rename_vertices(sequence, result < 0 ? 0 : names->n_verts, names->vertex_of);
+    return result;
+}
+
+/* ---- faces, then their vertices ---- */
+
+static int64_t code_vertices(reel_range_coder *coder, reel_arena arena, const mesh_order *mesh) {
+    item_graph graph = allocate_graph(&arena, mesh->n_verts, 6 * mesh->n_faces);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
     }
-    rename_vertices(mesh->sequence, mesh->n_verts, vertex_of);
-    return reel_finish(coder);
+    find_neighbors(&graph, mesh);
+    return code_items(coder, arena, &graph, mesh->sequence);
+}
+
+static int64_t code_face_vertices(reel_range_coder *coder, reel_arena arena,
+                                  const mesh_order *mesh) {
+    mesh_order named = *mesh;
+    vertex_names names = start_names(&arena, mesh->n_verts);
+    int32_t *faces = reel_allocate(&arena, 3 * (size_t)mesh->n_faces, sizeof *faces);
+    item_graph graph = allocate_graph(&arena, mesh->n_verts, 6 * mesh->n_faces);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    for (int64_t i = 0; i < 3 * mesh->n_faces; i++) {
+        faces[i] = name_vertex(&names, mesh->faces[side_of(mesh->corners[i / 3], (int)(i % 3))]);
+    }
+    name_unused(&names);
+    named.faces = faces;
+    find_neighbors(&graph, &named);
+    return code_named(coder, arena, &graph, &names, mesh->sequence);
+}
+
+static int64_t code_order(reel_range_coder *coder, void *memory, size_t memory_size,
+                          const mesh_order *mesh, bool with_faces) {
+    int64_t result = 0;
+    if (with_faces) {
+        reel_arena arena = reel_arena_of(memory, memory_size);
+        result = code_faces(coder, &arena, mesh);
+    }
+    if (result >= 0) { /* memory of the faces is reused for the vertices */
+        reel_arena arena = reel_arena_of(memory, memory_size);
+        result = with_faces ? code_face_vertices(coder, arena, mesh)
+                            : code_vertices(coder, arena, mesh);
+    }
+    return result < 0 ? result : reel_finish(coder);
 }
 
 size_t reel_order_memory(int64_t n_verts, int64_t n_faces) {
     size_t faces = face_coder_bytes(n_faces);
-    size_t verts = graph_bytes(n_verts, 6 * n_faces) + item_coder_bytes(n_verts);
-    return (faces > verts ? faces : verts) +
-           reel_array_bytes(3 * (size_t)n_faces, sizeof(int32_t)) +
-           2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t));
+    size_t verts = names_bytes(n_verts) + reel_array_bytes(3 * (size_t)n_faces, sizeof(int32_t)) +
+                   graph_bytes(n_verts, 6 * n_faces) + item_coder_bytes(n_verts);
+    return faces > verts ? faces : verts;
 }
 
 int64_t reel_order_encode(void *memory, size_t memory_size, const int32_t *faces,
@@ -607,7 +635,7 @@ int64_t reel_order_encode(void *memory, size_t memory_size, const int32_t *faces
                           size_t capacity) {
     mesh_order mesh = {faces, twins, n_verts, n_faces, corners, sequence};
     reel_range_coder coder = reel_start_encoder(out, capacity);
-    return code_order(&coder, reel_arena_of(memory, memory_size), &mesh, with_faces != 0);
+    return code_order(&coder, memory, memory_size, &mesh, with_faces != 0);
 }
 
 int64_t reel_order_decode(void *memory, size_t memory_size, const uint8_t *in, size_t size,
@@ -616,7 +644,7 @@ int64_t reel_order_decode(void *memory, size_t memory_size, const uint8_t *in, s
                           int32_t *sequence) {
     mesh_order mesh = {faces, twins, n_verts, n_faces, corners, sequence};
     reel_range_coder coder = reel_start_decoder(in, size);
-    return code_order(&coder, reel_arena_of(memory, memory_size), &mesh, with_faces != 0);
+    return code_order(&coder, memory, memory_size, &mesh, with_faces != 0);
 }
 
 /* ---- cells, then their vertices ---- */
@@ -661,61 +689,39 @@ static int64_t code_cells(reel_range_coder *coder, reel_arena arena, const cell_
     return result < 0 ? result : code_items(coder, arena, &graph, order->cell_sequence);
 }
 
-/* Rename vertices by their first use in the cells in original order, unused ones last: `nodes`
-   receives the nodes of the cells in new names, `vertex_of` the vertex of each name, `name_of` the
-   name of each vertex. `starts` is scratch for n_cells + 1 numbers. */
-static void name_nodes(const cell_order *order, int32_t *starts, int32_t *nodes, int32_t *name_of,
-                       int32_t *vertex_of) {
-    int32_t n_named = 0;
+/* Name vertices by their first use in the cells in original order, unused ones last: `nodes`
+   receives the nodes of the cells in new names. `starts` is scratch for n_cells + 1 numbers. */
+static void name_nodes(const cell_order *order, vertex_names *names, int32_t *starts,
+                       int32_t *nodes) {
     starts[0] = 0;
     for (int64_t i = 0; i < order->n_cells; i++) {
         starts[i + 1] = starts[i] + (int32_t)reel_cell_size(order->types[i]);
     }
-    for (int64_t v = 0; v < order->n_verts; v++) {
-        name_of[v] = -1;
-    }
     for (int64_t i = 0; i < order->n_cells; i++) {
         int32_t cell = order->cell_sequence[i];
         for (int32_t k = starts[cell]; k < starts[cell + 1]; k++) {
-            if (name_of[order->nodes[k]] < 0) {
-                vertex_of[n_named] = order->nodes[k];
-                name_of[order->nodes[k]] = n_named++;
-            }
-            nodes[k] = name_of[order->nodes[k]];
+            nodes[k] = name_vertex(names, order->nodes[k]);
         }
     }
-    for (int32_t v = 0; v < order->n_verts; v++) {
-        if (name_of[v] < 0) {
-            vertex_of[n_named] = v;
-            name_of[v] = n_named++;
-        }
-    }
+    name_unused(names);
 }
 
 static int64_t code_cell_vertices(reel_range_coder *coder, reel_arena arena,
                                   const cell_order *order) {
     cell_order named = *order;
     item_graph graph;
+    vertex_names names = start_names(&arena, order->n_verts);
     int32_t *nodes = reel_allocate(&arena, (size_t)order->n_nodes, sizeof *nodes);
-    int32_t *name_of = reel_allocate(&arena, (size_t)order->n_verts, sizeof *name_of);
-    int32_t *vertex_of = reel_allocate(&arena, (size_t)order->n_verts, sizeof *vertex_of);
     reel_arena scratch = arena;
     int32_t *starts = reel_allocate(&scratch, (size_t)order->n_cells + 1, sizeof *starts);
     if (scratch.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    name_nodes(order, starts, nodes, name_of, vertex_of);
+    name_nodes(order, &names, starts, nodes);
     named.nodes = nodes;
     int64_t result = find_cell_graph(&arena, &named, false, &graph);
-    if (result < 0) {
-        return result;
-    }
-    if (reel_is_encoder(coder)) {
-        rename_vertices(order->vertex_sequence, order->n_verts, name_of);
-    }
-    result = code_items(coder, arena, &graph, order->vertex_sequence);
-    rename_vertices(order->vertex_sequence, result < 0 ? 0 : order->n_verts, vertex_of);
-    return result;
+    return result < 0 ? result
+                      : code_named(coder, arena, &graph, &names, order->vertex_sequence);
 }
 
 static int64_t code_cell_order(reel_range_coder *coder, void *memory, size_t memory_size,
@@ -740,8 +746,7 @@ size_t reel_cells_order_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts
         size_t size = graph + (adjacency > coder ? adjacency : coder);
         most = most > size ? most : size;
     }
-    return most + reel_array_bytes((size_t)n_nodes, sizeof(int32_t)) +
-           2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t)) +
+    return most + names_bytes(n_verts) + reel_array_bytes((size_t)n_nodes, sizeof(int32_t)) +
            reel_array_bytes((size_t)n_cells + 1, sizeof(int32_t));
 }
 
