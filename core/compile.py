@@ -110,8 +110,8 @@ SOURCE_HOT: Levels = {
     ),
     **dict.fromkeys(
         (
-            *("connectivity.c", "frames.c", "hierarchy.c", "order.c", "predict.c", "smooth.c"),
-            *("surface.c", "walk.c", "walk_codes.c"),
+            *("connectivity.c", "frames.c", "hierarchy.c", "order.c", "order_items.c", "predict.c"),
+            *("smooth.c", "surface.c", "walk.c", "walk_codes.c"),
         ),
         ("-O2",),
     ),

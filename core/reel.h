@@ -457,7 +457,7 @@ REEL_API int64_t reel_order_decode(void *memory, size_t memory_size, const uint8
                                    int64_t n_faces, int64_t with_faces, int32_t *corners,
                                    int32_t *sequence);
 
-/* The original order of cells, then of their vertices (order.c). Cells and nodes are valid;
+/* The original order of cells, then of their vertices (order_cells.c). Cells and nodes are valid;
    cell_sequence[i] and vertex_sequence[i] are the i-th original cell and vertex. The decoder fills
    them in, and the encoder restores them. Writes at most 32 bytes for each, and 32 more. */
 REEL_API size_t reel_cells_order_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts);

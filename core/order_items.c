@@ -1,0 +1,281 @@
+/* Coding of a permutation of items along a graph, and names of vertices by their first use. */
+
+#include "order_items.h"
+
+#define N_ITEM_WAYS 7 /* ways in which a vertex or cell is coded */
+#define OPEN 5        /* 0: the next item; 1..4: a neighbor; OPEN: an open item */
+#define ANY 6
+#define MAX_NEIGHBORS 16
+
+typedef struct {
+    reel_model next[N_ITEM_WAYS][N_ITEM_WAYS][2];
+    reel_model near[5][N_ITEM_WAYS][N_ITEM_WAYS];
+    reel_model open[N_ITEM_WAYS];
+    reel_leap_model leap, leap_any;
+    int last_ways[2];
+} item_models;
+
+typedef struct {
+    item_models *models;
+    const reel_item_graph *graph;
+    reel_ranks uncoded;
+    reel_ranks open;    /* opening times of uncoded items with a coded neighbor */
+    int32_t *opened_at; /* opening time of each item, or -1 */
+    int32_t *item_at;   /* item that opened at each time */
+    int32_t *opener;    /* item that opened each item */
+    /* Of the items that an item opened, those that no other coded item has as a neighbor are at the
+       end: their first time. */
+    int32_t *first_once;
+    int32_t clock;
+    int64_t last_open, last_any;
+} item_state;
+
+void reel_reset_models(void *models, size_t size) {
+    reel_model *model = models;
+    for (size_t i = 0; i < size / sizeof *model; i++) {
+        model[i] = reel_model_of(32768, 0);
+    }
+}
+
+void reel_reset_leaps(reel_leap_model *model) {
+    reel_reset_integer_model(&model->all);
+    reel_zero(model->by_last, sizeof model->by_last);
+    model->last = 0;
+}
+
+int64_t reel_code_leap(reel_range_coder *coder, reel_leap_model *model, const reel_ranks *set,
+                       int64_t from, int64_t to) {
+    int64_t start = reel_ranks_rank(set, from);
+    int64_t distance = reel_is_encoder(coder) ? reel_ranks_rank(set, to) - start : 0;
+    distance += distance < -(set->size / 2)      ? set->size
+                : distance > (set->size - 1) / 2 ? -set->size
+                                                 : 0;
+    int32_t leap = (int32_t)distance;
+    uint32_t size = model->last < 0 ? 0U - (uint32_t)model->last : (uint32_t)model->last;
+    int length = reel_bit_length(size), sign = model->last > 0 ? 1 : model->last < 0 ? 2 : 0;
+    reel_integer_model *context =
+        &model->by_last[length < REEL_N_LEAP_CLASSES ? length : REEL_N_LEAP_CLASSES - 1];
+    leap = reel_code_integer_in_context(coder, &model->all, context, sign, leap);
+    model->last = leap;
+    int64_t rank = (start + leap) % set->size;
+    return reel_ranks_select(set, rank < 0 ? rank + set->size : rank);
+}
+
+size_t reel_item_graph_bytes(int64_t n, int64_t n_near) {
+    return reel_array_bytes((size_t)n + 2, sizeof(int64_t)) +
+           reel_array_bytes((size_t)n_near, sizeof(int32_t));
+}
+
+reel_item_graph reel_allocate_item_graph(reel_arena *arena, int64_t n, int64_t n_near) {
+    return (reel_item_graph){.n = n,
+                        .starts = reel_allocate(arena, (size_t)n + 2, sizeof(int64_t)),
+                        .near = reel_allocate(arena, (size_t)n_near, sizeof(int32_t))};
+}
+
+size_t reel_item_coder_bytes(int64_t n) {
+    return reel_array_bytes(1, sizeof(item_models)) + 2 * reel_ranks_bytes(n) +
+           4 * reel_array_bytes((size_t)n, sizeof(int32_t));
+}
+
+static item_state start_item_coder(reel_arena *arena, const reel_item_graph *graph) {
+    size_t n = (size_t)graph->n;
+    item_state state = {.models = reel_allocate(arena, 1, sizeof(item_models)), .graph = graph};
+    state.uncoded = reel_ranks_of(arena, graph->n, true);
+    state.open = reel_ranks_of(arena, graph->n, false);
+    state.opened_at = reel_allocate(arena, n, sizeof(int32_t));
+    state.item_at = reel_allocate(arena, n, sizeof(int32_t));
+    state.opener = reel_allocate(arena, n, sizeof(int32_t));
+    state.first_once = reel_allocate(arena, n, sizeof(int32_t));
+    if (arena->failed) {
+        return state;
+    }
+    for (size_t i = 0; i < n; i++) {
+        state.opened_at[i] = -1;
+    }
+    item_models *models = state.models;
+    reel_reset_models(models->next, sizeof models->next);
+    reel_reset_models(models->near, sizeof models->near);
+    reel_reset_models(models->open, sizeof models->open);
+    reel_reset_leaps(&models->leap);
+    reel_reset_leaps(&models->leap_any);
+    models->last_ways[0] = models->last_ways[1] = ANY;
+    return state;
+}
+
+/* Find up to 16 distinct uncoded neighbors, except `next`, in the order in which they opened;
+   returns their number. */
+static int near_items(const item_state *state, int32_t last, int32_t next, int32_t *result) {
+    const reel_item_graph *graph = state->graph;
+    int n = 0;
+    for (int64_t i = graph->starts[last]; i < graph->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
+        int32_t here = graph->near[i];
+        int last_open = n;
+        if (here == next || !reel_ranks_has(&state->uncoded, here)) {
+            continue;
+        }
+        while (last_open > 0 && state->opened_at[result[last_open - 1]] > state->opened_at[here]) {
+            last_open--;
+        }
+        if (last_open > 0 && result[last_open - 1] == here) {
+            continue;
+        }
+        for (int j = n++; j > last_open; j--) {
+            result[j] = result[j - 1];
+        }
+        result[last_open] = here;
+    }
+    return n;
+}
+
+/* Code whether the next item follows the last or is a neighbor of it. Returns it, or -1; `way` is
+   how it was found. */
+static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_t last,
+                              int32_t target, int *way) {
+    item_models *models = state->models;
+    int h = models->last_ways[0], g = models->last_ways[1];
+    int32_t next = last + 1;
+    if (next >= state->graph->n || !reel_ranks_has(&state->uncoded, next)) {
+        next = -1;
+    } else {
+        *way = 0;
+        if (reel_bit(coder, &models->next[h][g][state->opened_at[next] >= 0], target == next)) {
+            return next;
+        }
+    }
+    int32_t result[MAX_NEIGHBORS];
+    int n = last < 0 ? 0 : near_items(state, last, next, result);
+    for (int i = 0; i < n; i++) {
+        reel_model *model =
+            &models->near[i < 4 ? i : 4][n < N_ITEM_WAYS ? n - 1 : N_ITEM_WAYS - 1][h];
+        if (reel_bit(coder, model, target == result[i])) {
+            *way = 1 + (i < 4 ? i : 3);
+            return result[i];
+        }
+    }
+    return -1;
+}
+
+static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t target,
+                             int *way) {
+    item_models *models = state->models;
+    int64_t time = reel_is_encoder(coder) ? state->opened_at[target] : -1, result;
+    if (state->open.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
+        *way = OPEN;
+        result = reel_code_leap(coder, &models->leap, &state->open, state->last_open, time);
+        state->last_open = result;
+        return state->item_at[result];
+    }
+    *way = ANY;
+    result = reel_code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
+    state->last_any = result;
+    return (int32_t)result;
+}
+
+/* Move an open item that a second coded item reached: before those of its opener that none did. */
+static void reach_again(item_state *state, int32_t item) {
+    int32_t *first_once = &state->first_once[state->opener[item]], time = state->opened_at[item];
+    if (time < *first_once) {
+        return;
+    }
+    while (!reel_ranks_has(&state->open, *first_once)) {
+        ++*first_once;
+    }
+    int32_t earlier = (*first_once)++, other = state->item_at[earlier];
+    state->item_at[time] = other;
+    state->opened_at[other] = time;
+    state->item_at[earlier] = item;
+    state->opened_at[item] = earlier;
+}
+
+/* Mark an item as coded: it closes, its neighbors open. */
+static void mark_item_coded(item_state *state, int32_t item) {
+    const reel_item_graph *graph = state->graph;
+    int32_t first_time = state->clock;
+    reel_ranks_change(&state->uncoded, item, -1);
+    if (state->opened_at[item] >= 0) {
+        reel_ranks_change(&state->open, state->opened_at[item], -1);
+    }
+    for (int64_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
+        int32_t here = graph->near[i], time = state->opened_at[here];
+        if (!reel_ranks_has(&state->uncoded, here)) {
+            continue;
+        }
+        if (time < 0) {
+            state->opened_at[here] = state->clock;
+            state->item_at[state->clock] = here;
+            state->opener[here] = item;
+            reel_ranks_change(&state->open, state->clock++, 1);
+        } else if (time < first_time) {
+            reach_again(state, here);
+        }
+    }
+    state->first_once[item] = first_time;
+}
+
+int64_t reel_code_items(reel_range_coder *coder, reel_arena arena, const reel_item_graph *graph,
+                        int32_t *sequence) {
+    item_state state = start_item_coder(&arena, graph);
+    if (arena.failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    int32_t last = -1;
+    for (int64_t i = 0; i < graph->n; i++) {
+        int32_t target = reel_is_encoder(coder) ? sequence[i] : -1;
+        int way;
+        int32_t result = code_near_item(coder, &state, last, target, &way);
+        if (result < 0) {
+            result = code_far_item(coder, &state, target, &way);
+        }
+        sequence[i] = last = result;
+        mark_item_coded(&state, result);
+        state.models->last_ways[1] = state.models->last_ways[0];
+        state.models->last_ways[0] = way;
+    }
+    return 0;
+}
+
+/* ---- names of vertices ---- */
+
+size_t reel_vertex_names_bytes(int64_t n_verts) {
+    return 2 * reel_array_bytes((size_t)n_verts, sizeof(int32_t));
+}
+
+reel_vertex_names reel_start_names(reel_arena *arena, int64_t n_verts) {
+    reel_vertex_names names = {n_verts, 0, reel_allocate(arena, (size_t)n_verts, sizeof(int32_t)),
+                          reel_allocate(arena, (size_t)n_verts, sizeof(int32_t))};
+    for (int64_t i = 0; !arena->failed && i < n_verts; i++) {
+        names.name_of[i] = -1;
+    }
+    return names;
+}
+
+int32_t reel_name_vertex(reel_vertex_names *names, int32_t vertex) {
+    if (names->name_of[vertex] < 0) {
+        names->vertex_of[names->n_named] = vertex;
+        names->name_of[vertex] = names->n_named++;
+    }
+    return names->name_of[vertex];
+}
+
+void reel_name_unused(reel_vertex_names *names) {
+    for (int32_t i = 0; i < names->n_verts; i++) {
+        reel_name_vertex(names, i);
+    }
+}
+
+static void rename_vertices(int32_t *vertices, int64_t n, const int32_t *names) {
+    for (int64_t i = 0; i < n; i++) {
+        vertices[i] = names[vertices[i]];
+    }
+}
+
+int64_t reel_code_named(reel_range_coder *coder, reel_arena arena, const reel_item_graph *graph,
+                        const reel_vertex_names *names, int32_t *sequence) {
+    if (reel_is_encoder(coder)) {
+        rename_vertices(sequence, names->n_verts, names->name_of);
+    }
+    int64_t result = reel_code_items(coder, arena, graph, sequence);
+    rename_vertices(sequence, result < 0 ? 0 : names->n_verts, names->vertex_of);
+    return result;
+}
+

@@ -1,0 +1,67 @@
+/* Coding of a permutation of items along a graph: vertices along edges, or cells across sides, in
+   the order in which a file lists them. docs/format.md, "ORDER", "Vertices". */
+
+#ifndef REEL_ORDER_ITEMS_H
+#define REEL_ORDER_ITEMS_H
+
+#include "integers.h"
+#include "ranks.h"
+
+#define REEL_N_LEAP_CLASSES 10 /* classes of leap lengths */
+
+typedef struct {
+    reel_integer_model all;
+    reel_integer_model by_last[REEL_N_LEAP_CLASSES];
+    int32_t last;
+} reel_leap_model;
+
+/* Set all models of a struct of them to even odds. */
+void reel_reset_models(void *models, size_t size);
+
+void reel_reset_leaps(reel_leap_model *model);
+
+/* Code a leap between members of a nonempty set, from the rank of `from` to that of `to`, modulo
+   its size. Returns the member reached. */
+int64_t reel_code_leap(reel_range_coder *coder, reel_leap_model *model, const reel_ranks *set,
+                       int64_t from, int64_t to);
+
+/* Items with neighbors: vertices of faces or cells, or cells that share sides. The neighbors of
+   item i are near[starts[i]] .. near[starts[i + 1] - 1], in a defined order, with repetitions. */
+typedef struct {
+    int64_t n;
+    int64_t *starts; /* n + 2, of which the last is for construction */
+    int32_t *near;
+} reel_item_graph;
+
+size_t reel_item_graph_bytes(int64_t n, int64_t n_near);
+
+reel_item_graph reel_allocate_item_graph(reel_arena *arena, int64_t n, int64_t n_near);
+
+size_t reel_item_coder_bytes(int64_t n);
+
+/* Code the items in their original order, `sequence`. */
+int64_t reel_code_items(reel_range_coder *coder, reel_arena arena, const reel_item_graph *graph,
+                        int32_t *sequence);
+
+/* Names of vertices: numbers in the order of their first use. */
+typedef struct {
+    int64_t n_verts;
+    int32_t n_named;
+    int32_t *name_of;   /* name of each vertex, or -1 */
+    int32_t *vertex_of; /* vertex of each name */
+} reel_vertex_names;
+
+size_t reel_vertex_names_bytes(int64_t n_verts);
+
+reel_vertex_names reel_start_names(reel_arena *arena, int64_t n_verts);
+
+/* The name of a vertex, which gets the next one at its first use. */
+int32_t reel_name_vertex(reel_vertex_names *names, int32_t vertex);
+
+void reel_name_unused(reel_vertex_names *names);
+
+/* Code vertices in their original order, `sequence`, given the graph of their names. */
+int64_t reel_code_named(reel_range_coder *coder, reel_arena arena, const reel_item_graph *graph,
+                        const reel_vertex_names *names, int32_t *sequence);
+
+#endif
