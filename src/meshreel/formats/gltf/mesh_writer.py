@@ -13,6 +13,7 @@ from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.morph_mesh import MorphMesh
 from meshreel.formats.gltf.morphs import BYTE
 from meshreel.formats.scenes.parts import PartMesh
+from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.kernel.polygons import triangle_corners
@@ -120,8 +121,8 @@ def split_at_seams(
     return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
 
 
-def describe_losses(surface: Surface) -> Iterator[str]:
-    """Yield a sentence for everything of a surface that glTF cannot store."""
+def describe_losses(surface: Surface, n_triangles: int) -> Iterator[str]:
+    """Yield a sentence for everything of a surface of triangles that glTF cannot store."""
     for attribute in surface.of_kind(Kind.COLOR):
         values, maximum = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
         if values.size and (values.min() < 0 or values.max() > maximum):
@@ -134,6 +135,8 @@ def describe_losses(surface: Surface) -> Iterator[str]:
     for groups in surface.groups:
         if groups.name != MATERIAL:
             yield f"left out face groups {groups.name!r}: glTF supports only materials"
+    if cut := describe_triangles(surface.sizes(n_triangles)):
+        yield cut
 
 
 def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:

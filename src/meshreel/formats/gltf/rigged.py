@@ -41,7 +41,6 @@ from meshreel.formats.notes import add_once
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.rig import Rig
@@ -88,8 +87,7 @@ def _write(
     times_s = np.asarray(frame_times(stream))
     sequence, rig = rig_of(stream, options, times_s)
     check_range(sequence.extent.low, sequence.extent.high)
-    cut = describe_triangles(sequence.surface.sizes(len(sequence.faces)))
-    add_once(stream.notes, filter(None, [*describe_losses(sequence.surface), cut]))
+    add_once(stream.notes, describe_losses(sequence.surface, len(sequence.faces)))
     scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
     document = scene.document()
     size_bytes = write(document, scene.buffer)

@@ -35,7 +35,6 @@ from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.notes import NoteKind, add_note, add_once, written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
@@ -95,8 +94,7 @@ def _write(
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
-        cut = describe_triangles(mesh.surface.sizes(len(mesh.faces)))
-        add_once(notes, filter(None, [*describe_losses(mesh.surface), cut]))
+        add_once(notes, describe_losses(mesh.surface, len(mesh.faces)))
 
     sharing, _ = sharing_materials(stream, note_losses)
     times_s = frame_times(stream)

@@ -16,7 +16,6 @@ from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.notes import written_rate
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF_SPACE, MeshSpace
 from meshreel.formats.vat.grid import WIDTHS, TexelGrid, fit_grid
 from meshreel.formats.vat.layouts import (
@@ -150,9 +149,7 @@ def _selected(option: str, name: str, choices: Mapping[str, Choice]) -> Choice:
 def _note_losses(stream: FrameStream) -> float:
     """Note what the folder cannot store, and return the frame rate to write."""
     notes, surface = stream.notes, stream.surface
-    notes.extend(describe_losses(surface))
-    if cut := describe_triangles(surface.sizes(len(stream.faces))):
-        notes.append(cut)
+    notes.extend(describe_losses(surface, len(stream.faces)))
     if surface.parts:
         notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
     if start_s := stream.timing.start_s:

@@ -124,7 +124,8 @@ def test_describe_losses_names_what_gltf_cannot_store():
     integer = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), np.int32, "id")
     bright = attribute(Kind.COLOR, Domain.VERTEX, np.full((6, 3), 2.0), name="hot")
     groups = (FaceGroups("group", ("left",), np.zeros(2, np.int32)),)
-    assert list(describe_losses(two_quads(wide, integer, bright, groups=groups).surface)) == [
+    surface = two_quads(wide, integer, bright, groups=groups).surface  # of triangles
+    assert list(describe_losses(surface, 4)) == [
         "clipped colors 'hot' to 0..1",
         "left out attribute 'wide': glTF does not support 5 components of float32",
         "left out attribute 'id': glTF does not support 1 components of int32",
