@@ -2,6 +2,7 @@
 
 import io
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from meshreel.model.materials import Image as FileImage
 from meshreel.model.materials import Material, Texture
 from meshreel.model.surface import FaceGroups
 from samples.browser import checked_rules
-from samples.element_pages import picture, press, settled, showing, text_of, until
+from samples.element_pages import PATIENCE_S, picture, press, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
 from samples.web_package import DIST, serving
 
@@ -109,12 +110,18 @@ def redness(page):
     return (red - green > 100).mean()
 
 
+def until_red(page):
+    """Wait until the red image is drawn."""
+    end = time.monotonic() + PATIENCE_S
+    while redness(page) <= 0.05:
+        assert time.monotonic() < end, f"waited {PATIENCE_S} s for the red image"
+        page.wait_for_timeout(50)
+
+
 def test_images_of_the_file_are_drawn_when_the_player_is_paused(shown):
     page = shown('<reel-player src="/red.reel"></reel-player>', script=SLOW_IMAGES)
     settled(page)
-    until(page, "player.mesh.material.map ?? player.mesh.material[0]?.map")
-    page.wait_for_timeout(300)
-    assert redness(page) > 0.05
+    until_red(page)
 
 
 LARGE_IMAGES = """
@@ -169,7 +176,7 @@ def test_error_is_cleared_when_the_context_is_restored(shown):
     until(page, "player.error === null")
     assert text_of(page, "[role=alert]") == ""
     settled(page)
-    assert redness(page) > 0.05
+    until_red(page)
     page.evaluate("player.remove()")  # frees all resources
     page.wait_for_timeout(100)
 
