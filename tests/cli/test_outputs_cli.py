@@ -165,6 +165,30 @@ def test_convert_writes_the_same_stream_as_encode(folder, options):
         assert converted[name] == encoded[name]
 
 
+@pytest.mark.parametrize("source", ["walk.npz", "walk.reel"])
+def test_rig_is_shown_with_its_errors_parts_and_alternatives(folder, source):
+    command = "decode" if source.endswith(".reel") else "convert"
+    options = ["-o", "rig.glb", "--rig", 4, "--max-error", 5, "--kg", 5]
+    figures = run_json(command, source, *options, "--force", cwd=folder)
+    size = (folder / "rig.glb").stat().st_size
+    assert figures["size_bytes"] == sum(figures["sizes_bytes"].values()) == size
+    assert {*figures["sizes_bytes"]} >= {"mesh", "weights", "bones and keys"}
+    errors = meshreel.compare(meshreel.load(folder / source), meshreel.load(folder / "rig.glb"))
+    assert figures["rig"]["kg_percent"] == pytest.approx(errors.kg_error_percent, abs=1e-3)
+    assert figures["rig"]["n_bones"] <= 4
+    run(command, source, *options[:2], "--max-error", 5, "--force", cwd=folder)
+    alternatives = figures["alternatives_bytes"]
+    assert alternatives.pop("morph targets") == (folder / "rig.glb").stat().st_size
+    if command == "decode":
+        assert alternatives == {".reel (input)": (folder / source).stat().st_size}
+    else:
+        stream = meshreel.encode(meshreel.load(folder / source), kg=5)
+        assert alternatives == {".reel": len(stream)}
+    done = run(command, source, *options, "--force", cwd=folder)
+    for row in ("KG error", "largest error", "normal error", "as morph targets", "as .reel"):
+        assert row in done.stdout
+
+
 def test_convert_prints_error_and_bound_of_a_stream(folder):
     done = run("convert", "walk.npz", "-o", "b.reel", "--max-error", 0.1, cwd=folder)
     shown = " ".join(done.stdout.split())

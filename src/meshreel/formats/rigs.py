@@ -1,5 +1,8 @@
 """Rigs of the animations that writers receive, and sentences on them."""
 
+from dataclasses import asdict
+from typing import Any
+
 import numpy as np
 
 from meshreel.arrays import Floats
@@ -79,7 +82,7 @@ def rig_of(
         force=options.force,
         progress=stream.progress,
     )
-    stream.notes.append(describe_rig(rig))
+    stream.report({"rig": rig_figures(rig)}, describe_rig(rig))
     if rig.errors.kg_percent > kg or rig.errors.largest_percent > largest:
         stream.notes.append(
             f"the rig exceeds its error bounds: a KG error of {kg:g} % and a largest error of "
@@ -87,6 +90,11 @@ def rig_of(
         )
     stream.notes += budget.describe(rig.errors.largest_percent / 100 * diagonal)
     return sequence, rig
+
+
+def rig_figures(rig: Rig) -> dict[str, Any]:
+    """Return the size and the errors of a rig, for tables and JSON."""
+    return {"n_bones": rig.n_bones, "n_targets": rig.n_targets, **asdict(rig.errors)}
 
 
 def describe_rig(rig: Rig) -> str:

@@ -124,6 +124,7 @@ def save_part(
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
     notes: list[str] | None = None,
+    figures: dict[str, Any] | None = None,
 ) -> list[Path]:
     """Save a range of frames; return the written files. See `save`.
 
@@ -135,6 +136,8 @@ def save_part(
         Number of the first file of a pattern; default the number of its frame.
     inputs : iterable of Path
         Further input files, which are never replaced.
+    figures : dict of str to any, optional
+        Receives the errors and the sizes of a rig, which otherwise are notes.
     sequence, output, overwrite, options, progress, notes
         As in `save`.
 
@@ -147,7 +150,7 @@ def save_part(
         sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
-    stream = SegmentedStream(sequence, wanted, progress=progress, notes=notes)
+    stream = SegmentedStream(sequence, wanted, progress=progress, notes=notes, figures=figures)
     stream = stream.changed(partial(_with_supported_tracks, output))
     paths = _checked_paths(
         output,

@@ -90,11 +90,13 @@ class Conversion:
         The size of a stream is compared with that of the inputs unless the frames are a part.
         """
         from meshreel.app.cli.encoded_file import encode_file
+        from meshreel.app.cli.rig_figures import size_as_morph_targets, size_as_stream
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
 
         frames = chosen_frames(chosen, sequence.n_frames, self.notes)
         is_part = is_part or len(frames) < sequence.n_frames
+        figures: dict[str, Any] = {}
         if is_stream(output):
             stream = encode_file(
                 sequence.part(frames), Path(output), self.config, self.notes,
@@ -103,15 +105,22 @@ class Conversion:
                 input_bytes=None if is_part else self._input_bytes(),
             )  # fmt: skip
             self.streams.append(stream)
-            figures = written_figures([Path(output)], sequence, len(frames), self.target)
+            figures |= written_figures([Path(output)], sequence, len(frames), self.target)
             self.figures.append({**figures, **stream.figures()})
             return
         written = save_part(
             sequence, frames, output,
             overwrite=self.force, start_number=self._number(output, frames, first),
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
+            figures=figures,
         )  # fmt: skip
-        self.figures.append(written_figures(written, sequence, len(frames), self.target))
+        if "rig" in figures:
+            sizes = size_as_morph_targets(sequence, frames, written[0], self.options, self.progress)
+            if self.options.origin is None:
+                sizes |= size_as_stream(sequence.part(frames), self.options, self.progress)
+            figures["alternatives_bytes"] = sizes
+        figures |= written_figures(written, sequence, len(frames), self.target)
+        self.figures.append(figures)
 
     def _input_bytes(self) -> int | None:
         """Return the bytes of the inputs and of files that they refer to; None of one object."""

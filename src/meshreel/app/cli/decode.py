@@ -78,6 +78,7 @@ def decode_command(
 
     from meshreel.app.cli.console import print_json, print_notes, progress_bar
     from meshreel.app.cli.read_options import refuse_other_formats
+    from meshreel.app.cli.rig_figures import size_as_morph_targets
     from meshreel.app.cli.write_options import (
         checked_bound,
         chosen_frames,
@@ -117,6 +118,7 @@ def decode_command(
             errors_naming(source),
         ):
             numbers = chosen_frames(chosen, reel.n_frames, notes)
+            figures: dict[str, Any] = {}
             written = save_part(
                 reel,
                 numbers,
@@ -127,8 +129,14 @@ def decode_command(
                 options=options,
                 progress=progress,
                 notes=notes,
+                figures=figures,
             )
-            figures = written_figures(written, reel, len(numbers), target)
+            if "rig" in figures:
+                sizes = size_as_morph_targets(reel, numbers, written[0], options, progress)
+                if len(numbers) == reel.n_frames:
+                    sizes[".reel (input)"] = reel.size_bytes
+                figures["alternatives_bytes"] = sizes
+            figures |= written_figures(written, reel, len(numbers), target)
     if not reel.is_whole:
         notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)

@@ -265,6 +265,7 @@ def written_figures(
 def print_written(figures: dict[str, Any]) -> None:
     """Print the result of `written_figures` as a table."""
     from meshreel.app.cli.console import print_table
+    from meshreel.app.cli.rig_figures import rig_rows
     from meshreel.formats.registry import FRAME_FORMATS
     from meshreel.runtime.counting import counts_text, size_text
 
@@ -274,13 +275,11 @@ def print_written(figures: dict[str, Any]) -> None:
     if last.parent != first.parent:
         noun = "frames" if last.suffix in FRAME_FORMATS else "images"
         title = f"{names[0]}, {noun} in {last.parent.name}"
-    print_table(
-        title,
-        {
-            "sequence": counts_text(
-                frame=figures["n_frames"], vertex=figures["n_verts"], face=figures["n_faces"]
-            ),
-            "files": str(len(names)),
-            "size": size_text(figures["size_bytes"]),
-        },
-    )
+    rows = {
+        "sequence": counts_text(
+            frame=figures["n_frames"], vertex=figures["n_verts"], face=figures["n_faces"]
+        ),
+        "files": str(len(names)),
+        "size": size_text(figures["size_bytes"]),
+    }
+    print_table(title, rows | rig_rows(figures) if "rig" in figures else rows)

@@ -139,6 +139,9 @@ class SegmentedStream:
         those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
     data_files : list of tuple of str and Path
         Further files that the file refers to: name in the file, and path to write.
+    figures : dict of str to any, or None
+        Receives figures of the written file, such as errors; if None, the notes receive them as
+        sentences.
     """
 
     def __init__(
@@ -148,6 +151,7 @@ class SegmentedStream:
         *,
         progress: Progress = silent,
         notes: list[str] | None = None,
+        figures: dict[str, Any] | None = None,
     ) -> None:
         wanted = range(sequence.n_frames) if wanted is None else wanted
         self._sequence: Any = sequence
@@ -163,6 +167,7 @@ class SegmentedStream:
         self.notes: list[str] = notes if notes is not None else []
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
+        self.figures = figures
         self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
         self._kept: dict[int, tuple[Faces, Surface]] = {}
         self._kept_bytes = 0
@@ -172,6 +177,13 @@ class SegmentedStream:
         changed, before = copy(self), self._change
         changed._change = lambda segment: change(before(segment))
         return changed
+
+    def report(self, figures: dict[str, Any], sentence: str) -> None:
+        """Add figures of the written file, or a note with them."""
+        if self.figures is None:
+            self.notes.append(sentence)
+        else:
+            self.figures |= figures
 
     @property
     def dtype(self) -> np.dtype[np.floating]:

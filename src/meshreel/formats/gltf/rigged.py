@@ -91,7 +91,9 @@ def _write(
     scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
     document = scene.document()
     size_bytes = write(document, scene.buffer)
-    stream.notes.append(scene.describe_size(size_bytes))
+    sizes = scene.sizes_in_file(size_bytes)
+    shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
+    stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {shown}")
     for extension in scene.buffer.required:
         stream.notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
@@ -146,11 +148,10 @@ class _RiggedScene:
         )
         return document | {"skins": [{"inverseBindMatrices": binds, "joints": bones}]}
 
-    def describe_size(self, size_bytes: int) -> str:
-        """Return a sentence with the size of the file by purpose."""
+    def sizes_in_file(self, size_bytes: int) -> dict[str, int]:
+        """Return the bytes of the file by purpose."""
         parts = {**self.sizes, "description": size_bytes - sum(self.sizes.values())}
-        shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in parts.items() if size)
-        return f"{size_bytes / 1e3:.0f} kB: {shown}"
+        return {name: size for name, size in parts.items() if size}
 
     def _count(self, purpose: str) -> None:
         """Count the bytes since the last count for a purpose."""

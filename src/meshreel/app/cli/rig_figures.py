@@ -1,0 +1,66 @@
+"""Figures of a written rig beside morph targets and a .reel of the same frames."""
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from meshreel.runtime.counting import counted, size_text
+
+if TYPE_CHECKING:
+    from meshreel.formats.options import AnySource, WriteOptions
+    from meshreel.model.sequence import MeshSequence
+    from meshreel.runtime.progress import Progress
+
+GLTF = (".glb", ".gltf")
+
+
+def size_as_morph_targets(
+    sequence: "AnySource",
+    frames: range,
+    output: Path,
+    options: "WriteOptions",
+    progress: "Progress",
+) -> dict[str, int]:
+    """Return the bytes of a glTF output as morph targets with the same bound of the largest error.
+
+    Other outputs have no such alternative.
+    """
+    from meshreel.formats.save import save_part
+    from meshreel.rigging.bounds import DEFAULT_LARGEST_PERCENT
+
+    if output.suffix.lower() not in GLTF:
+        return {}
+    bound = DEFAULT_LARGEST_PERCENT if options.max_error is None else options.max_error
+    plain = replace(options, rig=None, kg=None, force=False, max_error=bound)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / output.name
+        save_part(sequence, frames, path, options=plain, progress=progress)
+        return {"morph targets": path.stat().st_size}
+
+
+def size_as_stream(
+    sequence: "MeshSequence", options: "WriteOptions", progress: "Progress"
+) -> dict[str, int]:
+    """Return the bytes of a .reel with the KG bound of the rig."""
+    import meshreel
+    from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
+
+    kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
+    return {".reel": len(meshreel.encode(sequence, kg=kg, progress=progress))}
+
+
+def rig_rows(figures: dict[str, Any]) -> dict[str, str]:
+    """Return rows of a table with the errors of a rig, its parts, and the alternatives."""
+    rig = figures["rig"]
+    rows = {
+        "rig": f"{counted(rig['n_bones'], 'bone')}, "
+        f"{counted(rig['n_targets'], 'corrective target')}",
+        "KG error": f"{rig['kg_percent']:.3g} %",
+        "largest error": f"{rig['largest_percent']:.3g} % of the diagonal",
+        "normal error": f"{rig['normal_deg']:.2g} degrees (mean, of faces)",
+    }
+    sizes = figures.get("sizes_bytes", {}).items()
+    alternatives = figures["alternatives_bytes"].items()
+    rows |= {f"  {name}": size_text(size) for name, size in sizes}
+    return rows | {f"as {name}": size_text(size) for name, size in alternatives}
