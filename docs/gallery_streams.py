@@ -1,21 +1,23 @@
-"""Streams that the site plays, made by the scripts of examples/ when the site is built."""
+"""Animations that the site plays, made by the scripts of examples/ when the site is built."""
 
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import meshreel
 from meshreel.runtime.counting import size_text
 
+FISH_BOUND = "0.5%"
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A stream, and how the site shows it.
+    """An animation, and how the site shows it.
 
     Attributes
     ----------
@@ -23,17 +25,22 @@ class Shown:
     figures : str
         A sentence with its sizes and errors, as Markdown.
     attributes : str
-        Attributes of its `<reel-player>`.
+        Attributes of its element.
+    extension : str
+    element : str
+        "reel-player", or "three-figure" for files drawn by three.js.
     """
 
     data: bytes
     figures: str
     attributes: str
+    extension: str = ".reel"
+    element: str = "reel-player"
 
 
 @cache
 def gallery() -> dict[str, Shown]:
-    """All streams of the site, by the names of their files."""
+    """All animations of the site, by the names of their files."""
     return {name: make() for name, make in MAKERS.items()}
 
 
@@ -82,12 +89,33 @@ def _plate() -> Shown:
     return Shown(data, _figures(plate, data), attributes)
 
 
+def _in_three(extension: str, **options: Any) -> Callable[[], Shown]:
+    """A fish within a bound, as a file that three.js draws."""
+
+    def make() -> Shown:
+        fish = _example("character_for_web")["fish"]()
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / f"fish{extension}"
+            meshreel.save(fish, path, max_error=FISH_BOUND, **options)
+            data, errors = path.read_bytes(), meshreel.compare(fish, meshreel.load(path))
+        text = (
+            f"{size_text(len(data))}; the largest error is {errors.max_error_percent:.2g} % of the "
+            f"diagonal, normals are off by {errors.normal_angle_mean_deg:.2g} degrees"
+        )
+        return Shown(data, text, 'alt="A fish swims"', extension, "three-figure")
+
+    return make
+
+
 MAKERS: dict[str, Callable[[], Shown]] = {
     "flag": _flag,
     "fish": _fish,
     "raw_walk": _raw_walk,
     "walk": _walk,
     "plate": _plate,
+    "fish_stream": _in_three(".reel"),
+    "fish_rig": _in_three(".glb", rig=True),
+    "fish_morphs": _in_three(".glb"),
 }
 
 

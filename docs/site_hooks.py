@@ -6,7 +6,8 @@
 - A line ``<!-- options: encode -->`` becomes a table of the options of that command, and
   ``<!-- options of encoding -->`` those of `meshreel.encode` with the methods that take them.
 - A line ``<!-- player: flag -->`` becomes a player of that stream (gallery_streams.py): the element
-  of the package for pages; ``<!-- figures: flag -->`` becomes its sizes and errors.
+  of the package for pages, or one that draws with three.js; ``<!-- figures: flag -->`` becomes its
+  sizes and errors.
 - A line ``::: meshreel.encode`` names what users import; it is documented where it is defined.
 """
 
@@ -42,10 +43,14 @@ OPTIONS = re.compile(r"^<!-- options: (\w+) -->$", re.MULTILINE)
 OPTIONS_OF_ENCODING = "<!-- options of encoding -->"
 PLAYER = re.compile(r"<!-- player: (\w+) -->")
 FIGURES = re.compile(r"<!-- figures: (\w+) -->")
-SCRIPTS = ROOT / "npm" / "dist"
-PLAYER_SCRIPT = "player.js"
+SCRIPTS = {
+    "reel-player": ROOT / "npm/dist/player.js",
+    "three-figure": ROOT / "npm/site/three_figure.js",
+}
+"""Scripts of the elements that play animations."""
+
 PLAYER_FOLDER = "player"
-"""Place on the site of this script, and of the streams."""
+"""Place on the site of the scripts, and of the animations."""
 
 PUBLIC = re.compile(r"^::: meshreel\.([\w.]+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
@@ -55,11 +60,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The files of the site, with those that lie outside of docs/."""
     for source, place in OUTSIDE.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
-    contents = {f"{name}.reel": shown.data for name, shown in gallery().items()}
-    script = SCRIPTS / PLAYER_SCRIPT
-    if not script.is_file():
-        raise PluginError(f"{script} is not built: npm ci && npm run build in npm/")
-    contents[PLAYER_SCRIPT] = script.read_bytes()
+    contents = {f"{name}{shown.extension}": shown.data for name, shown in gallery().items()}
+    for script in SCRIPTS.values():
+        if not script.is_file():
+            raise PluginError(f"{script} is not built: npm ci && npm run build in npm/")
+        contents[script.name] = script.read_bytes()
     for name, content in contents.items():
         files.append(File.generated(config, f"{PLAYER_FOLDER}/{name}", content=content))
     return files
@@ -78,12 +83,13 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 def player(name: str, page: Page) -> str:
     """HTML of a player of a stream, for a page of the site."""
     folder = get_relative_url(f"{PLAYER_FOLDER}/", page.url)
-    attributes = (
-        f'{gallery()[name].attributes} loading="lazy" autoplay loop camera-controls controls'
-    )
+    shown = gallery()[name]
+    attributes = shown.attributes
+    if shown.element == "reel-player":
+        attributes += ' loading="lazy" autoplay loop camera-controls controls'
     return (
-        f'<script type="module" src="{folder}player.js"></script>\n'
-        f'<reel-player src="{folder}{name}.reel" {attributes}></reel-player>'
+        f'<script type="module" src="{folder}{SCRIPTS[shown.element].name}"></script>\n'
+        f'<{shown.element} src="{folder}{name}{shown.extension}" {attributes}></{shown.element}>'
     )
 
 

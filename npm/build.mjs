@@ -1,6 +1,7 @@
 // Builds the package and the page of `meshreel view` and `meshreel export`.
 //
-//     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types
+//     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types;
+//                                    and site/three_figure.js, for the gallery of the documentation
 //     node build.mjs page [FOLDER]   one HTML file with inline styles, and its script player.js; by
 //                                    default into src/meshreel/app/viewer/page, which is committed, so
 //                                    that installing meshreel does not need Node
@@ -210,6 +211,19 @@ async function buildPackage() {
   }
 }
 
+/** Build the script of the gallery that draws .glb and .reel files with three.js. */
+async function buildFigure() {
+  await build({
+    ...common,
+    sourcemap: false,
+    minify: true,
+    legalComments: "eof",
+    entryPoints: ["site/three_figure.ts"],
+    outdir: "site",
+    plugins: [embedEngine(false)],
+  });
+}
+
 /** Bundle parts of the page; returns the result of esbuild. */
 async function bundleForPage(options) {
   const result = await build({
@@ -250,7 +264,10 @@ async function buildPage(folder) {
 }
 
 const [target, folder] = process.argv.slice(2);
-if (target !== "page") await buildPackage();
+if (target !== "page") {
+  await buildFigure();
+  await buildPackage();
+}
 if (target !== "package") {
   await buildPage(resolve(folder ?? join(here, "../src/meshreel/app/viewer/page")));
 }

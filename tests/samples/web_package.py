@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "npm"
 DIST = PACKAGE / "dist"
 SOURCES = (
-    *("npm/src", "npm/build.mjs", "npm/package-lock.json", "core"),
+    *("npm/src", "npm/site", "npm/build.mjs", "npm/package-lock.json", "core"),
     *("npm/tsconfig.json", "npm/tsconfig.package.json", "npm/tsconfig.player.json"),
 )
 
