@@ -32,9 +32,11 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 ALIGNMENT = 4
 """Alignment of each vertex attribute and its stride, in bytes."""
 
+QUANTIZATION = "KHR_mesh_quantization"
 MESHOPT = {"ext": "EXT_meshopt_compression", "khr": "KHR_meshopt_compression"}
 """Extensions for compressed buffer views, by the names of options."""
 ATTRIBUTES_VERSIONS = {"ext": 0, "khr": 1}
+TINY = np.float32(1e-30)
 EXTENSION_BYTES = 200
 """Bytes of JSON that a compressed buffer view adds, about."""
 
@@ -117,7 +119,8 @@ class BufferWriter:
     ----------
     meshopt : str, optional
         Extension by which arrays are compressed where that makes the file smaller, a key of
-        `MESHOPT`. Default: no compression.
+        `MESHOPT`. Default: no compression, and floats in place of the signed integers that only
+        `KHR_mesh_quantization` allows, since programs without the one often lack the other.
 
     Attributes
     ----------
@@ -127,6 +130,8 @@ class BufferWriter:
         Size of the buffer, and of the values that readers decompress.
     views, accessors : list of dict
         Entries of the JSON.
+    is_quantized : bool
+        Whether readers need `KHR_mesh_quantization`.
     """
 
     def __init__(self, meshopt: str | None = None) -> None:
@@ -135,6 +140,7 @@ class BufferWriter:
         self.decompressed_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
+        self.is_quantized = False
         self._meshopt = meshopt
 
     @property
@@ -150,8 +156,29 @@ class BufferWriter:
             buffers.append({"byteLength": self.decompressed_bytes, "extensions": extensions})
         return buffers
 
-    def add_vertices(self, arrays: Sequence[npt.NDArray[Any]]) -> list[VertexValues]:
-        """Append vertex values, consecutive arrays of the same type and shape (N, C)."""
+    def add_vertices(
+        self, arrays: Sequence[npt.NDArray[Any]], *, are_unit: bool = False
+    ) -> list[VertexValues]:
+        """Append vertex values, consecutive arrays of the same type and shape (N, C).
+
+        Signed integers are normalized values, stored as floats if there is no compression.
+
+        Parameters
+        ----------
+        are_unit : bool, default False
+            Whether the values are unit vectors; so are their floats then.
+        """
+        if arrays[0].dtype.kind == "i":
+            self.is_quantized = self._meshopt is not None
+            if not self.is_quantized:
+                largest = np.float32(np.iinfo(arrays[0].dtype).max)
+                arrays = [array / largest for array in arrays]
+                if are_unit:
+                    lengths = [np.linalg.norm(array, axis=1, keepdims=True) for array in arrays]
+                    arrays = [
+                        array / np.maximum(length, TINY)
+                        for array, length in zip(arrays, lengths, strict=True)
+                    ]
         n_verts, width = arrays[0].shape
         dtype = arrays[0].dtype
         row = width * dtype.itemsize

@@ -273,7 +273,10 @@ def _add_vertices(
     if normals is not None:
         base["NORMAL"] = normals.base[split.rows]
     base |= split.attributes
-    stored = {name: buffer.add_vertices([values])[0] for name, values in base.items()}
+    stored = {
+        name: buffer.add_vertices([values], are_unit=name == "NORMAL")[0]
+        for name, values in base.items()
+    }
     if morphs is None:
         return stored, []
     targets: list[StoredValues] = [{} for _ in range(len(morphs.targets))]

@@ -27,7 +27,6 @@ from meshreel.formats.gltf.morph_mesh import static_normals, wants_normals
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.gltf.write import (
     COMPRESSED_ADVICE,
-    QUANTIZATION,
     NodeTree,
     assemble_document,
     check_options,
@@ -144,7 +143,6 @@ class _RiggedScene:
             self._materials,
             self.buffer,
             [animation] if animation else [],
-            [QUANTIZATION],
         )
         return document | {"skins": [{"inverseBindMatrices": binds, "joints": bones}]}
 
@@ -197,7 +195,7 @@ class _RiggedScene:
         self._count("mesh")
 
     def _add(self, base: StoredValues, name: str, values: npt.NDArray[np.generic]) -> None:
-        [base[name]] = self.buffer.add_vertices([values])
+        [base[name]] = self.buffer.add_vertices([values], are_unit=name == "NORMAL")
 
     def _add_targets(self, sources: npt.NDArray[np.int64]) -> list[StoredValues]:
         targets = self._rig.correctives.targets

@@ -17,6 +17,7 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.container import (
     MESHOPT,
+    QUANTIZATION,
     BufferWriter,
     Json,
     write_container,
@@ -55,8 +56,6 @@ COMPRESSED_ADVICE = (
     "vertices and triangles are reordered; for Blender, Godot and other programs without the "
     "extension use --no-compression (compression=False)"
 )
-
-QUANTIZATION = "KHR_mesh_quantization"
 
 
 def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
@@ -292,7 +291,6 @@ class SceneWriter:
         """Return the JSON of the file, without the buffer, after adding the animation."""
         assert self._materials is not None
         animation = self._animation()
-        is_quantized = any(mesh.morphs is not None for mesh in self.morph_meshes)
         return assemble_document(
             self._name or "scene",
             self._tree,
@@ -300,7 +298,6 @@ class SceneWriter:
             self._materials,
             self.buffer,
             [animation] if animation else [],
-            [QUANTIZATION] if is_quantized else [],
         )
 
     def _group(self, frames: slice) -> str:
@@ -392,7 +389,6 @@ def assemble_document(
     materials: Materials,
     buffer: BufferWriter,
     animations: Sequence[Json] = (),
-    required: Iterable[str] = (),
 ) -> Json:
     """Return the JSON of a file, without the buffer.
 
@@ -402,11 +398,11 @@ def assemble_document(
         Of the scene.
     materials : Materials
         Notes the materials that are not used.
-    required : iterable of str
-        Extensions besides those of the materials and the buffer.
     """
     materials.note_unused()
-    all_required = {*required, *materials.required, *buffer.required}
+    all_required = {*materials.required, *buffer.required}
+    if buffer.is_quantized:
+        all_required.add(QUANTIZATION)
     lists = {
         **materials.lists,
         "accessors": buffer.accessors,
