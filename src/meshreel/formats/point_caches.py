@@ -10,7 +10,7 @@ each frame in seconds, and the positions of each frame.
 
 import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,12 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.stored_frames import ArrayFrames, Description, changed_error
+from meshreel.formats.frames.stored_frames import (
+    CheckedReader,
+    Description,
+    RawArray,
+    ReadableFrames,
+)
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import (
     ASSUMED_FPS,
@@ -44,8 +49,9 @@ VERTEX_BYTES = 12
 
 PC2_SIGNATURE, PC2_VERSION = b"POINTCACHE2\0", 1
 PC2_HEADER = struct.Struct("<12siiffi")
+PC2_NUMBER = np.dtype("<f4")
 MDD_HEADER = struct.Struct(">ii")
-MDD_TIME = np.dtype(">f4")
+MDD_NUMBER = np.dtype(">f4")
 
 
 def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
@@ -68,10 +74,9 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
         )
         add_note(options.notes, NoteKind.UNKNOWN, "start", text)
     start_s = first_frame / (fps * interval) if fps else 0.0
-    read = cache_reader(path, PC2_HEADER.size, n_verts, "<f4")
-    frames = ArrayFrames(path, n_frames, n_verts, np.dtype(np.float32), read)
+    positions = RawArray(path, PC2_HEADER.size, (n_frames, n_verts, 3), PC2_NUMBER)
     about = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
-    return frames.open(about, options, {})
+    return _open_frames(positions, about, options)
 
 
 def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -136,17 +141,17 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
         text = "frame times are not ascending; the frame rate is unknown"
         add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
     timing = timing.at_rate(options.fps or None)
-    read = cache_reader(path, MDD_HEADER.size + times.nbytes, n_verts, ">f4")
-    frames = ArrayFrames(path, len(times), n_verts, np.dtype(np.float32), read)
+    start_byte = MDD_HEADER.size + times.nbytes
+    positions = RawArray(path, start_byte, (len(times), n_verts, 3), MDD_NUMBER)
     about = Description(faces, path.stem, timing, surface)
-    return frames.open(about, options, {})
+    return _open_frames(positions, about, options)
 
 
 def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an ``.mdd`` file; notes report what it cannot store exactly."""
     stream = segments.only()
     with np.errstate(over="ignore"):
-        times = written_times(stream.timing, stream.n_frames, stream.notes).astype(MDD_TIME)
+        times = written_times(stream.timing, stream.n_frames, stream.notes).astype(MDD_NUMBER)
     if not np.isfinite(times).all():
         raise InvalidInputError(
             f"start_s of {stream.timing.start_s:g} is too large for MDD, which stores float32"
@@ -202,7 +207,7 @@ def _timing(times: npt.NDArray[Any]) -> Timing:
 
 def _times(fps: float, start_s: float, n_frames: int) -> npt.NDArray[Any]:
     with np.errstate(over="ignore"):
-        return (start_s + np.arange(n_frames) / fps).astype(MDD_TIME)
+        return (start_s + np.arange(n_frames) / fps).astype(MDD_NUMBER)
 
 
 def _read_mdd_header(path: Path) -> tuple[int, npt.NDArray[Any]]:
@@ -213,9 +218,9 @@ def _read_mdd_header(path: Path) -> tuple[int, npt.NDArray[Any]]:
             raise FormatError(f"is not an MDD file: it has only {size_bytes} bytes")
         n_frames, n_verts = MDD_HEADER.unpack(head)
         check_cache_size(
-            MDD_HEADER.size + MDD_TIME.itemsize * n_frames, n_frames, n_verts, size_bytes
+            MDD_HEADER.size + MDD_NUMBER.itemsize * n_frames, n_frames, n_verts, size_bytes
         )
-        times = np.frombuffer(file.read(MDD_TIME.itemsize * n_frames), MDD_TIME)
+        times = np.frombuffer(file.read(MDD_NUMBER.itemsize * n_frames), MDD_NUMBER)
     if not np.isfinite(times).all():
         raise FormatError("is damaged: frame times are not finite")
     return n_verts, times
@@ -241,29 +246,14 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
         )
 
 
-def cache_reader(
-    path: Path, header_bytes: int, n_verts: int, number: str
-) -> Callable[[int, int], Vertices]:
-    """Return a function that reads frames start..stop - 1 of a point cache as native float32.
-
-    Parameters
-    ----------
-    header_bytes : int
-        Offset of the first frame.
-    number : {"<f4", ">f4"}
-        Number type in the file.
-    """
-
-    def read(start: int, stop: int) -> Vertices:
-        width = n_verts * 3
-        offset = header_bytes + start * n_verts * VERTEX_BYTES
-        with os_errors_naming(path):
-            numbers = np.fromfile(path, number, (stop - start) * width, offset=offset)
-        if len(numbers) < (stop - start) * width:
-            raise changed_error(f"{path} (frame {start + len(numbers) // width})")
-        return numbers.reshape(-1, n_verts, 3).astype(np.float32, copy=False)
-
-    return read
+def _open_frames(positions: RawArray, about: Description, options: ReadOptions) -> FrameSource:
+    """Return the sequence of a point cache, loaded if it is small enough."""
+    n_frames, n_verts, _ = positions.shape
+    path, dtype = positions.path, np.dtype(np.float32)
+    read = CheckedReader(path, positions.read)
+    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,))
+    with errors_naming(path):
+        return frames.open(about, {}, options.max_loaded_bytes, options.progress)
 
 
 def single_precision(stream: FrameStream) -> Iterator[Vertices]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.frames.stored_frames import ComputedFrames, Description, StoredTrack
+from meshreel.formats.frames.stored_frames import Description, ReadableFrames, StoredTrack
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -108,8 +108,12 @@ def _resampled(
     timing = Timing.of_times(wanted)
     about = Description(segment.faces, segment.name, timing, segment.surface)
     tracks = {name: resampled_track(track) for name, track in segment.tracks.items()}
-    frames = ComputedFrames(
-        segment, len(wanted), lambda start, stop: between(segment.read, start, stop)
+    frames = ReadableFrames(
+        len(wanted),
+        segment.n_verts,
+        segment.dtype,
+        lambda start, stop: between(segment.read, start, stop),
+        getattr(segment, "files", ()),
     )
     return frames.open(about, tracks, max_loaded_bytes)
 

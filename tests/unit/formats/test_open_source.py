@@ -211,7 +211,7 @@ def peak_bytes(work):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["f_%03d.ply", "a.npz"])
 def test_stored_frames_need_an_eighth_of_the_memory(tmp_path, name, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.arrays.npz.READ_BYTES", 1 << 16)
+    monkeypatch.setattr("meshreel.formats.frames.stored_frames.BLOCK_BYTES", 1 << 16)
     vertices = np.random.default_rng(0).standard_normal((200, 3000, 3)).astype(np.float32)
     save(MeshSequence(vertices, np.arange(3000).reshape(-1, 3)), tmp_path / name)
 

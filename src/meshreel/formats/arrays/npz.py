@@ -6,10 +6,7 @@ The names of the arrays are those of `meshreel.formats.arrays.named_arrays`.
 import math
 import struct
 import zipfile
-import zlib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from io import RawIOBase
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -34,28 +31,24 @@ from meshreel.formats.arrays.npz_members import (
     read_array_header,
     read_members,
     track_arrays,
+    verify_member,
 )
-from meshreel.formats.file_errors import errors_naming, os_errors_naming
+from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import (
+    CheckedReader,
     Description,
-    FrameSurvey,
-    StoredFrames,
-    changed_error,
+    RawArray,
+    ReadableFrames,
 )
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource
 from meshreel.model.tracks import TrackSource, track_blocks
-from meshreel.model.validation import validate_finite
-from meshreel.runtime.progress import Count
-from meshreel.runtime.threads import chunks, in_threads, prefetch
 
 Numbers = npt.NDArray[Any]
 
 LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip member: lengths of the name and extra after it
-
-READ_BYTES = 1 << 24  # frames read at a time
 
 POSITIONS = "vertices"
 
@@ -63,8 +56,8 @@ POSITIONS = "vertices"
 def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     """Open the sequence of an ``.npz`` file; large positions and tracks may stay in the file.
 
-    They must be uncompressed and in C order. They are then read once now, in blocks, to find the
-    extent and to verify the archive's checksum. Other arrays are loaded.
+    They must be uncompressed and in C order. They are then read now, in blocks, to verify the
+    archive's checksum and to find the extent. Other arrays are loaded.
 
     Parameters
     ----------
@@ -92,10 +85,11 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         about = read_description(arrays, path.stem, options, n_frames, n_verts)
     found = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
     if stored is not None and max_bytes is not None:
-        size_bytes = stored.size_bytes + sum(track.size_bytes for track in found.values())
+        size_bytes = math.prod(stored.shape) * stored.dtype.itemsize
+        size_bytes += sum(track.size_bytes for track in found.values())
         if size_bytes > max_bytes:
             tracks = {name: _track(path, track) for name, track in found.items()}
-            return _stored_frames(path, stored, about, tracks, options)
+            return _stored_frames(stored, positions, about, tracks, options)
         arrays |= read_members(path, [positions])
     vertices = arrays[positions]
     values = read_members(path, [track.place for track in found.values()])
@@ -121,22 +115,19 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
 
 
 def _stored_frames(
-    path: Path,
-    stored: "_StoredArray",
+    stored: RawArray,
+    positions: str,
     about: Description,
     tracks: Mapping[str, TrackSource],
     options: ReadOptions,
-) -> StoredFrames:
+) -> FrameSource:
     """Return frames that stay in the file, after reading and verifying them once."""
-    survey = FrameSurvey()
-    for start, vertices in stored.survey():
-        with errors_naming(path):
-            validate_finite(vertices, first_frame=start)
-        survey.add(vertices)
-        options.progress("reading", Count(start + len(vertices), stored.shape[0], "frames"))
+    path, (n_frames, n_verts, _) = stored.path, stored.shape
+    verify_member(path, positions)
+    dtype, read = stored.dtype.newbyteorder("="), CheckedReader(path, stored.read)
+    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,), is_portable=True)
     with errors_naming(path):
-        shape = stored.shape[0], stored.shape[1]
-        return about.stored(shape, survey, stored.read, [path], tracks, is_portable=True)
+        return frames.open(about, tracks, options.max_loaded_bytes, options.progress)
 
 
 def _track(path: Path, found: NamedTrack) -> TrackSource:
@@ -144,111 +135,11 @@ def _track(path: Path, found: NamedTrack) -> TrackSource:
     stored = _find_plain(path, found.place)
     if stored is None:
         return found.to_track(read_members(path, [found.place])[found.place])
-    for _ in stored.survey():
-        pass
-    return found.to_stored_track(stored.read)
+    verify_member(path, found.place)
+    return found.to_stored_track(CheckedReader(path, stored.read))
 
 
-@dataclass(frozen=True)
-class _StoredArray:
-    """An uncompressed array in a zip member, in C order, whose first axis is frames.
-
-    Attributes
-    ----------
-    start_byte : int
-        Offset of the data in the file.
-    shape : tuple of int
-        The first axis is frames.
-    dtype : dtype
-        Type in the file, in any byte order.
-    member_checksum : int
-        CRC-32 of the whole member in the archive.
-    checksums : list of int
-        Running CRC-32 of the member before frame 0, before frame 1, and so on; filled by `survey`.
-    """
-
-    path: Path
-    member: str
-    start_byte: int
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    member_checksum: int
-    checksums: list[int] = field(repr=False)
-
-    @property
-    def size_bytes(self) -> int:
-        """Bytes of all frames."""
-        return self.shape[0] * self._frame_bytes
-
-    @property
-    def _frame_bytes(self) -> int:
-        return math.prod(self.shape[1:]) * self.dtype.itemsize
-
-    def survey(self) -> Iterator[tuple[int, Numbers]]:
-        """Yield all frames as blocks with the number of their first frame.
-
-        Raises
-        ------
-        FormatError
-            After the last block, if the checksum is wrong.
-        """
-        yield from prefetch(self._checksummed_blocks())
-        if self.checksums[-1] != self.member_checksum:
-            raise FormatError(
-                f"{self.path}: is damaged: {self.member} does not have its checksum; save it again"
-            )
-
-    def _checksummed_blocks(self) -> Iterator[tuple[int, Numbers]]:
-        """Yield the blocks of `survey`, and record their checksums."""
-        for piece in self._pieces(0, self.shape[0]):
-            numbers = np.empty((piece.stop - piece.start, *self.shape[1:]), self.dtype)
-            self._fill(numbers, piece.start)
-            for frame in numbers:
-                self.checksums.append(zlib.crc32(frame, self.checksums[-1]))
-            yield piece.start, self._native(numbers)
-
-    def read(self, start: int, stop: int) -> Numbers:
-        """Read frames start..stop - 1, checked to be the same as in `survey`."""
-        numbers = np.empty((stop - start, *self.shape[1:]), self.dtype)
-
-        def fill(piece: slice) -> None:
-            part = numbers[piece.start - start : piece.stop - start]
-            self._fill(part, piece.start)
-            for index, frame in enumerate(part, piece.start):
-                if zlib.crc32(frame, self.checksums[index]) != self.checksums[index + 1]:
-                    raise changed_error(f"{self.path} (frame {index})")
-
-        in_threads(fill, self._pieces(start, stop))
-        return self._native(numbers)
-
-    def _pieces(self, start: int, stop: int) -> list[slice]:
-        n_at_once = max(1, READ_BYTES // self._frame_bytes)
-        return [
-            slice(start + chunk.start, start + chunk.stop)
-            for chunk in chunks(stop - start, n_at_once)
-        ]
-
-    def _native(self, numbers: Numbers) -> Numbers:
-        return numbers.astype(self.dtype.newbyteorder("="), copy=False)
-
-    def _fill(self, numbers: Numbers, start: int) -> None:
-        """Read frames from `start` on into an array of shape (n, ...)."""
-        with os_errors_naming(self.path), self.path.open("rb", buffering=0) as stream:
-            stream.seek(self.start_byte + start * self._frame_bytes)
-            n_read = _read_into(stream, numbers.reshape(-1).view(np.uint8).data)
-        if n_read < numbers.nbytes:
-            raise changed_error(f"{self.path} (frame {start + n_read // self._frame_bytes})")
-
-
-def _read_into(stream: RawIOBase, buffer: memoryview) -> int:
-    """Fill a buffer from a stream; return the number of bytes, less if the file ends."""
-    n_read = 0
-    while n_read < len(buffer) and (count := stream.readinto(buffer[n_read:])):
-        n_read += count
-    return n_read
-
-
-def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
+def _find_vertices(path: Path, positions: str) -> RawArray | None:
     """Locate positions that can stay in the file; None if they must be loaded."""
     found = _find_plain(path, positions)
     if found is None or found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
@@ -257,7 +148,7 @@ def _find_vertices(path: Path, positions: str) -> _StoredArray | None:
     return found if has_positions(found.shape) and found.shape[2] == 3 != found.shape[1] else None
 
 
-def _find_plain(path: Path, name: str) -> _StoredArray | None:
+def _find_plain(path: Path, name: str) -> RawArray | None:
     """Locate an uncompressed array in C order; None if it is missing or stored otherwise."""
     member = f"{name}.npy"
     with archive_errors(path):
@@ -273,11 +164,9 @@ def _find_plain(path: Path, name: str) -> _StoredArray | None:
             stream.seek(info.header_offset)
             lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
             start_byte = stream.seek(sum(lengths), 1)
-            checksum = zlib.crc32(stream.read(header.size_bytes))
         if start_byte + info.file_size > path.stat().st_size:
             raise FormatError(f"{member} extends beyond the end of the file")
-    start_byte += header.size_bytes
-    return _StoredArray(path, member, start_byte, header.shape, header.dtype, info.CRC, [checksum])
+    return RawArray(path, start_byte + header.size_bytes, header.shape, header.dtype)
 
 
 def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:

@@ -25,6 +25,8 @@ from meshreel.model.tracks import TrackSource
 
 MAX_DEFLATE_RATIO = 1100  # deflate compresses by at most 1032:1
 
+READ_BYTES = 1 << 16
+
 MIN_UNPACKED_BYTES = 1 << 30
 MAX_EXPANSION = 32
 """The arrays of a file may expand to the larger of this size and this multiple of its size."""
@@ -45,6 +47,25 @@ def read_members(path: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]
         _check_expansion(sum(member.file_size for member in members), path.stat().st_size)
         with np.load(path, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in names}
+
+
+def verify_member(path: Path, name: str) -> None:
+    """Read an array, a block at a time, to verify the checksum of the archive.
+
+    Raises
+    ------
+    FormatError
+        If the checksum is wrong.
+    """
+    member = f"{name}.npy"
+    with archive_errors(path), zipfile.ZipFile(path) as archive, archive.open(member) as stream:
+        try:
+            while stream.read(READ_BYTES):
+                pass
+        except zipfile.BadZipFile:
+            raise FormatError(
+                f"is damaged: {member} does not have its checksum; save it again"
+            ) from None
 
 
 def _check_expansion(unpacked_bytes: int, file_bytes: int) -> None:

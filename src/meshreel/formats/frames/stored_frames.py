@@ -1,7 +1,8 @@
 """Sequences and tracks that stay in their files until they are read; surveys of their frames."""
 
+import math
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
-from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.extent import Corners, Extent, bounding_boxes, extent_of_boxes
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
@@ -24,7 +24,6 @@ from meshreel.model.tracks import (
     TrackSource,
     check_kind,
     check_tracks,
-    read_track,
     read_tracks,
     size_bytes,
 )
@@ -34,6 +33,7 @@ from meshreel.model.validation import (
     validate_finite,
     validate_vertices,
 )
+from meshreel.runtime.progress import Count, Progress, silent
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,9 +256,44 @@ class Description:
         )
 
 
+@dataclass(frozen=True)
+class RawArray:
+    """An array of numbers in a file, in C order, whose first axis is frames.
+
+    Parameters
+    ----------
+    start_byte : int
+        Offset in the file.
+    dtype : dtype
+        Type in the file, in any byte order.
+    """
+
+    path: Path
+    start_byte: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+    def read(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Read frames start..stop - 1, in native byte order.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file has become shorter.
+        """
+        size = math.prod(self.shape[1:])
+        offset = self.start_byte + start * size * self.dtype.itemsize
+        with os_errors_naming(self.path):
+            numbers = np.fromfile(self.path, self.dtype, (stop - start) * size, offset=offset)
+        if len(numbers) < (stop - start) * size:
+            raise changed_error(f"{self.path} (frame {start + len(numbers) // size})")
+        native = numbers.astype(self.dtype.newbyteorder("="), copy=False)
+        return native.reshape(-1, *self.shape[1:])
+
+
 @dataclass(frozen=True, eq=False)
-class ArrayFrames:
-    """Positions of shape (T, V, 3) in a file whose size was already checked.
+class ReadableFrames:
+    """Positions of shape (T, V, 3) that are read from a file, or computed, a range at a time.
 
     Parameters
     ----------
@@ -267,111 +302,55 @@ class ArrayFrames:
     dtype : float32 or float64
         Type of the positions that `read` returns.
     read : function of a start and a stop
-        Reads the positions of frames start..stop - 1; its errors name the file.
+        Returns the positions of frames start..stop - 1.
+    files : tuple of Path
+        Files with the positions.
+    is_portable : bool, default False
+        Whether `read` can be pickled and used in another process.
     """
 
-    path: Path
     n_frames: int
     n_verts: int
     dtype: np.dtype[np.floating]
     read: Callable[[int, int], Vertices]
-
-    def open(
-        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
-    ) -> FrameSource:
-        """Return the sequence, loaded if it is within `max_loaded_bytes`.
-
-        All positions are read and validated once now.
-
-        Raises
-        ------
-        InvalidInputError
-            If a position is not finite or the description does not fit; also when frames are read
-            later, if the file has changed. The error names the file.
-        """
-        size = self.n_frames * self.n_verts * 3 * self.dtype.itemsize
-        size += sum(map(size_bytes, tracks.values()))
-        max_bytes = options.max_loaded_bytes
-        with errors_naming(self.path):
-            if max_bytes is None or size <= max_bytes:
-                return self._loaded(description, options, tracks)
-            return self._stored(description, options, tracks)
-
-    def _loaded(
-        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
-    ) -> MeshSequence:
-        vertices: Vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
-        for start, block in self._blocks(self.read, options):
-            vertices[start : start + len(block)] = block
-        frames = range(self.n_frames)
-        loaded = {name: read_track(track, frames) for name, track in tracks.items()}
-        return description.loaded(vertices, loaded)
-
-    def _stored(
-        self, description: Description, options: ReadOptions, tracks: Mapping[str, TrackSource]
-    ) -> StoredFrames:
-        survey, read = FrameSurvey(), CheckedReader(self.path, self.read)
-        for _, block in self._blocks(read, options):
-            survey.add(block)
-        shape = self.n_frames, self.n_verts
-        return description.stored(shape, survey, read, (self.path,), tracks)
-
-    def _blocks(
-        self, read: Callable[[int, int], Vertices], options: ReadOptions
-    ) -> Iterator[tuple[int, Vertices]]:
-        """Yield validated blocks of frames with the number of their first frame."""
-        n_at_once = max(1, BLOCK_BYTES // (self.n_verts * 3 * self.dtype.itemsize))
-        for start in range(0, self.n_frames, n_at_once):
-            block = read(start, min(start + n_at_once, self.n_frames))
-            validate_finite(block, first_frame=start)
-            yield start, block
-            options.progress("reading", (start + len(block)) / self.n_frames)
-
-
-@dataclass(frozen=True, eq=False)
-class ComputedFrames:
-    """Frames computed from those of another sequence.
-
-    Parameters
-    ----------
-    origin : FrameSource
-        Has the vertices and their number type.
-    n_frames : int
-    read : function of a start and a stop
-        Computes the positions of frames start..stop - 1.
-    """
-
-    origin: FrameSource
-    n_frames: int
-    read: Callable[[int, int], Vertices]
+    files: tuple[Path, ...] = ()
+    is_portable: bool = False
 
     def open(
         self,
-        description: Description,
+        about: Description,
         tracks: Mapping[str, TrackSource],
         max_loaded_bytes: int | None,
+        progress: Progress = silent,
     ) -> FrameSource:
-        """Return the sequence, loaded if it is within a size; all positions are computed once now.
+        """Return the sequence, loaded if it is within a size; all positions are read once now.
 
         Raises
         ------
         InvalidInputError
-            If a position is not finite.
+            If a position is not finite or the description does not fit.
         """
-        n_verts, dtype = self.origin.n_verts, self.origin.dtype
-        frame_bytes = n_verts * 3 * dtype.itemsize
+        frame_bytes = self.n_verts * 3 * self.dtype.itemsize
         size = self.n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
         is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
-        step = max(1, BLOCK_BYTES // frame_bytes)
-        survey = FrameSurvey()
-        blocks: list[npt.NDArray[Any]] = []
+        vertices: Vertices = np.empty((self.n_frames * is_loaded, self.n_verts, 3), self.dtype)
+        survey, step = FrameSurvey(), max(1, BLOCK_BYTES // frame_bytes)
         for start in range(0, self.n_frames, step):
-            block = self.read(start, min(start + step, self.n_frames))
+            stop = min(start + step, self.n_frames)
+            block = self.read(start, stop)
             validate_finite(block, first_frame=start)
-            survey.add(block)
             if is_loaded:
-                blocks.append(block)
+                vertices[start:stop] = block
+            else:
+                survey.add(block)
+            progress("reading", Count(stop, self.n_frames, "frames"))
         if is_loaded:
-            return description.loaded(np.concatenate(blocks), read_tracks(tracks))
-        files = getattr(self.origin, "files", ())
-        return description.stored((self.n_frames, n_verts), survey, self.read, files, tracks)
+            return about.loaded(vertices, read_tracks(tracks))
+        return about.stored(
+            (self.n_frames, self.n_verts),
+            survey,
+            self.read,
+            self.files,
+            tracks,
+            is_portable=self.is_portable,
+        )
