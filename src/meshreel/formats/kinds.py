@@ -10,7 +10,7 @@ from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource
 from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
 
@@ -62,9 +62,6 @@ class FrameFormat:
         what the file cannot store; None if the format is read-only. If the format supports tracks,
         the encoder takes them by name, and the function takes the positions and the values of each
         track in the frame, of shape (N, C), by name.
-    positions_reader : function of the bytes of a file and its `Frame`, optional
-        Returns a function that reads only the positions of files that differ from it in nothing
-        else, and returns None for all others. At least three times as fast as `read`.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared number type.
     has_unshared_vertices : bool, default False
@@ -79,7 +76,6 @@ class FrameFormat:
     title: str
     read: Callable[[bytes], Frame]
     encoder: Callable[..., Callable[..., bytes]] | None
-    positions_reader: Callable[[bytes, Frame], Callable[[bytes], Vertices | None]] | None = None
     is_decimal: bool = False
     has_unshared_vertices: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS

@@ -22,7 +22,6 @@ from samples.sources import statements
 N_ARGUMENTS = {
     "read": 1,
     "encoder": 3,
-    "positions_reader": 2,
     "open": 2,
     "write": 3,
     "read_meshes": 2,

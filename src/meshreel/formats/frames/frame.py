@@ -76,11 +76,6 @@ class FrameData:
             self._frames.append(kept)
         return sum(values.nbytes for key, (values, _) in fields.items() if not is_same[key])
 
-    def add_same(self) -> None:
-        """Add a frame with the data of the first."""
-        for frames in (self._frames, self._descriptions, self._checksums):
-            frames.extend(frames[:1])  # type: ignore[arg-type]
-
     def forget_values(self) -> None:
         """Keep only descriptions and checksums."""
         self._frames, self._has_values = [], False

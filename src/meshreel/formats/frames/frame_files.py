@@ -2,8 +2,7 @@
 
 import zlib
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -52,17 +51,18 @@ class FrameFiles:
     def __len__(self) -> int:
         return len(self.paths)
 
-    @contextmanager
-    def contents(self, index: int) -> Iterator[bytes]:
-        """Context manager for the bytes of a frame's file; errors inside it name the file.
+    def frame(self, index: int) -> Frame:
+        """Read a frame.
 
         Raises
         ------
         InvalidInputError
             If the file does not exist, or has changed since it was first read.
         FormatError
-            If it is empty.
+            If it is empty or damaged.
         """
+        if self._last is not None and self._last[0] == index:
+            return self._last[1]
         path = self.paths[index]
         data = read_bytes(path)
         if self._checksums.setdefault(index, crc := zlib.crc32(data)) != crc:
@@ -70,14 +70,9 @@ class FrameFiles:
         with errors_naming(path):
             if not data:
                 raise FormatError(f"is empty; expected a mesh in {self.format.extension} format")
-            yield data
-
-    def frame(self, index: int) -> Frame:
-        """Read a frame; raises as `contents`, or FormatError if the file is damaged."""
-        if self._last is None or self._last[0] != index:
-            with self.contents(index) as data:
-                self._last = index, self.format.read(data)
-        return self._last[1]
+            frame = self.format.read(data)
+        self._last = index, frame
+        return frame
 
 
 def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[FrameSource]:
@@ -104,14 +99,13 @@ def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[Fr
     run: _Run | None = None
     budget = options.max_loaded_bytes
     for index in range(len(files)):
-        with files.contents(index) as data:
-            frame = None if run is None else run.add(data)
-            if run is not None and frame is not None:
-                budget = None if budget is None else max(0, budget - run.kept_bytes)
-                yield run.sequence(name, options)
-                run = None
-            if run is None:
-                run = _Run(files, index, data, frame or files.format.read(data), budget)
+        frame = files.frame(index)
+        with errors_naming(files.paths[index]):
+            if run is None or not run.add(frame):
+                if run is not None:
+                    budget = None if budget is None else max(0, budget - run.kept_bytes)
+                    yield run.sequence(name, options)
+                run = _Run(files, index, frame, budget)
         options.progress("reading", Count(index + 1, len(files), "frames"))
     if run is not None:
         yield run.sequence(name, options)
@@ -124,8 +118,8 @@ class _Run:
     ----------
     start : int
         Number of the first frame.
-    data : bytes
-        Its file.
+    first : Frame
+        Its contents.
     max_bytes : int, optional
         Size of contents above which two or more frames stay in their files.
 
@@ -135,16 +129,11 @@ class _Run:
         Size of the kept contents.
     """
 
-    def __init__(
-        self, files: FrameFiles, start: int, data: bytes, first: Frame, max_bytes: int | None
-    ) -> None:
+    def __init__(self, files: FrameFiles, start: int, first: Frame, max_bytes: int | None) -> None:
         self.first = first
         self.kept_bytes: int = 0
         self._files, self._start, self._max_bytes = files, start, max_bytes
         form = files.format
-        self._read_positions: Callable[[bytes], Vertices | None] = lambda data: None
-        if form.positions_reader is not None and len(files) > start + 1:
-            self._read_positions = form.positions_reader(data, first)
         self._survey = FrameSurvey(is_decimal=form.is_decimal)
         self._welder = CornerWelder() if form.has_unshared_vertices else None
         self._positions: deque[tuple[Vertices, npt.NDArray[np.int64] | None]] = deque()
@@ -153,20 +142,15 @@ class _Run:
         self._n_frames = 0
         self._keep(first.mesh.vertices)
 
-    def add(self, data: bytes) -> Frame | None:
-        """Add the frame of a file; return the frame instead if it begins another run."""
-        if (vertices := self._read_positions(data)) is not None:
-            self._data.add_same()
-            self._keep(vertices)
-            return None
-        frame = self._files.format.read(data)
+    def add(self, frame: Frame) -> bool:
+        """Add a frame; return whether it belongs to the run."""
         if not frame.mesh.has_faces_of(self.first.mesh):
-            return frame
+            return False
         self.kept_bytes += self._data.add(frame.fields)
         names = differing_names(_without_data(self.first), _without_data(frame))
         self._differing.update(dict.fromkeys(names))
         self._keep(frame.mesh.vertices)
-        return None
+        return True
 
     def _keep(self, vertices: Vertices) -> None:
         """Validate positions and keep them, unless all contents become too large."""
@@ -240,11 +224,7 @@ class _Run:
         shape = stop - start, *self.first.mesh.vertices[rows].shape
         block: Vertices = np.empty(shape, self._survey.dtype)
         for row, index in enumerate(range(self._start + start, self._start + stop)):
-            with self._files.contents(index) as data:
-                vertices = self._read_positions(data)
-                if vertices is None:
-                    vertices = self._files.format.read(data).mesh.vertices
-                block[row] = vertices[rows]
+            block[row] = self._files.frame(index).mesh.vertices[rows]
         return block
 
     def _read_fields(self, index: int) -> Fields:

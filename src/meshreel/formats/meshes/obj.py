@@ -9,8 +9,6 @@ trimesh is not used: it splits vertices at texture seams and drops unused ones, 
 different vertices. A sequence needs all of them in file order.
 """
 
-import re
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -29,16 +27,10 @@ from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import ragged_indices
-from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
-N_POSITION, N_COLORED = 3, 6
-"""How many numbers a vertex has, without and with a color."""
-
-FIRST_VERTEX = re.compile(rb"^v ", re.MULTILINE)
-OTHER_LINE = re.compile(rb"^(?!v |#)", re.MULTILINE)
-IGNORED = re.compile(rb"^(?:#|mtllib )[^\n]*\n", re.MULTILINE)
-"""Lines that differ between files of equal meshes."""
+N_COLORED = 6
+"""How many numbers a vertex with a color has."""
 
 LEFT_OUT = {
     b"l": "lines", b"p": "points", b"mtllib": "the material library",
@@ -243,45 +235,12 @@ def _last_above(statements: Integers, lines: Integers) -> Integers:
     return np.searchsorted(statements, lines) - 1
 
 
-def obj_positions_reader(first: bytes, frame: Frame) -> Callable[[bytes], Vertices | None]:
-    """Return a function that reads the positions of files that otherwise have the text of `first`.
-
-    It takes the bytes of a file and returns None if the file must be parsed completely, because
-    its vertices have colors or are in several places, other lines differ, or it is damaged.
-    Comments and the name of the material library may differ. It is six times as fast.
-    """
-    n_verts, expected = len(frame.mesh.vertices), _around_vertices(first)
-
-    def positions(data: bytes) -> Vertices | None:
-        found = _around_vertices(data)
-        if expected is None or found is None or found[1:] != expected[1:]:
-            return None
-        lines = split_lines(found[0])
-        with suppress(FormatError):  # parsing the whole file reports the line
-            if lines.n_lines == n_verts and (lines.counts == 1 + N_POSITION).all():
-                return lines.positions(np.arange(n_verts), 1)
-        return None
-
-    return positions
-
-
-def _around_vertices(data: bytes) -> tuple[bytes, bytes, bytes] | None:
-    """The first lines of vertices, and the text before and after them that matters."""
-    if (first := FIRST_VERTEX.search(data)) is None:
-        return None
-    begin, other = first.start(), OTHER_LINE.search(data, first.start())
-    end = len(data) if other is None else other.start()
-    block = data[begin:end]
-    return None if b"\\" in block else (block, IGNORED.sub(b"", data[:begin]), data[end:])
-
-
 FORMATS = (
     FrameFormat(
         ".obj",
         "Wavefront OBJ",
         read_obj,
         obj_encoder,
-        obj_positions_reader,
         is_decimal=True,
         holds_tracks=OF_SURFACES,
     ),

@@ -11,8 +11,7 @@ trimesh is not used: it splits vertices at texture seams, reorders faces if quad
 mixed, cannot read binary lists of varying length, and raises numpy errors on damaged files.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +23,7 @@ from meshreel.formats.frames.field_tracks import Field, Key
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import OF_SURFACES, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
-from meshreel.formats.meshes.ply_tables import PlyBody, PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
     COLOR_NAMES,
     CORNER_UV_NAME,
@@ -71,41 +70,6 @@ def read_ply(data: bytes) -> Frame:
         _add_field(fields, (Domain.CORNER, corner_uv.name), corner_uv.values, corner_uv.kind)
     _note_left_out(tables, notes, has_corner_uv=corner_uv is not None)
     return Frame(mesh, Surface(attributes=tuple(attributes)), fields, notes)
-
-
-def ply_positions_reader(first: bytes, frame: Frame) -> Callable[[bytes], Vertices | None]:
-    """Return a function that reads the positions of files that are otherwise equal to `first`.
-
-    It takes the bytes of a file and returns None if the file must be parsed completely, as every
-    ASCII file. It is five times as fast.
-    """
-    table = read_ply_tables(read_ply_header(first), first)["vertex"]
-    element, width = table.element, table.body.width
-    has_lists = any(column.count_code for column in element.properties)
-    if has_lists or table.body.place is not None:
-        return lambda data: None
-    body = len(first) - len(table.body.data)
-    begin, end = body + table.start, body + table.end
-    before, after = first[:begin], first[end:]
-    widths = [width(column.code) for column in element.properties]
-    is_other = np.repeat(
-        [column.name not in ("x", "y", "z") for column in element.properties], widths
-    )
-
-    def other_bytes(data: bytes) -> npt.NDArray[np.uint8]:
-        rows = np.frombuffer(data, np.uint8, end - begin, begin).reshape(element.n_rows, -1)
-        return rows[:, is_other]
-
-    others = other_bytes(first)
-
-    def positions(data: bytes) -> Vertices | None:
-        if len(data) != len(first) or not (data.startswith(before) and data.endswith(after)):
-            return None
-        if is_other.any() and (other_bytes(data) != others).any():
-            return None
-        return _vertices(replace(table, body=PlyBody(data[body:], table.body.order)))
-
-    return positions
 
 
 def _vertices(table: PlyTable) -> Vertices:
@@ -191,8 +155,4 @@ def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attri
     return None
 
 
-FORMATS = (
-    FrameFormat(
-        ".ply", "PLY", read_ply, ply_encoder, ply_positions_reader, holds_tracks=OF_SURFACES
-    ),
-)
+FORMATS = (FrameFormat(".ply", "PLY", read_ply, ply_encoder, holds_tracks=OF_SURFACES),)

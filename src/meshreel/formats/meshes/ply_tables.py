@@ -92,14 +92,13 @@ class PlyTable:
     ----------
     offsets : dict of str to int64 array of shape (number of rows,)
         Byte offset of each property in each row; for a list, that of its length.
-    start, end : int
-        First byte of the element, and first byte after it.
+    end : int
+        First byte after the element.
     """
 
     element: PlyElement
     body: PlyBody
     offsets: dict[str, Offsets]
-    start: int
     end: int
 
     def numbers(self, column: PlyProperty) -> npt.NDArray[Any]:
@@ -165,7 +164,7 @@ def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
     _check_fits(element, element.n_rows * row_width, len(body.data) - start)
     if element.n_rows == 0 or not element.properties:
         nowhere = {column.name: np.empty(0, np.int64) for column in element.properties}
-        return PlyTable(element, body, nowhere, start, start)
+        return PlyTable(element, body, nowhere, start)
     return _table_of_equal_rows(element, body, start) or _table_of_rows(element, body, start)
 
 
@@ -182,7 +181,7 @@ def _table_of_equal_rows(element: PlyElement, body: PlyBody, start: int) -> PlyT
             lengths = body.take(offsets[column.name], column.count_code)
             if (lengths != lengths[0]).any():
                 return None
-    return PlyTable(element, body, offsets, start, end)
+    return PlyTable(element, body, offsets, end)
 
 
 def _table_of_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
@@ -194,7 +193,7 @@ def _table_of_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
             places[name].append(at)
         end += width
     offsets = {name: np.array(starts, np.int64) for name, starts in places.items()}
-    return PlyTable(element, body, offsets, start, end)
+    return PlyTable(element, body, offsets, end)
 
 
 def _walk_row(element: PlyElement, body: PlyBody, start: int) -> tuple[dict[str, int], int]:

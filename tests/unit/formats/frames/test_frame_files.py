@@ -56,7 +56,7 @@ def with_counted_parses(extension):
         parsed.append(data)
         return form.read(data)
 
-    return replace(form, read=read, positions_reader=None), parsed
+    return replace(form, read=read), parsed
 
 
 @pytest.mark.parametrize("is_changing", [False, True])
