@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.polygons import join_triangles
@@ -210,6 +211,12 @@ def assert_same_surface(found, expected):
     if expected.cells is not None:
         np.testing.assert_array_equal(found.cells.types, expected.cells.types)
         np.testing.assert_array_equal(found.cells.nodes, expected.cells.nodes)
+
+
+def encoded(encoder, vertices, faces):
+    """Return the file of a frame, given the encoder of a format."""
+    sequence = MeshSequence(np.asarray(vertices)[np.newaxis], np.array(faces))
+    return encoder(SegmentedStream(sequence).only())(vertices, {})
 
 
 def kg_error_percent(original, decoded):

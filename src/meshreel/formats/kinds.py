@@ -1,16 +1,17 @@
 """The kinds of formats: one frame per file, a whole sequence per file, and folders of files."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from meshreel.arrays import Values
 from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
-from meshreel.model.sequence import FrameSource
+from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
 
@@ -45,6 +46,10 @@ OF_CELLS = NOT_OF_CORNERS | {Domain.CELL}
 """Track domains that a format supports; with those of cells, it stores cells too."""
 
 
+Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
+"""Returns the file of a frame with positions of shape (V, 3) and values of tracks by name."""
+
+
 @dataclass(frozen=True)
 class FrameFormat:
     """A format with one static mesh, so one frame, per file.
@@ -57,11 +62,9 @@ class FrameFormat:
         Name of the format.
     read : function of the bytes of a file
         Returns the `Frame`; its errors name the line but not the file.
-    encoder : function of the faces, the surface and a list of notes, or None
-        Returns a function from the positions of a frame to the bytes of its file, and adds notes on
-        what the file cannot store; None if the format is read-only. If the format supports tracks,
-        the encoder takes them by name, and the function takes the positions and the values of each
-        track in the frame, of shape (N, C), by name.
+    encoder : function of a `FrameStream`, or None
+        Returns a function that encodes its frames, and adds notes on what the files cannot store;
+        None if the format is read-only.
     is_decimal : bool, default False
         Whether positions are decimal text without a declared number type.
     has_unshared_vertices : bool, default False
@@ -75,7 +78,7 @@ class FrameFormat:
     extension: str
     title: str
     read: Callable[[bytes], Frame]
-    encoder: Callable[..., Callable[..., bytes]] | None
+    encoder: Callable[[FrameStream], Encode] | None
     is_decimal: bool = False
     has_unshared_vertices: bool = False
     holds_tracks: frozenset[Domain] = NO_TRACKS

@@ -189,7 +189,7 @@ def note_unwritten(
     surface: Surface,
     written: Collection[Attribute | FaceGroups | None],
     extension: str,
-    notes: list[str] | None,
+    notes: list[str],
     *,
     parts: bool = False,
     polygons: bool = True,
@@ -216,8 +216,7 @@ def note_unwritten(
         missing.append("faces with more than three corners, which are triangulated")
     if surface.hard_edges is not None and not hard_edges:
         missing.append(counted(len(surface.hard_edges), "hard edge"))
-    if notes is not None:
-        _note_unwritable(notes, extension, missing)
+    _note_unwritable(notes, extension, missing)
 
 
 def note_unwritten_materials(surface: Surface, extension: str, notes: list[str]) -> None:

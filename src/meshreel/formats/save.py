@@ -1,6 +1,6 @@
 """Saving of sequences and of streamed frames in any format."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from meshreel.codec.options import check_names
 from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.kinds import NO_TRACKS, FolderFormat, FrameFormat, SequenceFormat
+from meshreel.formats.kinds import NO_TRACKS, Encode, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import (
     note_unwritten_cells,
     note_unwritten_materials,
@@ -28,7 +28,7 @@ from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
-from meshreel.model.sequence import MeshSequence, Vertices
+from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, track_blocks
 from meshreel.runtime.counting import plural
@@ -294,9 +294,9 @@ def _write_frames(found: FrameFormat, stream: SegmentedStream, paths: list[Path]
     numbered = iter(paths)
     for segment in stream.segments():
         note_unwritten_materials(segment.surface, found.extension, segment.notes)
-        encode = frame_encoder(found, segment)
+        encode = _encoder_of(found, segment)
         for index, frame in enumerate(segment.frames()):
-            next(numbered).write_bytes(encode(index, frame))
+            next(numbered).write_bytes(encode(frame, segment.values(index)))
 
 
 def _write_sequence(
@@ -313,17 +313,12 @@ def _write_sequence(
     noting = stream if found.holds_materials else stream.changed(note_materials)
     if found.companion:
         only = noting.only()
-        encode = frame_encoder(FRAME_FORMATS[found.companion], only)
-        paths[1].write_bytes(encode(0, only.first))
+        encode = _encoder_of(FRAME_FORMATS[found.companion], only)
+        paths[1].write_bytes(encode(only.first, only.values(0)))
     found.write(paths[0], noting, options)
 
 
-def frame_encoder(found: FrameFormat, stream: FrameStream) -> Callable[[int, Vertices], bytes]:
-    """Return a function from the number and positions of a frame to the bytes of its file."""
+def _encoder_of(found: FrameFormat, stream: FrameStream) -> Encode:
     if found.encoder is None:  # check_output rejects read-only formats
         raise FormatError(f"{found.extension} files are read, but not written")
-    if not found.holds_tracks:
-        encode = found.encoder(stream.faces, stream.surface, stream.notes)
-        return lambda index, frame: encode(frame)
-    encode_all = found.encoder(stream.faces, stream.surface, stream.notes, stream.tracks)
-    return lambda index, frame: encode_all(frame, stream.values(index))
+    return found.encoder(stream)

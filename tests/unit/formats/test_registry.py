@@ -21,7 +21,7 @@ from samples.sources import statements
 
 N_ARGUMENTS = {
     "read": 1,
-    "encoder": 3,
+    "encoder": 1,
     "open": 2,
     "write": 3,
     "read_meshes": 2,

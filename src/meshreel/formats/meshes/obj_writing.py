@@ -7,12 +7,14 @@ each frame if smoothing groups cannot express them.
 """
 
 import re
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from meshreel.arrays import Values
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.kinds import Encode
 from meshreel.formats.notes import (
     NoteKind,
     add_note,
@@ -31,7 +33,7 @@ from meshreel.model.geometry.hard_edges import (
 )
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
@@ -51,32 +53,18 @@ UNSUPPORTED = "tracks other than vertex colors, normals and UV coordinates"
 TOO_MANY = "more than one color, normal or UV track"
 
 
-def obj_encoder(
-    faces: Faces,
-    surface: Surface = PLAIN,
-    notes: list[str] | None = None,
-    tracks: Mapping[str, TrackSource] | None = None,
-) -> Callable[..., bytes]:
-    """Return a function that encodes the positions and track values of a frame as an OBJ file.
+def obj_encoder(stream: FrameStream) -> Encode:
+    """Return a function that encodes a frame as an OBJ file.
 
     Float32 and float64 positions round-trip exactly. Constant text is formatted once.
-
-    Parameters
-    ----------
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence for each thing that an OBJ file cannot store.
-    tracks : mapping of str to TrackSource, optional
-        The function takes positions of shape (V, 3) and a mapping of track names to values of
-        shape (N, C).
     """
-    note_list = notes if notes is not None else []
+    faces, surface, tracks, notes = stream.faces, stream.surface, stream.tracks, stream.notes
     uv = first_attribute(surface, Kind.UV, {Domain.VERTEX, Domain.CORNER}, {2}, "f")
     colors = first_attribute(surface, Kind.COLOR, {Domain.VERTEX}, {3, 4}, "iuf")
     groups = _groups(surface)
     note_unwritten(surface, (uv, colors, *groups), ".obj", notes, parts=True, hard_edges=True)
-    written_tracks = select_tracks(tracks or {}, uv, colors, note_list)
-    domains = {kind: (tracks or {})[name].domain for kind, name in written_tracks.items()}
+    written_tracks = select_tracks(tracks, uv, colors, notes)
+    domains = {kind: tracks[name].domain for kind, name in written_tracks.items()}
     rows, shading = _Rows.of(surface, faces, uv, domains), None
     if surface.hard_edges is not None and TrackKind.NORMAL not in written_tracks:
         smoothing = _smoothing_groups(surface, faces)
@@ -90,9 +78,8 @@ def obj_encoder(
     objects = list(_objects(surface, _face_lines(faces, surface, rows), groups))
     static_colors = None if colors is None else _color_rows(colors.per_item())
 
-    def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
-        frame_values = values or {}
-        track_values = {kind: _encoded(frame_values[name]) for kind, name in written_tracks.items()}
+    def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
+        track_values = {kind: _encoded(values[name]) for kind, name in written_tracks.items()}
         suffixes = (
             _color_rows(track_values[TrackKind.COLOR])
             if TrackKind.COLOR in track_values

@@ -10,15 +10,16 @@ given as an index of a color table.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.kinds import Encode, FrameFormat
 from meshreel.formats.meshes.obj_writing import first_attribute
 from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
@@ -26,7 +27,7 @@ from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_ro
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 
 NO_BLANK = re.compile(rb"^([ \t]*(?:ST)?C?N?OFF)(?=\d)", re.MULTILINE)
@@ -110,31 +111,24 @@ def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.
     return counts
 
 
-def off_encoder(
-    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
-) -> Callable[[Vertices], bytes]:
-    """Return a function that encodes the positions of a frame, of shape (V, 3), as an OFF file.
+def off_encoder(stream: FrameStream) -> Encode:
+    """Return a function that encodes a frame as an OFF file.
 
     Float32 and float64 positions round-trip exactly. All other text is formatted once.
-
-    Parameters
-    ----------
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence for each thing that an OFF file cannot store.
     """
+    surface = stream.surface
     colors, face_colors = (
         first_attribute(surface, Kind.COLOR, {domain}, {3, 4}, "uf")
         for domain in (Domain.VERTEX, Domain.FACE)
     )
     uv = first_attribute(surface, Kind.UV, {Domain.VERTEX}, {2}, "f")
-    note_unwritten(surface, (colors, uv, face_colors), ".off", notes)
+    note_unwritten(surface, (colors, uv, face_colors), ".off", stream.notes)
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
     suffixes = _join_columns([number_rows(each.per_item()) for each in (colors, uv) if each])
-    face_lines = _face_lines(faces, surface, face_colors)
+    face_lines = _face_lines(stream.faces, surface, face_colors)
     face_text = "".join(face_lines).encode("ascii")
 
-    def encode(vertices: Vertices) -> bytes:
+    def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
         header = f"{keyword}\n{len(vertices)} {len(face_lines)} 0\n".encode("ascii")
         return header + vertex_rows(vertices, suffixes=suffixes) + face_text
 

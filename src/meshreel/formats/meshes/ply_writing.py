@@ -5,7 +5,7 @@ and faces under their own names; tracks are written in the same way.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Values
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.kinds import Encode
 from meshreel.formats.notes import (
     note_name,
     note_track_type,
@@ -22,7 +24,7 @@ from meshreel.formats.notes import (
 )
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -60,66 +62,48 @@ TOO_MANY = "more than one color, normal or UV track of each domain"
 TOO_LARGE = "integers beyond 32 bits"
 
 
-def ply_encoder(
-    faces: Faces,
-    surface: Surface = PLAIN,
-    notes: list[str] | None = None,
-    tracks: Mapping[str, TrackSource] | None = None,
-) -> Callable[..., bytes]:
-    """Return a function that encodes the positions and track values of a frame as a PLY file.
+def ply_encoder(stream: FrameStream) -> Encode:
+    """Return a function that encodes a frame as a PLY file.
 
     Float32 and float64 positions round-trip exactly. Constant data is encoded once.
-
-    Parameters
-    ----------
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence for each thing that a PLY file cannot store.
-    tracks : mapping of str to TrackSource, optional
-        The function takes positions of shape (V, 3) and a mapping of track names to values of
-        shape (N, C).
     """
+    faces, surface = stream.faces, stream.surface
     by_domain = [
         _writable_attributes(surface, domain)
         for domain in (Domain.VERTEX, Domain.FACE, Domain.CORNER)
     ]
     attributes = [attribute for writable in by_domain for attribute in writable]
-    note_unwritten(surface, attributes, ".ply", notes)
+    note_unwritten(surface, attributes, ".ply", stream.notes)
     columns, face_columns = (
         [column for attribute in writable for column in _columns(attribute)]
         for writable in by_domain[:2]
     )
     lists = [attribute.per_item() for attribute in by_domain[2]]
-    written_tracks = select_tracks(tracks or {}, attributes, notes if notes is not None else [])
+    written_tracks = select_tracks(stream.tracks, attributes, stream.notes)
     tracks_of = {
         domain: [track for track in written_tracks if track.domain is domain]
         for domain in SURFACE_DOMAINS
     }
     face_table = _face_table(faces, surface, face_columns, lists)
 
-    def encode(vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
-        frame_values = values or {}
+    def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
         face_header, face_bytes = face_table
         vertex_columns, frame_columns = (
-            [
-                column
-                for track in tracks_of[domain]
-                for column in track.columns(frame_values[track.name])
-            ]
+            [column for track in tracks_of[domain] for column in track.columns(values[track.name])]
             for domain in (Domain.VERTEX, Domain.FACE)
         )
         if tracks_of[Domain.FACE] or tracks_of[Domain.CORNER]:
-            pairs = [frame_values[track.name] for track in tracks_of[Domain.CORNER]]
+            pairs = [values[track.name] for track in tracks_of[Domain.CORNER]]
             face_header, face_bytes = _face_table(
                 faces, surface, face_columns + frame_columns, lists + pairs
             )
         is_single = vertices.dtype == np.float32
         positions = vertices.astype("f4" if is_single else "f8", copy=False)
         fields = [*zip("xyz", positions.T, strict=True), *columns, *vertex_columns]
-        rows = np.empty(len(vertices), [(name, _code(values)) for name, values in fields])
-        for name, values in fields:
-            rows[name] = values
-        declared = [f"property {TYPE_NAMES[_code(values)]} {name}" for name, values in fields]
+        rows = np.empty(len(vertices), [(name, _code(column)) for name, column in fields])
+        for name, column in fields:
+            rows[name] = column
+        declared = [f"property {TYPE_NAMES[_code(column)]} {name}" for name, column in fields]
         header = [*HEADER_BEGIN, f"element vertex {len(vertices)}", *declared, *face_header, ""]
         return "\n".join(header).encode("ascii") + rows.tobytes() + face_bytes
 

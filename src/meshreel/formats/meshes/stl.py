@@ -5,19 +5,20 @@ in every frame. Written files are binary: float64 positions are rounded to float
 6e-8). Normals are ignored on reading and computed on writing.
 """
 
-from collections.abc import Callable
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.kinds import FrameFormat
+from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.kinds import Encode, FrameFormat
 from meshreel.formats.notes import note_left_out, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, Surface
+from meshreel.model.sequence import Vertices
 
 HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -55,25 +56,18 @@ def read_stl(data: bytes) -> Frame:
     return Frame(polygon_mesh(corners, np.full(n_faces, 3), np.arange(3 * n_faces)), notes=notes)
 
 
-def stl_encoder(
-    faces: Faces, surface: Surface = PLAIN, notes: list[str] | None = None
-) -> Callable[[Vertices], bytes]:
-    """Return a function that encodes the positions of a frame, of shape (V, 3), as an STL file.
-
-    Parameters
-    ----------
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence on the surface data, which STL cannot store.
+def stl_encoder(stream: FrameStream) -> Encode:
+    """Return a function that encodes a frame as an STL file.
 
     Raises
     ------
     InvalidInputError
         From the function, if a position is too large for float32.
     """
-    note_unwritten(surface, (), ".stl", notes, polygons=False)
+    faces = stream.faces
+    note_unwritten(stream.surface, (), ".stl", stream.notes, polygons=False)
 
-    def encode(vertices: Vertices) -> bytes:
+    def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
         triangles = np.zeros(len(faces), dtype=TRIANGLE)
         with np.errstate(over="ignore"):
             triangles["corners"] = vertices[faces]

@@ -13,15 +13,14 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.notes import written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
-from meshreel.model.sequence import Faces, Vertices
-from meshreel.model.surface import PLAIN, Domain, Surface
-from meshreel.model.tracks import TrackSource
+from meshreel.model.sequence import Vertices
+from meshreel.model.surface import Domain
 
 STATIC_LEVEL, FRAME_LEVEL = 6, 0
 """zlib levels: shared arrays are compressed once, arrays of each frame are stored."""
@@ -41,7 +40,7 @@ def write_pvd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     rows: list[str] = []
     pieces = iter(stream.data_files)
     for segment in stream.segments():
-        encode = FileEncoder(".pvd", segment.faces, segment.surface, segment.notes, segment.tracks)
+        encode = FileEncoder(".pvd", segment)
         for index, frame in enumerate(segment.frames()):
             name, piece = next(pieces)
             piece.write_bytes(encode(frame, segment.values(index)))
@@ -59,24 +58,12 @@ class FileEncoder:
     ----------
     extension : str
         ".vtp" for polygons; others for cells.
-    faces : int32 array of shape (M, 3)
-    notes : list of str, optional
-        Receives a sentence for each thing that the file cannot store.
-    tracks : mapping of str to TrackSource, optional
-        Tracks of vertices and faces.
     """
 
-    def __init__(
-        self,
-        extension: str,
-        faces: Faces,
-        surface: Surface = PLAIN,
-        notes: list[str] | None = None,
-        tracks: Mapping[str, TrackSource] | None = None,
-    ) -> None:
-        note_list = notes if notes is not None else []
-        self._arrays = output_arrays(surface, tracks or {}, extension, note_list)
-        written = written_cells(faces, surface)
+    def __init__(self, extension: str, stream: FrameStream) -> None:
+        surface = stream.surface
+        self._arrays = output_arrays(surface, stream.tracks, extension, stream.notes)
+        written = written_cells(stream.faces, surface)
         self._kind, self._cell_tag = "PolyData", "Polys"
         others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
         self._n_cells = f'{others}NumberOfPolys="{len(written.counts)}"'
@@ -94,15 +81,15 @@ class FileEncoder:
             for array in self._arrays
         ]
 
-    def __call__(self, vertices: Vertices, values: Mapping[str, Values] | None = None) -> bytes:
+    def __call__(self, vertices: Vertices, values: Mapping[str, Values]) -> bytes:
         """Encode a frame: positions of shape (V, 3), and values of shape (N, C) of each track."""
-        appended, tracks = _Appended(), values or {}
+        appended = _Appended()
         opening = (
             f'<VTKFile type="{self._kind}" version="1.0" byte_order="LittleEndian" '
             'header_type="UInt64" compressor="vtkZLibDataCompressor">'
         )
         encoded = [
-            (array, static or _encode(tracks[array.track], FRAME_LEVEL))
+            (array, static or _encode(values[array.track], FRAME_LEVEL))
             for array, static in zip(self._arrays, self._static, strict=True)
         ]
         head = [

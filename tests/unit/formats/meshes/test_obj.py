@@ -4,6 +4,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.meshes.obj_writing import obj_encoder
+from samples.meshes import encoded
 
 TRIANGLE = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -15,7 +16,7 @@ def corners(data):
 def test_extreme_floats_round_trip_exactly():
     tiny, huge = np.finfo(np.float32).smallest_subnormal, np.finfo(np.float32).max
     vertices = np.array([[tiny, -huge, -0.0], [1 / 3, 1e-10, 16777217.0], [0, 1, 2]], np.float32)
-    mesh = read_obj(obj_encoder(np.array([[0, 1, 2]]))(vertices)).mesh
+    mesh = read_obj(encoded(obj_encoder, vertices, [[0, 1, 2]])).mesh
     assert mesh.vertices.astype(np.float32).tobytes() == vertices.tobytes()
 
 

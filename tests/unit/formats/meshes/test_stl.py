@@ -3,6 +3,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.meshes.stl import read_stl, stl_encoder
+from samples.meshes import encoded
 
 ASCII = b"""solid a thing
   facet normal 0 0 1
@@ -25,14 +26,14 @@ endsolid a thing
 
 def test_corners_round_trip(make_sequence):
     sequence = make_sequence(1)
-    mesh = read_stl(stl_encoder(sequence.faces)(sequence.vertices[0])).mesh
+    mesh = read_stl(encoded(stl_encoder, sequence.vertices[0], sequence.faces)).mesh
     expected = sequence.vertices[0][sequence.faces].reshape(-1, 3)
     assert (mesh.vertices.dtype, mesh.vertices.tobytes()) == (np.float32, expected.tobytes())
 
 
 def test_binary_header_may_begin_with_solid(make_sequence):
     sequence = make_sequence(1)
-    data = stl_encoder(sequence.faces)(sequence.vertices[0])
+    data = encoded(stl_encoder, sequence.vertices[0], sequence.faces)
     assert len(read_stl(b"solid " + data[6:]).mesh.counts) == sequence.n_faces
 
 
@@ -47,18 +48,18 @@ def test_parse_stl_replaces_negative_zeros():
 
 def test_stl_encoder_writes_unit_normals():
     vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32)
-    data = stl_encoder(np.array([[0, 1, 2]]))(vertices)
+    data = encoded(stl_encoder, vertices, [[0, 1, 2]])
     assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 1]
 
 
 def test_degenerate_triangles_get_zero_normals():
-    data = stl_encoder(np.array([[0, 1, 1]]))(np.eye(3, dtype=np.float64))
+    data = encoded(stl_encoder, np.eye(3, dtype=np.float64), [[0, 1, 1]])
     assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 0]
 
 
 def test_stl_encoder_rejects_positions_beyond_float32():
     with pytest.raises(InvalidInputError, match=r"STL stores float32"):
-        stl_encoder(np.array([[0, 1, 2]]))(np.eye(3) * 1e39)
+        encoded(stl_encoder, np.eye(3) * 1e39, [[0, 1, 2]])
 
 
 @pytest.mark.parametrize(
@@ -81,7 +82,7 @@ def test_parse_stl_error_names_the_line(data, message):
 @pytest.mark.parametrize("change", [lambda d: d[:-1], lambda d: d + b"\0", lambda d: d[:90]])
 def test_parse_stl_rejects_sizes_that_contradict_the_count(make_sequence, change):
     sequence = make_sequence(1)
-    data = stl_encoder(sequence.faces)(sequence.vertices[0])
+    data = encoded(stl_encoder, sequence.vertices[0], sequence.faces)
     with pytest.raises(
         FormatError, match=r"a binary STL with the declared .* has 484; the file is tr"
     ):
