@@ -204,53 +204,54 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
             yield replace(_sequence_info(sequence), name=mesh.name)
 
 
-def _sequence_info(sequence: FrameSource) -> MeshInfo:
-    if isinstance(sequence, MeshSequence) and sequence.n_segments > 1:
-        infos, extent = list(map(_sequence_info, sequence.segments)), sequence.extent
-        contents: dict[str, Any] = {
-            name: tuple(dict.fromkeys(text for info in infos for text in getattr(info, name)))
-            for name in (*SURFACE_TEXTS, "tracks")
-        }
-        largest = {
-            name: max(getattr(info, name) for info in infos)
-            for name in ("n_verts", "n_faces", "n_polygons")
-        }
-        return replace(
-            infos[0],
-            name=sequence.name,
-            fps=sequence.fps,
-            times=sequence.timing.uneven_times,
-            n_frames=sequence.n_frames,
-            n_segments=sequence.n_segments,
-            n_meshes=sequence.n_meshes,
-            raw_size_bytes=sum(info.raw_size_bytes for info in infos),
-            low=tuple(extent.low.tolist()),
-            high=tuple(extent.high.tolist()),
-            **largest,
-            **contents,
-        )
-    extent, n_faces = sequence.extent, len(sequence.faces)
-    texts: dict[str, Any] = describe_surface(sequence.surface)
-    return MeshInfo(
-        sequence.name,
-        sequence.n_frames,
-        sequence.n_verts,
-        n_faces,
-        sequence.surface.n_faces(n_faces),
-        sequence.timing.fps,
-        sequence.timing.start_s,
-        str(np.dtype(sequence.dtype)),
-        tuple(extent.low.tolist()),
-        tuple(extent.high.tolist()),
-        **texts,
-        tracks=tuple(f"{name}: {describe_track(track)}" for name, track in sequence.tracks.items()),
-        raw_size_bytes=(
-            positions_size_bytes(sequence)
-            + sequence.faces.nbytes
-            + sequence.surface.size_bytes
-            + sum(math.prod(one.shape) * one.dtype.itemsize for one in sequence.tracks.values())
-        ),
+def _sequence_info(sequence: MeshSequence) -> MeshInfo:
+    """Describe a sequence; counts of vertices and faces are the largest of its segments."""
+    infos, extent = list(map(_segment_info, sequence.segments)), sequence.extent
+    contents: dict[str, Any] = {
+        name: tuple(dict.fromkeys(text for info in infos for text in getattr(info, name)))
+        for name in (*SURFACE_TEXTS, "tracks")
+    }
+    largest = {
+        name: max(getattr(info, name) for info in infos)
+        for name in ("n_verts", "n_faces", "n_polygons")
+    }
+    return replace(
+        infos[0],
+        name=sequence.name,
+        fps=sequence.fps,
         times=sequence.timing.uneven_times,
+        n_frames=sequence.n_frames,
+        n_segments=sequence.n_segments,
+        n_meshes=sequence.n_meshes,
+        raw_size_bytes=sum(info.raw_size_bytes for info in infos),
+        low=tuple(extent.low.tolist()),
+        high=tuple(extent.high.tolist()),
+        **largest,
+        **contents,
+    )
+
+
+def _segment_info(segment: FrameSource) -> MeshInfo:
+    """Describe a segment without what depends on the others: bounding box and times."""
+    n_faces = len(segment.faces)
+    texts: dict[str, Any] = describe_surface(segment.surface)
+    return MeshInfo(
+        segment.name,
+        segment.n_frames,
+        segment.n_verts,
+        n_faces,
+        segment.surface.n_faces(n_faces),
+        segment.timing.fps,
+        segment.timing.start_s,
+        str(np.dtype(segment.dtype)),
+        **texts,
+        tracks=tuple(f"{name}: {describe_track(track)}" for name, track in segment.tracks.items()),
+        raw_size_bytes=(
+            positions_size_bytes(segment)
+            + segment.faces.nbytes
+            + segment.surface.size_bytes
+            + sum(math.prod(one.shape) * one.dtype.itemsize for one in segment.tracks.values())
+        ),
     )
 
 

@@ -1,23 +1,14 @@
 """Selection of the attributes of a sequence."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, cast
 
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import ALL, Names, select
-
-
-@runtime_checkable
-class _Decoding(Protocol):
-    """A sequence that decodes its surface whenever it is read."""
-
-    def changed(self, change: Callable[[Surface], Surface]) -> FrameSource:
-        """Return the sequence with another surface, derived from the present one."""
 
 
 def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameSource:
@@ -40,8 +31,8 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
         return sequence
     with errors_naming(path):
         surface = select(sequence.surface, names)
-    if isinstance(sequence, _Decoding):  # keep no decoded surface
-        return sequence.changed(partial(select, names=names))
+    if (changed := getattr(sequence, "changed", None)) is not None:  # keep no decoded surface
+        return cast("FrameSource", changed(partial(select, names=names)))
     return with_surface(sequence, surface)
 
 
@@ -49,11 +40,7 @@ def with_surface(sequence: FrameSource, surface: Surface) -> FrameSource:
     """Return the sequence with another surface."""
     if surface is sequence.surface:
         return sequence
-    if isinstance(sequence, _Decoding):
-        return sequence.changed(lambda _: surface)
-    if not isinstance(sequence, MeshSequence | StoredFrames):
-        raise TypeError(f"cannot replace the surface of a {type(sequence).__name__}")
-    return sequence.replace(surface=surface)
+    return cast("FrameSource", cast("Any", sequence).replace(surface=surface))
 
 
 def with_surfaces(sequence: MeshSequence, surfaces: Sequence[Surface]) -> MeshSequence:

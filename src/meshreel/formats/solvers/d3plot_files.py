@@ -124,19 +124,22 @@ class Words:
 
 def members(root: Path) -> list[Path]:
     """Return the numbered files that continue a root file, in order: d3plot01, d3plot02."""
-    pattern = re.compile(re.escape(root.name) + r"(\d{2,})")
-    with os_errors_naming(root.parent):
-        names = os.listdir(root.parent)
-    numbered = [(int(match[1]), name) for name in names if (match := pattern.fullmatch(name))]
-    return [root.with_name(name) for _, name in sorted(numbered)]
+    return [path for _, path in sorted((int(end), path) for end, path in _named(root, r"\d{2,}"))]
 
 
 def adapted_roots(root: Path) -> list[Path]:
     """Return the root files of adapted meshes, in order: d3plotaa, d3plotab."""
-    pattern = re.compile(re.escape(root.name) + r"[a-z]{2}")
+    return [path for _, path in sorted(_named(root, "[a-z]{2}"))]
+
+
+def _named(root: Path, ending: str) -> list[tuple[str, Path]]:
+    """Return endings and paths of the files next to a root file that are named like it."""
+    pattern = re.compile(f"{re.escape(root.name)}({ending})")
     with os_errors_naming(root.parent):
         names = os.listdir(root.parent)
-    return [root.with_name(name) for name in sorted(names) if pattern.fullmatch(name)]
+    return [
+        (match[1], root.with_name(match[0])) for match in map(pattern.fullmatch, names) if match
+    ]
 
 
 def other_files(root: Path) -> list[Path]:
