@@ -59,15 +59,17 @@ class SharedData:
         indexed: frozenset[Key] = frozenset()
         has_hard_edges = has_empty = False
         for number, mesh in enumerate(meshes):
-            found = [dict.fromkeys(keys) for keys in _keys(mesh)]
-            for key, group in _groups(mesh.surface).items():
+            attributes, groups, tracks = _keyed(mesh)
+            found = [dict.fromkeys(keys) for keys in (attributes, groups, tracks)]
+            for key, group in groups.items():
                 labels.setdefault(key, {}).update(dict.fromkeys(group.labels))
             has_hard_edges = has_hard_edges or mesh.surface.hard_edges is not None
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
                 shared, parts = found, part_names
-                named = _attributes(mesh.surface)
-                indexed = frozenset(key for key, one in named.items() if one.indices is not None)
+                indexed = frozenset(
+                    key for key, one in attributes.items() if one.indices is not None
+                )
             for names, known, own in zip(others, shared, found, strict=True):
                 names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
                 for key in known.keys() - own.keys():
@@ -76,45 +78,34 @@ class SharedData:
             if part_names != parts or (number and has_empty):
                 others[1]["the names of parts"] = None
                 parts = ()
-        attributes, groups, tracks = map(tuple, shared)
-        data = tuple(others[0] | others[1])
+        attribute_keys, group_keys, track_keys = map(tuple, shared)
         return cls(
-            attributes,
-            groups,
-            tracks,
+            attribute_keys,
+            group_keys,
+            track_keys,
             indexed,
-            {key: tuple(labels[key]) for key in groups},
+            {key: tuple(labels[key]) for key in group_keys},
             parts,
             has_hard_edges,
-            data,
+            tuple(others[0] | others[1]),
             tuple(others[2]),
         )
 
-    def attributes_of(self, surface: Surface) -> dict[Key, Attribute]:
-        """Return the shared attributes of a segment."""
-        found = _attributes(surface)
-        return {
-            key: _with_indices(found[key], is_indexed=key in self.indexed)
-            for key in self.attributes
-        }
-
-    def groups_of(self, surface: Surface) -> dict[Key, FaceGroups]:
-        """Return the shared groups of a segment."""
-        found = _groups(surface)
-        return {key: found[key] for key in self.groups}
-
-    def tracks_of(self, tracks: Mapping[str, TrackSource]) -> dict[str, TrackSource]:
-        """Return the shared tracks of a segment by name."""
-        found = _tracks(tracks)
-        return {str(key[0]): found[key] for key in self.tracks}
-
     def only(self, mesh: FrameStream) -> FrameStream:
         """Return the mesh of a segment without data that other segments lack."""
-        attributes = tuple(self.attributes_of(mesh.surface).values())
-        groups = tuple(self.groups_of(mesh.surface).values())
-        parts = mesh.surface.parts if self.parts else ()
-        surface = replace(mesh.surface, attributes=attributes, groups=groups, parts=parts)
-        return replace(mesh, surface=surface, tracks=self.tracks_of(mesh.tracks))
+        attributes, groups, tracks = _keyed(mesh)
+        surface = replace(
+            mesh.surface,
+            attributes=tuple(
+                _with_indices(attributes[key], is_indexed=key in self.indexed)
+                for key in self.attributes
+            ),
+            groups=tuple(groups[key] for key in self.groups),
+            parts=mesh.surface.parts if self.parts else (),
+        )
+        return replace(
+            mesh, surface=surface, tracks={str(key[0]): tracks[key] for key in self.tracks}
+        )
 
     def note_others(self, extension: str, notes: list[str]) -> None:
         """Add notes on data that are left out because only some segments have them."""
@@ -159,8 +150,16 @@ def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
     return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
-def _keys(mesh: FrameStream) -> Iterable[Iterable[Key]]:
-    return _attributes(mesh.surface), _groups(mesh.surface), _tracks(mesh.tracks)
+def _keyed(
+    mesh: FrameStream,
+) -> tuple[dict[Key, Attribute], dict[Key, FaceGroups], dict[Key, TrackSource]]:
+    """Return attributes, groups and tracks by what they have in common in all segments."""
+    groups: dict[Key, FaceGroups] = {(group.name,): group for group in mesh.surface.groups}
+    tracks: dict[Key, TrackSource] = {
+        (name, track.domain, track.kind, track.shape[2], track.dtype.str, track.unit): track
+        for name, track in mesh.tracks.items()
+    }
+    return _attributes(mesh.surface), groups, tracks
 
 
 def _attributes(surface: Surface) -> dict[Key, Attribute]:
@@ -177,14 +176,3 @@ def _attributes(surface: Surface) -> dict[Key, Attribute]:
         seen[key] += 1
         found[(*key, seen[key])] = attribute
     return found
-
-
-def _groups(surface: Surface) -> dict[Key, FaceGroups]:
-    return {(group.name,): group for group in surface.groups}
-
-
-def _tracks(tracks: Mapping[str, TrackSource]) -> dict[Key, TrackSource]:
-    return {
-        (name, track.domain, track.kind, track.shape[2], track.dtype.str, track.unit): track
-        for name, track in tracks.items()
-    }

@@ -189,20 +189,21 @@ class _DataArrays:
     def add(self, segment: FrameStream, output: HdfOutput) -> None:
         """Write the data of a segment."""
         has_uv = False
+        own = self._shared.only(segment)
         of_cells = Domain.FACE if segment.surface.cells is None else Domain.CELL
-        for key, one in self._shared.attributes_of(segment.surface).items():
+        for number, one in enumerate(own.surface.attributes):
             if one.domain not in (Domain.VERTEX, of_cells):
                 add_note(segment.notes, NoteKind.CHANGED, one.name, _corner_note(one))
                 continue
+            key = "attribute", number
             dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())
             if one.kind is Kind.UV and not has_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
                 has_uv = True
-        of_faces = self._shared.groups_of(segment.surface) if of_cells is Domain.FACE else {}
-        for key, groups in of_faces.items():
-            place = ("group", *key)
+        for groups in own.surface.groups if of_cells is Domain.FACE else ():
+            place = "group", groups.name
             self._add_constant(segment, place, Domain.FACE, groups.name, groups.numbers)
-        for name, track in self._shared.tracks_of(segment.tracks).items():
+        for name, track in own.tracks.items():
             self._add_track(output, name, track)
 
     def finish(self, steps: Node) -> None:
