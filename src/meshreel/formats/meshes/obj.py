@@ -51,13 +51,9 @@ class _Lines:
     @classmethod
     def of(cls, data: bytes) -> "_Lines":
         lines = split_lines(data, continuation=True)
-        face_lines = np.flatnonzero(lines.begins_with(b"f"))
+        face_lines = lines.beginning_with(b"f")
         counts = lines.counts[face_lines] - 1
         return cls(lines, face_lines, counts, ragged_indices(lines.first[face_lines] + 1, counts))
-
-    def of_word(self, word: bytes) -> Integers:
-        """Return the lines that begin with a word."""
-        return np.flatnonzero(self.all.begins_with(word))
 
     def n_above(self, rows: Integers) -> Integers:
         """Return how many of the lines `rows` are above the line of each corner."""
@@ -96,16 +92,16 @@ def read_obj(data: bytes) -> Frame:
     if normals is not None:
         domain, values = normals
         fields[domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
-    elif len(lines.of_word(b"vn")):
+    elif len(lines.all.beginning_with(b"vn")):
         note_normals(notes)
     for word, contents in LEFT_OUT.items():
-        if len(lines.of_word(word)):
+        if len(lines.all.beginning_with(word)):
             note_left_out(notes, contents)
     return Frame(mesh, surface, fields, notes, partial(_hard_edges, lines, mesh, normals))
 
 
 def _mesh(lines: _Lines) -> PolygonMesh:
-    every, face_lines, rows = lines.all, lines.face_lines, lines.of_word(b"v")
+    every, face_lines, rows = lines.all, lines.face_lines, lines.all.beginning_with(b"v")
     indices = every.integers(lines.corners, stop_at_slash=True)
     vertices = every.positions(rows, 1)
     return polygon_mesh(
@@ -125,7 +121,7 @@ def _hard_edges(
     if normals is not None:
         domain, values = normals
         return find_hard_edges(mesh, values[mesh.corners] if domain is Domain.VERTEX else values)
-    statements = lines.of_word(b"s")
+    statements = lines.all.beginning_with(b"s")
     if not len(statements):
         return None
     labels = {"off": 0, "0": 0, "": 0}
@@ -141,7 +137,7 @@ def _hard_edges(
 
 def _normals(lines: _Lines, mesh: PolygonMesh) -> tuple[Domain, npt.NDArray[np.float32]] | None:
     """Domain and values of the normals; None if no corner has one."""
-    every, row_lines = lines.all, lines.of_word(b"vn")
+    every, row_lines = lines.all, lines.all.beginning_with(b"vn")
     if not len(row_lines):
         return None
     rows, is_there = _rows(lines, row_lines, 2)
@@ -168,7 +164,7 @@ def _rows(
 
 
 def _texture_coordinates(lines: _Lines) -> Attribute | None:
-    row_lines = lines.of_word(b"vt")
+    row_lines = lines.all.beginning_with(b"vt")
     rows, is_there = _rows(lines, row_lines, 1)
     if not is_there.any():
         return None
@@ -184,7 +180,7 @@ def _texture_coordinates(lines: _Lines) -> Attribute | None:
 
 
 def _colors(lines: _Lines) -> Attribute | None:
-    vertex_lines = lines.of_word(b"v")
+    vertex_lines = lines.all.beginning_with(b"v")
     if (lines.all.counts[vertex_lines] != N_COLORED + 1).any():
         return None
     values = lines.all.floats(lines.all.first[vertex_lines][:, None] + np.arange(4, 7))
@@ -194,7 +190,7 @@ def _colors(lines: _Lines) -> Attribute | None:
 
 
 def _groups(lines: _Lines, name: str) -> FaceGroups:
-    statements = lines.of_word(STATEMENTS[name])
+    statements = lines.all.beginning_with(STATEMENTS[name])
     above = _last_above(statements, lines.face_lines)
     labels: dict[str, int] = {}
     numbers = np.full(len(statements) + 1, -1, np.int32)  # last row: no statement above
@@ -212,8 +208,8 @@ def _is_redundant(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
 
 def _parts(lines: _Lines, mesh: PolygonMesh) -> tuple[Part, ...]:
     """Objects as parts, if there are several and none uses vertices of another."""
-    statements = lines.of_word(STATEMENTS["object"])
-    vertex_objects = _last_above(statements, lines.of_word(b"v"))
+    statements = lines.all.beginning_with(STATEMENTS["object"])
+    vertex_objects = _last_above(statements, lines.all.beginning_with(b"v"))
     face_objects = _last_above(statements, lines.face_lines)
     names = [lines.all.words_after_first(statement) for statement in statements.tolist()]
     used = np.unique(np.concatenate([vertex_objects, face_objects]))

@@ -88,15 +88,14 @@ def _binary_size(data: bytes) -> int:
 
 
 def _parse_ascii(lines: TokenLines) -> npt.NDArray[np.float64]:
-    facets, vertices = lines.begins_with(b"facet"), np.flatnonzero(lines.begins_with(b"vertex"))
-    if not lines.begins_with(b"endsolid")[-1]:
+    facets, vertices = lines.beginning_with(b"facet"), lines.beginning_with(b"vertex")
+    if lines.n_lines - 1 not in lines.beginning_with(b"endsolid"):
         raise FormatError(
             f"{lines.place(lines.n_lines - 1)}: expected endsolid at the end; the file is truncated"
         )
-    n_corners = np.bincount(np.cumsum(facets)[vertices], minlength=int(facets.sum()) + 1)
+    n_corners = np.bincount(np.searchsorted(facets, vertices), minlength=len(facets) + 1)
     if n_corners[0] or (n_corners[1:] != 3).any():
-        facet_lines = np.flatnonzero(facets)
-        line = vertices[0] if n_corners[0] else facet_lines[np.argmax(n_corners[1:] != 3)]
+        line = vertices[0] if n_corners[0] else facets[np.argmax(n_corners[1:] != 3)]
         raise FormatError(f"{lines.place(line)}: a facet must have three vertex lines")
     wrong = lines.counts[vertices] != 4
     if wrong.any():

@@ -84,14 +84,13 @@ class TokenLines:
         except UnicodeDecodeError:
             return text.decode("latin-1")
 
-    def begins_with(self, word: bytes) -> npt.NDArray[np.bool_]:
-        """Return a mask of the lines whose first word is `word`."""
-        start, codes = self.starts[self.first], self._codes()
-        found: npt.NDArray[np.bool_] = self.ends[self.first] - start == len(word)
+    def beginning_with(self, word: bytes) -> npt.NDArray[np.int64]:
+        """Return the lines whose first word is `word`."""
+        starts, codes = self.starts[self.first], self._codes()
+        lines = np.flatnonzero(self.ends[self.first] - starts == len(word))
         for offset, code in enumerate(word):
-            # Shorter words are already excluded; the clip only keeps the index in range.
-            found &= codes[np.minimum(start + offset, len(codes) - 1)] == code
-        return found
+            lines = lines[codes[starts[lines] + offset] == code]
+        return lines
 
     def floats(self, tokens: Integers) -> npt.NDArray[np.float64]:
         """Parse words as correctly rounded float64, in the shape of `tokens`.

@@ -41,10 +41,10 @@ def test_empty_text_has_no_lines():
 
 
 @pytest.mark.parametrize("word", [b"v", b"vertex"])
-def test_begins_with_compares_whole_words(word):
+def test_beginning_with_compares_whole_words(word):
     lines = split_lines(b"v 1\nvertex 1\nvn 1\nx\nvertices\nv")
-    expected = [row[0].encode() == word for row in words(lines)]
-    assert lines.begins_with(word).tolist() == expected
+    expected = [line for line, row in enumerate(words(lines)) if row[0].encode() == word]
+    assert lines.beginning_with(word).tolist() == expected
 
 
 def test_floats_equal_those_of_python():
