@@ -38,7 +38,6 @@ from meshreel.formats.notes import (
 )
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
@@ -312,11 +311,8 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     data = read_bytes(path)
     with errors_naming(path):
         frame = mesh_format.read(data)
-    mesh, surface = frame.mesh, frame.surface
-    notes = list(frame.notes)
-    if (hard := frame.find_hard_edges()) is not None:
-        NormalNotes(notes).add("", hard)
-        surface = replace(surface, hard_edges=hard.edges)
+    mesh, notes = frame.mesh, list(frame.notes)
+    surface = frame.surface_with_edges(notes)
     attributes = {(attribute.domain, attribute.name) for attribute in surface.attributes}
     note_kinds(notes, "fields", (key[1] for key in frame.fields if key not in attributes))
     add_once(options.notes, notes)

@@ -15,11 +15,10 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
     Layout,
+    described_arrays,
     find_layout,
     has_positions,
-    mesh_arrays,
     read_description,
-    timing_arrays,
     vertex_numbers,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
@@ -119,11 +118,6 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     stream = segments.only()
     frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
     chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
-    described: dict[str, npt.NDArray[Any]] = {
-        **mesh_arrays(stream.faces, stream.surface),
-        **timing_arrays(stream.timing),
-        "name": np.asarray(np.str_(stream.name)),
-    }
     with hdf_output(path) as output:
         vertices = output.root.create_dataset(
             POSITIONS,
@@ -131,7 +125,7 @@ def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
             stream.dtype,
             chunks=(chunk_frames, stream.n_verts, 3),
         )
-        for name, array in described.items():
+        for name, array in described_arrays(stream).items():
             write_array(output.root, name, array)
         for index, frame in output.frames(stream):
             vertices[index] = frame

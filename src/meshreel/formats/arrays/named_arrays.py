@@ -44,10 +44,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import Description
 from meshreel.formats.options import ReadOptions
 from meshreel.model.cells import Cells
-from meshreel.model.sequence import Faces
 from meshreel.model.surface import (
     Attribute,
     Domain,
@@ -69,12 +69,18 @@ RESERVED_NAMES = re.compile(
 """Names of all arrays other than the positions."""
 
 
-def mesh_arrays(faces: Faces, surface: Surface) -> dict[str, Array]:
-    """Return the arrays of faces, or of cells whose surface they are, and of a surface by name."""
-    if surface.cells is None:
-        return {"faces": faces, **surface_arrays(surface)}
-    cells: dict[str, Array] = {"cells": surface.cells.nodes, "cell_types": surface.cells.types}
-    return cells | surface_arrays(surface)
+def described_arrays(stream: FrameStream) -> dict[str, Array]:
+    """Return the arrays of the mesh, times and name of a sequence; a start of 0 is omitted."""
+    surface, timing = stream.surface, stream.timing
+    arrays: dict[str, Array] = {"faces": stream.faces}
+    if surface.cells is not None:
+        arrays = {"cells": surface.cells.nodes, "cell_types": surface.cells.types}
+    arrays |= {**surface_arrays(surface), "fps": np.asarray(np.float64(timing.fps))}
+    if timing.times is not None:
+        arrays["times"] = timing.times
+    elif timing.start_s:
+        arrays["start_s"] = np.asarray(np.float64(timing.start_s))
+    return {**arrays, "name": np.asarray(np.str_(stream.name))}
 
 
 def surface_arrays(surface: Surface) -> dict[str, Array]:
@@ -89,15 +95,6 @@ def surface_arrays(surface: Surface) -> dict[str, Array]:
         sizes = [(part.n_verts, part.n_faces) for part in surface.parts]
         arrays["part_sizes"] = np.array(sizes, np.int64)
     return arrays | _attribute_arrays(surface.attributes) | _group_arrays(surface.groups)
-
-
-def timing_arrays(timing: Timing) -> dict[str, Array]:
-    """Return frame rate and start, or times, by name; a start of 0 is omitted."""
-    arrays: dict[str, Array] = {"fps": np.asarray(np.float64(timing.fps))}
-    if timing.times is not None:
-        return {**arrays, "times": timing.times}
-    start: dict[str, Array] = {"start_s": np.asarray(np.float64(timing.start_s))}
-    return arrays | start if timing.start_s else arrays
 
 
 def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int | None) -> Timing:

@@ -17,11 +17,10 @@ from meshreel.errors import FormatError, Keyword
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
     Layout,
+    described_arrays,
     find_layout,
     has_positions,
-    mesh_arrays,
     read_description,
-    timing_arrays,
     vertex_numbers,
 )
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, NamedTrack, array_names
@@ -176,12 +175,7 @@ def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     omitted: a start of 0, a plain surface.
     """
     stream = segments.only()
-    rest: dict[str, npt.NDArray[Any]] = {
-        **mesh_arrays(stream.faces, stream.surface),
-        **timing_arrays(stream.timing),
-        "name": np.asarray(np.str_(stream.name)),
-        **track_arrays(stream.tracks),
-    }
+    rest = described_arrays(stream) | track_arrays(stream.tracks)
     places = array_names(stream.tracks)
     shape = (stream.n_frames, stream.n_verts, 3)
     with zipfile.ZipFile(path, "w") as archive:

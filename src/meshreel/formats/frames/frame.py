@@ -1,13 +1,13 @@
 """One frame of a file: its mesh, its surface and its data, as formats of single frames read it."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import Field, Fields, Key, field_tracks
 from meshreel.formats.frames.stored_frames import StoredTrack, checksum
-from meshreel.formats.surfaces.hard_edges import HardEdges
+from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.surface import PLAIN, Attribute, Surface
 
@@ -44,6 +44,13 @@ class Frame:
     fields: Fields = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     find_hard_edges: Callable[[], HardEdges | None] = lambda: None
+
+    def surface_with_edges(self, notes: list[str]) -> Surface:
+        """Return the surface with its hard edges; notes receive figures on the normals."""
+        if (hard := self.find_hard_edges()) is None:
+            return self.surface
+        NormalNotes(notes).add("", hard)
+        return replace(self.surface, hard_edges=hard.edges)
 
 
 class FrameData:

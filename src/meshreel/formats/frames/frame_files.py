@@ -19,7 +19,6 @@ from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
 from meshreel.formats.notes import Note, NoteKind, add_once, is_about, note_kinds
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.sequence import FrameSource, Vertices
@@ -195,21 +194,18 @@ class _Run:
 
     def _surface(self, notes: list[str]) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
-        changing, surface = self._data.changing, self.first.surface
+        changing, surface = self._data.changing, self.first.surface_with_edges(notes)
         constant = [
             attribute
             for attribute in surface.attributes
             if (attribute.domain, attribute.name) not in changing
         ]
-        if (hard := self.first.find_hard_edges()) is not None:
-            NormalNotes(notes).add("", hard)
         if any(
             self.first.fields[key][1].role == NORMALS for key in changing & {*self.first.fields}
         ):
             notes[:] = [note for note in notes if not is_about(note, NORMALS_SUBJECT)]
         note_kinds(notes, "changes over time, kept as in the first frame", self._differing)
-        edges = None if hard is None else hard.edges
-        return replace(surface, attributes=tuple(constant), hard_edges=edges)
+        return replace(surface, attributes=tuple(constant))
 
     def _stacked(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:
         """Return the kept positions as one array, releasing each frame once it is copied."""
