@@ -27,6 +27,7 @@ import numpy as np
 
 import meshreel
 from measuring import medians, print_table, rounds
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_frame
@@ -380,7 +381,8 @@ def vtu_writers(sequence: MeshSequence) -> Tasks:
             writer.Write()
             return path.read_bytes()
 
-    return {"own": lambda: vtu_encoder(faces)(vertices)} | available(
+    stream = SegmentedStream(sequence).only()
+    return {"own": lambda: vtu_encoder(stream)(vertices, {})} | available(
         {"meshio": ("meshio", by_meshio), "vtk": ("vtkmodules", by_vtk)}
     )
 
