@@ -59,7 +59,7 @@ MISSING = {
     "compare run.vtkhdf walk.npz": "hdf",
     "evaluate walk.npz --quick": "plot,peers,paper",
     "evaluate walk.npz --methods reel --peers npz": "plot,peers",
-    "evaluate run.vtkhdf --track heat": "plot,peers,hdf",
+    "evaluate run.vtkhdf --methods reel": "plot,peers,hdf",
     "render walk.reel -o walk.png": "render",
     "render walk.reel -o walk.gif": "render",
     "render walk.reel -o walk.mp4": "video",

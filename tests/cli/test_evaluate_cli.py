@@ -91,43 +91,6 @@ def test_help_shows_examples():
     assert "meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3" in text
 
 
-@pytest.fixture
-def with_track(tmp_path):
-    grid = simulate_flag(5, n_rows=6, n_columns=7)
-    tracks = {"height": meshreel.Track(grid.vertices[..., 1], unit="m")}
-    meshreel.save(grid.replace(tracks=tracks), tmp_path / "warm.npz")
-    return tmp_path / "warm.npz"
-
-
-@pytest.mark.slow
-def test_evaluate_measures_the_named_track(with_track, tmp_path):
-    options = ("--track", "height", "--peers", "pco", "--quick")
-    done = run("warm.npz", *options, "--out", "r", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    (sequence,) = json.loads(done.stdout)["sequences"]
-    assert sequence["track"]["name"] == "height"
-    assert {result["codec"] for result in sequence["measured"]} == {"reel", "pco"}
-    command = "meshreel evaluate warm.npz --out r --track height --peers pco --quick"
-    assert command in (tmp_path / "r" / "report.md").read_text()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--track", "hight"), "there is no track 'hight'; did you mean 'height'?"),
-        (("--track", "height", "--methods", "reel"), "--methods applies to positions"),
-        (("--track", "height", "--reference", "rd.csv"), "--reference applies to positions"),
-        (("--track", "height", "--peers", "draco"), "peer 'draco' is unknown; choose from sz3"),
-    ],
-)
-def test_evaluate_fails_with_one_line_when_a_track_cannot_be_measured(
-    with_track, tmp_path, options, message
-):
-    done = run(with_track, *options, "--out", tmp_path / "r")
-    assert_fails(done, message)
-    assert not (tmp_path / "r").exists()
-
-
 @pytest.mark.slow
 def test_evaluate_measures_surfaces_if_faces_change(tmp_path, monkeypatch, few_grid_lines):
     monkeypatch.setattr(surfaces, "N_SAMPLES", 300)
@@ -141,12 +104,3 @@ def test_evaluate_measures_surfaces_if_faces_change(tmp_path, monkeypatch, few_g
     assert sequence["n_segments"] == 2
     assert {result["codec"] for result in sequence["measured"]} == {"reel"}
     assert "distance between surfaces" in (tmp_path / "codecs" / "report.md").read_text()
-
-
-def test_evaluate_of_a_track_refuses_changing_faces(tmp_path):
-    for name, rows in (("a", 6), ("b", 5)):
-        flag = simulate_flag(2, n_rows=rows, n_columns=7)
-        meshreel.save(flag, tmp_path / "frames" / f"{name}_%d.ply")
-    done = run("frames", "--track", "height", "--out", tmp_path / "r", cwd=tmp_path)
-    assert_fails(done, "4 frames in 2 segments", "needs the same faces in every frame")
-    assert not (tmp_path / "r").exists()

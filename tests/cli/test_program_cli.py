@@ -133,14 +133,12 @@ def test_completion_offers_names(offered, line, expected):
 def test_names_in_help_equal_those_of_the_evaluation():
     from meshreel.codec.methods import METHOD_NAMES
     from meshreel.evaluation.positions import DEFAULT_METHODS, PEERS
-    from meshreel.evaluation.track_peers import TRACK_PEERS
     from meshreel.paper import sweeps
     from meshreel.paper.sweeps import PRESETS
 
     assert evaluate.METHODS.split(", ") == [*METHOD_NAMES]
     assert evaluate.DEFAULT.split(",") == [*DEFAULT_METHODS]
     assert evaluate.PEERS.split(",") == [peer.name for peer in PEERS]
-    assert evaluate.TRACK_PEERS.split(",") == [peer.name for peer in TRACK_PEERS]
     assert paper.METHODS.split(",") == [*sweeps.METHOD_NAMES]
     [preset] = [param for param in command_named("paper").params if param.name == "preset"]
     assert tuple(PRESETS) == tuple(vars(preset.type)["choices"])

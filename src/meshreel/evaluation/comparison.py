@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from meshreel.evaluation.peers import Peer, TrackPeer, why_missing
+from meshreel.evaluation.peers import Peer, why_missing
 from meshreel.rendering.documents import (
     NONE,
     Bullets,
@@ -118,8 +118,6 @@ class CodecResults:
         Our methods, then peers.
     recorded : list of results
         Measured elsewhere, on a sequence with the same name and shape.
-    about : dict
-        More about what is coded, of a track.
     """
 
     kind: Kind
@@ -127,13 +125,11 @@ class CodecResults:
     sequence: dict[str, Any]
     measured: list[Result] = field(default_factory=list)
     recorded: list[Result] = field(default_factory=list)
-    about: dict[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
-        """The name of the sequence, and of the track, in tables and plots."""
-        name = str(self.sequence["name"]) or self.slug
-        return f"{name}, {self.about['name']}" if self.about else name
+        """The name of the sequence in tables and plots."""
+        return str(self.sequence["name"]) or self.slug
 
     @property
     def methods(self) -> list[str]:
@@ -156,9 +152,8 @@ class CodecResults:
 
     def as_dict(self) -> dict[str, Any]:
         """All results in plain types."""
-        track = {"track": self.about} if self.about else {}
         measured = without_identities(self.measured)
-        return {**self.sequence, **track, "measured": measured, "recorded": self.recorded}
+        return {**self.sequence, "measured": measured, "recorded": self.recorded}
 
 
 @dataclass(frozen=True)
@@ -172,10 +167,8 @@ class Comparison:
         Returns the runs of a sequence, our methods first.
     results : callable
         Returns the results of a sequence, given the finished runs.
-    peers : sequence of Peer or TrackPeer
+    peers : sequence of Peer
         The report lists those whose package is missing.
-    tables : callable
-        Returns the tables that compare results.
     remarks : callable
         Returns more lines about missing results.
     """
@@ -183,8 +176,7 @@ class Comparison:
     kind: Kind
     runs: Callable[[Any], list[Run]]
     results: Callable[[Subject, list[Result]], CodecResults]
-    peers: Sequence[Peer | TrackPeer]
-    tables: Callable[[CodecResults], list[Part]]
+    peers: Sequence[Peer]
     remarks: Callable[[Sequence[CodecResults]], list[str]] = lambda _: []
     program: str = "meshreel evaluate"
     introduction: str = "Created by"
@@ -223,8 +215,7 @@ class Comparison:
 
     def section(self, results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
         """Plots and tables of a sequence."""
-        parts: list[Part] = [Paragraph(results.about["text"])] if results.about else []
-        parts += [*pictures, *self.tables(results)]
+        parts = [*pictures, *equal_error_tables(results)]
         refused = refusals_of(results)
         parts += [Bullets(refused)] if refused else []
         return [*parts, runs_table(results)]
@@ -246,8 +237,7 @@ def draw_curves(
     """Draw the curves of rate and one error."""
     figure = blank_figure(9.5, 5.6)
     draw_envelopes(figure.add_subplot(), curves, error.axis, results.kind.rate_name)
-    plot_name = f"{results.about.get('name', '')} {error.name}"
-    path = folder / f"{results.slug}-{file_name(plot_name)}.png"
+    path = folder / f"{results.slug}-{file_name(error.name)}.png"
     save_figure(figure, path, overwrite=True)
     caption = (
         f"{results.kind.caption} A point is a stream; a line connects the Pareto-optimal points of "
@@ -380,7 +370,7 @@ def _cell(result: Result, keys: str) -> str:
     value: Any = result
     for key in keys.split("."):
         value = value.get(key)
-    return value if isinstance(value, str) else significant(value)
+    return significant(value)
 
 
 def refusals_of(results: CodecResults) -> tuple[str, ...]:
@@ -410,7 +400,7 @@ def method_run(method: str, options: dict[str, Any], measure: Measure, **about: 
     return codec_run(label, params, setting, measure)
 
 
-def peer_run(peer: Peer | TrackPeer, params: str, measure: Measure, **about: Any) -> Run:
+def peer_run(peer: Peer, params: str, measure: Measure, **about: Any) -> Run:
     """A run of another codec; `about` is what its figures depend on."""
     codec = {"codec": peer.name, "summary": peer.summary, "version": peer.package.version}
     setting = {"kind": PEER, **codec, **about}
@@ -429,7 +419,7 @@ def codec_run(
     name = f"{codec} {params}".strip()
     return Run(
         name=name,
-        key=file_name(f"{setting['track']['name']} {name}" if "track" in setting else name),
+        key=file_name(name),
         setting=setting,
         measure=lambda progress: Outcome(finite({**measure(progress), "machine": machine_facts()})),
         facts={"codec": codec, "params": params},

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -92,35 +92,7 @@ class Peer:
     has_faces: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrackPeer:
-    """A compressor of the values of a track, of shape (T, N, C).
-
-    Attributes
-    ----------
-    encode : callable
-        Encodes values; the tolerance is approximately the largest error of a number.
-    decode : callable
-        Decodes values of a shape and type.
-    grain : float
-        Tolerances whose ratio is below this may give the same bytes.
-    is_reversible : bool
-        Whether a tolerance of 0 is lossless.
-    """
-
-    name: str
-    summary: str
-    package: Package
-    encode: Callable[[Array, float], bytes]
-    decode: Callable[[bytes, Shape, npt.DTypeLike], Array]
-    grain: float = 1.02
-    is_reversible: bool = True
-
-
-AnyPeer = TypeVar("AnyPeer", Peer, TrackPeer)
-
-
-def peers_named(names: Iterable[str] | None, peers: Sequence[AnyPeer]) -> tuple[AnyPeer, ...]:
+def peers_named(names: Iterable[str] | None, peers: Sequence[Peer]) -> tuple[Peer, ...]:
     """Return the peers of these names, in their order; none for "none", all for None.
 
     Raises
@@ -137,7 +109,7 @@ def peers_named(names: Iterable[str] | None, peers: Sequence[AnyPeer]) -> tuple[
     return tuple(peer for peer in peers if peer.name in known)
 
 
-def why_missing(peers: Iterable[Peer | TrackPeer]) -> list[str]:
+def why_missing(peers: Iterable[Peer]) -> list[str]:
     """A line for each peer whose package is missing, with the command that installs it."""
     return [
         f"`{peer.name}` was not measured: it needs the package {peer.package.name} "

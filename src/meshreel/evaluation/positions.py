@@ -19,7 +19,6 @@ from meshreel.evaluation.comparison import (
     Comparison,
     Error,
     Kind,
-    equal_error_tables,
     method_run,
     peer_run,
 )
@@ -134,7 +133,7 @@ def compare_positions(
             if recorded and not each.recorded
         ]
 
-    return Comparison(KIND, runs, results, peers, equal_error_tables, unrecorded)
+    return Comparison(KIND, runs, results, peers, unrecorded)
 
 
 def params_of(peer: Peer, value: float) -> str:

@@ -16,7 +16,6 @@ from meshreel.evaluation.comparison import (
     Comparison,
     Error,
     Kind,
-    equal_error_tables,
     method_run,
     peer_run,
 )
@@ -115,7 +114,7 @@ def compare_surface_codecs(
         names = ", ".join(f"`{name}`" for name in others)
         return [f"codecs that need the same faces in every frame: {names}"] if others else []
 
-    return Comparison(KIND, runs, results, drawn, equal_error_tables, excluded)
+    return Comparison(KIND, runs, results, drawn, excluded)
 
 
 def measure_ours(

@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Annotated
 
-import click
-
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.codec.option import Option
@@ -12,7 +10,6 @@ from meshreel.codec.option import Option
 METHODS = "pca-qp, pca, pca-q, v2v, pca-qs, blocks, gft, reel, lossless, grid"
 DEFAULT = "reel,pca-qp,v2v"
 PEERS = "draco,sz3,zfp,meshopt,pco,blosc2,npz"
-TRACK_PEERS = "sz3,zfp,pco,fpzip"
 """Names of `meshreel.evaluation`, repeated so that the help need not import it."""
 
 
@@ -28,23 +25,11 @@ def evaluate_command(
         Path,
         Option("Folder for results, plots and report; created if missing.", flag="--out -o"),
     ] = Path("evaluation"),
-    track: Annotated[
-        str | None,
-        Option(
-            "Compare a track of the sequences with array compressors, at equal largest error. "
-            "Default: compare positions.",
-            metavar="NAME",
-        ),
-    ] = None,
     methods: Annotated[
         str | None, Option(f"Our methods: {METHODS}. Default: {DEFAULT}.", metavar="A,B,...")
     ] = None,
     peers: Annotated[
-        str | None,
-        Option(
-            f"Other codecs, or 'none'. Default: {PEERS}; for a track {TRACK_PEERS}.",
-            metavar="A,B,...",
-        ),
+        str | None, Option(f"Other codecs, or 'none'. Default: {PEERS}.", metavar="A,B,...")
     ] = None,
     reference: Annotated[
         Path | None,
@@ -78,8 +63,6 @@ def evaluate_command(
     - `meshreel evaluate walk.npz --peers none --json`
 
     - `meshreel evaluate capture/ --quick`
-
-    - `meshreel evaluate crash.vtkhdf --track stress --quick`
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.methods import METHOD_NAMES, own_name
@@ -93,25 +76,14 @@ def evaluate_command(
     )
     from meshreel.evaluation.recorded import read_recorded
     from meshreel.evaluation.surfaces import compare_surface_codecs
-    from meshreel.evaluation.track_peers import TRACK_PEERS
-    from meshreel.evaluation.tracks import compare_track
     from meshreel.paper.sweeps import option_sweeps
     from meshreel.runtime.extras import PAPER
     from meshreel.studies.study import checked_names
 
-    if track is not None and (methods is not None or reference is not None):
-        option_name = "--methods" if methods is not None else "--reference"
-        raise click.UsageError(f"{option_name} applies to positions; omit it with --track")
-    names = None if peers is None else split_names(peers)
-    if track is not None:
-        study = compare_track(track, peers_named(names, TRACK_PEERS), quick=quick)
-        check_before_work(inputs, out)
-        write_report(study, inputs, out, track=track, as_json=as_json)
-        return
     chosen: tuple[str, ...] = DEFAULT_METHODS
     if methods is not None:
         chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
-    others = peers_named(names, PEERS)
+    others = peers_named(None if peers is None else split_names(peers), PEERS)
     extras = [] if set(chosen).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)
     recorded = read_recorded(reference) if reference else []

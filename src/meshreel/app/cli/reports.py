@@ -9,7 +9,6 @@ import click
 from click.core import ParameterSource
 
 from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
-from meshreel.evaluation.tracks import with_track_alone
 from meshreel.formats.load import load_any
 from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.notes import listed, note_left_out
@@ -57,7 +56,6 @@ def write_report(
     out: Path,
     *,
     flag_frames: int = 0,
-    track: str | None = None,
     of_surfaces: Study[Any] | None = None,
     as_json: bool,
 ) -> None:
@@ -69,8 +67,6 @@ def write_report(
         Sources of sequences; the flag if empty.
     flag_frames : int
         Number of frames of the flag.
-    track : str, optional
-        The track to study. Default: positions.
     of_surfaces : Study, optional
         Replaces the study if the faces of an input change. Default: such inputs are refused.
     as_json : bool
@@ -87,7 +83,7 @@ def write_report(
         if of_surfaces and any(given.n_segments > 1 for given in sequences):
             chosen = of_surfaces
         else:
-            sequences = [_with_only(track, sequence, notes) for sequence in sequences]
+            sequences = [_without_tracks(sequence, notes) for sequence in sequences]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
         command = command_line(chosen.program)
         evaluation = evaluate(chosen, sequences, out, command=command, progress=progress)
@@ -100,10 +96,8 @@ def write_report(
     print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
 
 
-def _with_only(track: str | None, sequence: MeshSequence, notes: list[str]) -> MeshSequence:
-    """The sequence with one track or none, because only some methods encode tracks."""
-    if track is not None:
-        return with_track_alone(sequence, track)
+def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
+    """The sequence without tracks, because only some methods encode them."""
     if not sequence.tracks:
         return sequence
     note_left_out(notes, f"tracks, as the report covers positions: {listed(sequence.tracks)}")

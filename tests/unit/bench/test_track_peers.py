@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.peers import peers_named, why_missing
-from meshreel.evaluation.track_peers import TRACK_PEERS
+from track_peers import TRACK_PEERS
 
 NAMES = [peer.name for peer in TRACK_PEERS]
 BOUND_KEPT = {"sz3", "zfp", "pco"}
@@ -25,7 +24,7 @@ def values_of(dtype):
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=NAMES)
 def test_error_of_a_peer_is_within_its_tolerance(peer, dtype):
     if not peer.package.is_available:
-        pytest.skip(*why_missing([peer]))
+        pytest.skip(f"needs {peer.package.name}")
     values = values_of(dtype)
     for tolerance in (0.3, 1e-2, 1e-4):
         back = peer.decode(peer.encode(values, tolerance), values.shape, dtype)
@@ -38,7 +37,7 @@ def test_error_of_a_peer_is_within_its_tolerance(peer, dtype):
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=NAMES)
 def test_lossless_mode_of_a_peer_preserves_every_bit(peer, dtype):
     if not peer.package.is_available:
-        pytest.skip(*why_missing([peer]))
+        pytest.skip(f"needs {peer.package.name}")
     if not peer.is_reversible:
         pytest.skip("it always loses something")
     values = (1000 * values_of(float)).astype(dtype)
@@ -50,6 +49,6 @@ def test_lossless_mode_of_a_peer_preserves_every_bit(peer, dtype):
 
 
 def test_error_of_pcodec_states_that_steps_are_too_fine():
-    peer = peers_named(["pco"], TRACK_PEERS)[0]
+    peer = TRACK_PEERS[NAMES.index("pco")]
     with pytest.raises(InvalidInputError, match="too fine for integers of 32 bits"):
         peer.encode(values_of(float), 1e-12)

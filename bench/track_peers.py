@@ -1,6 +1,8 @@
 """Array compressors, applied to the values of a track."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 
 import numpy as np
@@ -11,7 +13,6 @@ from meshreel.evaluation.peers import (
     Array,
     Package,
     Shape,
-    TrackPeer,
     pack_frames,
     pcodec_array,
     pcodec_bytes,
@@ -21,6 +22,30 @@ from meshreel.evaluation.peers import (
     zfp_array,
     zfp_bytes,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackPeer:
+    """A compressor of the values of a track, of shape (T, N, C).
+
+    Attributes
+    ----------
+    encode : callable
+        Encodes values; the tolerance is approximately the largest error of a number.
+    decode : callable
+        Decodes values of a shape and type.
+    grain : float
+        Tolerances whose ratio is below this may give the same bytes.
+    is_reversible : bool
+        Whether a tolerance of 0 is lossless.
+    """
+
+    name: str
+    package: Package
+    encode: Callable[[Array, float], bytes]
+    decode: Callable[[bytes, Shape, npt.DTypeLike], Array]
+    grain: float = 1.02
+    is_reversible: bool = True
 
 
 def _columns_of(values: Array) -> list[Array]:
@@ -102,35 +127,30 @@ def _fpzip_decode(data: bytes, shape: Shape, _dtype: npt.DTypeLike) -> Array:
 
 
 TRACK_PEERS = (
+    # Absolute error bound.
     TrackPeer(
         name="sz3",
-        summary="SZ3, absolute error bound, the smaller of interpolation and of Lorenzo and "
-        "regression, on a (T, N) array for each column",
         package=Package(name="pysz"),
         encode=_sz3_encode,
         decode=_sz3_decode,
         is_reversible=False,
     ),
+    # Fixed accuracy or reversible; it rounds its tolerance to a power of two.
     TrackPeer(
         name="zfp",
-        summary="zfp, fixed accuracy or reversible, on a (T, N) array for each column",
         package=Package(name="zfpy"),
         encode=_zfp_encode,
         decode=_zfp_decode,
-        grain=2.0,  # zfp rounds its tolerance to a power of two
+        grain=2.0,
     ),
     TrackPeer(
         name="pco",
-        summary="pcodec on numbers in steps, the smaller of their differences over time and of all "
-        "times of a place in a row; on the numbers themselves where nothing may change",
         package=Package(name="pcodec"),
         encode=_pcodec_encode,
         decode=_pcodec_decode,
     ),
     TrackPeer(
         name="fpzip",
-        summary="fpzip, on a (C, T, N) array; it keeps bits of each float, which the largest needs "
-        "for all",
         package=Package(name="fpzip"),
         encode=_fpzip_encode,
         decode=_fpzip_decode,
