@@ -1,7 +1,9 @@
-/* Normals of a moving surface, and rotations that correct them.
+/* Predict normals from decoded positions, and rotate them to those of a track: docs/format.md,
+   "Tracks".
 
-   docs/format.md, "Tracks". Every machine must compute the same bits: use IEEE double only, call no
-   math function but `sqrt`, and never contract a product and a sum into a fused multiply-add. */
+   Encoder and decoder predict the same bits only if all machines round alike. So this file computes
+   in double precision, calls no math function but the exactly rounded square root, and is compiled
+   without fused multiply-add. */
 
 #include "base.h"
 
