@@ -163,7 +163,13 @@ def in_background(work: Callable[[], Result]) -> "Future[Result]":
 
 
 def prefetch(items: Iterator[Result]) -> Iterator[Result]:
-    """Yield the items; a separate thread computes the next one while one is used."""
+    """Yield the items; a separate thread computes the next one while one is used.
+
+    Not in a thread of the pool: it would wait for a thread that may itself wait for the pool.
+    """
+    if threading.current_thread().name.startswith(POOL):
+        yield from items
+        return
 
     def next_item() -> list[Result]:
         return list(islice(items, 1))

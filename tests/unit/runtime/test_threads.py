@@ -276,6 +276,17 @@ def test_prefetch_keeps_the_order_and_is_one_item_ahead():
     assert used == list(range(5))
 
 
+def test_prefetching_in_all_threads_of_the_pool_does_not_wait_for_it():
+    def items():
+        for number in range(3):
+            in_threads(lambda _: None, range(4))
+            yield number
+
+    pieces, results = range(2 * n_cores()), []
+    in_threads(lambda _: results.append(list(prefetch(items()))), pieces)
+    assert results == [[0, 1, 2]] * len(pieces)
+
+
 def test_prefetch_raises_the_error_of_an_item():
     def items():
         yield 1
