@@ -16,12 +16,7 @@ from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.methods import FrameReader
 from meshreel.codec.open_stream import OpenStream, require_whole, timing_of
-from meshreel.codec.reel_track import (
-    ReelTrack,
-    decode_frames,
-    modes_of_block,
-    read_frames,
-)
+from meshreel.codec.reel_track import DecodedValues, ReelTrack
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import ConnectivityChangeError
 from meshreel.kernel.files import FileModes, OpenFile
@@ -215,6 +210,10 @@ class ReelFile(Timed):
         """Decoder of frames, created on first use."""
         return self._opened.method.frames(self._opened, self._n_modes)
 
+    @cached_property
+    def _positions(self) -> DecodedValues:
+        return DecodedValues(self._opened, self._frames, 0)
+
     @property
     def faces(self) -> Faces:
         """Vertex indices of each triangle, of shape (M, 3)."""
@@ -259,7 +258,7 @@ class ReelFile(Timed):
         MemoryLimitError
             If these frames, or a block, take more memory than allowed.
         """
-        return read_frames(self._opened, self._frames, 0, start, stop)
+        return self._positions.read(start, stop)
 
     def load(self, number: int) -> None:
         """Decode a block now, so that its frames are available without delay.
@@ -342,7 +341,7 @@ class ReelFile(Timed):
         MemoryLimitError
             If the result, or a block, takes more memory than allowed.
         """
-        return decode_frames(self._opened, self._frames, 0, numbers, out)
+        return self._positions.frames(numbers, out)
 
     def modes(self, block: int) -> FileModes | None:
         """Return the fields and basis vectors of a block, to compute its frames elsewhere.
@@ -365,7 +364,7 @@ class ReelFile(Timed):
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        return modes_of_block(self._frames, block, 0)
+        return self._positions.modes(block)
 
     @property
     def cached_bytes(self) -> int:
