@@ -68,7 +68,7 @@ from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.graphs import item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.tracks import Coding, TrackHeader, write_track
-from meshreel.kernel.basis import NO_REST, Rests
+from meshreel.kernel.basis import NO_REST, BasisCoding, Rests
 from meshreel.kernel.cells import encode_cells
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.geometry.hard_edges import shared_edges
@@ -435,7 +435,7 @@ def rests():
                 number % 2 == 0,
                 n_reused,
                 finer if n_reused else np.float32(0),
-                Rests(runs, bits),
+                BasisCoding(Rests(runs, bits)),
             ),
             42,
             5,
@@ -456,10 +456,17 @@ def cosines():
     for number, (n_reused, n_frames, has_cosines) in enumerate(kinds):
         finer = single(2.5 if n_reused else 0)
         layout = Layout(
-            single(0.01), 9, 2, number, number % 2 == 0, n_reused, finer, has_cosines=has_cosines
+            single(0.01),
+            9,
+            2,
+            number,
+            number % 2 == 0,
+            n_reused,
+            finer,
+            BasisCoding(has_cosines=has_cosines),
         )
         blocks.append(random_block(rng, layout, 42, min(5, 3 * n_frames), n_frames))
-        layout = Layout(single(0.02), 9, 1, has_cosines=not number % 2)
+        layout = Layout(single(0.02), 9, 1, coding=BasisCoding(has_cosines=not number % 2))
         of_track.append(random_block(rng, layout, 42, 2, n_frames, n_columns=2))
     blocks[2][1][:, :, :4] = rng.integers(-(2**31) + 1, 2**31, (5, 3, 4))
     number_type = np.dtype(np.float32)
@@ -470,7 +477,8 @@ def cosines():
 @stream
 def cosines_of_1024_frames():
     """Cosines over the largest number of frames."""
-    rng, layout = np.random.default_rng(17), Layout(np.float32(0.01), 1, 0, has_cosines=True)
+    rng = np.random.default_rng(17)
+    layout = Layout(np.float32(0.01), 1, 0, coding=BasisCoding(has_cosines=True))
     return by_hand([[0, 1, 2]], 3, [random_block(rng, layout, 3, 1, 1024)])
 
 
@@ -499,13 +507,12 @@ def adaptive_times():
             number % 2 == 0,
             n_reused,
             finer,
-            rests,
-            is_adaptive=number != 4,
+            BasisCoding(rests, is_adaptive=number != 4),
         )
         block = random_block(rng, layout, 42, min(9, 3 * n_frames), n_frames)
         block[1][[1, -2]] = 0
         blocks.append(block)
-        layout = Layout(single(0.02), 9, 1, is_adaptive=number % 2 == 0)
+        layout = Layout(single(0.02), 9, 1, coding=BasisCoding(is_adaptive=number % 2 == 0))
         of_track.append(random_block(rng, layout, 42, 2, n_frames, n_columns=2))
     number_type = np.dtype(np.float32)
     track = TrackHeader("flow", "", "vector", Domain.VERTEX, number_type, 1.0, (0.0, 0.5))
@@ -515,7 +522,8 @@ def adaptive_times():
 @stream
 def adaptive_limits():
     """Adaptive times with integers so large that predictions and variances reach their limits."""
-    rng, layout = np.random.default_rng(19), Layout(np.float32(0.01), 1, 0, is_adaptive=True)
+    rng = np.random.default_rng(19)
+    layout = Layout(np.float32(0.01), 1, 0, coding=BasisCoding(is_adaptive=True))
     block = random_block(rng, layout, 3, 6, 90)
     block[1][1] = rng.integers(-(2**31) + 1, 2**31, (3, 90))
     block[1][2] = 2**31 - 1
@@ -1212,8 +1220,7 @@ def with_long_name():
 
 def with_rests(payload):
     """Return the worked example with a resting time, replaced by these bytes."""
-    rests = Rests(((1, 2),))
-    layout = Layout(np.float32(0.5), 1, 0, rests=rests)
+    layout = Layout(np.float32(0.5), 1, 0, coding=BasisCoding(Rests(((1, 2),))))
     basis = np.array([[[3, 0], [0, -1], [0, 0]]])
     with patch("meshreel.codec.reel.normative.blocks._write_rests", lambda _: bytes(payload)):
         return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
@@ -1221,14 +1228,14 @@ def with_rests(payload):
 
 def with_cosines(n_frames, runs):
     """Return one face with cosines over n frames and resting times."""
-    layout = Layout(np.float32(0.5), 1, 0, rests=Rests(runs), has_cosines=True)
+    layout = Layout(np.float32(0.5), 1, 0, coding=BasisCoding(Rests(runs), has_cosines=True))
     basis = np.zeros((1, 3, n_frames), np.int64)
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 
 
 def with_adaptive_cosines():
     """Return one face whose layout announces cosines and adaptive times."""
-    layout = Layout(np.float32(0.5), 1, 0, has_cosines=True, is_adaptive=True)
+    layout = Layout(np.float32(0.5), 1, 0, coding=BasisCoding(has_cosines=True, is_adaptive=True))
     basis = np.zeros((1, 3, 3), np.int64)
     return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)])
 

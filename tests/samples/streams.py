@@ -13,7 +13,7 @@ from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.streaming import Encoder
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS, OF_CELLS, Coding, Sharing, TrackHeader
-from meshreel.kernel.basis import Rests
+from meshreel.kernel.basis import BasisCoding, Rests
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.surface import Domain
@@ -94,7 +94,7 @@ def layout_of(sections, n_frames):
     return Layout(
         np.float32(read["step"]), read["stencil"], read["learned"], read["reference"],
         read["precision"] == 4, read.get("reused", 0), np.float32(read.get("finer", 0.0)),
-        rests, "cosines" in read, "adaptive" in read,
+        BasisCoding(rests, "cosines" in read, "adaptive" in read),
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from meshreel.kernel.basis import Rests, time_order
+from meshreel.kernel.basis import BasisCoding, Rests, time_order
 from samples.passes import passes_of
 
 every_width = pytest.mark.parametrize("n_columns", [1, 2, 3, 6])
@@ -27,7 +27,7 @@ def test_contexts_of_a_time_are_adjacent_and_previous_times_and_other_columns(n_
     assert known == set(range(n_columns * n_frames))
 
 
-RESTS = Rests(((1, 3), (6, 7), (9, 12)))
+RESTS = BasisCoding(Rests(((1, 3), (6, 7), (9, 12))))
 
 
 def test_moving_times_are_coded_independently_of_resting_ones():
@@ -53,7 +53,7 @@ def test_resting_times_come_last_with_previous_resting_times_as_contexts():
 @every_width
 @every_length
 def test_contexts_of_a_frequency_are_lower_ones_and_other_columns(n_columns, n_frames):
-    ((columns, near),) = passes_of(time_order(n_columns, n_frames, has_cosines=True))
+    ((columns, near),) = passes_of(time_order(n_columns, n_frames, BasisCoding(has_cosines=True)))
     np.testing.assert_array_equal(columns, np.arange(n_columns * n_frames))
     for place, contexts in enumerate(near):
         column, k = divmod(place, n_frames)

@@ -109,8 +109,7 @@ def test_integers_of_a_block_round_trip():
     _, mesh, block = analyzed(0.0005, sequence=irregular_sequence(20))
     sections = dict(write_field_block(block, mesh))
     assert layout_of(sections, 20) == block.layout
-    has_cosines = block.layout.has_cosines
-    order = time_order(3, 20, block.layout.rests, has_cosines=has_cosines)
+    order = time_order(3, 20, block.layout.coding)
     times = field_coder.decode_fields(sections[Section.BASIS], block.n_modes, 60, order)
     np.testing.assert_array_equal(times.reshape(block.basis.shape), block.basis)
     coded = sections[Section.COEFFICIENTS]

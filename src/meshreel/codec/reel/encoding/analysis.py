@@ -22,7 +22,6 @@ from meshreel.kernel.basis import (
     basis_vectors,
     encode_basis,
     lengths_of,
-    quantized_basis,
 )
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
@@ -178,7 +177,7 @@ def analyze_fields(
         if reused is not None and n_new <= MAX_NEW_RATIO * key.values.shape[1]:
             return reused
     basis, vectors, coding = _quantized_basis(frames, float(step), choices)
-    layout = _with_coding(layout, coding)
+    layout = replace(layout, coding=coding)
     if hierarchy is not None:
         hierarchy.result()
     prepared = mesh.prepared if key is None and is_repeated else None
@@ -234,8 +233,7 @@ def _analyze_reusing(
     n_reused = len(reused.integers)
     if n_reused + len(basis) > frames.n_columns * frames.n_frames:
         return None
-    layout = replace(layout, n_reused=n_reused, finer=finer)
-    layout = _with_coding(layout, coding)
+    layout = replace(layout, n_reused=n_reused, finer=finer, coding=coding)
     return _encode_fields(
         reused.remainder, basis, vectors, layout, mesh, choices, key, None, reused.integers
     )
@@ -283,14 +281,12 @@ def _quantized_basis(
     target = (vectors * scales).T.reshape(shape)
     if coding is None:
         coding = choose_coding(frames, target, step, choices.basis_step, choices.rate_weight)
-    coded, decoded = quantized_basis(target, choices.rate_weight, coding)
+    coded = encode_basis(target, choices.rate_weight, coding)
     is_used = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         is_used[0] = True
-    if not is_used.all():
-        coded = coded[is_used]
-        decoded = basis_vectors(coded, coding)
-    return coded, decoded, coding
+    coded = coded[is_used]
+    return coded, basis_vectors(coded, coding), coding
 
 
 def has_resting_vertices(frames: BlockFrames, step: float) -> bool:
@@ -335,15 +331,6 @@ def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
     resolution_of = mesh.hierarchy.level_resolutions
     first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
     return max(1, int(np.searchsorted(resolution_of, first)))
-
-
-def _with_coding(layout: Layout, coding: BasisCoding) -> Layout:
-    return replace(
-        layout,
-        rests=coding.rests,
-        has_cosines=coding.has_cosines,
-        is_adaptive=coding.is_adaptive,
-    )
 
 
 @dataclass(frozen=True)

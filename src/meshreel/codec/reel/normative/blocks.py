@@ -13,7 +13,7 @@ from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
 from meshreel.codec.reel.normative.grid import write_step
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.kernel.basis import NO_REST, Rests, time_order
+from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
 from meshreel.kernel.fields import encode_fields
 from meshreel.kernel.integers import encode_integers
@@ -131,7 +131,7 @@ def _field_sections(
 ) -> list[tuple[Section, bytes]]:
     """Return the sections of a track coded as fields, which follow the opening of the block."""
     layout = block.layout
-    basis = write_basis(block.basis, layout.rests, has_cosines=layout.has_cosines)
+    basis = write_basis(block.basis, layout.coding)
     sections = [(Section.FIELDS, write_layout(layout)), (Section.BASIS, basis)]
     if corrections is not None:
         sections.append((Section.CORRECTIONS, write_corrections(corrections)))
@@ -140,17 +140,16 @@ def _field_sections(
 
 def write_layout(layout: Layout) -> bytes:
     """Encode the layout of a block, starting with its code."""
-    number = SINGLE if layout.is_single else DOUBLE
-    number |= WITH_RESTS if layout.rests.runs else 0
-    number |= WITH_COSINES if layout.has_cosines else 0
-    number |= ADAPTIVE if layout.is_adaptive else 0
-    rests = _write_rests(layout.rests)
+    coding, number = layout.coding, SINGLE if layout.is_single else DOUBLE
+    number |= WITH_RESTS if coding.rests.runs else 0
+    number |= WITH_COSINES if coding.has_cosines else 0
+    number |= ADAPTIVE if coding.is_adaptive else 0
     parts = [
         bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varints(layout.stencil_size, layout.n_learned),
-        rests,
+        _write_rests(coding.rests),
     ]
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
@@ -168,13 +167,11 @@ def _write_rests(rests: Rests) -> bytes:
     return bytes([rests.bits]) + write_varints(*numbers)
 
 
-def write_basis(
-    coded: npt.NDArray[np.integer], rests: Rests = NO_REST, *, has_cosines: bool = False
-) -> bytes:
+def write_basis(coded: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES) -> bytes:
     """Encode the integers of the temporal basis, of shape (K, C, T)."""
     n_modes, n_columns, n_frames = coded.shape
     rows = coded.reshape(n_modes, n_columns * n_frames)
-    return encode_fields(rows, time_order(n_columns, n_frames, rests, has_cosines=has_cosines))
+    return encode_fields(rows, time_order(n_columns, n_frames, coding))
 
 
 def write_corrections(corrections: Corrections) -> bytes:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.kernel.basis import NO_REST, BasisCoding, Rests, basis_vectors, lengths_of
+from meshreel.kernel.basis import BY_TIMES, BasisCoding, basis_vectors, lengths_of
 from meshreel.kernel.predict import Prepared, prepared_weights
 
 NONE_REUSED = np.float32(0.0)
@@ -38,12 +38,8 @@ class Layout:
         Number of modes, starting with the first, whose fields are those of the key block.
     finer : float32
         Step of the vectors of reused modes divided by that of a position; 0 without these modes.
-    rests : Rests
-        Times predicted from the previous time; none with cosines.
-    has_cosines : bool
-        Whether the temporal basis is coded as coefficients of cosines over time.
-    is_adaptive : bool
-        Whether weights that predict times adapt to decoded values; not with cosines.
+    coding : BasisCoding
+        Of the temporal basis.
     """
 
     step: np.float32
@@ -53,9 +49,7 @@ class Layout:
     is_single: bool = False
     n_reused: int = 0
     finer: np.float32 = NONE_REUSED
-    rests: Rests = NO_REST
-    has_cosines: bool = False
-    is_adaptive: bool = False
+    coding: BasisCoding = BY_TIMES
 
 
 @dataclass(frozen=True)
@@ -126,6 +120,4 @@ def decode_basis(
     lengths = None
     if key is not None and layout.n_reused:
         lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
-    return basis_vectors(
-        coded, BasisCoding(layout.rests, layout.has_cosines, layout.is_adaptive), lengths
-    )
+    return basis_vectors(coded, layout.coding, lengths)

@@ -37,15 +37,15 @@ def test_periodic_motion_takes_fewer_bytes_as_cosines(monkeypatch):
     encoded = meshreel.encode(sequence)
     monkeypatch.setattr(basis_coding, "MIN_COSINE_GAIN", 1.0)
     usual = meshreel.encode(sequence)
-    assert [layout.has_cosines for layout in layouts(encoded)] == [True]
+    assert [layout.coding.has_cosines for layout in layouts(encoded)] == [True]
     assert_saves(sequence, encoded, usual, 0.97)
 
 
 def test_fields_are_reused_in_blocks_with_cosines():
     sequence = periodic(72)
     result = layouts(meshreel.encode(sequence, block_frames=24, quality=90))
-    assert [one.has_cosines for one in result] == [True] * 3
-    assert all(one.n_reused for one in result[1:])
+    assert [layout.coding.has_cosines for layout in result] == [True] * 3
+    assert all(layout.n_reused for layout in result[1:])
 
 
 def test_sudden_motion_is_coded_by_times():
@@ -82,7 +82,7 @@ def test_irregular_motion_takes_fewer_bytes_by_adaptive_times(monkeypatch):
     encoded = meshreel.encode(sequence, quality=70)
     monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     usual = meshreel.encode(sequence, quality=70)
-    assert [layout.is_adaptive for layout in layouts(encoded)] == [True]
+    assert [layout.coding.is_adaptive for layout in layouts(encoded)] == [True]
     assert_saves(sequence, encoded, usual, 0.98)
 
 
@@ -92,8 +92,8 @@ def test_fields_are_reused_in_blocks_with_adaptive_times(monkeypatch):
     sequence = periodic(72)
     data = meshreel.encode(sequence, block_frames=24, quality=90)
     result = layouts(data)
-    assert all(one.is_adaptive for one in result)
-    assert all(one.n_reused for one in result[1:])
+    assert all(layout.coding.is_adaptive for layout in result)
+    assert all(layout.n_reused for layout in result[1:])
     usual = meshreel.compare(sequence, meshreel.decode(data)).kg_error_percent
     monkeypatch.setattr(basis_coding, "MIN_ADAPTIVE_GAIN", 1.0)
     plain = meshreel.decode(meshreel.encode(sequence, block_frames=24, quality=90))

@@ -39,7 +39,7 @@ def half_still():
 
 
 def rests_of(data):
-    return [layout.rests for layout in layouts(data)]
+    return [layout.coding.rests for layout in layouts(data)]
 
 
 def steps_percent(vertices):
@@ -108,7 +108,7 @@ def test_rests_are_found_with_reused_fields():
     data = meshreel.encode(sequence, block_frames=30)
     layout = layouts(data)[1]
     assert layout.n_reused > 0
-    assert layout.rests.runs == ((11, 20),)
+    assert layout.coding.rests.runs == ((11, 20),)
     decoded = meshreel.decode(data).vertices
     np.testing.assert_array_equal(decoded[41:50], np.repeat(decoded[40:41], 9, axis=0))
 

@@ -14,7 +14,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.reel.normative import blocks
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.basis import Rests
+from meshreel.kernel.basis import BasisCoding, Rests
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.mesh import MAX_STENCIL
 from samples.meshes import waving_grid
@@ -32,16 +32,16 @@ def read(payload, section=Section.FIELDS, stream=STREAM):
 
 
 RESTS = Rests(((1, 2), (5, 9)), 8)
-REUSED = Layout(np.float32(0.1), 16, 32, 300, False, 2, np.float32(2.5), RESTS)
+REUSED = Layout(np.float32(0.1), 16, 32, 300, False, 2, np.float32(2.5), BasisCoding(RESTS))
 
 
 @pytest.mark.parametrize(
     "layout",
     [
         LAYOUT,
-        replace(REUSED, is_adaptive=True),
+        replace(REUSED, coding=BasisCoding(RESTS, is_adaptive=True)),
         replace(REUSED, is_single=True),
-        replace(LAYOUT, rests=Rests(), has_cosines=True, is_single=True),
+        replace(LAYOUT, coding=BasisCoding(has_cosines=True), is_single=True),
     ],
 )
 def test_layout_round_trips_through_the_plain_reader(layout):
@@ -56,16 +56,16 @@ def test_layout_round_trips_through_the_plain_reader(layout):
         {"stencil_size": 0},
         {"stencil_size": MAX_STENCIL + 1},
         {"n_learned": 256},
-        {"rests": Rests(((0, 1),))},
-        {"rests": Rests(((1, 1),))},
-        {"rests": Rests(((1, 2),), 9)},
-        {"rests": RESTS, "has_cosines": True},
-        {"has_cosines": True, "is_adaptive": True},
+        {"coding": BasisCoding(Rests(((0, 1),)))},
+        {"coding": BasisCoding(Rests(((1, 1),)))},
+        {"coding": BasisCoding(Rests(((1, 2),), 9))},
+        {"coding": BasisCoding(RESTS, has_cosines=True)},
+        {"coding": BasisCoding(has_cosines=True, is_adaptive=True)},
     ],
     ids=str,
 )
 def test_invalid_layout_is_refused(changes):
-    layout = replace(LAYOUT, has_cosines=False, is_adaptive=False, rests=Rests())
+    layout = replace(LAYOUT, coding=BasisCoding())
     with pytest.raises(CorruptStreamError):
         read(blocks.write_layout(replace(layout, **changes)))
 
