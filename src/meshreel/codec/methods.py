@@ -5,6 +5,7 @@ when a method is first used.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -27,6 +28,31 @@ if TYPE_CHECKING:
 
     Vertices = npt.NDArray[np.floating]
     BlockTracks = dict[str, Track]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveStart:
+    """What an encoder of live frames knows when they begin.
+
+    Attributes
+    ----------
+    mesh : CodedMesh
+    frame : BoundingFrame
+        Bounding frame of the first block.
+    first : float array of shape (T_b, V, 3)
+        The first block, in internal order: step and number of modes follow from it. It is not
+        encoded yet.
+    tracks : dict of str to Track
+        Values of the first block; relative bounds refer to their range.
+    targets : mapping of str to str or float, or None
+        Error bounds of tracks.
+    """
+
+    mesh: "CodedMesh"
+    frame: "BoundingFrame"
+    first: "Vertices"
+    tracks: "BlockTracks"
+    targets: "TrackTargets | None"
 
 
 class BlockCoder(Protocol):
@@ -115,29 +141,8 @@ class Method(Protocol):
             If they cannot.
         """
 
-    def live_coder(
-        self,
-        mesh: "CodedMesh",
-        frame: "BoundingFrame",
-        first: "Vertices",
-        tracks: "BlockTracks",
-        targets: "TrackTargets | None",
-    ) -> BlockCoder:
-        """Return an encoder of live frames.
-
-        Parameters
-        ----------
-        mesh : CodedMesh
-        frame : BoundingFrame
-            Bounding frame of the first block.
-        first : float array of shape (T_b, V, 3)
-            The first block, in internal order: step and number of modes follow from it. It is not
-            encoded yet.
-        tracks : dict of str to Track
-            Values of the first block.
-        targets : mapping of str to str or float, or None
-            Error bounds of tracks.
-        """
+    def live_coder(self, start: LiveStart) -> BlockCoder:
+        """Return an encoder of live frames."""
 
     def frames(self, opened: "OpenStream", n_modes: int | None) -> FrameReader:
         """Return a decoder of the stream's frames.

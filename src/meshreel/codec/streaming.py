@@ -18,7 +18,7 @@ from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.mesh_edits import MeshEdits
-from meshreel.codec.methods import BlockCoder
+from meshreel.codec.methods import BlockCoder, LiveStart
 from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
@@ -472,7 +472,8 @@ class Encoder:
             coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
         method, frame, order = self._config.method_row, self._bounding_frame, coded.order
         targets = self._targets_of(tracks, is_first=is_first)
-        coder = method.live_coder(coded, frame, first.take(order, axis=1), tracks, targets)
+        start = LiveStart(coded, frame, first.take(order, axis=1), tracks, targets)
+        coder = method.live_coder(start)
         header = coded.header(frame, first.dtype, n_frames=0, fps=self._timing.fps, name=self._name)
         leading = [*coded.leading_sections(), *coder.leading_sections()]
         return _Segment(coder, order, header, leading)

@@ -3,27 +3,20 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.methods import LiveStart
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.paper_options import PaperOptions
-from meshreel.codec.source import CodedMesh, Source
-from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.codec.track_bounds import TrackTargets
+from meshreel.codec.source import Source
 from meshreel.errors import CorruptStreamError
-from meshreel.model.tracks import Track
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.paper.variants import VARIANTS, Variant, equal_blocks
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
-
-Vertices = npt.NDArray[np.floating]
 
 PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
 """Memory of the program, per vertex, and per position of a block, without a graph basis."""
@@ -70,16 +63,9 @@ class PaperMethod:
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
         yield source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
 
-    def live_coder(
-        self,
-        mesh: CodedMesh,
-        frame: BoundingFrame,
-        first: Vertices,
-        tracks: dict[str, Track],
-        targets: TrackTargets | None,
-    ) -> PaperBlockCoder:
-        """The coder of live frames, given the first block; without tracks."""
-        return PaperBlockCoder(mesh, frame, [first])
+    def live_coder(self, start: LiveStart) -> PaperBlockCoder:
+        """The coder of live frames; without tracks."""
+        return PaperBlockCoder(start.mesh, start.frame, [start.first])
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> DecodedFrames:
         """The decoder of a stream's frames, with the first `n_modes` rows of coefficients.

@@ -3,30 +3,22 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
-from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.methods import LOSSLESS, LiveStart
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, Source
-from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
-from meshreel.codec.track_bounds import TrackTargets
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.files import FrameDecoder
 from meshreel.model.extent import extent_of
-from meshreel.model.tracks import Track
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from meshreel.codec.methods import BlockCoder
     from meshreel.codec.reel.encoding.exact_positions import PositionCoder
-
-Vertices = npt.NDArray[np.floating]
 
 MAX_EXACT_POSITIONS, MIN_EXACT_FRAMES = 1 << 22, 64
 """Size of a block of `lossless`: at most about 2 s of decoding, but enough frames to adapt to."""
@@ -103,18 +95,11 @@ class ReelMethod:
 
         return whole.encode(source, progress, engine)
 
-    def live_coder(
-        self,
-        mesh: CodedMesh,
-        frame: BoundingFrame,
-        first: Vertices,
-        tracks: dict[str, Track],
-        targets: TrackTargets | None,
-    ) -> "BlockCoder":
+    def live_coder(self, start: LiveStart) -> "BlockCoder":
         """Return the coder of frames added in order; raises as `LiveCoder`."""
         from meshreel.codec.reel.encoding.live import LiveCoder
 
-        return LiveCoder(mesh, frame, first, tracks, targets)
+        return LiveCoder(start)
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
         """Return the decoder of frames.
@@ -154,27 +139,16 @@ class LosslessMethod(ReelMethod):
 
         return exact_positions.encode(source, progress, engine)
 
-    def live_coder(
-        self,
-        mesh: CodedMesh,
-        frame: BoundingFrame,
-        first: Vertices,
-        tracks: dict[str, Track],
-        targets: TrackTargets | None,
-    ) -> "BlockCoder":
+    def live_coder(self, start: LiveStart) -> "BlockCoder":
         """Return the coder of frames added in order; raises as `LivePositionCoder`."""
         from meshreel.codec.reel.encoding.exact_positions import LivePositionCoder
 
-        return LivePositionCoder(
-            self._position_coder(mesh, frame, first), mesh, first, tracks, targets
-        )
+        return LivePositionCoder(self._position_coder(start), start)
 
-    def _position_coder(
-        self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices
-    ) -> "PositionCoder":
+    def _position_coder(self, start: LiveStart) -> "PositionCoder":
         from meshreel.codec.reel.encoding.exact_positions import ExactPositionCoder
 
-        return ExactPositionCoder(mesh.links, mesh.n_verts)
+        return ExactPositionCoder(start.mesh.links, start.mesh.n_verts)
 
     def frames(self, opened: OpenStream, n_modes: int | None) -> FrameDecoder:
         """Return the decoder of frames.
@@ -212,12 +186,10 @@ class GridMethod(LosslessMethod):
 
         return grid_positions.encode(source, progress, engine)
 
-    def _position_coder(
-        self, mesh: CodedMesh, frame: BoundingFrame, first: Vertices
-    ) -> "PositionCoder":
+    def _position_coder(self, start: LiveStart) -> "PositionCoder":
         from meshreel.codec.reel.encoding.grid_positions import grid_coder
 
-        return grid_coder(mesh, frame, extent_of(first), first.dtype)
+        return grid_coder(start.mesh, start.frame, extent_of(start.first), start.first.dtype)
 
 
 METHODS = {method.name: method for method in (ReelMethod(), LosslessMethod(), GridMethod())}

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_grid_frame
 from meshreel.codec.reel.normative.grid import PositionGrid
-from meshreel.codec.source import CodedMesh, Piece, Source
-from meshreel.codec.track_bounds import TrackTargets
+from meshreel.codec.source import Piece, Source
 from meshreel.errors import SolverError
 from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
@@ -215,13 +215,7 @@ class LivePositionCoder:
     Parameters
     ----------
     coder : PositionCoder
-    mesh : CodedMesh
-    first : float array of shape (T_b, V, 3)
-        The first block, in internal order.
-    tracks : dict of str to Track
-        Values of the first block; relative bounds refer to their range.
-    targets : mapping of str to str or float, or None
-        Error bounds of tracks.
+    start : LiveStart
 
     Raises
     ------
@@ -229,17 +223,10 @@ class LivePositionCoder:
         If the bound of a track cannot be guaranteed.
     """
 
-    def __init__(
-        self,
-        coder: PositionCoder,
-        mesh: CodedMesh,
-        first: Vertices,
-        tracks: Mapping[str, Track],
-        targets: TrackTargets | None,
-    ) -> None:
-        self._coder, self._mesh = coder, mesh
-        positions = (lambda: self._in_output_order(first)) if coder.is_exact else None
-        self._tracks = live_track_coders(mesh, tracks, targets, positions)
+    def __init__(self, coder: PositionCoder, start: LiveStart) -> None:
+        self._coder, self._mesh = coder, start.mesh
+        positions = (lambda: self._in_output_order(start.first)) if coder.is_exact else None
+        self._tracks = live_track_coders(start, positions)
 
     def _in_output_order(self, vertices: Vertices) -> Vertices:
         """Reorder exact positions as a reader decodes them."""

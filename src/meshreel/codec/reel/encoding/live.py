@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.block_coder import (
     CodedFrames,
     FieldBlockCoder,
@@ -26,9 +27,6 @@ from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh
-from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.codec.track_bounds import TrackTargets
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
 
@@ -97,43 +95,25 @@ class FirstBlock:
 class LiveCoder:
     """Encodes blocks of live frames with the step of the first block.
 
-    Parameters
-    ----------
-    mesh : CodedMesh
-    frame : BoundingFrame
-    first : float array of shape (T_b, V, 3)
-        The first block, in internal order.
-    tracks : dict of str to Track
-        Values of the first block; relative bounds refer to their range.
-    targets : mapping of str to str or float, or None
-        Error bounds of tracks.
-
     Raises
     ------
     InvalidInputError
         If a target cannot be met.
     """
 
-    def __init__(
-        self,
-        mesh: CodedMesh,
-        frame: BoundingFrame,
-        first: Vertices,
-        tracks: Mapping[str, Track],
-        targets: TrackTargets | None,
-    ) -> None:
-        self._mesh = mesh
-        coder = coder_of(mesh, frame)
-        config = mesh.config
+    def __init__(self, start: LiveStart) -> None:
+        self._mesh = start.mesh
+        coder = coder_of(start.mesh, start.frame)
+        config = start.mesh.config
         assert isinstance(config, ReelOptions)  # those of this method
-        self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, first)))
+        self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, start.first)))
         self._blocks = KeyedBlocks(self._coder)
 
         def decoded() -> Vertices:
-            frames = self._coder.frames(first)
+            frames = self._coder.frames(start.first)
             return self._decoded(KeyedBlocks(self._coder).code(frames), frames)
 
-        self._tracks = live_track_coders(mesh, tracks, targets, decoded)
+        self._tracks = live_track_coders(start, decoded)
         self._has_predicted_tracks = any(
             track.header.coding.is_predicted for track in self._tracks.values()
         )

@@ -1,7 +1,7 @@
 """Encoding of tracks, with a search for their quantization steps."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.methods import LOSSLESS, LiveStart
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
@@ -27,7 +27,7 @@ from meshreel.codec.reel.encoding.track_residuals import (
     moving_surface,
 )
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
-from meshreel.codec.track_bounds import EXACT, TrackBound, TrackTargets, kept_bounds
+from meshreel.codec.track_bounds import EXACT, TrackBound, kept_bounds
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
@@ -212,15 +212,12 @@ def live_track_coder(
 
 
 def live_track_coders(
-    mesh: CodedMesh,
-    first: Mapping[str, TrackSource],
-    targets: TrackTargets | None,
-    positions: Callable[[], Vertices] | None,
+    start: LiveStart, positions: Callable[[], Vertices] | None
 ) -> dict[str, TrackCoder | ExactTrackCoder]:
     """Return the coders of tracks that are not dropped, by name; raises as `live_track_coder`."""
-    bounds = kept_bounds(mesh.config, first, targets)
+    bounds = kept_bounds(start.mesh.config, start.tracks, start.targets)
     return {
-        name: live_track_coder(name, first[name], bound, mesh, positions)
+        name: live_track_coder(name, start.tracks[name], bound, start.mesh, positions)
         for name, bound in bounds.items()
     }
 
