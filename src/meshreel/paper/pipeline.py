@@ -83,7 +83,7 @@ class Anchors:
     residuals: Quantized | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BlockValues:
     """Dequantized values of a block of frames.
 
@@ -106,12 +106,12 @@ class BlockValues:
 
     @property
     def n_modes(self) -> int:
-        """Number of rows of coefficients of each axis, K."""
+        """Number of modes of each axis, or of graph frequencies, K."""
         return int(self.coefficients.shape[1])
 
     @property
     def anchor_positions(self) -> Floats | None:
-        """Positions of the anchors, of shape (3, T, A); None for a method without anchors."""
+        """Decoded positions of the anchors (Eq. 12), of shape (3, T, A); None without anchors."""
         predicted: Floats | float = 0.0
         if self.anchor_coefficients is not None:
             assert self.basis is not None  # the coefficients refer to its modes

@@ -28,8 +28,8 @@ from meshreel.runtime.counting import counted, counts_text
 Vertices = npt.NDArray[np.floating]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class PaperBlock:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PaperBlock(BlockValues):
     """Dequantized arrays of a block of frames, with vertices in output order.
 
     The first axis of all arrays but `isolated_positions` is x, y, z. Values are in units of
@@ -61,35 +61,15 @@ class PaperBlock:
 
     start: int
     n_frames: int
-    basis: Floats | None
-    coefficients: Floats
-    anchor_coefficients: Floats | None
-    anchor_residuals: Floats | None
     isolated_positions: Vertices | None
     basis_steps: Steps | None
     coefficient_steps: Steps
     anchor_coefficient_steps: Steps | None
     anchor_residual_steps: Steps | None
 
-    @property
-    def n_modes(self) -> int:
-        """Number of modes of each axis, or of graph frequencies, K."""
-        return self._values.n_modes
-
-    @property
-    def anchor_positions(self) -> Floats | None:
-        """Decoded positions of the anchors (Eq. 12), of shape (3, T, A); None for `v2v`."""
-        return self._values.anchor_positions
-
     def __repr__(self) -> str:
         last = self.start + self.n_frames - 1
         return f"<PaperBlock: frames {self.start}..{last}, {counted(self.n_modes, 'mode')}>"
-
-    @property
-    def _values(self) -> BlockValues:
-        return BlockValues(
-            self.basis, self.coefficients, self.anchor_coefficients, self.anchor_residuals
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
