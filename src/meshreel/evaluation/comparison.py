@@ -1,6 +1,6 @@
 """Comparison of codecs at equal error: results of a sequence, their tables, plots and report."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -165,19 +165,19 @@ class Comparison:
     kind : Kind
     runs : callable
         Returns the runs of a sequence, our methods first.
-    results : callable
-        Returns the results of a sequence, given the finished runs.
     peers : sequence of Peer
         The report lists those whose package is missing.
     remarks : callable
         Returns more lines about missing results.
+    recorded : sequence of results
+        From `read_recorded`; points of other sequences are ignored.
     """
 
     kind: Kind
     runs: Callable[[Any], list[Run]]
-    results: Callable[[Subject, list[Result]], CodecResults]
     peers: Sequence[Peer]
     remarks: Callable[[Sequence[CodecResults]], list[str]] = lambda _: []
+    recorded: Sequence[Result] = ()
     program: str = "meshreel evaluate"
     introduction: str = "Created by"
 
@@ -194,7 +194,9 @@ class Comparison:
         self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> CodecResults:
         """The results of all runs."""
-        return self.results(subject, groups["measured"])
+        sequence = subject.store.sequence
+        recorded = matching(self.recorded, sequence)
+        return CodecResults(self.kind, subject.slug, sequence, groups["measured"], recorded)
 
     def drawings(
         self, subject: Subject, results: CodecResults, folder: Path
@@ -229,6 +231,12 @@ class Comparison:
             Bullets((*self.kind.methodology, SECONDS)),
         ]
         return [*parts, Heading(2, "Other codecs"), Bullets(tuple(lines))] if lines else parts
+
+
+def matching(points: Iterable[Result], sequence: Mapping[str, Any]) -> list[Result]:
+    """The points of the sequence with this name, vertex count and frame count."""
+    shape = {name: sequence[name] for name in ("name", "n_verts", "n_frames")}
+    return [point for point in points if point["sequence"] == shape]
 
 
 def draw_curves(

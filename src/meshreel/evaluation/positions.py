@@ -24,14 +24,12 @@ from meshreel.evaluation.comparison import (
 )
 from meshreel.evaluation.draco import DRACO
 from meshreel.evaluation.peers import ARRAY_PEERS, Peer
-from meshreel.evaluation.recorded import matching
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Result, Run
-from meshreel.studies.study import Subject
 from meshreel.studies.timing import seconds_of, timed
 
 PEERS = (DRACO, *ARRAY_PEERS)
@@ -120,10 +118,6 @@ def compare_positions(
             for value in (peer.quick if quick else peer.settings)
         ]  # fmt: skip
 
-    def results(subject: Subject, measured: list[Result]) -> CodecResults:
-        sequence = subject.store.sequence
-        return CodecResults(KIND, subject.slug, sequence, measured, matching(recorded, sequence))
-
     def unrecorded(measured: Sequence[CodecResults]) -> list[str]:
         return [
             f"no recorded row matches {each.sequence['name'] or 'a sequence without a name'} "
@@ -133,7 +127,7 @@ def compare_positions(
             if recorded and not each.recorded
         ]
 
-    return Comparison(KIND, runs, results, peers, unrecorded)
+    return Comparison(KIND, runs, peers, unrecorded, recorded)
 
 
 def params_of(peer: Peer, value: float) -> str:

@@ -2,9 +2,8 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.comparison import RECORDED
@@ -37,12 +36,6 @@ def read_recorded(path: Path) -> list[Result]:
             return [_point(row, f"{path}, line {rows.line_num}") for row in rows]
     except (UnicodeDecodeError, csv.Error) as error:
         raise InvalidInputError(f"{path} is not a CSV file in UTF-8: {error}") from error
-
-
-def matching(points: Iterable[Result], sequence: Mapping[str, Any]) -> list[Result]:
-    """The points of the sequence with this name, vertex count and frame count."""
-    shape = {name: sequence[name] for name in ("name", "n_verts", "n_frames")}
-    return [point for point in points if point["sequence"] == shape]
 
 
 def _point(row: Mapping[str, str | None], where: str) -> Result:

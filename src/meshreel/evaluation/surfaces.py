@@ -25,8 +25,7 @@ from meshreel.evaluation.positions import PEERS, own_sweeps, params_of
 from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.model.sequence import MeshFrame, MeshSequence
 from meshreel.runtime.progress import Progress
-from meshreel.studies.runs import Result, Run
-from meshreel.studies.study import Subject
+from meshreel.studies.runs import Run
 from meshreel.studies.timing import seconds_of, timed
 
 METHOD = "reel"
@@ -107,14 +106,11 @@ def compare_surface_codecs(
             for bits in (peer.quick if quick else peer.settings)
         ]  # fmt: skip
 
-    def results(subject: Subject, measured: list[Result]) -> CodecResults:
-        return CodecResults(KIND, subject.slug, subject.store.sequence, measured)
-
     def excluded(_: Sequence[CodecResults]) -> list[str]:
         names = ", ".join(f"`{name}`" for name in others)
         return [f"codecs that need the same faces in every frame: {names}"] if others else []
 
-    return Comparison(KIND, runs, results, drawn, excluded)
+    return Comparison(KIND, runs, drawn, excluded)
 
 
 def measure_ours(

@@ -1,7 +1,8 @@
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.recorded import COLUMNS, matching, read_recorded
+from meshreel.evaluation.comparison import matching
+from meshreel.evaluation.recorded import COLUMNS, read_recorded
 
 ROW = {
     "sequence": "flag", "n": "72", "k": "8", "m": "112", "codec": "famc", "params": "q=8, tr=1",
