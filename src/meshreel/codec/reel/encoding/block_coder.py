@@ -78,22 +78,22 @@ class FieldBlockCoder:
         """Return the sections before the first block, after the connectivity."""
         return error_bound_sections(self.bound)
 
-    def frames(self, vertices: Vertices, order: Integers | None = None) -> "FieldFrames":
+    def frames(self, vertices: Vertices, order: Integers | None = None) -> BlockFrames:
         """Wrap a block of positions of shape (T_b, V, 3), or of values of shape (T_b, N, C).
 
         `order` is the given number of each internal vertex; None means internal order.
         """
         numbers = None if order is None else order.astype(np.int32)
-        return FieldFrames(BlockFrames(np.ascontiguousarray(vertices), self.frame, numbers))
+        return BlockFrames(np.ascontiguousarray(vertices), self.frame, numbers)
 
     def code(
-        self, frames: "FieldFrames", key: "KeyBlock | None" = None, reference: int = 0
+        self, frames: BlockFrames, key: "KeyBlock | None" = None, reference: int = 0
     ) -> "CodedFrames":
         """Encode a block; the bytes do not depend on the number of cores.
 
         Parameters
         ----------
-        frames : FieldFrames
+        frames : BlockFrames
         key : KeyBlock, optional
             The block that this one refers to.
         reference : int, default 0
@@ -101,13 +101,13 @@ class FieldBlockCoder:
         """
         with one_blas_thread():
             key_fields = None if key is None else key.fields
-            analyzed = analyze_fields(frames.block, self.mesh, self.choices, key_fields, reference)
+            analyzed = analyze_fields(frames, self.mesh, self.choices, key_fields, reference)
             if key is not None and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.n_modes:
-                analyzed = analyze_fields(frames.block, self.mesh, self.choices)
+                analyzed = analyze_fields(frames, self.mesh, self.choices)
             corrections = None
             if self.bound is not None:
                 corrections = corrections_of_block(
-                    frames.block,
+                    frames,
                     analyzed.decoded,
                     self.bound,
                     frames.rounding,
@@ -131,7 +131,7 @@ class FieldBlockCoder:
         frames = self.frames(piece.read_given(), piece.order)
         coded = self.code(frames, key, reference)
         new_key = coded.key if coded.is_key else None
-        return CodedPiece(frames.block.n_frames, list(coded.sections), new_key)
+        return CodedPiece(frames.n_frames, list(coded.sections), new_key)
 
 
 @dataclass(frozen=True)
@@ -173,22 +173,22 @@ class CodedFrames:
     key: "KeyBlock"
     is_key: bool
 
-    def decoded(self, frames: "FieldFrames") -> Vertices:
+    def decoded(self, frames: BlockFrames) -> Vertices:
         """Decoded positions of these frames, in internal order."""
-        out = np.empty(frames.block.vertices.shape, frames.block.vertices.dtype)
+        out = np.empty(frames.vertices.shape, frames.vertices.dtype)
         moves = None if self.corrections is None else self.corrections.by_frame(len(out))
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
             moves_here = None if moves is None else moves.of_frames(numbers)
-            joint.fill(out[piece], numbers, frames.block.frame.placement, moves_here)
+            joint.fill(out[piece], numbers, frames.frame.placement, moves_here)
 
         joint = self.analyzed.decoded
         joint.pack()
         in_chunks(fill, len(out), DECODED_FRAMES)
         return out
 
-    def squared_error(self, frames: "FieldFrames") -> float:
+    def squared_error(self, frames: BlockFrames) -> float:
         """Sum of squared distances of decoded positions from these frames, in diagonals.
 
         Computed from the fields if this is accurate enough. It then includes the mean effect of
@@ -196,13 +196,13 @@ class CodedFrames:
         energy.
         """
         squared_error = self.analyzed.squared_error
-        n_positions = frames.block.n_frames * frames.block.n_verts
+        n_positions = frames.n_frames * frames.n_verts
         by_rounding = float(frames.rounding**2) / 12.0 * n_positions
-        least = max(MIN_ROUNDING_RATIO * by_rounding, MIN_ENERGY_RATIO * frames.block.energy)
+        least = max(MIN_ROUNDING_RATIO * by_rounding, MIN_ENERGY_RATIO * frames.energy)
         if squared_error > least:
             return squared_error + by_rounding
-        errors: Floats = self.decoded(frames).astype(np.float64) - frames.vertices
-        errors /= frames.block.frame.scale
+        errors: Floats = self.decoded(frames).astype(np.float64) - frames.internal_vertices
+        errors /= frames.frame.scale
         return float(np.vdot(errors, errors))
 
 
@@ -252,30 +252,6 @@ def _decoded_key(
     return KeyBlock(mesh, residuals, n_learned, KeyFields(values))
 
 
-@dataclass(frozen=True)
-class FieldFrames:
-    """A block of frames to encode.
-
-    Attributes
-    ----------
-    block : BlockFrames
-    """
-
-    block: BlockFrames
-
-    @property
-    def vertices(self) -> Vertices:
-        """Positions of shape (T_b, V, 3), in internal order."""
-        vertices, order = self.block.vertices, self.block.order
-        return vertices if order is None else vertices.take(order, axis=1)
-
-    @cached_property
-    def rounding(self) -> float:
-        """Largest rounding error of a position by its number type, in diagonals."""
-        vertices = self.block.vertices
-        return largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.block.frame)
-
-
 class KeyedBlocks:
     """Codes consecutive blocks; each refers to the last key block.
 
@@ -291,7 +267,7 @@ class KeyedBlocks:
         self._key: KeyBlock | None = None
         self._reference = 0
 
-    def code(self, frames: FieldFrames) -> CodedFrames:
+    def code(self, frames: BlockFrames) -> CodedFrames:
         """Encode the next block."""
         coded = self._coder.code(frames, self._key, self._reference)
         if coded.is_key:
@@ -308,15 +284,7 @@ def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     return FieldBlockCoder(field_mesh, frame, choices)
 
 
-def largest_rounding(
-    low: float, high: float, dtype: np.dtype[np.floating], frame: BoundingFrame
-) -> float:
-    """Largest rounding error, in diagonals, of a position with coordinates between low and high."""
-    spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
-    return float(np.sqrt(len(frame.origin)) * spacing / frame.scale)
-
-
-def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> FieldFrames:
+def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> BlockFrames:
     """Wrap a block, and check that its number type allows the guaranteed bound.
 
     Raises

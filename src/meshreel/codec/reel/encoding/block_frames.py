@@ -65,6 +65,17 @@ class BlockFrames:
     def __post_init__(self) -> None:
         self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
 
+    @property
+    def internal_vertices(self) -> npt.NDArray[np.floating]:
+        """The values with vertices in internal order."""
+        return self.vertices if self.order is None else self.vertices.take(self.order, axis=1)
+
+    @cached_property
+    def rounding(self) -> float:
+        """Largest rounding error of a position by its number type, in diagonals."""
+        vertices = self.vertices
+        return largest_rounding(vertices.min(), vertices.max(), vertices.dtype, self.frame)
+
     def coordinates(self, piece: slice, frames: slice = slice(None)) -> Floats:
         """Coordinates of some vertices, in internal order: of shape (C T, n), x before y and z.
 
@@ -236,3 +247,11 @@ class BlockFrames:
         strengths, fields = truncated_pca(frames, gram, self._n_rows, least)
         divisors = np.where(strengths > 0, strengths, 1.0)
         return strengths, fix_signs(rows @ fields / divisors)
+
+
+def largest_rounding(
+    low: float, high: float, dtype: np.dtype[np.floating], frame: BoundingFrame
+) -> float:
+    """Largest rounding error, in diagonals, of a position with coordinates between low and high."""
+    spacing = float(np.spacing(np.maximum(abs(low), abs(high)).astype(dtype)))
+    return float(np.sqrt(len(frame.origin)) * spacing / frame.scale)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.reel.encoding.block_coder import largest_rounding
+from meshreel.codec.reel.encoding.block_frames import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, stream_of
 from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
 from meshreel.codec.reel.encoding.target_step import checked_bound

@@ -17,11 +17,11 @@ from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.block_coder import (
     CodedFrames,
     FieldBlockCoder,
-    FieldFrames,
     KeyedBlocks,
     checked_frames,
     coder_of,
 )
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
@@ -79,7 +79,7 @@ class FirstBlock:
         return finest_step()
 
     @cached_property
-    def _frames(self) -> FieldFrames:
+    def _frames(self) -> BlockFrames:
         return self.coder.frames(self.vertices)
 
     def size_bytes(self, step: float, bound: float) -> float:
@@ -118,7 +118,7 @@ class LiveCoder:
             track.header.coding.is_predicted for track in self._tracks.values()
         )
 
-    def _decoded(self, coded: CodedFrames, frames: FieldFrames) -> Vertices:
+    def _decoded(self, coded: CodedFrames, frames: BlockFrames) -> Vertices:
         """Decoded positions of a block, in output order."""
         return coded.decoded(frames).take(self._mesh.output_order, axis=1)
 

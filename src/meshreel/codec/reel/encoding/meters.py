@@ -6,7 +6,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.reel.encoding.block_coder import CodedFrames, FieldFrames
+from meshreel.codec.reel.encoding.block_coder import CodedFrames
+from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.metrics.reference import relative
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import Faces
@@ -21,7 +22,7 @@ SLACK = 1e-6
 class Meter(Protocol):
     """Accumulates an error over the blocks of a sequence."""
 
-    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+    def add(self, frames: BlockFrames, coded: CodedFrames) -> None:
         """Add the next frames, original and coded."""
 
     @property
@@ -35,9 +36,9 @@ class KgMeter:
     def __init__(self) -> None:
         self._error = self._spread = 0.0
 
-    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+    def add(self, frames: BlockFrames, coded: CodedFrames) -> None:
         """Add the next frames, original and coded."""
-        self.add_squares(coded.squared_error(frames), frames.block.spread)
+        self.add_squares(coded.squared_error(frames), frames.spread)
 
     def add_squares(self, error: float, spread: float) -> None:
         """Add the squared errors of frames, and the squared distances from their means."""
@@ -62,9 +63,9 @@ class StedMeter:
         self._faces = faces
         self._blocks: list[tuple[Vertices, Vertices]] = []
 
-    def add(self, frames: FieldFrames, coded: CodedFrames) -> None:
+    def add(self, frames: BlockFrames, coded: CodedFrames) -> None:
         """Add the next frames, original and coded."""
-        self._blocks.append((frames.vertices, coded.decoded(frames)))
+        self._blocks.append((frames.internal_vertices, coded.decoded(frames)))
 
     @property
     def value(self) -> float:

@@ -12,10 +12,9 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
-    FieldFrames,
     KeyedBlocks,
-    largest_rounding,
 )
+from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
@@ -98,12 +97,12 @@ class PreparedValues:
 
     Attributes
     ----------
-    frames : FieldFrames
+    frames : BlockFrames
     missing : tuple of Section and bytes, or None
         The section that marks missing values, if any.
     """
 
-    frames: FieldFrames
+    frames: BlockFrames
     missing: tuple[Section, bytes] | None
 
 

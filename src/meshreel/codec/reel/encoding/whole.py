@@ -11,12 +11,11 @@ from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
-    FieldFrames,
     KeyBlock,
     KeyedBlocks,
     coder_of,
-    largest_rounding,
 )
+from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import (
@@ -285,7 +284,7 @@ class RateSearch:
         for frames in self._blocks():
             coded = blocks.code(frames)
             meter.add(frames, coded)
-            yield frames.block.n_frames, coded.sections
+            yield frames.n_frames, coded.sections
 
     def _encoded(self, step: float, bound: float | None) -> bytes:
         self._report(0)
@@ -307,7 +306,7 @@ class RateSearch:
         """Yield frames and sections of each block."""
         read, blocks = self._blocks(), KeyedBlocks(self._coder.with_step(step, bound))
         for frames in read:
-            yield frames.block.n_frames, blocks.code(frames).sections
+            yield frames.n_frames, blocks.code(frames).sections
 
     def _coded_by_workers(
         self, coder: FieldBlockCoder, engine: Engine
@@ -319,7 +318,7 @@ class RateSearch:
         first, *others = self._source.pieces()
         frames = coder.frames(first.read_given(), first.order)
         coded = coder.code(frames)
-        yield frames.block.n_frames, coded.sections
+        yield frames.n_frames, coded.sections
         key: KeyBlock | None = coded.key
         while others:
             items = ((piece, key, number) for number, piece in enumerate(others, start=1))
@@ -332,7 +331,7 @@ class RateSearch:
                     break
             others = others[n_coded:]
 
-    def _blocks(self) -> Iterable[FieldFrames]:
+    def _blocks(self) -> Iterable[BlockFrames]:
         """Return the blocks, cached for further trials or re-read for each."""
         if self._keeps_blocks:
             return self._kept_blocks
@@ -358,10 +357,10 @@ class RateSearch:
         return memory is None or kept_bytes <= memory / 2
 
     @cached_property
-    def _kept_blocks(self) -> list[FieldFrames]:
+    def _kept_blocks(self) -> list[BlockFrames]:
         return list(self._read_blocks(self._source.pieces()))
 
-    def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[FieldFrames]:
+    def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[BlockFrames]:
         return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
 
     def _new_meter(self) -> Meter:
