@@ -3,6 +3,7 @@
 A track has C columns: positions have x, y and z.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,6 +76,9 @@ class BasisCoding:
 
 
 BY_TIMES = BasisCoding()
+
+QuantizedBasis = tuple[npt.NDArray[np.int32], Floats]
+"""Integers of the stream, and the vectors that they decode to."""
 
 
 @lru_cache(maxsize=8)
@@ -162,10 +166,13 @@ def basis_vectors(
     return basis
 
 
-def encode_basis(
-    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
-) -> npt.NDArray[np.int32]:
-    """Quantize basis vectors; return the integers of shape (K, C, T) that `basis_vectors` decodes.
+def quantized_bases(
+    targets: Floats,
+    rate_weight: float,
+    codings: Sequence[BasisCoding],
+    lengths: Floats | None = None,
+) -> list[QuantizedBasis]:
+    """Quantize basis vectors in several codings; return their integers and what they decode to.
 
     Parameters
     ----------
@@ -173,28 +180,57 @@ def encode_basis(
         The basis vectors, in quantization steps.
     rate_weight : float
         Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    coding : BasisCoding
+    codings : sequence of BasisCoding
+    lengths : float64 array of shape (n,), optional
+        As in `basis_vectors`.
+
+    Returns
+    -------
+    list of (integers, vectors), one for each coding:
+    integers : int32 array of shape (K, C, T)
+    vectors : float64 array of shape (C, T, K)
+        As `basis_vectors` decodes them.
 
     Raises
     ------
     InvalidInputError
-        If an integer is too large for a stream, or cosines are used with 0 or more than
-        `MAX_COSINES` frames.
+        If an integer is too large for a stream, or cosines are used with more than `MAX_COSINES`
+        frames.
     """
-    integers = np.empty(targets.shape, np.int32)
-    name = "reel_cosines_encode" if coding.has_cosines else "reel_basis_encode"
-    n_frames = targets.shape[2]
-    call(
-        name,
-        np.ascontiguousarray(targets),
-        *targets.shape,
-        *_options_of_times(coding, n_frames),
-        float(rate_weight),
-        integers,
-        what="basis vectors",
-        memory_of=(f"{name}_memory", n_frames),
-    )
-    return integers
+    n_modes, n_columns, n_frames = shape = targets.shape
+    targets = np.ascontiguousarray(targets)
+    divisors = np.zeros(0) if lengths is None else lengths
+    what, results = "basis vectors", []
+    all_options = [_options_of_times(coding, n_frames) for coding in codings]
+    for coding, options in zip(codings, all_options, strict=True):
+        integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
+        encode, decode = "reel_basis_encode", "reel_basis"
+        if coding.has_cosines:
+            encode, decode = "reel_cosines_encode", "reel_cosine_basis"
+        call(
+            encode, targets, *shape, *options, float(rate_weight), integers,
+            what=what, memory_of=(f"{encode}_memory", n_frames),
+        )  # fmt: skip
+        call(
+            decode, integers, *shape, *options, divisors, len(divisors), vectors,
+            what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
+        )  # fmt: skip
+        results.append((integers, vectors))
+    return results
+
+
+def quantized_basis(
+    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
+) -> QuantizedBasis:
+    """Return the basis vectors of `quantized_bases` in one coding."""
+    return quantized_bases(targets, rate_weight, [coding])[0]
+
+
+def encode_basis(
+    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
+) -> npt.NDArray[np.int32]:
+    """Return the integers of `quantized_basis`."""
+    return quantized_basis(targets, rate_weight, coding)[0]
 
 
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:

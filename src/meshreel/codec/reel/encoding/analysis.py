@@ -22,6 +22,7 @@ from meshreel.kernel.basis import (
     basis_vectors,
     encode_basis,
     lengths_of,
+    quantized_basis,
 )
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, Prepared, encode_values
@@ -281,12 +282,14 @@ def _quantized_basis(
     target = (vectors * scales).T.reshape(shape)
     if coding is None:
         coding = choose_coding(frames, target, step, choices.basis_step, choices.rate_weight)
-    coded = encode_basis(target, choices.rate_weight, coding)
+    coded, decoded = quantized_basis(target, choices.rate_weight, coding)
     is_used = np.asarray(coded.any(axis=(1, 2)))
     if not may_be_none:
         is_used[0] = True
-    coded = coded[is_used]
-    return coded, basis_vectors(coded, coding), coding
+    if not is_used.all():
+        coded = coded[is_used]
+        decoded = basis_vectors(coded, coding)
+    return coded, decoded, coding
 
 
 def has_resting_vertices(frames: BlockFrames, step: float) -> bool:

@@ -23,9 +23,10 @@ from meshreel.kernel.basis import (
     MAX_REST_BITS,
     NO_REST,
     BasisCoding,
+    QuantizedBasis,
     Rests,
-    basis_vectors,
     encode_basis,
+    quantized_bases,
 )
 
 Floats = npt.NDArray[np.float64]
@@ -100,20 +101,20 @@ def cheapest_coding(
         least_gains[BasisCoding(has_cosines=True)] = MIN_COSINE_GAIN
     if n_frames >= MIN_ADAPTIVE_FRAMES:
         least_gains[BasisCoding(is_adaptive=True)] = MIN_ADAPTIVE_GAIN
-    costs = {coding: _cost(some, rate_weight, coding) for coding in least_gains}
-    for coding, gain in least_gains.items():
-        if costs[coding] < (1.0 - gain) * costs[BY_TIMES]:
+    trials = quantized_bases(some, rate_weight, list(least_gains), np.ones(len(some)))
+    plain = _cost(some, rate_weight, BY_TIMES, trials[0])
+    for coding, trial in list(zip(least_gains, trials, strict=True))[1:]:
+        if _cost(some, rate_weight, coding, trial) < (1.0 - least_gains[coding]) * plain:
             return coding
     return BY_TIMES
 
 
-def _cost(targets: Floats, rate_weight: float, coding: BasisCoding) -> float:
+def _cost(targets: Floats, rate_weight: float, coding: BasisCoding, trial: QuantizedBasis) -> float:
     """Return estimated bits of basis vectors, and the weighted bits that would remove their error.
 
     Bits are estimated separately for each level of times.
     """
-    coded = encode_basis(targets, rate_weight, coding)
-    decoded = basis_vectors(coded, coding, np.ones(len(targets)))
+    coded, decoded = trial
     levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
     if coding.has_cosines:
         levels = [slice(None)]

@@ -144,12 +144,13 @@ def write_layout(layout: Layout) -> bytes:
     number |= WITH_RESTS if coding.rests.runs else 0
     number |= WITH_COSINES if coding.has_cosines else 0
     number |= ADAPTIVE if coding.is_adaptive else 0
+    rests = _write_rests(coding.rests)
     parts = [
         bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varints(layout.stencil_size, layout.n_learned),
-        _write_rests(coding.rests),
+        rests,
     ]
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
