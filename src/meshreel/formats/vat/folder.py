@@ -16,17 +16,20 @@ from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.notes import written_rate
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.vat.axes import BLENDER_FBX_SPACE, GLTF_SPACE, MeshSpace
-from meshreel.formats.vat.grid import WIDTHS, TexelGrid, fit_grid
 from meshreel.formats.vat.layouts import (
+    BLENDER_FBX_SPACE,
+    GLTF_SPACE,
     N_CHANNELS,
+    WIDTHS,
+    MeshSpace,
     Remap,
+    TexelGrid,
+    fit_grid,
     normal_values,
     normals_of,
     remap_document,
 )
-from meshreel.formats.vat.mesh import RestMesh
-from meshreel.formats.vat.motion import Motion, placement_for
+from meshreel.formats.vat.mesh import Motion, RestMesh, placement_for
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
@@ -107,7 +110,7 @@ def write_vat(
     stream.progress("textures", 0.0)
     # Without a budget, the resolution of float32 for a single point.
     bound = budget.added or float(np.spacing(np.abs(motion.rest).max()))
-    remap = Remap.of(motion)
+    remap = Remap.of(motion.offset_box())
     texel_type, image, errors = _smallest_texture(motion, remap, grid, types, bound)
     angle_deg = _write_normals(image, motion, grid, texel_type) if has_normals else None
     write_texture(path, image)
@@ -117,7 +120,7 @@ def write_vat(
             "choose the other kind of textures"
         )
     mesh.write(mesh_path, motion, grid.texel_uvs(), space, notes)
-    document = remap_document(motion, grid, remap, stream.name or stem)
+    document = remap_document(motion.fps, grid, remap, stream.name or stem)
     text = json.dumps(document, ensure_ascii=False, indent=4)
     data_path.write_text(f"{text}\n", encoding="utf-8")
     _note_errors(notes, budget, errors, angle_deg, texel_type)

@@ -7,14 +7,132 @@ to Max (1).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
-from meshreel.formats.vat.axes import from_blender, to_blender
-from meshreel.formats.vat.grid import TexelGrid
-from meshreel.formats.vat.motion import Motion
+from meshreel.errors import InvalidInputError, Keyword
+from meshreel.formats.vat.textures import Texels
+
+Number = TypeVar("Number", np.float32, np.float64)
+
+
+def to_blender(vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    """Return vectors of shape (..., 3), from glTF's axes to Blender's."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([x, -z, y], axis=-1)
+
+
+def from_blender(vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
+    """Return vectors of shape (..., 3), from Blender's axes to glTF's."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([x, z, -y], axis=-1)
+
+
+@dataclass(frozen=True)
+class MeshSpace:
+    """The axes and units of the vertices in a mesh file, as the shader expects them.
+
+    Attributes
+    ----------
+    scale : float, default 1
+        Units of the file per glTF unit.
+    rotation : tuple of float, optional
+        The quaternion x y z w of the node, which rotates vertices in Blender's axes to those of
+        glTF; None if they are in glTF's axes.
+    """
+
+    scale: float = 1.0
+    rotation: tuple[float, float, float, float] | None = None
+
+
+GLTF_SPACE = MeshSpace()
+BLENDER_FBX_SPACE = MeshSpace(0.01, (-(0.5**0.5), 0.0, 0.0, 0.5**0.5))
+"""The space of FBX files from Blender: centimeters and z up, corrected by rotation and scale of the
+node."""
+
+WIDTHS = (8192, 16384)
+"""Texture widths that desktop GPUs support; the larger one only if the first is too tall."""
+
+MAX_HEIGHT = 16384
+
+
+@dataclass(frozen=True)
+class TexelGrid:
+    """Arrangement of the texels of all vertices and frames in a texture.
+
+    The frames of a row of vertices are adjacent.
+
+    Attributes
+    ----------
+    width : int
+        Texels per row; a frame with more vertices takes several rows.
+    n_halves : int, default 1
+        Number of such grids in the texture, stacked vertically.
+    """
+
+    n_verts: int
+    n_frames: int
+    width: int
+    n_halves: int = 1
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of texels per frame."""
+        return -(-self.n_verts // self.width)
+
+    @property
+    def height(self) -> int:
+        """Rows of the whole texture."""
+        return self.n_halves * self.n_rows * self.n_frames
+
+    def image(self, n_channels: int, dtype: npt.DTypeLike) -> Texels:
+        """Return a texture of zeros."""
+        return np.zeros((self.height, self.width, n_channels), dtype)
+
+    def write_frame(self, image: Texels, frame: int, texels: Texels, half: int = 0) -> None:
+        """Write the texels of all vertices in a frame, of shape (V, C)."""
+        rows = np.zeros((self.n_rows * self.width, texels.shape[1]), texels.dtype)
+        rows[: self.n_verts] = texels
+        image[self._rows(frame, half)] = rows.reshape(self.n_rows, self.width, -1)
+
+    def texel_uvs(self) -> npt.NDArray[np.float64]:
+        """Return the UVs of the texel centers of the first frame, of shape (V, 2), v upward."""
+        row, column = np.divmod(np.arange(self.n_verts), self.width)
+        first = self._rows(0, 0)[row]
+        u = (column + 0.5) / self.width
+        return np.stack([u, 1 - (first + 0.5) / self.height], axis=1)
+
+    def _rows(self, frame: int, half: int) -> npt.NDArray[np.int64]:
+        """Return the row indices of a frame, from the top."""
+        return (np.arange(self.n_rows) + half * self.n_rows) * self.n_frames + frame
+
+
+def fit_grid(n_verts: int, n_frames: int, *, n_halves: int = 1) -> TexelGrid:
+    """Return the smallest grid for these counts, with one row per frame if the width allows it.
+
+    Raises
+    ------
+    InvalidInputError
+        If the texture would exceed the size that GPUs support.
+    """
+    for max_width in WIDTHS:
+        n_rows = -(-n_verts // max_width)
+        width = -(-n_verts // n_rows)  # balance the rows
+        grid = TexelGrid(n_verts, n_frames, width, n_halves)
+        if grid.height <= WIDTHS[0]:
+            return grid
+    if grid.height > MAX_HEIGHT:
+        raise InvalidInputError(
+            f"{n_frames} frames of {n_verts} vertices need textures of {grid.width} x "
+            f"{grid.height} texels; GPUs support {MAX_HEIGHT} rows; use fewer frames (",
+            Keyword("frames"),
+            "), or fewer vertices",
+        )
+    return grid
+
 
 N_CHANNELS = 3
 """Channels of offsets and of normals."""
@@ -34,9 +152,9 @@ class Remap:
     high: Singles
 
     @classmethod
-    def of(cls, motion: Motion) -> "Remap":
-        """Return the remap between the smallest and largest offset per axis, in float32."""
-        corners = [to_blender(corner) for corner in motion.offset_box()]
+    def of(cls, offset_box: tuple[Floats, Floats]) -> "Remap":
+        """Return the remap between two corners of the box of all offsets, in float32."""
+        corners = [to_blender(corner) for corner in offset_box]
         low, high = np.min(corners, axis=0), np.max(corners, axis=0)
         return cls(_float32_below(low), -_float32_below(-high))
 
@@ -61,9 +179,9 @@ def normals_of(values: Floats) -> Floats:
     return from_blender(2 * values - 1)
 
 
-def remap_document(motion: Motion, grid: TexelGrid, remap: Remap, name: str) -> Any:
+def remap_document(fps: float, grid: TexelGrid, remap: Remap, name: str) -> Any:
     """Return the JSON that OpenVAT's importers read; its frames count from 1."""
-    fps = round(motion.fps) if motion.fps == round(motion.fps) else motion.fps
+    fps = round(fps) if fps == round(fps) else fps
     animation = {
         "startFrame": 1, "endFrame": grid.n_frames, "framerate": fps, "looping": True,
     }  # fmt: skip

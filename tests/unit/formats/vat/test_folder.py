@@ -10,7 +10,7 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
-from meshreel.formats.vat.grid import fit_grid
+from meshreel.formats.vat.layouts import fit_grid
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
