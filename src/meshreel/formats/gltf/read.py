@@ -149,7 +149,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         if all(_is_of_segment(mesh, nodes) for mesh in shown):
             names = ["/" + name.strip("/").partition("/")[2] for name in names]
             meshes = [replace(mesh, name=name) for mesh, name in zip(meshes, names, strict=True)]
-        return [_join(meshes, switching, sampling, notes)]
+        return [_join(meshes, *switching, sampling, notes)]
     pairs = zip(names, shown, strict=True)
     if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
         note_left_out(notes, f"changes of the visibility of {listed(changing)}")
@@ -467,48 +467,30 @@ class PosedMesh:
         return polygon_mesh(geometry.positions, counts, geometry.faces.ravel())
 
 
-@dataclass(frozen=True, eq=False)
-class Switching:
-    """Groups of meshes, one of which is shown in each frame: the segments of a sequence.
-
-    Attributes
-    ----------
-    group_of_mesh : list of int
-        -1 for a mesh that no frame shows.
-    first : int
-        The first frame that shows a group; later frames, up to the last of `group_of_frame`, do.
-    """
-
-    group_of_mesh: list[int]
-    first: int
-    group_of_frame: list[int]
-
-
-def find_switching(shown: Sequence[ShownMesh], motion: Motion, times_s: Floats) -> Switching | None:
-    """Return the groups of meshes if each is shown alone at its time; otherwise None.
+def find_switching(
+    shown: Sequence[ShownMesh], motion: Motion, times_s: Floats
+) -> tuple[int, list[tuple[int, ...]]] | None:
+    """Return the first frame with a mesh, and the indices of the meshes in it and each later frame.
 
     Meshes are hidden by visibility, or by a scale of zero that steps to another value. Frames
-    before the first and after the last group may be empty.
+    before the first and after the last mesh may be empty. None unless there are at least two groups
+    of meshes, of which each frame shows one.
     """
     switches = [_switches(motion, mesh) for mesh in shown]
     if not any(switches):
         return None
-    visible = np.ones((len(shown), len(times_s)), np.bool_)
-    for row, curves in zip(visible, switches, strict=True):
+    visible = np.ones((len(times_s), len(shown)), np.bool_)
+    for column, curves in zip(visible.T, switches, strict=True):
         for curve in curves:
-            row &= (curve.at(times_s) != 0).any(axis=1)
-    patterns, group_of_mesh = np.unique(visible, axis=0, return_inverse=True)
-    filled = np.flatnonzero(patterns.any(axis=1))
-    filled = filled[np.argsort(patterns[filled].argmax(axis=1), kind="stable")]  # by first frame
-    numbers = np.full(len(patterns), -1)
-    numbers[filled] = np.arange(len(filled))
-    counts = patterns[filled].sum(axis=0)
-    frames = np.flatnonzero(counts)
-    if len(filled) < 2 or (counts[frames[0] : frames[-1] + 1] != 1).any():
+            column &= (curve.at(times_s) != 0).any(axis=1)
+    filled = np.flatnonzero(visible.any(axis=1))
+    if not len(filled):
         return None
-    group_of_frame = patterns[filled][:, frames[0] : frames[-1] + 1].argmax(axis=0)
-    groups = numbers[group_of_mesh.ravel()].tolist()
-    return Switching(groups, int(frames[0]), group_of_frame.tolist())
+    groups = [tuple(np.flatnonzero(row).tolist()) for row in visible[filled[0] : filled[-1] + 1]]
+    members = list(chain.from_iterable(set(groups)))
+    if len(set(groups)) < 2 or () in groups or len(set(members)) < len(members):
+        return None
+    return int(filled[0]), groups
 
 
 def _switches(motion: Motion, mesh: ShownMesh) -> list[Curve]:
@@ -539,18 +521,21 @@ def _is_of_segment(mesh: ShownMesh, nodes: Nodes) -> bool:
 
 
 def _join(
-    meshes: Sequence[SceneMesh], switching: Switching, sampling: Sampling, notes: list[str]
+    meshes: Sequence[SceneMesh],
+    first: int,
+    groups: Sequence[tuple[int, ...]],
+    sampling: Sampling,
+    notes: list[str],
 ) -> SceneMesh:
-    """Return a mesh whose faces change: in each frame the meshes of one group."""
-    segments = []
-    for number in range(max(switching.group_of_mesh) + 1):
-        pairs = zip(meshes, switching.group_of_mesh, strict=True)
-        parts = [mesh for mesh, group in pairs if group == number]
-        segments.append(parts[0] if len(parts) == 1 else merge_meshes(parts, "", notes))
+    """Return a mesh whose faces change: from frame `first` on, the meshes of a group per frame."""
+    segments: dict[tuple[int, ...], SceneMesh] = {}
+    for group in dict.fromkeys(groups):
+        parts = [meshes[number] for number in group]
+        segments[group] = parts[0] if len(parts) == 1 else merge_meshes(parts, "", notes)
 
     def at(index: int) -> tuple[SceneMesh, int]:
-        mesh = segments[switching.group_of_frame[index]]
-        return mesh, min(switching.first + index, len(mesh.times_s) - 1)
+        mesh = segments[groups[index]]
+        return mesh, min(first + index, len(mesh.times_s) - 1)
 
     def frame(index: int) -> PolygonMesh:
         mesh, own_index = at(index)
@@ -560,6 +545,5 @@ def _join(
         mesh, own_index = at(index)
         return mesh.surface(own_index)
 
-    end = switching.first + len(switching.group_of_frame)
-    times_s = sampling.times_s[switching.first : end]
-    return SceneMesh(segments[0].name, times_s, frame, surface, sampling.fps or None)
+    times_s = sampling.times_s[first : first + len(groups)]
+    return SceneMesh(segments[groups[0]].name, times_s, frame, surface, sampling.fps or None)

@@ -14,7 +14,6 @@ from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
-from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -52,22 +51,9 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sc
         places = [[neighbours(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
         return merge_tracks(meshes, places, notes)
 
-    def positions(start: int, stop: int) -> Vertices:
-        ranges = [mesh.positions for mesh in meshes if mesh.positions is not None]
-        blocks = [
-            np.repeat(read(0, 1), stop - start, axis=0) if is_static else read(start, stop)
-            for read, is_static in zip(ranges, are_static, strict=True)
-        ]
-        return np.concatenate(blocks, axis=1)
-
-    are_static = [len(mesh.times_s) == 1 < len(times) for mesh in meshes]
-    has_positions = all(
-        mesh.positions is not None and (is_static or np.array_equal(mesh.times_s, times))
-        for mesh, is_static in zip(meshes, are_static, strict=True)
-    )
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
-    return SceneMesh(name, times, frame, surface, fps, tracks, positions if has_positions else None)
+    return SceneMesh(name, times, frame, surface, fps, tracks)
 
 
 def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:

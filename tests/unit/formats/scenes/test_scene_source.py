@@ -80,20 +80,6 @@ def test_positions_of_several_frames_are_read_at_once(monkeypatch, max_loaded_by
     assert result.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
 
 
-@pytest.mark.parametrize("is_static", [True, False])
-def test_positions_of_merged_meshes_are_those_of_their_frames(is_static):
-    sequence, reads = quad_sheet(), []
-    still = MeshSequence(sequence.vertices[:1], sequence.faces) if is_static else sequence
-    meshes = [
-        in_blocks(scene_mesh(each, name), each, reads)
-        for each, name in ((sequence, "/a"), (still, "/b"))
-    ]
-    merged = opened(meshes, merge=True)
-    assert len(reads) == 2
-    expected = opened([replace(mesh, positions=None) for mesh in meshes], merge=True)
-    assert merged.vertices.tobytes() == expected.vertices.tobytes()
-
-
 def test_positions_of_a_range_of_frames_count_from_its_start():
     sequence, reads = quad_sheet(), []
     whole = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
