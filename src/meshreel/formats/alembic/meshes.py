@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.arrays import Floats, Values
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import AbcObject, Archive, Property, damage_error
 from meshreel.formats.alembic.attributes import (
@@ -313,29 +313,17 @@ class _AnimatedMesh:
         )  # fmt: skip
         times = self._times_s[frames.start : frames.stop]
         mesh = self._mesh_at(float(times[0]))
-        order = reversed_corners(mesh.counts)
-        domains = [_fitting_domain(quantity, times, mesh) for quantity in self._animated.values()]
-        quantities = {
-            (domain, quantity.name): quantity
-            for domain, quantity in zip(domains, self._animated.values(), strict=True)
-            if domain is not None
-        }
-        named = zip(domains, self._animated.values(), strict=True)
-        note_kinds(
-            notes, UNSUPPORTED, [quantity.name for domain, quantity in named if domain is None]
-        )
-
-        def read(key: Key, time_s: float) -> Values | None:
-            values = quantities[key].of_items(time_s, mesh.n_items[key[0]])
-            if values is not None and key[0] is Domain.CORNER:
-                values = values[order]
-            to_world = quantities[key].to_world
-            if values is None or to_world is None:
-                return values
-            return to_world(values, self._world(time_s))
-
+        quantities: dict[Key, Quantity] = {}
+        for quantity in self._animated.values():
+            if (domain := _fitting_domain(quantity, times, mesh)) is None:
+                note_kinds(notes, UNSUPPORTED, [quantity.name])
+            else:
+                quantities[domain, quantity.name] = quantity
+        rows = {**dict.fromkeys(Domain, slice(None)), Domain.CORNER: reversed_corners(mesh.counts)}
         sizes = mesh.n_items, mesh.n_items
-        return quantity_tracks(path, quantities, times, sizes, read, notes, UNSUPPORTED)
+        return quantity_tracks(
+            path, quantities, times, sizes, rows, self._world, notes, UNSUPPORTED
+        )
 
     def _world(self, time_s: float) -> Floats:
         if self._is_transform_animated:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -60,7 +61,8 @@ def quantity_tracks(
     quantities: Mapping[Key, Quantity],
     times: Floats,
     sizes: tuple[Mapping[Domain, int], Mapping[Domain, int]],
-    read: Callable[[Key, float], Values | None],
+    rows: Mapping[Domain, Any],
+    to_world: Callable[[float], Floats],
     notes: list[str],
     mismatched: str,
 ) -> dict[str, StoredTrack]:
@@ -74,18 +76,24 @@ def quantity_tracks(
         Times of the frames, whose faces are the same.
     sizes : pair of mappings of Domain to int
         Number of items in the file, and in the mesh.
-    read : function of a key and a time
-        Returns the values of the items of the mesh, or None if they do not fit.
+    rows : mapping of Domain to slice or array
+        The items of the mesh among those in the file.
+    to_world : function of a time
+        Returns the matrix that transforms the mesh, of shape (4, 4).
     mismatched : str
         What notes call quantities that fit the mesh in none of the frames.
     """
     stored, shown = sizes
 
     def read_frame(index: int, key: Key) -> Values:
-        values = read(key, float(times[index]))
-        if values is None or len(values) != shown[key[0]]:
+        quantity, time = quantities[key], float(times[index])
+        values = quantity.of_items(time, stored[key[0]])
+        if values is None:
             raise changed_error(f"{path} (frame {index})")
-        return values
+        if quantity.to_world is not None:
+            values = quantity.to_world(values, to_world(time))
+        of_mesh: Values = values[rows[key[0]]]
+        return of_mesh
 
     frames = []
     for time in times.tolist():

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers, Values
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Key
+from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.notes import CAGES, note_kinds
 from meshreel.formats.scenes.quantities import (
     normals_of_corners,
@@ -375,26 +375,18 @@ class StageMesh:
                 self.path, animated.values(), codes, TOLERANCE, self.notes,
                 is_transform_animated=is_moving,
             )  # fmt: skip
+            guarded = usd_errors(f"USD cannot read the properties of {self.path}")
             tracks = {
-                (quantity.domain, name): quantity
+                (quantity.domain, name): replace(quantity, values=guarded(quantity.values))
                 for name, quantity in by_track_name(animated).items()
             }
             first = float(codes[frames.start])
             file_mesh = self._file_mesh(first)
-            rows, n_items = self._rows(file_mesh.counts, first), file_mesh.n_items
-
-            @usd_errors(f"USD cannot read the properties of {self.path}")
-            def read(key: Key, code: float) -> Values | None:
-                values = tracks[key].of_items(code, n_items[key[0]])
-                if values is None:
-                    return None
-                if (to_world := tracks[key].to_world) is not None:
-                    values = to_world(values, self._matrix(code))
-                of_mesh: Values = values[rows[key[0]]]
-                return of_mesh
-
-            sizes, times = (n_items, self.frame(first).n_items), codes[frames.start : frames.stop]
-            return quantity_tracks(self.path, tracks, times, sizes, read, self.notes, MISMATCHED)
+            rows, times = self._rows(file_mesh.counts, first), codes[frames.start : frames.stop]
+            sizes = file_mesh.n_items, self.frame(first).n_items
+            return quantity_tracks(
+                self.path, tracks, times, sizes, rows, self._matrix, self.notes, MISMATCHED
+            )
 
     @cached_property
     def _shape(self) -> MeshShape:
