@@ -99,18 +99,16 @@ def merge_tracks(
     ]
     if not any(mesh_tracks):
         return {}
-    shifted = [
-        [place.shifted(-start) for place, start in zip(row, first, strict=True)] for row in places
-    ]
     sizes = [mesh.frame(start).n_items for mesh, start in zip(meshes, first, strict=True)]
     names = dict.fromkeys(name for tracks in mesh_tracks for name in tracks)
-    merged = {name: _merged(name, mesh_tracks, shifted, sizes, notes) for name in names}
+    merged = {name: _merged(name, mesh_tracks, first, places, sizes, notes) for name in names}
     return {name: track for name, track in merged.items() if track is not None}
 
 
 def _merged(
     name: str,
     mesh_tracks: Sequence[Mapping[str, TrackSource]],
+    first: Sequence[int],
     places: Sequence[Sequence[Neighbours]],
     sizes: Sequence[Mapping[Domain, int]],
     notes: list[str],
@@ -134,10 +132,11 @@ def _merged(
         track = of_meshes[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
-        before: Values = track.read(place.before, place.before + 1)[0].astype(dtype)
-        if not is_blended or place.after == place.before:
-            return before
-        return blend(before, track.read(place.after, place.after + 1)[0], place.share)
+        at, after = place.before - first[part], place.after - first[part]
+        values: Values = track.read(at, at + 1)[0].astype(dtype)
+        if not is_blended or after == at:
+            return values
+        return blend(values, track.read(after, after + 1)[0], place.share)
 
     def read_range(start: int, stop: int) -> Values:
         values: Values = np.empty((stop - start, *shape[1:]), dtype)

@@ -84,10 +84,6 @@ class Neighbours(NamedTuple):
     after: int
     share: float = 0.0
 
-    def shifted(self, by: int) -> "Neighbours":
-        """Return the same frames with numbers shifted by `by`."""
-        return Neighbours(self.before + by, self.after + by, self.share)
-
 
 def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
     """Return the frames at or around a time, given ascending frame times.

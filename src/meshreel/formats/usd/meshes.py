@@ -28,13 +28,7 @@ from meshreel.formats.usd.quantities import (
     read_attributes,
 )
 from meshreel.formats.usd.rendered import Transforms
-from meshreel.formats.usd.sampling import (
-    TOLERANCE,
-    Samples,
-    attribute_codes,
-    distinct_codes,
-    sample_codes,
-)
+from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import remaining_edges
 from meshreel.model.sequence import Vertices
@@ -63,7 +57,8 @@ class MeshShape:
     @property
     def stored(self) -> list[float]:
         """Time codes where points and faces have samples."""
-        return sample_codes(self.prim, ("points", *FACE_ATTRIBUTES, HOLES))
+        attributes = map(self.prim.GetAttribute, ("points", *FACE_ATTRIBUTES, HOLES))
+        return [code for each in attributes if each for code in attribute_codes(each)]
 
     @cached_property
     def has_constant_topology(self) -> bool:
@@ -347,7 +342,11 @@ class StageMesh:
                 replace(group, numbers=group.numbers[rows[Domain.FACE]]) for group in looks[0]
             ]
             attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
-            self._note_shape(rows[Domain.FACE])
+            if self._shape.is_subdivided:
+                note_kinds(self.notes, CAGES, [self.path])
+            if not isinstance(solid := rows[Domain.FACE], slice):
+                holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {self.path}"
+                note_kinds(self.notes, "faces that are holes", [holes])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
             return Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
 
@@ -470,12 +469,3 @@ class StageMesh:
             return hard_edges.edges
         solid, corners = whole.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
         return remaining_edges(hard_edges.edges, solid, corners)
-
-    def _note_shape(self, solid: Any) -> None:
-        """Note cages of subdivision surfaces, and holes."""
-        path = self.path
-        if self._shape.is_subdivided:
-            note_kinds(self.notes, CAGES, [path])
-        if not isinstance(solid, slice):
-            holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {path}"
-            note_kinds(self.notes, "faces that are holes", [holes])

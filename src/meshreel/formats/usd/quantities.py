@@ -140,18 +140,15 @@ def read_attributes(
 
 def _attribute(primvar: Any, code: float, n_items: int) -> tuple[Values, Any] | None:
     """Return values and indices, or None if they are not numeric or their count is wrong."""
-    values, indices = _stored(primvar, code), None
-    if values is not None and values.dtype == np.uint32:
+    if (table := _table(primvar, code)) is None:
+        return None
+    values, indices = table
+    if values.dtype == np.uint32:
         values = values.astype(np.int32)
-    if values is None or values.dtype not in VALUE_TYPES or values.shape[1] > MAX_COMPONENTS:
+    if values.dtype not in VALUE_TYPES or values.shape[1] > MAX_COMPONENTS:
         return None
     if primvar.GetInterpolation() == "constant":
         return (values, np.zeros(n_items, np.int32)) if len(values) == 1 else None
-    if primvar.IsIndexed():
-        stored = primvar.GetIndices(code)
-        indices = np.asarray([] if stored is None else stored, np.int32)
-        if indices.min(initial=0) < 0 or indices.max(initial=0) >= len(values):
-            return None
     return (values, indices) if len(values if indices is None else indices) == n_items else None
 
 
@@ -222,21 +219,24 @@ def _quantity(
 
 def _flat(primvar: Any, code: float) -> Values | None:
     """Return the values of a primvar, of shape (N, C), with indices applied."""
-    values = _stored(primvar, code)
-    if values is None or not primvar.IsIndexed():
+    values, indices = _table(primvar, code) or (None, None)
+    if values is None or indices is None:
         return values
-    indices = np.asarray(primvar.GetIndices(code), np.int64)
-    if not len(indices) or indices.min() < 0 or indices.max() >= len(values):
-        return None
-    return values[indices]
+    return values[indices] if len(indices) else None
 
 
-def _stored(primvar: Any, code: float) -> Values | None:
-    """Return the values of a primvar, of shape (N, C), without its indices."""
+def _table(primvar: Any, code: float) -> tuple[Values, Any] | None:
+    """Return the values of a primvar, of shape (N, C), and its indices; None if it is invalid."""
     stored = primvar.Get(code)
     if stored is not None and not primvar.GetTypeName().isArray:
         stored = np.asarray(stored)[np.newaxis]
-    return _numbers(stored, int(primvar.GetElementSize()))
+    values = _numbers(stored, int(primvar.GetElementSize()))
+    if values is None or not primvar.IsIndexed():
+        return None if values is None else (values, None)
+    stored = primvar.GetIndices(code)
+    indices = np.asarray([] if stored is None else stored, np.int32)
+    is_valid = indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
+    return (values, indices) if is_valid else None
 
 
 def _numbers(stored: Any, element_size: int) -> Values | None:

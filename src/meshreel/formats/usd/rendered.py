@@ -1,7 +1,6 @@
 """The meshes of a stage that are rendered, and their transforms."""
 
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -116,18 +115,11 @@ def _reason_not_rendered(prim: Any) -> str:
 
 def _visibility(prim: Any) -> list[bool]:
     """Return the visibility of a mesh at each of its samples, or a single value without samples."""
-    attributes = [imageable.GetVisibilityAttr() for imageable in _imageables_above(prim)]
-    codes = {code for attribute in attributes for code in attribute_codes(attribute)}
-    invisible = USD.load("UsdGeom").Tokens.invisible
-    return [
-        all(attribute.Get(code) != invisible for attribute in attributes)
-        for code in sorted(codes) or [0.0]
-    ]
-
-
-def _imageables_above(prim: Any) -> Iterator[Any]:
-    """Yield the mesh and its ancestors."""
+    geometry, codes = USD.load("UsdGeom"), set[float]()
+    mesh = geometry.Imageable(prim)
     while prim and not prim.IsPseudoRoot():
-        if imageable := USD.load("UsdGeom").Imageable(prim):
-            yield imageable
+        if imageable := geometry.Imageable(prim):
+            codes |= {*attribute_codes(imageable.GetVisibilityAttr())}
         prim = prim.GetParent()
+    shown = geometry.Tokens.inherited
+    return [mesh.ComputeVisibility(code) == shown for code in sorted(codes) or [0.0]]

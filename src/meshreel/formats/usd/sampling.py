@@ -1,7 +1,6 @@
 """Selection of the time codes at which a mesh has its frames."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -29,12 +28,6 @@ def attribute_codes(attribute: Any) -> list[float]:
         knots = [float(code) for code in attribute.GetSpline().GetKnots()]
         return frame_grid(min(knots), max(knots), 1.0).tolist() if knots else []
     return [float(code) for code in attribute.GetTimeSamples()]
-
-
-def sample_codes(prim: Any, names: Iterable[str]) -> list[float]:
-    """Return the time codes of the samples of the attributes of a prim that exist."""
-    attributes = map(prim.GetAttribute, names)
-    return [code for attribute in attributes if attribute for code in attribute_codes(attribute)]
 
 
 def distinct_codes(codes: list[float]) -> Codes:
