@@ -3,8 +3,12 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from meshreel.arrays import Floats
+from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.options import Origin
+from meshreel.formats.options import Origin, WriteOptions
 
 MARGIN = 4e-7
 """Error that float32 arithmetic may add, relative to the size of the box."""
@@ -50,6 +54,32 @@ class ErrorBudget:
             f"against the original the largest error is at most {_round_up(total)} % of the "
             f"diagonal, of which the stream contributes {_round_up(stream_percent)} %"
         ]
+
+
+def requested_budget(
+    low: Floats, high: Floats, options: WriteOptions, default: float, *, consumer: str
+) -> tuple[float, ErrorBudget]:
+    """Return the error bound of options in percent, and the budget of targets or textures.
+
+    Parameters
+    ----------
+    low, high : float arrays of shape (3,)
+        Corners of the bounding box of the written frames.
+    default : float
+        Error bound in percent of the diagonal, if the options have none.
+    consumer : str
+        What adds the error, for messages.
+
+    Raises
+    ------
+    InvalidInputError
+        As `share_budget`.
+    """
+    diagonal, bound = float(np.linalg.norm(high - low)), options.max_error
+    allowed = default if bound is None else bound_of(bound).percent(diagonal or 1.0)
+    return allowed, share_budget(
+        allowed, diagonal, options.origin, is_total=bound is not None, consumer=consumer
+    )
 
 
 def share_budget(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword, Message
-from meshreel.formats.error_budget import ErrorBudget, share_budget
+from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.container import (
@@ -106,12 +106,8 @@ def _write(
         low, high = _box(stream)
         segments = (segment.gather() for segment in sharing.segments())
     check_range(low, high)
-    diagonal = float(np.linalg.norm(high - low))
-    if options.max_error is not None:
-        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
-    else:
-        allowed = DEFAULT_MAX_ERROR if options.targets is None else 0.0
-    budget = share_budget(allowed, diagonal, options.origin, is_total=options.max_error is not None)
+    default = DEFAULT_MAX_ERROR if options.targets is None else 0.0
+    allowed, budget = requested_budget(low, high, options, default, consumer="morph targets")
     stream.progress("morph targets", 0.0)
     morph_options = MorphOptions(
         options.targets, budget.added, options.normals, extension_of(options)

@@ -58,11 +58,6 @@ def image_type(data: bytes, name: str = "") -> str:
     return EXTENSIONS.get(PurePosixPath(name).suffix.lower(), UNKNOWN)
 
 
-def image_extension(mime_type: str) -> str:
-    """Return the file extension of a MIME type, with the dot; empty if unknown."""
-    return next((extension for extension, one in EXTENSIONS.items() if one == mime_type), "")
-
-
 def image_names(images: Sequence[Image]) -> list[str]:
     """Return portable file names for images, unique even if case is ignored."""
     used: set[str] = set()
@@ -70,7 +65,7 @@ def image_names(images: Sequence[Image]) -> list[str]:
     names = []
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
-        extension = image_extension(image.mime_type)
+        extension = next((key for key, one in EXTENSIONS.items() if one == image.mime_type), "")
         name, wanted = stem + extension, (stem + extension).lower()
         while name.lower() in used:
             counts[wanted] = counts.get(wanted, 1) + 1

@@ -1,7 +1,7 @@
 """Writing a folder of vertex animation textures: one texel per vertex and frame."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.error_budget import ErrorBudget, share_budget
+from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
@@ -66,8 +66,8 @@ def vat_files(path: Path, options: WriteOptions) -> list[Path]:
     """
     if options.max_error is not None:
         bound_of(options.max_error)
-    _mesh_space(options)
-    names = _file_names(path.stem, _types(options))
+    types, _ = _choices(options)
+    names = _file_names(path.stem, types)
     (PNG if options.textures == "png" else OPEN_EXR).load()
     return [path / name for name in names]
 
@@ -96,14 +96,16 @@ def write_vat(
     InvalidInputError
         If no type meets the error bound, or a texture would exceed the size limit of GPUs.
     """
-    types = types or _types(options)
-    space, notes = _mesh_space(options), stream.notes
+    chosen, space = _choices(options)
+    types, notes = types or chosen, stream.notes
     mesh_path, path, data_path = (folder / name for name in _file_names(stem, types))
     has_normals = options.normals is not False
     fps = _note_losses(stream)
     sequence = stream.gather()
     mesh = RestMesh(sequence.faces, sequence.surface, sequence.n_verts)
-    budget = _budget(sequence, options)
+    low, high = sequence.extent.low, sequence.extent.high
+    check_range(low, high)
+    _, budget = requested_budget(low, high, options, DEFAULT_MAX_ERROR, consumer="textures")
     motion = _motion(sequence, mesh, fps, space, budget, notes)
     grid = fit_grid(motion.n_verts, motion.n_frames, n_halves=2 if has_normals else 1)
 
@@ -132,21 +134,15 @@ def _file_names(stem: str, types: Sequence[TexelType]) -> tuple[str, str, str]:
     return f"{stem}.glb", f"{stem}_vat{types[0].extension}", f"{stem}-remap_info.json"
 
 
-def _types(options: WriteOptions) -> Sequence[TexelType]:
-    return _selected("textures", options.textures or DEFAULT_TEXTURES, TEXEL_TYPES)
-
-
-def _mesh_space(options: WriteOptions) -> MeshSpace:
-    return _selected("layout", options.layout or DEFAULT_LAYOUT, LAYOUTS)
-
-
-def _selected(option: str, name: str, choices: Mapping[str, Choice]) -> Choice:
-    """Return the choice of an option by its name; raises InvalidInputError if there is none."""
-    if name not in choices:
-        raise InvalidInputError(
-            Keyword(option), f" must be one of {', '.join(choices)}; got {name!r}"
-        )
-    return choices[name]
+def _choices(options: WriteOptions) -> tuple[Sequence[TexelType], MeshSpace]:
+    """Return the texel types and the mesh space; raises InvalidInputError for unknown names."""
+    layout, textures = options.layout or DEFAULT_LAYOUT, options.textures or DEFAULT_TEXTURES
+    for option, name, names in (("layout", layout, LAYOUTS), ("textures", textures, TEXEL_TYPES)):
+        if name not in names:
+            raise InvalidInputError(
+                Keyword(option), f" must be one of {', '.join(names)}; got {name!r}"
+            )
+    return TEXEL_TYPES[textures], LAYOUTS[layout]
 
 
 def _note_losses(stream: FrameStream) -> float:
@@ -158,29 +154,6 @@ def _note_losses(stream: FrameStream) -> float:
     if start_s := stream.timing.start_s:
         notes.append(f"starts at 0 s, not {start_s:g} s: textures have no start time")
     return written_rate(stream.timing, notes if stream.n_frames > 1 else [])
-
-
-def _budget(sequence: MeshSequence, options: WriteOptions) -> ErrorBudget:
-    """Return the error that textures may add.
-
-    Raises
-    ------
-    InvalidInputError
-        If positions exceed float32, or the error of the stream itself uses up the error bound.
-    """
-    extent = sequence.extent
-    check_range(extent.low, extent.high)
-    diagonal = float(np.linalg.norm(extent.high - extent.low))
-    allowed = DEFAULT_MAX_ERROR
-    if options.max_error is not None:
-        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
-    return share_budget(
-        allowed,
-        diagonal,
-        options.origin,
-        is_total=options.max_error is not None,
-        consumer="textures",
-    )
 
 
 def _motion(
