@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -278,26 +279,19 @@ def unit(quaternions: Floats) -> Floats:
     return np.where(lengths > 0, quaternions / np.where(lengths > 0, lengths, 1), [0.0, 0, 0, 1])
 
 
-@dataclass(frozen=True, eq=False)
-class Channel:
-    """A channel: the animation of a property of a node.
-
-    Attributes
-    ----------
-    path : str
-        One of `PATHS`.
-    input : str
-        The accessor of the key times, as written.
-    json : JsonObject
-        The channel in the file.
-    """
+class Channel(NamedTuple):
+    """The animation of a property of a node, one of `PATHS`, by a sampler."""
 
     node: int
     path: str
     sampler: JsonObject
-    input: str
     interpolation: str
-    json: JsonObject
+    place: str
+
+    @property
+    def input(self) -> str:
+        """The accessor of the key times, as written."""
+        return repr(self.sampler.values.get("input"))
 
 
 Curves = dict[tuple[int, str], Curve]
@@ -478,9 +472,7 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
         target = channel.required_child("target")
         path, node = target.text("path"), target.index("node", "nodes")
         if path == "pointer":
-            extension = target.extension(POINTER)
-            pointer = "" if extension is None else extension.text("pointer", "")
-            match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
+            match, n_nodes = POINTERS.fullmatch(_pointer(target)), len(target.lists["nodes"])
             node, path = (int(match[1]), match[2] or match[3]) if match else (None, path)
             if node is not None and node >= n_nodes:
                 raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
@@ -488,30 +480,31 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
         if number is None:
             raise channel.error("sampler", "the index of a sampler")
         if node is not None and path in PATHS:
-            sampler = samplers[number]
-            times = repr(sampler.values.get("input"))
-            interpolation = sampler.text("interpolation", LINEAR)
-            channels.append(Channel(node, path, sampler, times, interpolation, channel))
+            interpolation = samplers[number].text("interpolation", LINEAR)
+            channels.append(Channel(node, path, samplers[number], interpolation, channel.place))
     return channels
 
 
 def other_pointers(animation: JsonObject) -> list[str]:
     """Return the pointers of channels that are not read."""
-    pointers = []
-    for channel in animation.children("channels", "channel"):
-        target = channel.child("target")
-        extension = None if target is None else target.extension(POINTER)
-        pointers.append("" if extension is None else extension.text("pointer", ""))
+    targets = (channel.child("target") for channel in animation.children("channels", "channel"))
+    pointers = [_pointer(target) for target in targets if target is not None]
     return [pointer for pointer in pointers if pointer and not POINTERS.fullmatch(pointer)]
+
+
+def _pointer(target: JsonObject) -> str:
+    """Return the pointer to what a channel animates; empty if it has none."""
+    extension = target.extension(POINTER)
+    return "" if extension is None else extension.text("pointer", "")
 
 
 def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
     """Return a curve of the numbers that its sampler stores."""
-    sampler, path, interpolation = channel.sampler, channel.path, channel.interpolation
+    _, path, sampler, interpolation, place = channel
     node = sampler.lists["nodes"][channel.node]
     if "matrix" in node.values and path not in ("weights", VISIBLE):
         raise FormatError(
-            f"{channel.json.place}: animates the {path} of {node.place}, which has a matrix instead"
+            f"{place}: animates the {path} of {node.place}, which has a matrix instead"
         )
     if interpolation not in INTERPOLATIONS:
         raise sampler.error("interpolation", f"one of {', '.join(INTERPOLATIONS)}")
