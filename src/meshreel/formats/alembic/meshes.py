@@ -253,11 +253,9 @@ class _AnimatedMesh:
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
         self._cached_faces: tuple[tuple[int, ...], PolygonMesh] | None = None
-        self._has_constant_faces = self._counts.is_constant and self._corners.is_constant
-        above = [times_ for transform in node.chain for times_ in transform.times_s]
-        self._is_transform_animated = bool(above)
+        self._above = [times_s for transform in node.chain for times_s in transform.times_s]
         own = (values.times_s for values in (self._points, self._corners, self._counts))
-        self._times_s = unite_times([*own, *above])
+        self._times_s = unite_times([*own, *self._above])
         if len(self._times_s) < 2:  # then tracks determine the frames
             times = (quantity.times() for quantity in self._animated.values())
             self._times_s = unite_times([self._times_s, *times])
@@ -309,7 +307,7 @@ class _AnimatedMesh:
         span = float(self._times_s[-1] - self._times_s[0]) / max(1, len(self._times_s) - 1)
         note_quantities(
             path, self._animated.values(), self._times_s, 1e-3 * span, notes,
-            is_transform_animated=self._is_transform_animated,
+            is_transform_animated=bool(self._above),
         )  # fmt: skip
         times = self._times_s[frames.start : frames.stop]
         mesh = self._mesh_at(float(times[0]))
@@ -326,9 +324,7 @@ class _AnimatedMesh:
         )
 
     def _world(self, time_s: float) -> Floats:
-        if self._is_transform_animated:
-            return world_matrix(self._node.chain, time_s)
-        return self._static_world
+        return world_matrix(self._node.chain, time_s) if self._above else self._static_world
 
     @cached_property
     def _static_world(self) -> Floats:
@@ -355,8 +351,6 @@ class _AnimatedMesh:
     def _mesh_at(self, time_s: float) -> PolygonMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
         points, cached = self._points_at(time_s), self._cached_faces
-        if self._has_constant_faces and cached is not None and cached[0][-1] == len(points):
-            return replace(cached[1], vertices=points)
         stored = self._counts, self._corners
         samples = [neighbours(values.times_s, time_s).before for values in stored]
         indices = [

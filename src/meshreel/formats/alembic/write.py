@@ -358,19 +358,15 @@ class _PartWriter:
 
     def _mark_first(self, texture: Attribute | None) -> None:
         """Name the texture coordinates and mark normals, which must precede the first sample."""
+        what, name, others = "attribute", "", set(self._others)
         if texture is not None:
-            others = {
-                attribute.name
-                for attribute in self._part.surface.attributes
-                if attribute is not texture
-            }
-            name = unique_name(clean(texture.name, IN_METADATA), others)
-            note_name("attribute", texture.name, name, ".abc", self._notes)
-            self._schema.setUVSourceName(name)
+            name = texture.name
+            others = {each.name for each in self._part.surface.attributes if each is not texture}
         elif UVS in self._standard:
-            name = self._standard[UVS][0]
-            written_name = unique_name(clean(name, IN_METADATA), set(self._others))
-            note_name("track", name, written_name, ".abc", self._notes)
+            what, name = "track", self._standard[UVS][0]
+        if texture is not None or UVS in self._standard:
+            written_name = unique_name(clean(name, IN_METADATA), others)
+            note_name(what, name, written_name, ".abc", self._notes)
             self._schema.setUVSourceName(written_name)
         if self._shading is not None:
             self._mark(COMPUTED, NORMALS)

@@ -1,6 +1,6 @@
 """A part of a sequence as base mesh and morph targets."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -50,14 +50,14 @@ class NormalTargets:
         Integers if there are targets.
     targets : int8 array of shape (N, V, 3)
     numbers : int64 array of shape (N,)
-        Indices of the morph targets with normals.
+        Indices of the morph targets with normals; default: none.
     angle_deg : float
         Mean angle between animated and original normals.
     """
 
     base: npt.NDArray[Any]
-    targets: npt.NDArray[np.int8]
-    numbers: npt.NDArray[np.int64]
+    targets: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    numbers: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     angle_deg: float = 0.0
 
 
@@ -68,8 +68,7 @@ def wants_normals(normals: bool | None, frame: Vertices, faces: Faces) -> bool:
 
 def static_normals(vertices: Vertices, faces: Faces) -> NormalTargets:
     """Return the normals of a static mesh, without targets."""
-    units = _units(vertex_normals(vertices, faces)).astype(np.float32)
-    return NormalTargets(units, np.empty((0, *units.shape), np.int8), np.empty(0, np.int64))
+    return NormalTargets(_units(vertex_normals(vertices, faces)).astype(np.float32))
 
 
 def fit_normals(

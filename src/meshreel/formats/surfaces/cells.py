@@ -23,13 +23,6 @@ POLY_VERTEX, POLY_LINE, STRIP, POLYGON = 2, 4, 6, 7
 QUADRATIC_POLYGON = 36
 POINTS_AND_LINES = (0, 1, 2, 3, 4, 21, 35, 68, 75)
 
-FLAT_CELL_CORNERS: dict[int, tuple[int, ...]] = {
-    5: (0, 1, 2), 22: (0, 1, 2), 34: (0, 1, 2), 69: (0, 1, 2), 76: (0, 1, 2),
-    8: (0, 1, 3, 2), 9: (0, 1, 2, 3), 23: (0, 1, 2, 3), 28: (0, 1, 2, 3), 30: (0, 1, 2, 3),
-    70: (0, 1, 2, 3), 77: (0, 1, 2, 3),
-}  # fmt: skip
-"""Corners of triangle and quad cells by VTK type; mid-edge points are ignored."""
-
 _TETRA = ((0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1))
 _HEXAHEDRON = (
     (0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7),
@@ -47,17 +40,23 @@ _HEXAGONAL_PRISM = (
     (0, 5, 4, 3, 2, 1), (6, 7, 8, 9, 10, 11),
     (0, 1, 7, 6), (1, 2, 8, 7), (2, 3, 9, 8), (3, 4, 10, 9), (4, 5, 11, 10), (5, 0, 6, 11),
 )  # fmt: skip
-SOLID_CELL_FACES: dict[int, Sequence[tuple[int, ...]]] = {
-    10: _TETRA, 24: _TETRA, 71: _TETRA, 78: _TETRA,
-    11: _VOXEL,
-    12: _HEXAHEDRON, 25: _HEXAHEDRON, 29: _HEXAHEDRON, 33: _HEXAHEDRON, 72: _HEXAHEDRON,
-    79: _HEXAHEDRON,
-    13: _WEDGE, 26: _WEDGE, 31: _WEDGE, 32: _WEDGE, 73: _WEDGE, 80: _WEDGE,
-    14: _PYRAMID, 27: _PYRAMID, 37: _PYRAMID, 74: _PYRAMID, 81: _PYRAMID,
-    15: _PENTAGONAL_PRISM,
-    16: _HEXAGONAL_PRISM,
-}  # fmt: skip
-"""Faces of solid cells by VTK type, counterclockwise as seen from outside."""
+_SHAPES: dict[tuple[int, ...], Sequence[tuple[int, ...]]] = {
+    (5, 22, 34, 69, 76): ((0, 1, 2),),
+    (8,): ((0, 1, 3, 2),),
+    (9, 23, 28, 30, 70, 77): ((0, 1, 2, 3),),
+    (10, 24, 71, 78): _TETRA,
+    (11,): _VOXEL,
+    (12, 25, 29, 33, 72, 79): _HEXAHEDRON,
+    (13, 26, 31, 32, 73, 80): _WEDGE,
+    (14, 27, 37, 74, 81): _PYRAMID,
+    (15,): _PENTAGONAL_PRISM,
+    (16,): _HEXAGONAL_PRISM,
+}
+CELL_FACES = {kind: faces for kinds, faces in _SHAPES.items() for kind in kinds}
+"""Faces of cells by VTK type, those of solids counterclockwise as seen from outside.
+
+Points in the middle of edges, faces and cells are ignored.
+"""
 
 MAX_FACE_CORNERS = 256
 POLYHEDRON = -1
@@ -65,6 +64,7 @@ POLYHEDRON = -1
 
 They are the number of faces, then for each face its number of corners and their point indices.
 """
+SOLIDS = [POLYHEDRON, *(kind for kind, faces in CELL_FACES.items() if len(faces) > 1)]
 VTK_POLYHEDRON = 42
 """VTK's type of polyhedra, whose faces are in separate arrays of `.vtu` and VTKHDF files."""
 
@@ -289,7 +289,7 @@ def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
             f"cells declare {counted(cells.counts.sum(), 'point')}; the file has "
             f"{len(cells.points)}"
         )
-    if not np.isin(cells.types, [*SOLID_CELL_FACES, POLYHEDRON]).any():
+    if not np.isin(cells.types, SOLIDS).any():
         return extract_surface(cells, n_points)
     stored, rows, changes = _converted(cells)
     is_known = (stored.types >= 0) & (stored.types < len(cell_sizes()))
@@ -412,7 +412,7 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     none = [(np.empty(0, np.int64),) * 3]
     faces = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
     counts, corners, owners = map(np.concatenate, zip(*(faces or none), strict=True))
-    is_solid_cell = np.isin(cells.types, [*SOLID_CELL_FACES, POLYHEDRON])
+    is_solid_cell = np.isin(cells.types, SOLIDS)
     is_solid = is_solid_cell[owners]
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
@@ -468,10 +468,7 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
         return sizes, cells.points[ragged_indices(places + 1, sizes)], owners
     if kind == STRIP:
         return _strips(cells.points, first, counts, chosen)
-    faces = SOLID_CELL_FACES.get(kind) or (
-        (FLAT_CELL_CORNERS[kind],) if kind in FLAT_CELL_CORNERS else ()
-    )
-    if not faces:
+    if not (faces := CELL_FACES.get(kind)):
         raise FormatError(
             f"contains cells of unsupported {_type_text(kind)}; export a surface instead"
         )

@@ -384,11 +384,8 @@ class MeshWriter:
     def _write_attribute(
         self, attribute: Attribute, name: str, codes: Codes, notes: list[str]
     ) -> None:
-        values, indices, is_color = (
-            attribute.values,
-            attribute.indices,
-            attribute.kind is Kind.COLOR,
-        )
+        values, indices = attribute.values, attribute.indices
+        is_color = attribute.kind is Kind.COLOR
         if is_color and values.dtype != np.float32:
             is_byte = values.dtype == np.uint8
             add_once(notes, [BYTE_COLORS if is_byte else NARROW_COLORS])
@@ -464,17 +461,16 @@ class MeshWriter:
         """Write groups as subsets; a material of all faces is bound to the mesh."""
         prim, used = self._mesh.GetPrim(), set[str]()
         for group in groups:
-            labels, numbers = group.labels, group.numbers
             if changing is not None:
                 labels = changing.labels[(group.name,)]
                 new = [*map(labels.index, group.labels), -1]
-                numbers = np.array(new, np.int32)[group.numbers]
+                group = FaceGroups(group.name, labels, np.array(new, np.int32)[group.numbers])
             if group.name == "material":
-                materials.write_double_sided(prim, FaceGroups(group.name, labels, numbers))
-                if len(labels) == 1 and (numbers == 0).all() and changing is None:
-                    materials.bind(prim, labels[0])
+                materials.write_double_sided(prim, group)
+                if len(group.labels) == 1 and (group.numbers == 0).all() and changing is None:
+                    materials.bind(prim, group.labels[0])
                     continue
-            self._write_subsets(FaceGroups(group.name, labels, numbers), materials, used, code)
+            self._write_subsets(group, materials, used, code)
 
     def _write_subsets(
         self, groups: FaceGroups, materials: Materials, used: set[str], code: float | None

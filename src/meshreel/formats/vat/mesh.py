@@ -181,10 +181,7 @@ class RestMesh:
         materials = Materials(surface, buffer, notes)
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
         split = split_at_seams(whole).with_indices(self._compact_indices, self._compact_indices)
-        still = NormalTargets(
-            normals, np.empty((0, *normals.shape), np.int8), np.empty(0, np.int64)
-        )
-        morph_mesh = MorphMesh(motion.placement, rest, None, still, np.zeros(1))
+        morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
         name = path.stem
         tree = NodeTree()
         node = tree.add(name, 0, motion.placement)
