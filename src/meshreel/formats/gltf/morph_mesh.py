@@ -13,7 +13,6 @@ from meshreel.formats.gltf.morphs import (
     IntegerTargets,
     Morphs,
     Placement,
-    fit_fixed_morphs,
     fit_morphs,
     max_displacements,
     mean_frame,
@@ -23,6 +22,7 @@ from meshreel.formats.gltf.morphs import (
     project,
     rounded_weights,
 )
+from meshreel.formats.options import WriteOptions
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
@@ -210,34 +210,6 @@ def _inner_edges(faces: Faces, n_verts: int) -> tuple[npt.NDArray[np.int64], npt
     return edges[pairs[:, 0]], pairs // 3
 
 
-@dataclass(frozen=True)
-class MorphOptions:
-    """Number of morph targets, error bound, normals, and compression.
-
-    Parameters
-    ----------
-    n_targets : int, optional
-        Number of morph targets, at least 2 with all normals; default: as few as meet the bound.
-    bound : float
-        Largest error of a vertex, in model units; 0 for as small as possible.
-    normals : bool, optional
-        Whether meshes get normals, animated by all targets. Default: smooth ones do, animated by as
-        few targets as needed.
-    meshopt : str, optional
-        Extension for compression, as of `BufferWriter`. With it targets have few levels.
-    """
-
-    n_targets: int | None
-    bound: float
-    normals: bool | None
-    meshopt: str | None = None
-
-    @property
-    def length_error(self) -> float:
-        """Root mean square error of normals that is acceptable; 0 for as small as possible."""
-        return LENGTH_ERROR if self.normals is None else 0.0
-
-
 @dataclass(frozen=True, eq=False)
 class ShadingMesh:
     """A mesh with one normal per vertex, whose vertices are split at hard edges.
@@ -274,7 +246,11 @@ class MorphMesh:
 
 
 def fit_part(
-    frames: Vertices, faces: Faces, options: MorphOptions, shading: ShadingMesh | None = None
+    frames: Vertices,
+    faces: Faces,
+    bound: float,
+    options: WriteOptions,
+    shading: ShadingMesh | None = None,
 ) -> MorphMesh:
     """Return a part fitted by a base mesh and morph targets.
 
@@ -282,6 +258,10 @@ def fit_part(
     ----------
     frames : float array of shape (T, V, 3)
     faces : int32 array of shape (M, 3)
+    bound : float
+        Largest error of a vertex, in model units; 0 for as small as possible.
+    options : WriteOptions
+        Normals are animated by all targets if they are requested, by default by as few as needed.
     shading : ShadingMesh, optional
         For a mesh with hard edges, which always gets normals. Default: one normal per vertex.
     """
@@ -290,16 +270,18 @@ def fit_part(
     base = mean_frame(frames)
     distances = max_displacements(frames, base)
     has_normals = shading.has_hard_edges or wants_normals(options.normals, frames[0], faces)
-    if distances.max() <= (0 if options.n_targets else options.bound) or len(frames) == 1:
+    if distances.max() <= (0 if options.targets else bound) or len(frames) == 1:
         placement, rest = place_static(base if len(frames) > 1 else frames[0])
         normals = static_normals(rest[shading.vertices], shading.faces) if has_normals else None
         return MorphMesh(placement, rest, None, normals, distances)
     placement, integers, displacements = place_frames(frames, base)
-    bound = max(0.0, options.bound / placement.scale - MARGIN)
-    if has_normals and options.n_targets != 1:  # normals need an additional target
+    bound = max(0.0, bound / placement.scale - MARGIN)
+    if has_normals and options.targets != 1:  # normals need an additional target
         morphs, normals = _fit_both(frames, shading, displacements, bound, options)
     else:
-        morphs, normals = _fit(displacements, bound, options.n_targets, options), None
+        is_compressed = options.compression
+        morphs = fit_morphs(displacements, bound, options.targets, is_compressed=is_compressed)
+        normals = None
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
 
@@ -308,26 +290,17 @@ def _fit_both(
     shading: ShadingMesh,
     displacements: npt.NDArray[np.float32],
     bound: float,
-    options: MorphOptions,
+    options: WriteOptions,
 ) -> tuple[Morphs, NormalTargets]:
     """Return morphs of positions and normals, with the larger share of the bound that works."""
-    n_targets = None if options.n_targets is None else options.n_targets - 1
+    n_targets = None if options.targets is None else options.targets - 1
+    length_error = LENGTH_ERROR if options.normals is None else 0.0
     split = frames[:, shading.vertices]
     for share in POSITION_SHARES:
-        morphs = _fit(displacements, share * bound, n_targets, options)
-        fitted = fit_normals(split, shading.faces, displacements, morphs, options.length_error)
+        morphs = fit_morphs(
+            displacements, share * bound, n_targets, is_compressed=options.compression
+        )
+        fitted = fit_normals(split, shading.faces, displacements, morphs, length_error)
         if fitted[0].error <= bound or n_targets is not None:
             break
     return fitted
-
-
-def _fit(
-    displacements: npt.NDArray[np.float32],
-    bound: float,
-    n_targets: int | None,
-    options: MorphOptions,
-) -> Morphs:
-    is_compressed = options.meshopt is not None
-    if n_targets is None:
-        return fit_morphs(displacements, bound, is_compressed=is_compressed)
-    return fit_fixed_morphs(displacements, n_targets, bound, is_compressed=is_compressed)

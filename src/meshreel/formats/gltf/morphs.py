@@ -293,13 +293,27 @@ class Morphs:
         return float(self.errors.max())
 
 
-def fit_morphs(displacements: Singles, bound: float, *, is_compressed: bool = False) -> Morphs:
+def fit_morphs(
+    displacements: Singles,
+    bound: float,
+    n_targets: int | None = None,
+    *,
+    is_compressed: bool = False,
+) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
     If int16 is too coarse for the bound, return those with the smallest error found. Compressed
     targets have fewer levels.
+
+    Parameters
+    ----------
+    n_targets : int, optional
+        Number of targets, with the smallest error found, or one below `bound`. Default: as few as
+        meet the bound.
     """
     search = _Search(displacements, is_compressed=is_compressed)
+    if n_targets is not None:
+        return _fit_fixed(search, n_targets, displacements.shape, bound)
     n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
     best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
@@ -324,15 +338,9 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
     return best
 
 
-def fit_fixed_morphs(
-    displacements: Singles, n_targets: int, bound: float, *, is_compressed: bool = False
-) -> Morphs:
-    """Return `n_targets` targets with the smallest error found, or with one below `bound`.
-
-    Compressed targets have fewer levels.
-    """
-    search = _Search(displacements, is_compressed=is_compressed)
-    best = search.round(min(n_targets, *displacements.shape), bound)
+def _fit_fixed(search: "_Search", n_targets: int, shape: tuple[int, ...], bound: float) -> Morphs:
+    """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
+    best = search.round(min(n_targets, *shape), bound)
     aim = INITIAL_AIM * best.error
     for _ in range(MAX_FIXED_ROUNDS):
         if best.error <= bound or len(best.targets) < n_targets:  # fewer targets are exact

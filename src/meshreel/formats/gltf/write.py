@@ -25,12 +25,7 @@ from meshreel.formats.gltf.container import (
 )
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
-from meshreel.formats.gltf.morph_mesh import (
-    MorphMesh,
-    MorphOptions,
-    ShadingMesh,
-    fit_part,
-)
+from meshreel.formats.gltf.morph_mesh import MorphMesh, ShadingMesh, fit_part
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.notes import NoteKind, add_note, add_once, written_times
@@ -109,10 +104,7 @@ def _write(
     default = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     allowed, budget = requested_budget(low, high, options, default, consumer="morph targets")
     stream.progress("morph targets", 0.0)
-    morph_options = MorphOptions(
-        options.targets, budget.added, options.normals, extension_of(options)
-    )
-    scene = SceneWriter(stream.name, times_s, morph_options, notes)
+    scene = SceneWriter(stream.name, times_s, budget.added, options, notes)
     for segment in segments:
         scene.add_segment(segment)
     document = scene.document()
@@ -235,6 +227,8 @@ class SceneWriter:
         Of the sequence.
     times_s : sequence of float
         Times of the frames of all segments, not negative.
+    bound : float
+        Largest error of a vertex, in model units; 0 for as small as possible.
     notes : list of str
         Gains a sentence for every material property that glTF cannot store.
 
@@ -252,15 +246,17 @@ class SceneWriter:
         self,
         name: str,
         times_s: Sequence[float],
-        options: MorphOptions,
+        bound: float,
+        options: WriteOptions,
         notes: list[str],
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter(options.meshopt)
+        self.buffer: BufferWriter = BufferWriter(extension_of(options))
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
         self.n_isolated = 0
         self.has_hard_edges = False
-        self._name, self._times_s, self._options, self._notes = name, times_s, options, notes
+        self._name, self._times_s, self._notes = name, times_s, notes
+        self._bound, self._options = bound, options
         self._tree = NodeTree()
         self._materials: Materials | None = None
         self._meshes: list[Json] = []
@@ -319,7 +315,7 @@ class SceneWriter:
         n_verts = part.verts.stop - part.verts.start
         shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
-        if self._options.meshopt:
+        if self._options.compression:
             split = split.along_edges()
         used = np.zeros(n_verts, bool)
         used[split.sources] = True
@@ -337,7 +333,7 @@ class SceneWriter:
         )
         positions = sequence.vertices[:, part.verts]
         used_positions = positions if used.all() else positions[:, used]
-        morph_mesh = fit_part(used_positions, faces, self._options, shading_mesh)
+        morph_mesh = fit_part(used_positions, faces, self._bound, self._options, shading_mesh)
         split = split.with_indices(of_vertices, of_rows)
         node = self._tree.add(part.name, len(self._meshes), morph_mesh.placement)
         self._nodes.append((node, frames))

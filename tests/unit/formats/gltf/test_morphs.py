@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_fixed_morphs, fit_morphs, measure
+from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_morphs, measure
 from meshreel.model.flag import simulate_flag
 
 
@@ -48,14 +48,14 @@ def test_fit_morphs_returns_the_best_targets_if_integers_are_too_coarse(flag):
     assert 1e-7 < result.error < 1e-4
 
 
-def test_fit_fixed_morphs_has_a_fifth_less_error_than_components(flag):
-    result = fit_fixed_morphs(flag, 12, 0.0)
+def test_fixed_number_of_morphs_has_a_fifth_less_error_than_components(flag):
+    result = fit_morphs(flag, 0.0, 12)
     assert len(result.targets) == 12
     assert result.error < 0.8 * plain_error(flag, 12)
 
 
-def test_fit_fixed_morphs_returns_fewer_targets_if_these_are_exact(flag):
-    assert len(fit_fixed_morphs(flag[:4], 50, 0.0).targets) <= 4
+def test_fixed_number_of_morphs_returns_fewer_targets_if_these_are_exact(flag):
+    assert len(fit_morphs(flag[:4], 0.0, 50).targets) <= 4
 
 
 def test_targets_use_the_full_integer_range(flag):

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from meshreel.formats.gltf.morph_mesh import (
-    MorphOptions,
     fit_part,
     select_normal_targets,
     static_normals,
 )
+from meshreel.formats.options import WriteOptions
 from meshreel.model.flag import simulate_flag
 from meshreel.model.geometry.normals import vertex_normals
 from samples.meshes import octahedron_faces, waving_grid
@@ -27,8 +27,8 @@ def angles_deg(fitted, vertices, faces):
 @pytest.mark.slow
 def test_normals_follow_a_fluttering_flag():
     flag = simulate_flag(30, n_rows=16, n_columns=16)
-    options = MorphOptions(None, 0.002, normals=True)
-    fitted = fit_part(flag.vertices, flag.faces, options)
+    options = WriteOptions(normals=True, compression=False)
+    fitted = fit_part(flag.vertices, flag.faces, 0.002, options)
     angles = angles_deg(fitted, flag.vertices, flag.faces)
     assert (angles.mean() < 1, angles.max() < 10, fitted.errors.max() <= 0.002) == (True,) * 3
 
@@ -40,14 +40,16 @@ def test_normals_follow_a_rotating_body():
         [[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in angles]
     )
     vertices = (body @ rotations.reshape(-1, 3, 3)).astype(np.float32)
-    options = MorphOptions(None, 0.002, normals=True)
-    fitted = fit_part(vertices, octahedron_faces(), options)
+    options = WriteOptions(normals=True, compression=False)
+    fitted = fit_part(vertices, octahedron_faces(), 0.002, options)
     assert angles_deg(fitted, vertices, octahedron_faces()).max() < 2
 
 
 def test_fixed_number_of_targets_includes_those_of_normals():
     grid = waving_grid(20)
-    fitted = fit_part(grid.vertices, grid.faces, MorphOptions(6, 0.0, normals=True))
+    fitted = fit_part(
+        grid.vertices, grid.faces, 0.0, WriteOptions(targets=6, normals=True, compression=False)
+    )
     assert len(fitted.morphs.targets) == len(fitted.normals.targets) == 6
 
 
@@ -60,7 +62,9 @@ def test_normals_of_degenerate_faces_point_along_z():
 @pytest.mark.parametrize("choice", [None, True])
 def test_stated_angle_is_that_of_the_stored_normals(choice):
     flag = simulate_flag(24, n_rows=12, n_columns=12)
-    fitted = fit_part(flag.vertices, flag.faces, MorphOptions(None, 0.002, normals=choice))
+    fitted = fit_part(
+        flag.vertices, flag.faces, 0.002, WriteOptions(normals=choice, compression=False)
+    )
     measured = angles_deg(fitted, flag.vertices, flag.faces).mean()
     assert fitted.normals.angle_deg == pytest.approx(measured, rel=1e-2)
 
@@ -69,7 +73,7 @@ def test_stated_angle_is_that_of_the_stored_normals(choice):
 def test_smooth_normals_need_fewer_targets_than_exact_ones():
     flag = simulate_flag(60, n_rows=20, n_columns=20)
     near, exact = (
-        fit_part(flag.vertices, flag.faces, MorphOptions(None, 0.0005, normals=choice))
+        fit_part(flag.vertices, flag.faces, 0.0005, WriteOptions(normals=choice, compression=False))
         for choice in (None, True)
     )
     assert len(near.normals.numbers) < 0.7 * len(exact.normals.numbers)
@@ -80,7 +84,7 @@ def test_smooth_normals_need_fewer_targets_than_exact_ones():
 def test_creased_mesh_has_normals_only_on_request():
     box = rich_cube(4)
     results = [
-        fit_part(box.vertices, box.faces, MorphOptions(None, 0.001, one))
+        fit_part(box.vertices, box.faces, 0.001, WriteOptions(normals=one, compression=False))
         for one in (None, True, False)
     ]
     assert [result.normals is not None for result in results] == [False, True, False]
