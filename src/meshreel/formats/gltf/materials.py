@@ -59,7 +59,6 @@ FILTERS = {
     9987: Filter.LINEAR_MIPMAP_LINEAR,
 }
 MAX_MAG_FILTER = 9729
-ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
 
 LIT_TEXTURES = {
     "normal": ("normalTexture", "rgb"),
@@ -87,7 +86,6 @@ CONVERTED = "converted from specular-glossiness to metallic-roughness"
 
 WRAP_CODES = {mode: code for code, mode in WRAPS.items()}
 FILTER_CODES = {mode: code for code, mode in FILTERS.items()}
-ALPHA_CODES = {mode: code for code, mode in ALPHA_MODES.items()}
 EXTENSION_OF = {mime_type: name for name, mime_type in IMAGE_EXTENSIONS.items()}
 
 CORE_TYPES = ("image/png", "image/jpeg")
@@ -256,7 +254,7 @@ def read_look(material: JsonObject) -> Material:
     """
     specular = _specular_glossiness(material)
     mode = material.text("alphaMode", "OPAQUE")
-    if mode not in ALPHA_MODES:
+    if mode not in AlphaMode.__members__:
         raise material.error("alphaMode", "OPAQUE, MASK or BLEND")
     normal, occlusion = material.child("normalTexture"), material.child("occlusionTexture")
     if specular is None:
@@ -274,7 +272,7 @@ def read_look(material: JsonObject) -> Material:
         emissive=_emissive(material),
         normal_scale=1.0 if normal is None else normal.number("scale", 1.0),
         occlusion_strength=1.0 if occlusion is None else occlusion.number("strength", 1.0),
-        alpha_mode=ALPHA_MODES[mode],
+        alpha_mode=AlphaMode[mode],
         alpha_cutoff=material.number("alphaCutoff", 0.5) if mode == "MASK" else 0.5,
         double_sided=material.flag("doubleSided"),
         unlit=material.extension(UNLIT) is not None,
@@ -421,7 +419,7 @@ class Materials:
             material["occlusionTexture"] |= omit_defaults(1.0, strength=strength)
         material |= self._emissive(look)
         if look.alpha_mode is not AlphaMode.OPAQUE:
-            material["alphaMode"] = ALPHA_CODES[look.alpha_mode]
+            material["alphaMode"] = look.alpha_mode.name
         if look.alpha_mode is AlphaMode.MASK:
             material |= omit_defaults(0.5, alphaCutoff=look.alpha_cutoff)
         if look.unlit:

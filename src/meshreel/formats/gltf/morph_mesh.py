@@ -23,6 +23,7 @@ from meshreel.formats.gltf.morphs import (
     rounded_weights,
 )
 from meshreel.formats.options import WriteOptions
+from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
 
@@ -189,25 +190,17 @@ def creased_share(vertices: npt.NDArray[np.floating], faces: Faces) -> float:
     normals = face_normals(vertices, faces)
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     units = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-    ends, pairs = _inner_edges(faces, len(vertices))
+    shared = shared_edges(np.full(len(faces), 3), faces.ravel())
+    sides = np.argsort(shared.of_side, kind="stable")
+    sides = sides[shared.of_side[sides] >= 0]
+    is_pair = np.bincount(shared.of_side[sides]) == 2
+    ends, pairs = shared.ends[is_pair], sides[is_pair[shared.of_side[sides]]].reshape(-1, 2) // 3
     has_area = (lengths[pairs, 0] > 0).all(axis=1)
     ends, pairs = ends[has_area], pairs[has_area]
     sides = np.linalg.norm(np.diff(vertices[ends].astype(np.float64), axis=1)[:, 0], axis=1)
     cosines = np.einsum("ij,ij->i", units[pairs[:, 0]], units[pairs[:, 1]])
     is_crease = cosines < np.cos(np.radians(CREASE_DEG))
     return float(sides[is_crease].sum() / sides.sum()) if sides.sum() > 0 else 1.0
-
-
-def _inner_edges(faces: Faces, n_verts: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Ends and faces, each of shape (E, 2), of edges that exactly two faces have."""
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
-    keys = edges[:, 0] * n_verts + edges[:, 1]
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    counts = np.diff(starts, append=len(keys))
-    first = starts[counts == 2]
-    pairs = np.stack([order[first], order[first + 1]], axis=1)
-    return edges[pairs[:, 0]], pairs // 3
 
 
 @dataclass(frozen=True, eq=False)

@@ -231,35 +231,30 @@ class _SceneRun:
 
     def sequence(self, stop: int, path: Path, options: ReadOptions, timing: Timing) -> FrameSource:
         """Return the frames up to `stop`; raises as `open_mesh`."""
-        mesh, first = frame_range(self._mesh, self.start, stop), self.first
-        n_frames = stop - self.start
+        mesh, first, n_frames = self._mesh, self.first, stop - self.start
         about = Description(
             triangulated(first, options.notes),
             mesh.name.rstrip("/").rpartition("/")[2],
             timing,
-            first.with_polygons(mesh.surface(0)),
+            first.with_polygons(mesh.surface(self.start)),
         )
-        tracks = mesh.tracks(range(n_frames))
+        tracks = mesh.tracks(range(self.start, stop))
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
         if self._is_loaded and (self._max_bytes is None or size <= self._max_bytes):
             vertices = np.concatenate(self._blocks).astype(self._survey.dtype, copy=False)
             return about.loaded(vertices, read_tracks(tracks))
-        read = _reader(mesh, self._survey.dtype, first.vertices.shape)
-        return about.stored((n_frames, len(first.vertices)), self._survey, read, [path], tracks)
+        shape = n_frames, len(first.vertices)
+        return about.stored(shape, self._survey, self._read, [path], tracks)
 
-
-def frame_range(mesh: SceneMesh, start: int, stop: int) -> SceneMesh:
-    """Return a mesh of frames start..stop - 1."""
-    return replace(
-        mesh,
-        times_s=mesh.times_s[start:stop],
-        frame=lambda index: mesh.frame(start + index),
-        surface=lambda index: mesh.surface(start + index),
-        tracks=lambda frames: mesh.tracks(range(start + frames.start, start + frames.stop)),
-        positions=None
-        if (read := mesh.positions) is None
-        else lambda first, last: read(start + first, start + last),
-    )
+    def _read(self, start: int, stop: int) -> Vertices:
+        """Return the positions of frames start..stop - 1 of the run, of shape (K, V, 3)."""
+        mesh, dtype = self._mesh, self._survey.dtype
+        if mesh.positions is not None and start < stop:
+            return mesh.positions(self.start + start, self.start + stop).astype(dtype, copy=False)
+        vertices: Vertices = np.empty((stop - start, *self.first.vertices.shape), dtype)
+        for row, index in enumerate(range(self.start + start, self.start + stop)):
+            vertices[row] = mesh.frame(index).vertices
+        return vertices
 
 
 def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
@@ -285,20 +280,6 @@ def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
     if len(meshes) == 1:
         return f"the mesh {meshes[0].name}"
     return f"{counted(len(meshes), 'mesh')}: {listed((mesh.name for mesh in meshes), most)}"
-
-
-def _reader(
-    mesh: SceneMesh, dtype: np.dtype[np.floating], shape: tuple[int, ...]
-) -> Callable[[int, int], Vertices]:
-    def read_range(start: int, stop: int) -> Vertices:
-        if mesh.positions is not None and start < stop:
-            return mesh.positions(start, stop).astype(dtype, copy=False)
-        vertices: Vertices = np.empty((stop - start, *shape), dtype)
-        for row, index in enumerate(range(start, stop)):
-            vertices[row] = mesh.frame(index).vertices
-        return vertices
-
-    return read_range
 
 
 def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[SceneMesh]:

@@ -27,7 +27,6 @@ from meshreel.formats.usd.quantities import (
     quantities,
     read_attributes,
 )
-from meshreel.formats.usd.rendered import Transforms
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import remaining_edges
@@ -46,6 +45,30 @@ FACE_ATTRIBUTES = ("faceVertexCounts", "faceVertexIndices")
 HOLES = "holeIndices"
 
 Mask = npt.NDArray[np.bool_]
+
+
+class Transforms:
+    """Transforms of the prims of a stage to the world, at any time code."""
+
+    def __init__(self) -> None:
+        self._cache = USD.load("UsdGeom").XformCache()
+
+    def codes(self, prim: Any) -> list[float]:
+        """Return the time codes where transforms of a prim or its ancestors have samples."""
+        codes: list[float] = []
+        while prim and not prim.IsPseudoRoot():
+            if xformable := USD.load("UsdGeom").Xformable(prim):
+                for operation in xformable.GetOrderedXformOps():
+                    codes += attribute_codes(operation.GetAttr())
+                if xformable.GetResetXformStack():
+                    break
+            prim = prim.GetParent()
+        return codes
+
+    def world(self, prim: Any, code: float) -> Floats:
+        """Return the matrix from the prim to the world, of shape (4, 4), for row vectors."""
+        self._cache.SetTime(code)
+        return np.array(self._cache.GetLocalToWorldTransform(prim), np.float64)
 
 
 @dataclass(frozen=True, eq=False)

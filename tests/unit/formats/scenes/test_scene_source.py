@@ -8,7 +8,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.scene_source import frame_range, open_scene
+from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
@@ -78,13 +78,6 @@ def test_positions_of_several_frames_are_read_at_once(monkeypatch, max_loaded_by
     n_frames = sequence.n_frames
     assert reads == [(start, min(start + 2, n_frames)) for start in range(0, n_frames, 2)]
     assert result.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
-
-
-def test_positions_of_a_range_of_frames_count_from_its_start():
-    sequence, reads = quad_sheet(), []
-    whole = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
-    part = frame_range(whole, 2, 5)
-    assert part.positions(1, 3).tobytes() == sequence.vertices[3:5].tobytes()
 
 
 def test_error_lists_the_meshes_if_none_is_selected():
