@@ -312,24 +312,16 @@ class MaterialTable:
             number: self._images.setdefault(image, len(self._images))
             for number, image in enumerate(surface.images)
         }
-        names = {
-            material.name: _add_material(renumbered(material, numbers), self._materials)
-            for material in surface.materials
-        }
-        return replace(
-            surface, groups=tuple(_rename_labels(group, names) for group in surface.groups)
+        names = {}
+        for material in surface.materials:
+            unique, number = renumbered(material, numbers), 2
+            while self._materials.setdefault(unique.name, unique) != unique:
+                unique, number = replace(unique, name=f"{material.name}_{number}"), number + 1
+            names[material.name] = unique.name
+        groups = tuple(
+            replace(group, labels=tuple(names.get(label, label) for label in group.labels))
+            if group.name == "material"
+            else group
+            for group in surface.groups
         )
-
-
-def _add_material(material: Material, materials: dict[str, Material]) -> str:
-    """Add a material under a unique name; return that name."""
-    unique, number = material, 2
-    while materials.setdefault(unique.name, unique) != unique:
-        unique, number = replace(material, name=f"{material.name}_{number}"), number + 1
-    return unique.name
-
-
-def _rename_labels(groups: FaceGroups, names: dict[str, str]) -> FaceGroups:
-    if groups.name != "material":
-        return groups
-    return replace(groups, labels=tuple(names.get(label, label) for label in groups.labels))
+        return replace(surface, groups=groups)

@@ -1,6 +1,6 @@
 """A mesh of a stage, frame by frame, in world space: points, faces, attributes and tracks."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -270,25 +270,22 @@ class Skin:
 
 def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
     """Return the skins of the meshes that a skeleton deforms, by path of the mesh."""
-    skel = USD.load("UsdSkel")
+    skel, skins = USD.load("UsdSkel"), dict[str, Skin]()
+    predicate = USD.load("Usd").TraverseInstanceProxies()
     roots = {str(root.GetPath()): root for root in map(skel.Root.Find, prims) if root}
-    return dict(skin for root in roots.values() for skin in _skins_below(root))
-
-
-def _skins_below(root: Any) -> Iterator[tuple[str, Skin]]:
-    skel, usd = USD.load("UsdSkel"), USD.load("Usd")
-    predicate = usd.TraverseInstanceProxies()
-    cache = skel.Cache()
-    cache.Populate(root, predicate)
-    for binding in cache.ComputeSkelBindings(root, predicate):
-        skeleton = cache.GetSkelQuery(binding.GetSkeleton())
-        for skinning in binding.GetSkinningTargets() if skeleton else ():
-            if skinning.HasJointInfluences() or skinning.HasBlendShapes():
+    for root in roots.values():
+        cache = skel.Cache()
+        cache.Populate(root, predicate)
+        for binding in cache.ComputeSkelBindings(root, predicate):
+            skeleton = cache.GetSkelQuery(binding.GetSkeleton())
+            for skinning in binding.GetSkinningTargets() if skeleton else ():
                 prim, shapes = skinning.GetPrim(), None
                 if skinning.HasBlendShapes():
                     shapes = skel.BlendShapeQuery(skel.BindingAPI(prim))
-                skin = Skin(binding.GetSkeleton().GetPrim(), skeleton, skinning, shapes)
-                yield str(prim.GetPath()), skin
+                if skinning.HasJointInfluences() or shapes is not None:
+                    skin = Skin(binding.GetSkeleton().GetPrim(), skeleton, skinning, shapes)
+                    skins[str(prim.GetPath())] = skin
+    return skins
 
 
 @dataclass(frozen=True, eq=False)

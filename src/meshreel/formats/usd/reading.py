@@ -8,6 +8,7 @@ units and axes of the file.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -98,7 +99,11 @@ def _frame_codes(
     meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
 ) -> Callable[[StageMesh], Floats]:
     """Return a function that gives the time codes of the frames of a mesh, empty if static."""
-    samples = [own for mesh in meshes if (own := _samples(mesh)) is not None]
+    samples: list[Samples] = []
+    for mesh in meshes:
+        with suppress(FormatError):  # raised again when the mesh is read
+            _ = mesh.samples.all
+            samples.append(mesh.samples)
     interpolated = [
         sample.all for sample in samples if sample.moves_between_samples(frame_interval)
     ]
@@ -136,15 +141,6 @@ def _note_final(mesh: StageMesh, codes: Floats, last: float) -> None:
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
         list_in_note(mesh.notes, NoteKind.CHANGED, FINAL_POSE, [name])
-
-
-def _samples(mesh: StageMesh) -> Samples | None:
-    """Return the samples of a mesh, or None if they are invalid."""
-    try:
-        _ = mesh.samples.all
-    except FormatError:
-        return None
-    return mesh.samples
 
 
 def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:

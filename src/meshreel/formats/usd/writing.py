@@ -40,7 +40,6 @@ from meshreel.formats.usd.quantities import (
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.materials import Image
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.runtime.extras import USD
@@ -121,8 +120,11 @@ def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[...,
         usd_errors(f"USD cannot write {path.name}"),
     ):
         binary = Path(folder) / f"{re.sub(NOT_PORTABLE, '_', stream.name) or 'mesh'}.usdc"
-        if is_package:
-            _write_images(Path(folder) / PACKAGE_FOLDER, next(stream.meshes()).surface.images)
+        images = next(stream.meshes()).surface.images if is_package else ()
+        for name, image in zip(image_names(images), images, strict=True):
+            file = Path(folder) / PACKAGE_FOLDER / name  # added to the package with the stage
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(image.data)
         write_binary(binary, stream, shared, is_package=is_package)
         if is_package:
             asset = USD.load("Sdf").AssetPath(str(binary))
@@ -134,14 +136,6 @@ def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[...,
             is_written = True
         if not is_written:
             raise FormatError(f"USD cannot write {path.name}, and gives no reason")
-
-
-def _write_images(folder: Path, images: Sequence[Image]) -> None:
-    """Write the images of a package, which are added to it together with the stage."""
-    if images:
-        folder.mkdir()
-    for name, image in zip(image_names(images), images, strict=True):
-        (folder / name).write_bytes(image.data)
 
 
 def _write_binary(
