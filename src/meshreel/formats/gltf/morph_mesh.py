@@ -15,7 +15,6 @@ from meshreel.formats.gltf.morphs import (
     Placement,
     fit_morphs,
     max_displacements,
-    mean_frame,
     measure,
     place_frames,
     place_static,
@@ -260,7 +259,7 @@ def fit_part(
     """
     if shading is None:
         shading = ShadingMesh(np.arange(frames.shape[1]), faces, has_hard_edges=False)
-    base = mean_frame(frames)
+    base = frames.mean(axis=0, dtype=np.float64)
     distances = max_displacements(frames, base)
     has_normals = shading.has_hard_edges or wants_normals(options.normals, frames[0], faces)
     if distances.max() <= (0 if options.targets else bound) or len(frames) == 1:

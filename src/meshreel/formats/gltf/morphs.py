@@ -175,11 +175,6 @@ IDENTITY = Placement(np.zeros(3), 1.0)
 """The placement that leaves positions unchanged."""
 
 
-def mean_frame(frames: Vertices) -> Floats:
-    """Return the mean position of every vertex over all frames, of shape (V, 3)."""
-    return np.asarray(frames.mean(axis=0, dtype=np.float64))
-
-
 def max_displacements(frames: Vertices, base: Floats) -> Floats:
     """Return the largest distance of a vertex from the base, in each frame."""
     return np.array([np.linalg.norm(frame - base, axis=1).max() for frame in frames])
@@ -353,14 +348,19 @@ def _fit_fixed(search: "_Search", n_targets: int, shape: tuple[int, ...], bound:
 
 def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -> Morphs:
     """Return targets and weights with their errors."""
+    return Morphs(targets, weights, _frame_errors(displacements, weights, targets.values))
+
+
+def _frame_errors(displacements: Singles, weights: Singles, fields: Singles) -> Singles:
+    """Return the largest error of a vertex in each frame."""
     errors = np.empty(len(displacements), np.float32)
 
     def compare(frames: slice) -> None:
-        residuals = displacements[frames] - weights[frames] @ targets.values
+        residuals = displacements[frames] - weights[frames] @ fields
         errors[frames] = _lengths(residuals).max(axis=1)
 
     in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
-    return Morphs(targets, weights, errors)
+    return errors
 
 
 class _Search:
@@ -429,21 +429,8 @@ def _initial_count(displacements: Singles, error: float) -> int:
     low, high = 1, weights.shape[1]
     while low < high:
         middle = (low + high) // 2
-        if _is_within(displacements, weights[:, :middle], fields[:middle], error):
+        if _frame_errors(displacements, weights[:, :middle], fields[:middle]).max() <= error:
             high = middle
         else:
             low = middle + 1
     return low
-
-
-def _is_within(displacements: Singles, weights: Singles, fields: Singles, error: float) -> bool:
-    exceeding: list[slice] = []
-
-    def compare(frames: slice) -> None:
-        if not exceeding:
-            residuals = displacements[frames] - weights[frames] @ fields
-            if _lengths(residuals).max() > error:
-                exceeding.append(frames)
-
-    in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
-    return not exceeding

@@ -433,6 +433,10 @@ class StageMesh:
         """Whether corners must be reversed to be counterclockwise in world space."""
         return self._shape.is_left_handed != is_mirroring(self._matrix(self._start))
 
+    def _corner_order(self, counts: Integers) -> Any:
+        """Return the order in which the corners of all faces are counterclockwise."""
+        return reversed_corners(counts, keeps_first=True) if self._is_reversed else slice(None)
+
     def _file_mesh(self, code: float) -> PolygonMesh:
         """Return all faces at a time code in file order, with points in local space."""
         return self._shape.polygons(self._shape.points(code), code)
@@ -440,8 +444,7 @@ class StageMesh:
     def _rows(self, counts: Integers, code: float) -> dict[Domain, Any]:
         """Return the items in the file of the items of the mesh, to index arrays."""
         rows: dict[Domain, Any] = dict.fromkeys(Domain, slice(None))
-        if self._is_reversed:
-            rows[Domain.CORNER] = reversed_corners(counts, keeps_first=True)
+        rows[Domain.CORNER] = self._corner_order(counts)
         solid = self._shape.solid_faces(len(counts), code)
         if solid is not None:
             corners = np.arange(counts.sum())[rows[Domain.CORNER]]
@@ -464,9 +467,7 @@ class StageMesh:
         self, mesh: PolygonMesh, rows: dict[Domain, Any], code: float, *, is_track: bool
     ) -> Int32s | None:
         """Return the hard edges implied by its normals, or else by its creases."""
-        order: Any = slice(None)
-        if self._is_reversed:
-            order = reversed_corners(mesh.counts, keeps_first=True)
+        order = self._corner_order(mesh.counts)
         whole = replace(mesh, corners=mesh.corners[order])
         quantity = next(
             (quantity for quantity in quantities(self.prim) if quantity.role == NORMALS), None
