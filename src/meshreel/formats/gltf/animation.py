@@ -472,7 +472,9 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
         target = channel.required_child("target")
         path, node = target.text("path"), target.index("node", "nodes")
         if path == "pointer":
-            match, n_nodes = POINTERS.fullmatch(_pointer(target)), len(target.lists["nodes"])
+            extension = target.extension(POINTER)
+            pointer = "" if extension is None else extension.text("pointer", "")
+            match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
             node, path = (int(match[1]), match[2] or match[3]) if match else (None, path)
             if node is not None and node >= n_nodes:
                 raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
@@ -487,15 +489,12 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
 
 def other_pointers(animation: JsonObject) -> list[str]:
     """Return the pointers of channels that are not read."""
-    targets = (channel.child("target") for channel in animation.children("channels", "channel"))
-    pointers = [_pointer(target) for target in targets if target is not None]
+    pointers = []
+    for channel in animation.children("channels", "channel"):
+        target = channel.child("target")
+        extension = None if target is None else target.extension(POINTER)
+        pointers.append("" if extension is None else extension.text("pointer", ""))
     return [pointer for pointer in pointers if pointer and not POINTERS.fullmatch(pointer)]
-
-
-def _pointer(target: JsonObject) -> str:
-    """Return the pointer to what a channel animates; empty if it has none."""
-    extension = target.extension(POINTER)
-    return "" if extension is None else extension.text("pointer", "")
 
 
 def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
