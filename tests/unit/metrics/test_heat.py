@@ -95,11 +95,6 @@ def test_vertex_normal_angle_deg_ignores_degenerate_faces():
     assert result == pytest.approx([90, 90, 90, 0])
 
 
-def test_error_names_both_shapes():
-    with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(1, 4, 3\)"):
-        vertex_normal_angle_deg(np.zeros((3, 3)), np.zeros((4, 3)), np.array([[0, 1, 2]], np.int32))
-
-
 def test_vertex_sted_of_uniform_scaling_is_zero():
     assert vertex_sted(SQUARE, 1.5 * SQUARE, SQUARE_FACES) == pytest.approx([0] * 4, abs=1e-12)
 

@@ -58,24 +58,6 @@ def test_kg_centers_each_frame(soup):
     assert moved == pytest.approx(kg_error_percent(original, decoded), rel=1e-12)
 
 
-def test_kg_of_equal_sequences_is_exactly_zero(soup):
-    assert kg_error_percent(soup[0], soup[0].copy()) == 0
-
-
-@pytest.mark.parametrize("scale", [1e-6, 3.7, 2.0**-900, 2.0**900])
-def test_kg_is_invariant_to_scale(soup, scale):
-    original, decoded, _ = soup
-    scaled = kg_error_percent(original * scale, decoded * scale)
-    assert scaled == pytest.approx(kg_error_percent(original, decoded), rel=1e-12)
-
-
-def test_kg_is_precise_for_huge_offsets(soup):
-    # Multiples of 2^-20 plus 2^30 are exact in float64, so only the metric can lose digits.
-    original, decoded = (np.round(part * 2**20) / 2**20 for part in soup[:2])
-    far = kg_error_percent(original + 2.0**30, decoded + 2.0**30)
-    assert far == pytest.approx(kg_error_percent(original, decoded), rel=1e-12)
-
-
 def test_kg_is_precise_for_errors_below_the_rounding_of_centered_positions():
     # Error 2^-60 at the vertex at the origin, which float64 holds; spread^2 = 2.
     original = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]])
@@ -85,28 +67,11 @@ def test_kg_is_precise_for_errors_below_the_rounding_of_centered_positions():
     assert kg_error_percent(original, decoded) == pytest.approx(expected, rel=1e-12)
 
 
-def test_kg_of_float32_inputs_is_computed_in_float64():
-    original = np.array([[[-1.0, 0, 0], [1, 0, 0]]], np.float32)
-    decoded = original + np.float32(2.0**-20)
-    expected = 100 * 2.0**-20 * np.sqrt(3)  # error^2 = 2 * 3 * 2^-40 over spread^2 = 2
-    assert kg_error_percent(original, decoded) == pytest.approx(expected, rel=1e-12)
-
-
-def test_kg_of_equal_coincident_vertices_is_zero():
-    original = np.full((3, 4, 3), 0.1)
-    assert kg_error_percent(original, original.copy()) == 0
-
-
 def test_kg_of_changed_coincident_vertices_is_infinite():
     original = np.full((3, 7, 3), 0.1) + np.arange(3)[:, None, None]
     decoded = original.copy()
     decoded[1, 2, 0] += 1
     assert kg_error_percent(original, decoded) == np.inf
-
-
-def test_error_names_both_shapes():
-    with pytest.raises(InvalidInputError, match=r"\(2, 4, 3\) and \(2, 5, 3\)"):
-        kg_error_percent(np.zeros((2, 4, 3)), np.zeros((2, 5, 3)))
 
 
 @pytest.mark.parametrize("shape", [(0, 4, 3), (2, 0, 3)])
@@ -123,34 +88,10 @@ def test_displacement_is_in_percent_of_the_whole_diagonal():
     assert errors.rms_error_percent == pytest.approx(25 / 13, rel=1e-12)
 
 
-def test_displacement_of_equal_sequences_is_exactly_zero():
-    errors = position_errors(ORIGINAL, ORIGINAL.copy())
-    assert (errors.rms_error_percent, errors.max_error_percent) == (0, 0)
-
-
-@pytest.mark.parametrize("decoded_x", [0.0, 1.0])
-def test_displacement_from_a_single_point_is_zero_or_infinite(decoded_x):
-    decoded = np.zeros((2, 3, 3))
-    decoded[1, 1, 0] = decoded_x
-    errors = position_errors(np.zeros((2, 3, 3)), decoded)
-    expected = np.inf if decoded_x else 0
-    assert (errors.rms_error_percent, errors.max_error_percent) == (expected, expected)
-
-
-def test_displacement_beyond_float64_is_infinite():
-    decoded = ORIGINAL.copy()
-    decoded[0, 0, 0] = 1e300
-    assert position_errors(ORIGINAL, decoded).max_error_percent == np.inf
-
-
 @pytest.mark.parametrize("scale", [1e-300, 1e-6, 1.0, 1e100, 1e300])
 def test_reference_diagonal_scales_with_the_box(scale):
     diagonal = bounding_box_reference(ORIGINAL * scale).diagonal
     assert diagonal == pytest.approx(13 * scale, rel=1e-14)
-
-
-def test_reference_diagonal_is_exact_for_huge_offsets():
-    assert bounding_box_reference(ORIGINAL + 2.0**40).diagonal == pytest.approx(13, rel=1e-14)
 
 
 @pytest.mark.parametrize("cuts", [[], [1], [5, 5, 6, 13]])

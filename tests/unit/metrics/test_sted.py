@@ -4,7 +4,6 @@ import math
 import numpy as np
 import pytest
 
-from meshreel.errors import InvalidInputError
 from meshreel.metrics.sted import sted
 
 TRIANGLE = np.array([[0, 1, 2]], np.int32)
@@ -85,19 +84,6 @@ def test_spatial_part_is_the_weighted_deviation_of_edges(more, faces, variance):
     assert result == pytest.approx(math.sqrt(variance), rel=1e-14)
 
 
-def test_sted_of_equal_sequences_is_exactly_zero(tube):
-    result = sted(tube[0], tube[0].copy(), tube[2])
-    assert (result.spatial, result.temporal, result.sted) == (0, 0, 0)
-
-
-@pytest.mark.parametrize("scale", [1e-6, 12.5, 2.0**-900, 2.0**900])
-def test_sted_is_invariant_to_scale(tube, scale):
-    original, decoded, faces = tube
-    result, expected = sted(original * scale, decoded * scale, faces), sted(*tube)
-    assert result.spatial == pytest.approx(expected.spatial, rel=1e-9)
-    assert result.temporal == pytest.approx(expected.temporal, rel=1e-9)
-
-
 def test_spatial_part_is_invariant_to_rigid_motion(tube):
     original, decoded, faces = tube
     turned = decoded[..., [1, 2, 0]] + np.array([4.0, 5, 6])
@@ -114,15 +100,6 @@ def test_temporal_part_is_invariant_to_translation(tube):
     original, decoded, faces = tube
     moved = sted(original, decoded + np.array([4.0, 5, 6]), faces).temporal
     assert moved == pytest.approx(sted(*tube).temporal, rel=1e-9)
-
-
-def test_sted_is_precise_for_huge_offsets(tube):
-    # Multiples of 2^-20 plus 2^30 are exact in float64, so only the metric can lose digits.
-    original, decoded = (np.round(part * 2**20) / 2**20 for part in tube[:2])
-    result = sted(original + 2.0**30, decoded + 2.0**30, tube[2])
-    expected = sted(original, decoded, tube[2])
-    assert result.spatial == pytest.approx(expected.spatial, rel=1e-9)
-    assert result.temporal == pytest.approx(expected.temporal, rel=1e-9)
 
 
 def test_spatial_part_is_precise_for_tiny_errors():
@@ -173,14 +150,3 @@ def test_sted_does_not_depend_on_blocks_of_vertices(tube, monkeypatch):
     expected = sted(*tube).temporal
     monkeypatch.setattr("meshreel.metrics.sted._BLOCK_VALUES", 7 * len(tube[0]))
     assert sted(*tube).temporal == pytest.approx(expected, rel=1e-13)
-
-
-def test_sted_accepts_read_only_inputs(tube):
-    for array in tube:
-        array.flags.writeable = False
-    assert sted(*tube).sted > 0
-
-
-def test_error_names_both_shapes():
-    with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(2, 3, 3\)"):
-        sted(RIGHT, np.repeat(RIGHT, 2, axis=0), TRIANGLE)
