@@ -43,8 +43,6 @@ window.setTimeout = (run, ms, ...more) => wait(run, Math.min(ms, 50), ...more);
 """
 """Without a network once `isCut` is true; pauses before further attempts are short."""
 
-ALERT = "player.shadowRoot.querySelector('[role=alert]').textContent"
-
 
 @pytest.fixture(scope="module")
 def files():

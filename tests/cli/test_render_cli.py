@@ -7,7 +7,6 @@ from PIL import Image, ImageSequence
 import meshreel
 from conformance.sources import boxes, of_type
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.colormap import DIVERGING, HEAT
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
@@ -48,21 +47,6 @@ def test_render_fills_the_picture_with_a_single_frame(flag, tmp_path):
     assert 0.3 < inked(tmp_path / "a.png").mean() < 0.9
 
 
-@pytest.mark.slow
-def test_render_draws_rows_with_heat_map_and_color_bar_with_an_original(flag, tmp_path):
-    made = run_json(
-        "render", flag / "flag.reel", "-o", tmp_path / "a.png",
-        "--original", flag / "flag.npz", "--heatmap", "distance", "--frames", "3,-1",
-    )  # fmt: skip
-    assert made["frames"] == [3, 11]
-    with Image.open(tmp_path / "a.png") as image:
-        picture = np.asarray(image.convert("RGB")).astype(int)
-    saturation = np.ptp(picture, axis=2)
-    bar = (saturation > 60).mean(axis=0)
-    right = bar[-len(bar) // 6 :]
-    assert right.max() > 0.25
-
-
 def test_render_writes_a_film_at_the_given_rate(flag, tmp_path):
     options = ["--frames", "1:6", "--size", "120x90", "--fps", 20]
     made = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
@@ -70,23 +54,6 @@ def test_render_writes_a_film_at_the_given_rate(flag, tmp_path):
     with Image.open(tmp_path / "a.gif") as image:
         assert image.size == (120, 90)
         assert len(list(ImageSequence.Iterator(image))) == 5
-
-
-@pytest.mark.slow
-def test_render_writes_a_film_at_the_frame_rate(flag, tmp_path):
-    ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.mp4", "--frames", "2:9")
-    assert (made["n_pictures"], made["fps"]) == (7, 30)
-    n_frames, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))
-    assert n_frames == 7
-    assert seconds == pytest.approx(7 / 30, abs=0.01)
-
-
-@pytest.mark.slow
-def test_render_is_reproducible(flag, tmp_path):
-    for name in ("a.png", "b.png"):
-        assert run("render", flag / "flag.reel", "-o", tmp_path / name).returncode == 0
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 @pytest.mark.slow
@@ -184,20 +151,6 @@ def test_render_colors_the_mesh_by_a_track(warm, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("colormap", "ends"), [(None, DIVERGING), ("diverging", DIVERGING), ("sequential", HEAT)]
-)
-def test_color_bar_has_the_colors_of_the_map(warm, tmp_path, colormap, ends):
-    options = ["--track", "speed", "--component", "y", "--frames", 6, *SMALL]
-    options += ["--colormap", colormap] if colormap else []
-    run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
-    with Image.open(tmp_path / "a.png") as image:
-        picture = np.asarray(image.convert("RGB"))
-    for color in ends[[0, -1]]:
-        assert (picture == color).all(axis=2).sum() > 10
-
-
-@pytest.mark.slow
 def test_films_of_uneven_times_say_what_they_show(warm, tmp_path):
     sequence = meshreel.load(warm / "warm.npz")[:4].replace(times=[0, 1, 2, 2.5])
     meshreel.save(sequence, tmp_path / "uneven.npz")
@@ -267,17 +220,6 @@ def test_render_films_frames_whose_faces_change(capture, tmp_path):
     assert (made["n_pictures"], made["fps"]) == (6, 10)
     with Image.open(tmp_path / "a.gif") as image:
         assert len(list(ImageSequence.Iterator(image))) == 6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("source", ["keep.reel", "drop.reel"])
-def test_render_shows_distances_of_frames_whose_faces_change(capture, tmp_path, source):
-    options = ["--original", capture / "frames", "--heatmap", "distance", *SMALL]
-    made = run_json("render", capture / source, "-o", tmp_path / "a.png", *options)
-    assert made["frames"] == [2, 3, 5]
-    with Image.open(tmp_path / "a.png") as image:
-        picture = np.asarray(image.convert("RGB"))
-    assert (picture == HEAT[-1]).all(axis=2).sum() > 10
 
 
 def test_render_cuts_a_volume_mesh_open(tmp_path):

@@ -106,12 +106,6 @@ def test_frames_are_the_dense_solution_of_eq_12(method, values):
     np.testing.assert_allclose(result, expected(method, values=values), atol=2e-5)
 
 
-def test_anchor_positions_and_coefficients_differ_with_few_modes():
-    """The reason to send positions: they carry motion outside the span of the modes."""
-    difference = expected("pca-qp") - expected("pca-qp", values="coefficients")
-    assert np.abs(difference).max() > 0.01
-
-
 def test_frames_are_the_dense_solution_with_the_combinatorial_laplacian():
     result = decoded(
         "pca-qp", anchors=ANCHORS, laplacian="combinatorial", choices=FINE_DICTIONARY, **FINE

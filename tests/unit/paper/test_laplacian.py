@@ -4,34 +4,13 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.model.geometry.connectivity import component_labels
 from meshreel.paper.laplacian import (
     adjacency_matrix,
     cotangent_laplacian,
     delta_coordinates,
     uniform_laplacian,
 )
-from samples.meshes import grid_faces, irregular_sequence
-
-
-@pytest.mark.parametrize("normalized", [False, True])
-def test_rows_sum_to_zero_when_the_mesh_is_irregular(normalized):
-    sequence = irregular_sequence()
-    laplacian = uniform_laplacian(sequence.faces, sequence.n_verts, normalized=normalized)
-    assert np.abs(laplacian.sum(axis=1)).max() < 1e-15
-
-
-def test_laplacian_is_degree_minus_adjacency_when_the_mesh_is_a_triangle():
-    laplacian = uniform_laplacian(np.array([[0, 1, 2]], np.int32), 4)
-    expected = [[2, -1, -1, 0], [-1, 2, -1, 0], [-1, -1, 2, 0], [0, 0, 0, 0]]
-    np.testing.assert_array_equal(laplacian.toarray(), expected)
-
-
-def test_normalized_deltas_are_differences_from_the_neighbor_mean():
-    # Vertex 0 is at 6, its neighbors at 0 and 3: 6 - 1.5 (Eq. 3).
-    laplacian = uniform_laplacian(np.array([[0, 1, 2]], np.int32), 3, normalized=True)
-    deltas = delta_coordinates(laplacian, np.array([[6.0], [0.0], [3.0]]))
-    np.testing.assert_allclose(deltas.ravel(), [4.5, -4.5, 0.0])
+from samples.meshes import grid_faces
 
 
 def test_deltas_are_rejected_when_vertex_counts_differ():
@@ -71,9 +50,3 @@ def test_adjacency_is_binary_when_faces_are_duplicated():
     faces = np.array([[0, 1, 2], [0, 1, 2]], np.int32)
     expected = np.ones((3, 3)) - np.eye(3)
     np.testing.assert_array_equal(adjacency_matrix(faces, 3).toarray(), expected)
-
-
-def test_components_include_isolated_vertices():
-    sequence = irregular_sequence()
-    # Vertex 0, the grid, the octahedron, the last vertex.
-    assert component_labels(sequence.faces, sequence.n_verts).max() + 1 == 4

@@ -145,12 +145,6 @@ def test_ritz_rotation_separates_columns_of_a_tracked_dictionary(rotation, is_di
     assert (coupling < 1e-3) == is_diagonal
 
 
-def test_tracked_dictionaries_are_orthonormal():
-    for block in coded_blocks(encode(waving_grid(40), "blocks", n_modes=3, block_frames=10)):
-        gram = block.basis.values @ np.swapaxes(block.basis.values, 1, 2)
-        assert np.abs(gram - np.eye(3)).max() < 1e-3  # 16 bits
-
-
 def test_differences_of_coherent_dictionaries_take_fewer_bytes():
     # Motion of full rank: columns beyond the rank would be rounding errors, of any size in bits.
     grid = waving_grid(10)
@@ -170,27 +164,8 @@ def test_shorter_last_block_restarts_the_dictionary():
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < 2
 
 
-def test_v2v_stores_no_anchors():
-    budget = info(encode(waving_grid(), "v2v")).budget_bytes
-    assert "anchors" not in budget
-    assert "anchor vertices" not in budget
-
-
 def test_pca_uses_16_bits_by_default():
     assert encode(waving_grid(), "pca") == encode(waving_grid(), "pca", bits=16)
-
-
-def test_rows_with_zero_bits_are_zero():
-    (block,) = coded_blocks(encode(waving_grid(), "pca-qp", n_modes=4, bits=[8, 0, 6, 2]))
-    largest = np.abs(block.coefficients.integers).max(axis=(0, 2))
-    assert largest.tolist() == [127, 0, 31, 1]
-
-
-@pytest.mark.slow
-def test_gft_refuses_large_meshes():
-    big = waving_grid(1, 400, 400)
-    with pytest.raises(InvalidInputError, match="8000 graph frequencies of 160000 vertices"):
-        encode(big, "gft")
 
 
 @pytest.mark.every_case

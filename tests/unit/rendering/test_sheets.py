@@ -33,20 +33,6 @@ def test_text_does_not_overlap_the_views(background):
     assert not has_text[[0, -1]].any()
 
 
-def test_color_bar_is_to_the_right_of_the_views():
-    words = Words(("", ""), bars=(Bar(0, 0.5, "%"),))
-    layout = plan_sheet(words, 2, 1.0, None, (700, 400))
-    picture = np.asarray(Sheet(layout, words, WHITE).compose([]))
-    right = picture[:, layout.columns[-1] + layout.view_size[0] :]
-    saturation = right.max(axis=2).astype(int) - right.min(axis=2)
-    column = saturation.max(axis=1) > 60
-    assert column.sum() > 0.6 * layout.view_size[1]
-
-
-def test_sheet_has_the_requested_size():
-    assert plan_sheet(Words(widest_label="frame 9"), 8, 0.4, (801, 403), (9, 9)).size == (801, 403)
-
-
 def test_labels_of_narrow_views_are_wrapped():
     layout = plan_sheet(Words(widest_label="frame 123, 10.52 s"), 8, 0.3, (640, 320), (9, 9))
     assert layout.view_size[0] < 110

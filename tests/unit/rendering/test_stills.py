@@ -3,7 +3,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.shots import frame_labels, representative_frames, spread_frames
@@ -37,23 +36,6 @@ def test_still_has_a_mesh_for_each_frame(grid):
     assert 0.3 < several < single
 
 
-def travelling(grid):
-    """The grid, moving to the right by ten times its width."""
-    far = np.linspace(0, 10, grid.n_frames) * np.ptp(grid.vertices[..., 0])
-    away = far[:, None, None] * np.array([1.0, 0.0, 0.0])
-    return MeshSequence((grid.vertices + away).astype(np.float32), grid.faces)
-
-
-def test_still_follows_a_mesh_that_would_be_small(grid):
-    scene = Scene(travelling(grid))
-    default, static = (
-        inked(still(scene, [0, 5, 11], FRONT, size=(700, 300), is_followed=follow)).mean()
-        for follow in (None, False)
-    )
-    assert default > 0.3
-    assert default > 3 * static
-
-
 def test_still_centers_every_frame_of_a_mesh_that_moves_a_little(grid):
     far = np.linspace(0, 0.6, grid.n_frames) * np.ptp(grid.vertices[..., 0])
     moved = grid.vertices + far[:, None, None] * np.array([1.0, 0.0, 0.0])
@@ -68,15 +50,6 @@ def test_still_centers_every_frame_of_a_mesh_that_moves_a_little(grid):
         return max(abs(np.flatnonzero(half).mean() - 150) for half in halves)
 
     assert off_center(default) < 10 < 30 < off_center(static)
-
-
-def test_still_does_not_follow_a_mesh_that_stays(grid):
-    scene = Scene(grid)
-    default, static = (
-        still(scene, [0, 11], FRONT, size=(600, 240), is_followed=follow).tobytes()
-        for follow in (None, False)
-    )
-    assert default == static
 
 
 def test_heat_map_is_shaded_but_stays_close_to_its_color(grid):
@@ -108,11 +81,6 @@ def test_heat_map_has_a_color_bar_with_numbers(grid, lifted):
     assert np.ptp(without[:, -20:].astype(int), axis=2).max() < 60
     dark = (with_heat[:, -60:].max(axis=2) < 140).sum()
     assert dark > 40  # letters
-
-
-def test_still_rejects_a_size_that_is_too_small(grid):
-    with pytest.raises(InvalidInputError, match="larger size or fewer frames"):
-        still(Scene(grid), range(8), FRONT, size=(80, 60))
 
 
 def test_still_reports_progress(grid, lifted):

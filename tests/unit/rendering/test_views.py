@@ -10,8 +10,6 @@ from meshreel.rendering.views import (
     parse_view,
 )
 
-CLOUD = np.random.default_rng(4).normal(size=(5, 40, 3)) * [1, 2, 0.5] + [10, -3, 4]
-
 
 @pytest.mark.parametrize("name", NAMED_VIEWS)
 def test_parse_view_returns_the_angles_of_a_name(name):

@@ -39,14 +39,6 @@ def test_visible_faces_covers_each_pixel_of_adjacent_faces_once():
     assert (seen(points, faces) >= 0).all()
 
 
-@pytest.mark.parametrize("nearer_first", [True, False])
-def test_visible_faces_shows_the_nearer_of_two_faces(nearer_first):
-    points = [[0, 0], [99, 0], [0, 79]] * 2
-    faces = [[0, 1, 2], [3, 4, 5]]
-    ids = seen(points, faces if nearer_first else faces[::-1], depths=[1, 1, 1, 2, 2, 2])
-    assert set(ids[ids >= 0]) == {0 if nearer_first else 1}
-
-
 def test_visible_faces_of_crossing_faces_changes_at_their_intersection():
     """Along x one face recedes and the other comes nearer: equal depth, in 1/z, at x = 50."""
     points = [[0, -500], [100, 40], [0, 580], [100, -500], [0, 40], [100, 580]]

@@ -4,7 +4,6 @@ import pytest
 import meshreel
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.position_errors import position_errors
-from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.fitting import byte_weights
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
@@ -116,13 +115,6 @@ def test_odd_meshes_are_rigged():
     frames = [np.concatenate([BOX @ turn(0.1 * t).T, [[5, 5, t]]]) for t in range(12)]
     assert meshreel.rig(MeshSequence(np.stack(frames), faces)).n_bones == 2
     assert meshreel.rig(MeshSequence(np.zeros((5, 8, 3)), BOX_FACES)).errors.kg_percent == 0
-
-
-def test_components_are_numbered():
-    sequence = boxes([lambda t: np.eye(3)] * 3)
-    np.testing.assert_array_equal(
-        component_labels(sequence.faces, 25)[:24], np.repeat([0, 1, 2], 8)
-    )
 
 
 def test_progress_reaches_the_end():

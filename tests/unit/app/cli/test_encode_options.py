@@ -8,15 +8,12 @@ import click
 import pytest
 from click.testing import CliRunner
 
-import meshreel
-from meshreel.app.cli.app import app
 from meshreel.app.cli.commands import command_named
 from meshreel.app.cli.encode_options import ENCODING
 from meshreel.app.cli.parameters import with_parameters
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 from meshreel.errors import InvalidInputError
-from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
 COMMANDS = ("encode", "convert", "batch")
@@ -100,15 +97,3 @@ def test_option_is_rejected_when_it_is_not_a_number_in_its_range(flag, typed, me
 
 def test_help_contains_flags_instead_of_keywords():
     assert "if --max-error is a length" in params("encode")["unit"].help
-
-
-@pytest.mark.parametrize("command", ["encode", "convert"])
-def test_command_and_python_write_the_same_stream(command, tmp_path):
-    given, written = tmp_path / "grid.npz", tmp_path / "grid.reel"
-    meshreel.save(waving_grid(), given)
-    typed = "--method pca-qp --modes 5 --bits 10 --anchors 0.02 --laplacian combinatorial"
-    done = CliRunner().invoke(app, [command, str(given), "-o", str(written), *typed.split()])
-    assert done.exit_code == 0, done.output
-    options = {"n_modes": 5, "bits": 10, "anchors": 0.02, "laplacian": "combinatorial"}
-    expected = meshreel.encode(given, "pca-qp", **options)
-    assert written.read_bytes() == expected

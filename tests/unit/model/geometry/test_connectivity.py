@@ -1,7 +1,12 @@
 import numpy as np
 
-from meshreel.model.geometry.connectivity import boundary_edges, isolated_vertices, undirected_edges
-from samples.meshes import grid_faces, octahedron_faces
+from meshreel.model.geometry.connectivity import (
+    boundary_edges,
+    component_labels,
+    isolated_vertices,
+    undirected_edges,
+)
+from samples.meshes import grid_faces, irregular_sequence, octahedron_faces
 
 
 def test_edges_are_listed_once_when_two_faces_share_one():
@@ -24,3 +29,11 @@ def test_boundary_of_a_grid_is_its_rim():
 
 def test_boundary_of_a_closed_surface_is_empty():
     assert len(boundary_edges(octahedron_faces())) == 0
+
+
+def test_components_include_isolated_vertices():
+    sequence = irregular_sequence()
+    # Vertex 0, the grid, the octahedron, the last vertex.
+    labels = component_labels(sequence.faces, sequence.n_verts)
+    assert (labels[0], labels.max()) == (0, 3)
+    assert (np.diff(np.unique(labels, return_index=True)[1]) > 0).all()

@@ -63,7 +63,7 @@ def graph_basis(n_verts_and_seconds):
     return tables(n_verts=n_verts, full_decomposition=full)
 
 
-PCA_QP, V2V = made_result("pca-qp"), made_result("v2v", anchors=0.0)
+PCA_QP = made_result("pca-qp")
 
 JUDGED: dict[str, tuple[Callable[[Any], PaperResults], dict[Any, str]]] = {
     "PCA+qs and PCA+qp have equal quality": (
