@@ -62,13 +62,6 @@ def test_batch_prints_only_the_summary_when_all_is_up_to_date(inputs, out):
 
 
 @pytest.mark.slow
-def test_batch_accepts_relative_folders(inputs, out):
-    done = run("in", "out", cwd=inputs.parent)
-    assert done.returncode == 0, done.stderr
-    assert states(out) == {"walk.npz": "done", "a": "done"}
-
-
-@pytest.mark.slow
 def test_batch_exits_with_1_and_one_line_per_failure(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     done = run(inputs, out, "--workers", 1, "--fps", 25)

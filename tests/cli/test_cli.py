@@ -167,26 +167,6 @@ def test_demo_writes_stream_and_picture(tmp_path):
     assert figures["max_error_frame"] in figures["picture_frames"]
 
 
-def test_demo_keeps_earlier_results_without_force(tmp_path):
-    (tmp_path / "flag.reel").write_bytes(b"mine")
-    assert_fails(run("demo", "--out", tmp_path, "--frames", 2), "flag.reel", "--force")
-    assert (tmp_path / "flag.reel").read_bytes() == b"mine"
-
-
-def test_existing_output_is_kept_without_force(grid, tmp_path):
-    out = tmp_path / "a.reel"
-    out.write_bytes(b"mine")
-    assert_fails(run("encode", grid, "-o", out), "a.reel already exists", "--force")
-    assert out.read_bytes() == b"mine"
-
-
-def test_existing_output_is_replaced_with_force(grid, tmp_path):
-    out = tmp_path / "a.reel"
-    out.write_bytes(b"mine")
-    assert run("encode", grid, "-o", out, "--force").returncode == 0
-    assert meshreel.info(out.read_bytes()).n_frames == 12
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -292,12 +272,6 @@ def test_encode_streams_frame_files_when_memory_is_small(tmp_path):
 )
 def test_memory_is_rejected_when_it_is_too_small_or_invalid(grid, tmp_path, memory, words):
     assert_fails(run("encode", grid, "-o", tmp_path / "a.reel", "--memory", memory), words)
-
-
-@pytest.mark.parametrize("command", ["encode", "decode", "info", "compare", "render", "demo"])
-def test_help_shows_examples(command):
-    done = run_ok(command, "--help")
-    assert "meshreel " + command in done.stdout
 
 
 def test_version_is_that_of_the_package():

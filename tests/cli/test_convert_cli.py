@@ -37,24 +37,6 @@ def test_convert_keeps_positions_across_formats(sheet, tmp_path):
     assert figures["size_bytes"] == (tmp_path / "sheet.npz").stat().st_size
 
 
-def test_convert_writes_the_selected_frames(sheet, tmp_path):
-    run_json("convert", sheet, "-o", tmp_path / "f_%02d.ply", "--frames", "2:4")
-    written = meshreel.load(str(tmp_path / "f_*.ply"))
-    np.testing.assert_array_equal(written.vertices, meshreel.load(sheet).vertices[2:4])
-
-
-def test_convert_encodes_when_the_output_is_a_stream(tmp_path):
-    meshreel.save(waving_grid(), tmp_path / "a.npz")
-    run_json("convert", tmp_path / "a.npz", "-o", tmp_path / "a.reel")
-    assert (tmp_path / "a.reel").read_bytes() == meshreel.encode(waving_grid())
-
-
-def test_convert_keeps_an_existing_output(sheet, tmp_path):
-    (tmp_path / "a.npz").write_bytes(b"mine")
-    assert_fails(run("convert", sheet, "-o", tmp_path / "a.npz"), "exists", "--force")
-    assert (tmp_path / "a.npz").read_bytes() == b"mine"
-
-
 def test_encode_writes_segments_when_faces_change(changing, tmp_path):
     figures = run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10)
     note = "the faces change: 5 frames in 2 segments of constant connectivity"
@@ -160,13 +142,6 @@ def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
     done = run_ok("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
     assert "walk.pvd, frames in walk_frames" in " ".join(done.stdout.split())
     assert len(list((tmp_path / "walk_frames").iterdir())) == 3
-
-
-def test_convert_writes_frame_files_of_all_segments(changing, tmp_path):
-    figures = run_json("convert", changing, "-o", tmp_path / "out" / "f_%02d.ply")
-    assert (figures["n_frames"], figures["n_segments"]) == (5, 2)
-    loaded = meshreel.load(tmp_path / "out")
-    assert loaded.starts == (0, 3, 5)
 
 
 def test_decode_writes_frame_files_of_all_segments(changing, tmp_path):

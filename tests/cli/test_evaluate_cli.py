@@ -1,7 +1,6 @@
 """`meshreel evaluate`: reports and errors."""
 
 import json
-import sys
 
 import pytest
 
@@ -41,26 +40,6 @@ def test_evaluate_writes_a_report(grid, tmp_path):
     assert all((tmp_path / name).stat().st_size > 5000 for name in sequence["figures"])
 
 
-@pytest.mark.slow
-def test_evaluate_reuses_stored_runs(grid, tmp_path):
-    options = (grid, "--methods", "v2v", "--peers", "none", "--quick", "--out", tmp_path / "r")
-    texts = []
-    for _ in range(2):
-        done = run(*options)
-        assert done.returncode == 0, done.stderr
-        texts.append((tmp_path / "r" / "report.html").read_text())
-    assert texts[0] == texts[1]
-
-
-@pytest.mark.slow
-def test_evaluate_names_the_extra_when_a_package_is_missing(grid, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "zfpy", None)
-    options = ("--methods", "v2v", "--peers", "zfp", "--quick", "--out", tmp_path / "r")
-    done = run(grid, *options)
-    assert done.returncode == 0, done.stderr
-    assert "pip install 'meshreel[peers]'" in " ".join(done.stderr.split())
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -82,13 +61,6 @@ def test_evaluate_keeps_the_report_of_another_command(grid, tmp_path):
     done = run(grid, "--out", tmp_path / "r")
     assert done.returncode == 1
     assert "no meshreel-evaluate.json of an earlier run" in done.stderr
-
-
-def test_help_shows_examples():
-    done = run("--help")
-    assert done.returncode == 0
-    text = " ".join(done.stdout.split())
-    assert "meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3" in text
 
 
 @pytest.mark.slow

@@ -55,21 +55,6 @@ def test_paper_reuses_its_folder_when_run_twice_on_the_flag(tmp_path, coarse):
     assert "Table I, flag" in texts[0]
 
 
-def test_paper_rejects_a_folder_with_other_files(tmp_path, grid):
-    folder = tmp_path / "mine"
-    folder.mkdir()
-    (folder / "notes.txt").touch()
-    done = run(grid, "--out", folder, "--methods", "v2v")
-    assert_fails(done, f"meshreel: the folder {folder} contains files but no meshreel-paper.json")
-    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
-
-
-def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
-    done = run("--methods", "pca-x", "--out", tmp_path / "r")
-    assert_fails(done, "method 'pca-x' is unknown; choose from pca, pca-q, v2v")
-    assert not (tmp_path / "r").exists()
-
-
 def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert_fails(run("--out", tmp_path / "r"), "pip install 'meshreel[plot]'")
@@ -110,12 +95,6 @@ def test_paper_rejects_invalid_settings_before_any_work(tmp_path, options, words
     done = run(*options, "--out", tmp_path / "r")
     assert_fails(done, words)
     assert not (tmp_path / "r").exists()
-
-
-def test_help_shows_examples():
-    done = run("--help")
-    assert done.returncode == 0
-    assert "meshreel paper samba.npz jumping.npz --out report" in " ".join(done.stdout.split())
 
 
 @pytest.mark.every_case

@@ -174,7 +174,8 @@ def test_help_shows_common_options_and_help_all_every_one():
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_shows_no_type_of_flags(command):
-    shown = run(command, "--help").stdout
+def test_help_shows_examples_and_no_type_of_flags(command):
+    shown = run_ok(command, "--help").stdout
+    assert f"meshreel {command} " in shown
     assert "--json" in shown or command in ("view", "core")
     assert "bool" not in shown.lower()

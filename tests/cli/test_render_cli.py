@@ -63,16 +63,6 @@ def test_render_prints_a_table_by_default(flag, tmp_path):
         assert words in done.stdout
 
 
-@pytest.mark.slow
-def test_render_keeps_an_existing_output_without_force(flag, tmp_path):
-    path = tmp_path / "a.png"
-    path.write_bytes(b"mine")
-    assert_fails(run("render", flag / "flag.reel", "-o", path), "already exists", "--force")
-    assert path.read_bytes() == b"mine"
-    assert run("render", flag / "flag.reel", "-o", path, "-f").returncode == 0
-    assert inked(path).any()
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -2,13 +2,9 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.model.flag import simulate_flag
 from meshreel.paper.study import runs
-from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.sweeps import Setting
 from meshreel.studies.runs import Store, result_of
-from meshreel.studies.study import evaluate
-from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 
 SETTING = Setting("pca-qp", 4, anchors=0.05)
@@ -37,20 +33,6 @@ def test_stored_result_is_not_encoded_again(store, calls):
     assert len(calls) == 2  # order kept, order dropped
     assert result_of(runs.variant_run(waving_grid(), SETTING), store) == first
     assert len(calls) == 2
-
-
-@pytest.mark.slow
-def test_second_evaluation_encodes_nothing(tmp_path, calls):
-    flag = simulate_flag(4, n_rows=4, n_columns=5)
-    texts = []
-    for _ in range(2):
-        with coarse_figures():
-            made = evaluate(PaperStudy(["v2v"], quick=True), [flag], tmp_path)
-        texts.append(made.html.read_text(encoding="utf-8"))
-        calls.append("run")
-    assert calls.index("run") > 0
-    assert calls[calls.index("run") :] == ["run", "run"]
-    assert texts[0] == texts[1]
 
 
 def test_result_agrees_with_its_stored_stream(store):

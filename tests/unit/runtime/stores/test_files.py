@@ -228,14 +228,6 @@ def test_commands_accept_addresses(memory, walk, tmp_path):
     assert converted["outputs"] == ["memory://bucket/walk.mdd", "memory://bucket/walk.obj"]
 
 
-def test_commands_keep_existing_outputs(memory, walk):
-    meshreel.save(walk, "memory://bucket/walk.npz")
-    memory.pipe("/bucket/walk.reel", b"mine")
-    done = run("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
-    assert_fails(done, "memory://bucket/walk.reel already exists", "--force")
-    assert memory.cat("/bucket/walk.reel") == b"mine"
-
-
 def test_live_recording_needs_a_local_file(walk):
     with pytest.raises(meshreel.StoreError, match="must be on this machine"):
         meshreel.Encoder(walk.faces, "s3://bucket/live.reel")
