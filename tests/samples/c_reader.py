@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, WRAPS
-from meshreel.codec.tracks import KINDS
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.cells import Cells
-from meshreel.model.materials import SLOTS, Image, Material, Texture
-from meshreel.model.surface import Attribute, FaceGroups, Kind, Part, Surface
 
-NONE = 2**32 - 1
 UNKNOWN_OFFSET = 2**64 - 1
 ALIGNMENT = 64
 
@@ -336,24 +331,6 @@ class File:
         """Decode the surface."""
         call("read_surface", self.handle)
 
-    def surface(self, data):
-        """Return the surface as a value of the package; `data` are the bytes of the file."""
-        self.read_surface()
-        c = returned("surface_of", ctypes.POINTER(CSurface), self.handle).contents
-        n_faces = self.info.n_faces
-        sizes = array_at(c.face_sizes, n_faces, np.uint32) if c.face_sizes else None
-        return Surface(
-            None if sizes is None else sizes.astype(np.int32),
-            tuple(attribute_of(c.attributes[i]) for i in range(c.n_attributes)),
-            tuple(groups_of(c.groups[i], n_faces) for i in range(c.n_groups)),
-            tuple(Part(str(c.parts[i].name), c.parts[i].n_verts, c.parts[i].n_faces)
-                  for i in range(c.n_parts)),
-            tuple(material_of(c.materials[i]) for i in range(c.n_materials)),
-            tuple(image_of(c.images[i], data) for i in range(c.n_images)),
-            array_at(c.hard_edges, (c.n_hard_edges, 2), np.int32) if c.n_hard_edges else None,
-            cells=self.cells,
-        ).validated(self.info.n_verts, self.triangles)  # fmt: skip
-
     @property
     def cells(self):
         """The cells as a value of the package, or None; checks the cells of the faces."""
@@ -372,52 +349,6 @@ class File:
         """Decode all frames of a track with a new decoder."""
         with Decoder(self) as decoder:
             return decoder.frames(track, 0, self.info.n_frames, n_modes)
-
-
-def attribute_of(c):
-    """Convert an attribute."""
-    values = array_at(c.values, (c.n_rows, c.width), NUMBER_TYPES[c.type])
-    rows = array_at(c.rows, c.n_items, np.int32) if c.rows else None
-    if not c.is_indexed and rows is not None:
-        values, rows = values[rows], None
-    return Attribute(str(c.name), tuple(Kind)[c.kind], DOMAINS[c.domain], values, rows)
-
-
-def groups_of(c, n_faces):
-    """Convert face groups."""
-    labels = tuple(str(c.labels[i]) for i in range(c.n_labels))
-    return FaceGroups(str(c.name), labels, array_at(c.of_faces, n_faces, np.int32))
-
-
-def material_of(c):
-    """Convert a material."""
-    textures = {slot: texture_of(texture) for slot, texture in zip(SLOTS, c.textures, strict=True)}
-    return Material(
-        str(c.name), tuple(c.base_color), c.metallic, c.roughness, tuple(c.emissive),
-        c.normal_scale, c.occlusion_strength, ALPHA_MODES[c.alpha_mode], c.alpha_cutoff,
-        bool(c.is_double_sided), bool(c.is_unlit),
-    ).with_textures({slot: texture for slot, texture in textures.items() if texture})  # fmt: skip
-
-
-def image_of(c, data):
-    """Convert an image, with its bytes from the file."""
-    return Image(str(c.name), str(c.media_type), data[c.offset : c.offset + c.size])
-
-
-def texture_of(c):
-    """Convert a texture; None without an image."""
-    if c.image == NONE:
-        return None
-    return Texture(
-        c.image, str(c.uv), "".join(CHANNELS[i] for i in range(4) if c.channels >> i & 1),
-        WRAPS[c.wrap_u], WRAPS[c.wrap_v], filter_of(c.magnified), filter_of(c.shrunk),
-        tuple(c.offset), c.rotation, tuple(c.scale),
-    )  # fmt: skip
-
-
-def filter_of(code):
-    """Convert a filter; 0 is unspecified."""
-    return FILTERS[code - 1] if code else None
 
 
 class Decoder:
@@ -490,8 +421,3 @@ class Decoder:
         places = (c_void_p(array.ctypes.data) for array in (positions, out))
         call("normals", self.handle, c_uint32(positions.itemsize), *places)
         return out
-
-
-def kind_of(track):
-    """Convert kind and domain of a track."""
-    return KINDS[track.kind], DOMAINS[track.domain]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.kernel.library import NAME
 from meshreel.kernel.library import library as core
@@ -86,7 +87,7 @@ def whole_lines(data):
                 yield from mesh_lines(opened)
                 with Decoder(opened) as decoder:
                     yield from frame_lines(opened, decoder)
-                yield from surface_lines(opened, data)
+                yield from surface_lines(opened, data, i)
 
 
 def number(value):
@@ -152,8 +153,9 @@ def modes_of(decoder):
     return np.concatenate([np.asarray(array, float) for array in arrays])
 
 
-def surface_lines(file, data):
-    surface = file.surface(data)
+def surface_lines(file, data, number):
+    file.read_surface()
+    surface = whole_stream(data, segment=number).surface
     c = c_reader.returned("surface_of", POINTER(CSurface), file.handle).contents
     edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
     yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
@@ -272,7 +274,9 @@ def shown_frames(path, mirrored=True):
     with File(data, mesh=False) as file:
         for number, segment in enumerate(file.segments):
             with file.open_segment(number) as opened, Decoder(opened) as decoder:
-                corners, items, uvs = shown_corners(opened, opened.surface(data), mirrored)
+                corners, items, uvs = shown_corners(
+                    opened, whole_stream(data, segment=number).surface, mirrored
+                )
                 n_vertices = len(np.unique(np.column_stack([corners, items]), axis=0))
                 for t, positions in enumerate(decoder.frames(dtype=np.float32)):
                     vectors = [positions, decoder.normals(positions)]
