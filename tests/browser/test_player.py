@@ -9,11 +9,10 @@ import pytest
 from PIL import Image
 
 import meshreel
-from meshreel.errors import CorruptStreamError
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT
 from samples.browser import checked_rules
-from samples.numbered_video import STEP, moving_sheet, numbered_video
+from samples.numbered_video import moving_sheet, numbered_video
 from samples.player_pages import (
     COMMAND,
     covered,
@@ -99,15 +98,6 @@ def test_sought_frames_match_decode(page, decoded):
         assert state_of(page)["frame"] == frame
         errors = np.abs(positions_of(page) - decoded[frame])
         assert errors.max() < 1e-4 * diagonal_of(decoded), frame
-
-
-def test_playback_crosses_blocks(page):
-    page.get_by_role("button", name="Play").click()
-    wait_until(page, "player.state().frame > 13")
-    page.get_by_role("button", name="Pause").click()
-    frame = state_of(page)["frame"]
-    page.wait_for_timeout(200)
-    assert state_of(page)["frame"] == frame
 
 
 def test_page_stops_at_the_end_without_loop(own_page):
@@ -461,14 +451,6 @@ def test_all_controls_of_the_bar_are_visible_next_to_the_panel(new_page, url, wi
         assert box["x"] + box["width"] <= right
 
 
-def test_pages_do_not_disturb_each_other_when_two_are_open(new_page, url, decoded):
-    pages = [new_page(url), new_page(url)]
-    for page, frame in zip(pages, (7, 31), strict=True):
-        show(page, frame)
-    for page, frame in zip(pages, (7, 31), strict=True):
-        assert np.abs(positions_of(page) - decoded[frame]).max() < 1e-4 * diagonal_of(decoded)
-
-
 def test_a_lost_server_is_an_error(new_page, flag):
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         page = new_page(address)
@@ -476,30 +458,6 @@ def test_a_lost_server_is_an_error(new_page, flag):
     page.keyboard.press("End")
     page.get_by_role("alert").wait_for()
     assert "server does not" in page.get_by_role("alert").inner_text()
-
-
-def test_page_skips_a_block_and_shows_an_error_when_it_is_damaged(
-    new_page, flag, tmp_path, decoded
-):
-    data = bytearray((flag / "flag.reel").read_bytes())
-    sizes = meshreel.info(bytes(data)).block_bytes
-    data[len(data) - sizes[2] - sizes[1] // 2] ^= 255  # an index, which is short, follows
-    (tmp_path / "damaged.reel").write_bytes(data)
-    with meshreel.open(tmp_path / "damaged.reel") as reel:
-        assert (reel[30].vertices == decoded[30]).all()
-        with pytest.raises(CorruptStreamError):
-            _ = reel[15]
-    with viewing(tmp_path / "damaged.reel") as (_, address):
-        page = new_page(address)
-        page.get_by_role("alert").wait_for()  # blocks are fetched ahead
-        told = page.get_by_role("alert").inner_text()
-        assert "Frames 12 to 23 are missing: " in told
-        show(page, 30)
-        assert np.abs(positions_of(page) - decoded[30]).max() < 1e-4 * diagonal_of(decoded)
-        show(page, 0)
-        page.get_by_role("button", name="Play").click()
-        wait_until(page, "player.state().frame > 26")
-        assert state_of(page)["playing"]
 
 
 @pytest.mark.every_case
@@ -551,19 +509,6 @@ def test_exported_page_shows_an_image_when_it_has_one(new_page, textured, tmp_pa
     page.wait_for_timeout(300)
     red, green, _ = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
     assert (red - green > 100).mean() < 0.001
-
-
-def test_exported_page_plays_a_video_with_the_mesh_when_it_has_one(new_page, textured, tmp_path):
-    numbered_video(tmp_path / "moving.webm")
-    page = new_page(textured(tmp_path / "moving.webm"))
-    show(page, 40)
-    assert np.abs(positions_of(page)[0, 0] - 40 * STEP) < STEP / 10
-    red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
-    assert (np.abs(red - blue) > 40).mean() > 0.02
-    page.get_by_role("button", name="Play").click()
-    wait_until(page, "player.state().frame > 50")
-    page.get_by_role("button", name="Pause").click()
-    assert not page.get_by_role("alert").is_visible()
 
 
 def test_served_page_starts_a_video_with_sound_muted(new_page, tmp_path):

@@ -56,9 +56,6 @@ def files():
         "/gold.reel": meshreel.encode(golden_sheet(), max_error=0.01, effort=5),
         "/red.reel": meshreel.encode(red_sheet(), max_error=0.01, effort=5),
         "/noise.reel": meshreel.encode(noisy_sheet(), max_error=0.01, effort=5),
-        "/index.html": b"<!DOCTYPE html><title>Not found</title>",
-        "/model.glb": b"glTF\x02\x00\x00\x00" + bytes(64),
-        "/pointer.reel": b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n",
     }
 
 
@@ -283,22 +280,6 @@ def test_empty_src_requests_nothing(shown):
     page.wait_for_timeout(300)
     assert page.evaluate("[player.error, window.nAsked]") == [None, 0]
     assert text_of(page, ".waiting") == ""
-
-
-WRONG_FILES = {
-    "/index.html": ["HTML page", "address"],
-    "/model.glb": ["GLB file", "meshreel encode"],
-    "/pointer.reel": ["Git LFS pointer"],
-}
-
-
-@pytest.mark.parametrize("src", WRONG_FILES)
-def test_error_names_other_file_formats(shown, src):
-    page = shown(f'<reel-player src="{src}"></reel-player>')
-    until(page, "player.error")
-    assert page.evaluate("player.error.name") == "CorruptStreamError"
-    said = text_of(page, "[role=alert]")
-    assert all(words in said for words in WRONG_FILES[src]), said
 
 
 def test_dragging_the_thumb_stops_time(shown):

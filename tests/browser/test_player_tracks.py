@@ -267,24 +267,6 @@ def test_exported_page_opens_with_an_exact_track(new_page, exported_tracks, deco
     assert probe(page, 77) == decoded["part"][:, 77, 0].tolist()
 
 
-def test_exported_page_shows_errors_of_tracks_within_the_precision_of_its_original(
-    new_page, exported_tracks, folder, decoded
-):
-    page = new_page(exported_tracks)
-    original = meshreel.load(folder / "original.npz").tracks
-    labels = page.locator("#heat option").all_inner_texts()
-    assert labels[-3:] == ["error of stress", "error of velocity", "error of heat"]
-    page.evaluate("player.seek(9)")
-    with meshreel.open(folder / "flag.reel") as reel:
-        bounds = [reel.track(name).error_bound for name in ("stress", "velocity")]
-    for number, (name, bound) in enumerate(zip(("stress", "velocity"), bounds, strict=True)):
-        page.evaluate(f"player.setHeat('track {number}')")
-        differences = original[name].values.astype(float)[9] - decoded[name][9]
-        expected = np.linalg.norm(differences, axis=1)
-        assert expected.max() > bound / 3
-        np.testing.assert_allclose(values_of(page), expected, atol=1.001 * bound / 20)
-
-
 def halves(page):
     """Return the pixels of the decoded and of the original view, below their labels."""
     picture = picture_of(page, "canvas")[60:]

@@ -6,7 +6,6 @@ import pytest
 import meshreel
 from samples.browser import checked_rules
 from samples.element_pages import (
-    PAGE,
     drawn_fraction,
     picture,
     press,
@@ -15,7 +14,6 @@ from samples.element_pages import (
     text_of,
     until,
 )
-from samples.firefox import message_of
 from samples.numbered_video import moving_sheet, numbered_video
 from samples.webgl import COUNTING
 
@@ -472,6 +470,10 @@ ERRORS = {
         "must be a CSS color",
     ),
     'src="/flag.reel" texture="/walk.webm"': ("InvalidInputError", "no UVs"),
+    'src="/stress.reel" track="strain"': (
+        "InvalidInputError",
+        'available: "stress", "part", "paint"',
+    ),
     'src="/sheet.reel" texture="/missing.png"': ("SourceError", "cannot load the image"),
     'src="/sheet.reel" texture="/missing.webm"': ("SourceError", "cannot play the video"),
     'src="/sheet.reel" texture="/walk.webm" loop="pingpong"': ("InvalidInputError", "forwards"),
@@ -573,13 +575,6 @@ def test_a_track_colors_the_mesh_with_a_legend(shown):
     page.evaluate("player.track = null")
     until(page, f"{LEGEND}.hidden")
     assert page.evaluate("player.error") is None
-
-
-def test_error_for_an_unknown_track_lists_the_tracks(shown):
-    page = shown('<reel-player src="/stress.reel" track="strain"></reel-player>')
-    until(page, "player.error")
-    assert 'available: "stress", "part", "paint"' in text_of(page, "[role=alert]")
-    assert page.evaluate(f"{LEGEND}.hidden")
 
 
 def test_removed_players_release_everything(shown):
@@ -738,23 +733,3 @@ def test_a_video_is_synchronized_and_pauses_off_screen(shown):
     until(page, "player.mesh.video.paused && !player.paused")
     page.evaluate("scrollTo(0, 0)")
     until(page, "!player.mesh.video.paused")
-
-
-def test_errors_are_visible_without_webgl(files):
-    script = """
-      const player = document.querySelector("reel-player");
-      const end = performance.now() + 60000;
-      while (!(player.error && player.reel) && performance.now() < end) {
-        await new Promise((resolve) => setTimeout(resolve, 20));
-      }
-      const { error, reel } = player;
-      const alert = player.shadowRoot?.querySelector("[role=alert]")?.textContent;
-      const found = { error: error?.name, alert, n: reel?.info.nFrames };
-      await fetch("/", { method: "POST", body: JSON.stringify(found) });
-    """
-    body = f'<reel-player src="/flag.reel" controls></reel-player><script type=module>{script}'
-    pages = {**files, "/all.html": PAGE.format(body=body + "</script>").encode()}
-    result = message_of(pages, "/all.html", is_headless=True)
-    assert result["error"] == "MeshReelError"
-    assert "WebGL 2" in result["alert"]
-    assert result["n"] == 45

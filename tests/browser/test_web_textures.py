@@ -1,6 +1,7 @@
 """Images and videos on a mesh, which shows the frame of the current picture."""
 
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -321,12 +322,7 @@ def test_invalid_textures_are_rejected_with_a_message(ask):
         """,
     )
     for text, words in zip(result, ERRORS.values(), strict=True):
-        assert_matches(text, words)
-
-
-def assert_matches(text, words):
-    with pytest.raises(ValueError, match=words):
-        raise ValueError(text)
+        assert re.search(words, text), text
 
 
 @pytest.mark.slow
@@ -345,8 +341,8 @@ def test_an_unreadable_cross_origin_video_is_an_error(ask, films):
               return [error().error, own];
             """,
         )
-    assert_matches(result[0], "SourceError: this page must not read the video .*same.webm")
-    assert_matches(result[1], "SourceError: cannot play the video .*same.webm")
+    assert re.match("SourceError: this page must not read the video .*same.webm", result[0])
+    assert re.match("SourceError: cannot play the video .*same.webm", result[1])
 
 
 @pytest.mark.slow

@@ -8,61 +8,6 @@ from meshreel.model.tracks import Track
 
 N_ROWS, N_COLUMNS = 16, 18
 
-COLORED = """async ([name, frame, expected, options, gpu]) => {
-  const THREE = await import("three");
-  const { ReelLoader } = await import("meshreel/three");
-  const [width, height] = [900, 700];
-  const renderer = new THREE.WebGLRenderer({ preserveDrawingBuffer: true });
-  renderer.setSize(width, height, false);
-  const material = new THREE.MeshBasicMaterial({ side: THREE.DoubleSide });
-  const mesh = await new ReelLoader(undefined, { material, renderer, gpu }).loadAsync("/flag.reel");
-  const legend = await mesh.colorBy(name, options);
-  mesh.seek({ frame });
-  while (mesh.isWaiting) await new Promise((resolve) => setTimeout(resolve, 5));
-  const { center, radius } = mesh.geometry.boundingSphere;
-  const camera = new THREE.PerspectiveCamera(40, width / height, radius / 50, 20 * radius);
-  camera.position.copy(center).add(new THREE.Vector3(0.3, -2, 0.5).multiplyScalar(radius));
-  camera.up.set(0, 0, 1);
-  camera.lookAt(center);
-  camera.updateMatrixWorld();
-  const scene = new THREE.Scene();
-  scene.add(mesh);
-  renderer.render(scene, camera);
-  const gl = renderer.getContext();
-  const positions = await mesh.positionsAt(frame);
-  const { triangles } = mesh.reel.surface;
-  const isOfFaces = mesh.reel.track(name).info.domain === "face";
-  const ray = new THREE.Raycaster();
-  const colorAt = (place) => {
-    const color = new Uint8Array(4);
-    const [x, y] = [((place.x + 1) / 2) * width, ((place.y + 1) / 2) * height];
-    gl.readPixels(Math.floor(x), Math.floor(y), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, color);
-    return [...color.slice(0, 3)];
-  };
-  const found = [];
-  expected.forEach((value, item) => {
-    const point = new THREE.Vector3();
-    const corners = isOfFaces ? [...triangles.slice(3 * item, 3 * item + 3)] : [item];
-    for (const vertex of corners) {
-      const [x, y, z] = positions.slice(3 * vertex, 3 * vertex + 3);
-      point.addScaledVector(new THREE.Vector3(x, y, z), 1 / corners.length);
-    }
-    const place = point.clone().project(camera);
-    ray.setFromCamera(new THREE.Vector2(place.x, place.y), camera);
-    const [hit] = ray.intersectObject(mesh);
-    const isSeen = hit && hit.point.distanceTo(point) < 1e-3 * radius;
-    if (!isSeen || value === null) return;
-    const wanted = Array.isArray(value) ? value : legend.colorOf(value === "none" ? NaN : value);
-    found.push([item, colorAt(place), wanted]);
-  });
-  const { isOnGpu } = mesh;
-  const { range, unit } = legend;
-  mesh.dispose();
-  renderer.dispose();
-  renderer.forceContextLoss();
-  return { found, isOnGpu, range, unit };
-}"""
-
 VALUES = """async (name) => {
   const { ReelFile } = await import("meshreel");
   const reel = await ReelFile.open("/flag.reel");
@@ -137,13 +82,6 @@ def page(three_page, stream):
     return three_page({"/flag.reel": stream})
 
 
-def inner(values):
-    """Replace the values of vertices at the rim by None: colors may be those behind it."""
-    rows, columns = np.divmod(np.arange(len(values)), N_COLUMNS)
-    is_rim = np.isin(rows, (0, N_ROWS - 1)) | np.isin(columns, (0, N_COLUMNS - 1))
-    return [None if skipped else value for value, skipped in zip(values, is_rim, strict=True)]
-
-
 def test_values_and_descriptions_match_python(page, decoded):
     for name, values in decoded.items():
         answer = page.evaluate(VALUES, name)
@@ -153,55 +91,6 @@ def test_values_and_descriptions_match_python(page, decoded):
         assert (answer["info"]["errorBound"] > 0) is not answer["info"]["isExact"]
     assert answer["info"]["kind"] == "vector"
     assert answer["info"]["unit"] == "m/s"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gpu", [True, False])
-@pytest.mark.parametrize("frame", [0, 17])
-def test_mesh_is_colored_by_each_track(page, decoded, frame, gpu):
-    for name, options, shown in (
-        ("stress", {}, decoded["stress"][..., 0]),
-        ("heat", {"map": "sequential"}, decoded["heat"][..., 0]),
-        ("part", {"range": "0%:100%"}, decoded["part"][..., 0]),
-        ("holes", {}, decoded["holes"][..., 0]),
-        ("speed", {}, np.linalg.norm(decoded["speed"].astype(np.float64), axis=2)),
-        ("speed", {"component": "y"}, decoded["speed"][..., 1]),
-        ("speed", {"component": 1, "range": [-0.02, 0.02]}, decoded["speed"][..., 1]),
-    ):
-        values = ["none" if np.isnan(value) else float(value) for value in shown[frame]]
-        expected = values if name == "heat" else inner(values)
-        answer = page.evaluate(COLORED, [name, frame, expected, options, gpu])
-        assert answer["isOnGpu"] == gpu
-        assert answer["unit"] == {"stress": "Pa", "heat": "K", "speed": "m/s"}.get(name, "")
-        result = answer["found"]
-        assert len(result) > 100
-        off = [np.abs(np.subtract(color, right)).max() for _, color, right in result]
-        assert np.median(off) <= 2
-        # Half a pixel differs at steep gradients, folds, steps and edges of holes.
-        assert np.quantile(off, 0.8 if name in ("part", "holes") else 0.95) < 20, name
-        if "range" in options and name == "speed":
-            assert answer["range"] == options["range"]
-        else:
-            first = shown[[0, 2, 3, 5, 6, 8, 9, 11]]  # 11 i / 7, rounded
-            ends = [0, 100] if "range" in options else [2, 98]
-            low, high = np.nanpercentile(first.astype(np.float64), ends)
-            if low < 0 < high:
-                low, high = -max(-low, high), max(-low, high)
-            assert answer["range"] == pytest.approx([low, high], rel=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("gpu", [True, False])
-def test_a_color_track_colors_the_mesh(page, decoded, gpu):
-    for name, most in (("paint", 255), ("tint", 1)):
-        colors = np.clip(255 * decoded[name][17].astype(np.float64) / most, 0, 255)
-        answer = page.evaluate(COLORED, [name, 17, inner(colors.tolist()), {}, gpu])
-        assert answer["isOnGpu"] == gpu
-        assert answer["range"] is None
-        assert len(answer["found"]) > 100
-        off = [np.abs(np.subtract(color, right)).max() for _, color, right in answer["found"]]
-        assert np.median(off) <= 2
-        assert np.quantile(off, 0.95) < 20
 
 
 def test_range_of_a_track_of_colors_is_refused(page):

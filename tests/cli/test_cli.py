@@ -65,20 +65,6 @@ def test_encode_prints_the_error_that_shading_shows(grid, tmp_path):
     assert "shape of edges (STED)" in shown
 
 
-@pytest.mark.parametrize(
-    ("options", "keywords"),
-    [
-        (["--quality", 60], {"quality": 60}),
-        (["--step", 0.003, "--modes", 4], {"step": 0.003, "n_modes": 4}),
-        (["--kg", 1, "--tune", "visual", "--effort", 2], {"kg": 1, "tune": "visual", "effort": 2}),
-    ],
-)
-def test_encode_uses_the_target_options(grid, tmp_path, options, keywords):
-    run_json("encode", grid, "-o", tmp_path / "a.reel", *options)
-    expected = meshreel.encode(meshreel.load(grid), **keywords)
-    assert (tmp_path / "a.reel").read_bytes() == expected
-
-
 def test_encode_names_the_output_after_the_input_by_default(grid, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     assert run("encode", grid, cwd=tmp_path / "elsewhere").returncode == 0
@@ -95,20 +81,6 @@ def test_encode_uses_its_options(grid, tmp_path):
         laplacian="combinatorial", order="drop", block_frames=6, n_iterations=3,
     )  # fmt: skip
     assert (tmp_path / "a.reel").read_bytes() == expected
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("extension", ["obj", "ply", "off"])
-def test_frame_files_round_trip_when_encoded_from_a_folder(tmp_path, extension):
-    frames = tmp_path / "frames"
-    frames.mkdir()
-    meshreel.save(waving_grid(), frames / f"f_%d.{extension}")
-    run_json("encode", frames, "-o", tmp_path / "a.reel", "--fps", 30)
-    (tmp_path / "out").mkdir()
-    run_json("decode", tmp_path / "a.reel", "-o", tmp_path / "out" / f"f_%03d.{extension}")
-    quality = run_json("compare", frames, tmp_path / "out")
-    assert quality["kg_error_percent"] < 2
-    assert run_json("info", tmp_path / "a.reel")["fps"] == 30
 
 
 def test_globs_and_lists_give_the_same_stream_as_the_folder(tmp_path):

@@ -1,13 +1,10 @@
 """`meshreel compare` of files whose faces differ: distances between surfaces."""
 
-import json
-
 import pytest
-from click.testing import CliRunner
 
 import meshreel
-from meshreel.app.cli.app import app
-from meshreel.app.cli.messages import with_options
+from samples import commands
+from samples.commands import assert_fails, run_json
 from samples.meshes import waving_grid
 
 
@@ -23,7 +20,8 @@ def files(tmp_path, monkeypatch, few_grid_lines):
 
 
 def run(*words):
-    return CliRunner().invoke(app, ["compare", *map(str, words)])
+    """Run `meshreel compare ARGUMENTS`, and return the result."""
+    return commands.run("compare", *words)
 
 
 def test_compare_shows_surface_distances_and_why(files):
@@ -42,7 +40,7 @@ def test_compare_says_that_equal_surfaces_have_no_psnr(files):
 
 
 def test_compare_prints_surface_distances_as_json(files):
-    figures = json.loads(run(*files[:2], "--samples", 400, "--json").stdout)
+    figures = run_json("compare", *files[:2], "--samples", 400)
     assert figures["n_samples"] == 400
     assert figures["to_decoded"]["max_percent"] > figures["to_decoded"]["mean_percent"] > 0
     assert figures["notes"] == []
@@ -61,8 +59,7 @@ def test_compare_prints_surface_distances_as_json(files):
 )
 def test_compare_refuses_what_it_cannot_compare(files, words, message):
     done = run(*[files[word] if isinstance(word, int) else word for word in words])
-    assert done.exit_code == 1
-    assert message in with_options(done.exception.message)
+    assert_fails(done, message)
 
 
 @pytest.mark.slow
@@ -72,7 +69,7 @@ def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
     for name, sheet in zip("ab", sheets, strict=True):
         meshreel.save(sheet, folder / f"{name}_%d.ply")
     stream.write_bytes(meshreel.encode(meshreel.load(folder, fps=25)))
-    figures = json.loads(run(folder, stream, "--samples", 400, "--json").stdout)
+    figures = run_json("compare", folder, stream, "--samples", 400)
     assert figures["reason"] == "the faces change over time"
     assert 0 < figures["to_decoded"]["mean_percent"] < 0.1
     with pytest.warns(UserWarning, match="6 frames in 2 segments"):
@@ -82,7 +79,7 @@ def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
 def test_compare_matches_the_vertices_of_a_stream_without_its_order(files, tmp_path):
     stream, sheet = tmp_path / "a.reel", meshreel.load(files[0])
     stream.write_bytes(meshreel.encode(sheet, max_error=0.5, order="drop"))
-    figures = json.loads(run(files[0], stream, "--json").stdout)
+    figures = run_json("compare", files[0], stream)
     assert 0 < figures["max_error_percent"] <= 0.5
     assert [note[:32] for note in figures["notes"]] == ["the order of vertices differs; t"]
     assert "the order of vertices differs" in run(files[0], stream).stderr

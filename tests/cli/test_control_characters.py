@@ -113,34 +113,27 @@ def test_info_escapes_names(folder, file):
     assert all(line.startswith("  ") for line in lines)
 
 
-def test_info_escapes_the_media_type_of_an_image(folder):
-    assert_named(run("info", "a.reel"), "image/")
-
-
-def test_encode_escapes_names_and_units_of_tracks(folder):
-    assert_named(run("encode", "a.npz", "-o", "b.reel"), "heat", " Pa")
-
-
 @pytest.mark.parametrize(
-    ("output", "names"),
-    [("b.npz", ["0"]), ("b.glb", ["heat"]), ("b.usda", []), ("b_%d.obj", ["heat"])],
+    ("command", "names"),
+    [
+        ("info a.reel", ["image/"]),
+        ("encode a.npz -o b.reel", ["heat", " Pa"]),
+        ("decode a.reel -o b.npz", ["0"]),
+        ("decode a.reel -o b.glb", ["heat"]),
+        ("decode a.reel -o b.usda", []),
+        ("decode a.reel -o b_%d.obj", ["heat"]),
+        ("convert a.npz -o b.reel", ["heat"]),
+        ("convert a.npz -o b_%d.stl", ["heat"]),
+        ("compare a.npz a.reel", ["heat", " Pa"]),
+    ],
 )
-def test_decode_escapes_names_in_notes(folder, output, names):
-    assert_named(run("decode", "a.reel", "-o", output), *names)
-
-
-@pytest.mark.parametrize(("output", "names"), [("b.reel", ["heat"]), ("b_%d.stl", ["heat"])])
-def test_convert_escapes_names(folder, output, names):
-    assert_named(run("convert", "a.npz", "-o", output), *names)
+def test_tables_and_notes_escape_names(folder, command, names):
+    assert_named(run(*command.split()), *names)
 
 
 def test_info_escapes_names_in_the_table_of_meshes(folder):
     assert_named(run("decode", "a.reel", "-o", "b.glb"))
     assert_named(run("info", "b.glb"))
-
-
-def test_compare_escapes_names(folder):
-    assert_named(run("compare", "a.npz", "a.reel"), "heat", " Pa")
 
 
 @pytest.mark.slow

@@ -1,16 +1,13 @@
 """`--lossless` on the command line."""
 
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import meshreel
-from meshreel.app.cli.app import app
-from meshreel.app.cli.messages import with_options
+from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
 GRID = waving_grid(8)
@@ -32,14 +29,9 @@ def _current_folder(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
 
-def run(*words):
-    return CliRunner().invoke(app, [*map(str, words)])
-
-
-def output_of(done):
-    """Return the output, including an error, without table borders."""
-    error = with_options(getattr(done.exception, "message", ""))
-    return " ".join(f"{done.output} {error}".split())
+def output_of(*words):
+    """Return the output of a command, without table borders."""
+    return " ".join(run_ok(*words).stdout.split())
 
 
 def assert_same_positions(sequence):
@@ -50,9 +42,7 @@ def assert_same_positions(sequence):
 
 @pytest.mark.parametrize("command", ["encode", "convert"])
 def test_positions_round_trip_bit_for_bit_and_output_says_so(command):
-    done = run(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
-    assert done.exit_code == 0, done.output
-    output = output_of(done)
+    output = output_of(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
     assert "method lossless raw" in output
     assert "positions exact 0 " in output
     assert "track heat exact 0 " in output
@@ -62,24 +52,20 @@ def test_positions_round_trip_bit_for_bit_and_output_says_so(command):
 
 
 def test_figures_report_no_error():
-    done = run("encode", "walk.npz", "-o", "json.reel", "--lossless", "--json")
-    figures = json.loads(done.stdout)
-    assert (figures["method"], figures["n_modes"], figures["max_error_percent"]) == (
-        "lossless",
-        [0],
-        0,
-    )
-    info = json.loads(run("info", "json.reel", "--json").stdout)
+    figures = run_json("encode", "walk.npz", "-o", "json.reel", "--lossless")
+    found = figures["method"], figures["n_modes"], figures["max_error_percent"]
+    assert found == ("lossless", [0], 0)
+    info = run_json("info", "json.reel")
     assert info["is_lossless"] is True
     assert info["error_bound_percent"] == 0
     assert 0 < info["budget_bytes"]["values"] < info["size_bytes"]
-    compared = json.loads(run("compare", "walk.npz", "json.reel", "--json").stdout)
+    compared = run_json("compare", "walk.npz", "json.reel")
     assert compared["max_error_percent"] == 0
     assert compared["tracks"]["heat"]["largest"] == 0
 
 
 def test_info_shows_a_lossless_stream():
-    output = output_of(run("info", "walk.reel"))
+    output = output_of("info", "walk.reel")
     assert "method lossless" in output
     assert "lossless: positions are equal bit for bit" in output
     assert "heat: scalar of each vertex, float32 in K, exact" in output
@@ -87,8 +73,8 @@ def test_info_shows_a_lossless_stream():
 
 def test_tracks_keep_their_error_bounds():
     bound = ["--track", "heat=0.5K"]
-    done = run("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
-    assert "track heat 0.5 K 0." in output_of(done)
+    output = output_of("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
+    assert "track heat 0.5 K 0." in output
     decoded = meshreel.decode("bound.reel")
     assert_same_positions(decoded)
     assert 0 < np.abs(decoded.tracks["heat"].values[..., 0] - HEAT).max() <= 0.5
@@ -97,18 +83,16 @@ def test_tracks_keep_their_error_bounds():
 
 
 def test_lossless_stream_is_decoded_to_files():
-    assert run("decode", "walk.reel", "-o", "back.npz").exit_code == 0
+    run_ok("decode", "walk.reel", "-o", "back.npz")
     assert_same_positions(meshreel.load("back.npz"))
-    done = run("decode", "walk.reel", "-o", "back.glb", "--max-error", "0.1")
-    assert done.exit_code == 0, done.output
+    run_ok("decode", "walk.reel", "-o", "back.glb", "--max-error", "0.1")
 
 
 @pytest.mark.slow
 def test_batch_encodes_losslessly():
     Path("in").mkdir()
     shutil.copy("walk.npz", "in")
-    done = run("batch", "in", "out", "--lossless", "--workers", "1", "--json")
-    assert done.exit_code == 0, done.output
+    run_ok("batch", "in", "out", "--lossless", "--workers", "1")
     assert_same_positions(meshreel.decode("out/walk.reel"))
 
 
@@ -131,6 +115,4 @@ def test_batch_encodes_losslessly():
     ],
 )
 def test_options_without_effect_are_rejected(words, message):
-    done = run(*words)
-    assert done.exit_code != 0
-    assert message in output_of(done)
+    assert_fails(run(*words), message)

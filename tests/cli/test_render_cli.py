@@ -96,22 +96,6 @@ def test_error_says_what_is_allowed_when_an_option_is_invalid(flag, options, wor
     assert sorted(flag.iterdir()) == before
 
 
-@pytest.mark.slow
-def test_render_reads_colors_of_frame_files(tmp_path):
-    grid = waving_grid(3)
-    values = np.tile(np.array([[200, 40, 40]], np.uint8), (grid.n_verts, 1))
-    color = meshreel.Attribute("color", meshreel.Kind.COLOR, meshreel.Domain.VERTEX, values)
-    red = MeshSequence(grid.vertices, grid.faces, surface=meshreel.Surface(attributes=(color,)))
-    (tmp_path / "red.reel").write_bytes(meshreel.encode(red))
-    meshreel.save(grid, tmp_path / "grid_%02d.obj")
-    for source, least, most in (("red.reel", 80, 255), ("grid_*.obj", 0, 40)):
-        run_json("render", source, "-o", "a.png", "-f", "--frames", 1, cwd=tmp_path)
-        with Image.open(tmp_path / "a.png") as image:
-            picture = np.asarray(image.convert("RGB")).astype(int)
-        seen = (picture != 255).any(axis=2)
-        assert least <= np.ptp(picture[seen], axis=1).mean() <= most
-
-
 @pytest.fixture(scope="module")
 def warm(flag):
     """The folder with warm.npz and warm.reel, whose tracks are a height and a velocity."""

@@ -306,13 +306,6 @@ def test_a_wrong_number_of_corrections_allocates_nothing():
         decode(data)
 
 
-def test_a_material_with_a_missing_image_is_refused():
-    stream = Stream(STREAMS["materials"])
-    kept = [part for part in parts_of(stream) if part[0] is not Section.IMAGE]
-    with pytest.raises(CorruptStreamError, match="refers to an image that does not exist"):
-        decode(raw_stream(stream.header, kept))
-
-
 @pytest.mark.parametrize("name", ["reel", "materials", "on a grid", "grid", "rows"])
 def test_positions_that_are_not_finite_are_refused(name, tmp_path):
     stream = Stream(STREAMS[name])

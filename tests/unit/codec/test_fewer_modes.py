@@ -77,17 +77,6 @@ def test_one_mode_moves_with_rank_one_along_each_axis(sequence):
         assert strengths[1] <= 1e-5 * max(strengths[0], 1)
 
 
-def test_every_block_is_limited_to_a_number_of_modes():
-    sequence = waving_grid(20, dtype=np.float64)
-    data = encode(sequence, step=1e-4, block_frames=7)
-    assert len(info(data).n_modes) == 3
-    apart = [
-        decode(data, frames=slice(start, start + 7), n_modes=3).vertices for start in (0, 7, 14)
-    ]
-    together = decode(data, n_modes=3).vertices
-    np.testing.assert_allclose(np.concatenate(apart), together, atol=1e-9)
-
-
 @pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 12), slice(-2, None)])
 def test_range_of_frames_with_fewer_modes_equals_that_of_the_whole(sequence, frames):
     data = encode(sequence, step=1e-4, block_frames=8)

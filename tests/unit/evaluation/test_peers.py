@@ -7,21 +7,16 @@ from meshreel.errors import InvalidInputError
 from meshreel.evaluation.draco import (
     DRACO,
     decode,
-    draco_order,
     encode,
     prepare,
     restore,
     separate_equal,
 )
 from meshreel.evaluation.peers import (
-    interleaved,
-    pack_frames,
     peers_named,
-    planar,
     positions_of_deltas,
     quantized_deltas,
     tolerance_of,
-    unpack_frames,
     why_missing,
 )
 from meshreel.evaluation.positions import PEERS
@@ -34,10 +29,6 @@ LOSSLESS = {"blosc2", "npz"}
 
 
 NAMES = [peer.name for peer in PEERS]
-
-
-def test_only_draco_codes_faces():
-    assert [peer.name for peer in PEERS if peer.has_faces] == ["draco"]
 
 
 @pytest.fixture(scope="module")
@@ -112,10 +103,6 @@ def test_positions_that_draco_cannot_match_are_an_error(small_flag):
         restore(decoded[:, ::-1], source, 10)
 
 
-def test_draco_order_is_a_permutation(small_flag):
-    assert sorted(draco_order(small_flag)) == list(range(small_flag.n_verts))
-
-
 def test_separate_equal_makes_all_positions_distinct():
     frame = np.zeros((500, 3), np.float32)
     frame[::3] = 1.5
@@ -142,18 +129,6 @@ def test_quantized_deltas_of_a_point_are_zero():
     head, deltas = quantized_deltas(np.full((3, 4, 3), 2.5), 8)
     assert not deltas.any()
     assert (positions_of_deltas(head, deltas, np.float32) == 2.5).all()
-
-
-def test_interleaved_inverts_planar():
-    vertices = np.arange(2 * 5 * 3, dtype=np.float32).reshape(2, 5, 3)
-    rows = planar(vertices)
-    assert rows[1].tolist() == [*vertices[1, :, 0], *vertices[1, :, 1], *vertices[1, :, 2]]
-    assert np.array_equal(interleaved(rows, (2, 5, 3)), vertices)
-
-
-def test_packed_frames_round_trip():
-    frames = [b"abc", b"", b"d"]
-    assert unpack_frames(pack_frames(frames)) == frames
 
 
 def test_peers_named_returns_peers_in_registry_order():

@@ -138,14 +138,6 @@ def test_threaded_example_builds_with_cmake(installed, tmp_path):
     assert run(tmp_path / "threads", STREAM)
 
 
-def test_program_links_with_the_flags_of_meshreel_core(expected, tmp_path):
-    need("cc")
-    program = tmp_path / "program"
-    flags = run(sys.executable, "-m", "meshreel", "core", "--cflags", "--libs").decode().split()
-    run("cc", SOURCE, *flags, "-o", program)
-    assert run(program, STREAM) == expected
-
-
 def test_shared_library_exports_the_header_and_needs_no_other_library(installed, monkeypatch):
     monkeypatch.syspath_prepend(str(CORE))
     from abi import functions

@@ -165,13 +165,6 @@ def test_repeated_motion_takes_fewer_bytes():
     assert two < 1.8 * one
 
 
-def test_items_with_many_neighbors_round_trip():
-    hub = np.array([[0, i, i + 1] for i in range(1, 400)])
-    values = any_bits((3, 401, 1), np.float32, 5)
-    assert_round_trips(values, neighbors(hub, 401))
-    assert_round_trips(np.cumsum(np.ones((6, 401, 2), np.int32), axis=0), neighbors(hub, 401))
-
-
 def test_values_in_any_memory_order_round_trip():
     values = np.asfortranarray(waves(6)).astype(">f4")
     assert_round_trips(values[:, :, ::-1], lattice()[0])

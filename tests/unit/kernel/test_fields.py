@@ -76,14 +76,6 @@ def test_tiny_fields_round_trip(shape):
     assert decode_fields(data, *shape, passes=None).shape == shape
 
 
-def test_fields_with_empty_passes_round_trip():
-    fields = active_places(20, 500)
-    fields[::3, ::2] = 0
-    fields[1::3, 1::2] = 0
-    data = encode_fields(fields, line_passes(500))
-    np.testing.assert_array_equal(decode_fields(data, 20, 500, line_passes(500)), fields)
-
-
 def test_empty_row_after_full_rows_takes_few_bits():
     fields = active_places(20, 3000)
     emptied = np.insert(fields, [10, 12, 14], 0, axis=0)
@@ -168,15 +160,6 @@ def test_passes_are_rejected_unless_they_permute_the_columns(passes):
         encode_fields(SMALL, passes)
     with pytest.raises(InvalidInputError, match=r"passes have|cannot be encoded"):
         decode_fields(b"\1" * 100, *SMALL.shape, passes=passes)
-
-
-def test_maximum_number_of_neighbors_in_the_same_pass_round_trips():
-    fields = active_places(20, 60)
-    near = [list(range(max(0, i - MAX_NEAR), i)) for i in range(60)]
-    passes = as_order((range(60), near))
-    np.testing.assert_array_equal(
-        decode_fields(encode_fields(fields, passes), 20, 60, passes), fields
-    )
 
 
 def test_encoding_accepts_read_only_fields():

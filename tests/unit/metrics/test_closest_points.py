@@ -21,9 +21,25 @@ def assert_closest(points, corners):
     np.testing.assert_allclose(at_point, least, rtol=1e-9, atol=1e-12 * scale)
 
 
-@pytest.mark.parametrize("n_triangles", [1, 2, 3, 17, 300])
-def test_closest_points_are_exact_for_random_triangles(rng, n_triangles):
-    assert_closest(rng.normal(size=(200, 3)), rng.normal(size=(n_triangles, 3, 3)))
+def triangles(kind, rng):
+    """Corners of triangles, of shape (N, 3, 3)."""
+    start, along = rng.normal(size=(2, 100, 3))
+    if kind == "sizes that differ":
+        return start[:, None] + 10.0 ** rng.uniform(-4, 1, (100, 1, 1)) * rng.normal(
+            size=(100, 3, 3)
+        )
+    if kind == "slivers":
+        bent = start + 0.4 * along + 1e-6 * rng.normal(size=(100, 3))
+        return np.stack([start, start + along, bent], axis=1)
+    if kind == "without area":
+        lines = np.stack([start, along, 0.75 * start + 0.25 * along], axis=1)
+        return np.concatenate([lines, np.repeat(rng.normal(size=(20, 1, 3)), 3, axis=1)])
+    return rng.normal(size=(kind, 3, 3))
+
+
+@pytest.mark.parametrize("kind", [1, 2, 3, 17, 300, "sizes that differ", "slivers", "without area"])
+def test_closest_points_are_exact_for_triangles_of_all_kinds(kind, rng):
+    assert_closest(rng.normal(size=(200, 3)), triangles(kind, rng))
 
 
 @pytest.mark.slow
@@ -32,25 +48,6 @@ def test_closest_points_are_exact_for_points_on_far_from_and_near_a_surface(rng)
     near = vertices[faces].mean(axis=1) + 0.01 * rng.normal(size=(len(faces), 3))
     points = np.concatenate([vertices, near, 3 * near, 1000 * near[:20], np.zeros((1, 3))])
     assert_closest(points, vertices[faces])
-
-
-def test_closest_points_are_exact_for_triangles_of_very_different_sizes(rng):
-    sizes = 10.0 ** rng.uniform(-4, 1, size=(300, 1, 1))
-    corners = rng.normal(size=(300, 1, 3)) + sizes * rng.normal(size=(300, 3, 3))
-    assert_closest(rng.normal(size=(300, 3)), corners)
-
-
-def test_closest_points_are_exact_for_slivers(rng):
-    start, along = rng.normal(size=(100, 3)), rng.normal(size=(100, 3))
-    bent = start + 0.4 * along + 1e-6 * rng.normal(size=(100, 3))
-    assert_closest(rng.normal(size=(200, 3)), np.stack([start, start + along, bent], axis=1))
-
-
-def test_closest_points_are_exact_for_triangles_without_area(rng):
-    ends = rng.normal(size=(2, 50, 3))
-    lines = np.stack([ends[0], ends[1], ends[0] + 0.25 * (ends[1] - ends[0])], axis=1)
-    points = np.repeat(rng.normal(size=(20, 1, 3)), 3, axis=1)
-    assert_closest(rng.normal(size=(200, 3)), np.concatenate([lines, points]))
 
 
 def test_closest_points_of_an_equidistant_point_are_exact_when_pairs_exceed_memory(

@@ -24,12 +24,6 @@ def vertex_sted(original, decoded, faces):
     return LocalSted(faces, len(original)).field(original, decoded)
 
 
-def test_vertex_distance_percent_is_the_euclidean_distance():
-    decoded = SQUARE.copy()
-    decoded[2] += [0.3, 0.4, 0]
-    assert vertex_distance_percent(SQUARE, decoded, 10.0) == pytest.approx([0, 0, 5, 0])
-
-
 def test_vertex_distance_percent_is_precise_far_from_the_origin():
     far = SQUARE + 1e6
     decoded = far + np.array([2.0**-20, 0, 0])
@@ -93,10 +87,6 @@ def test_vertex_normal_angle_deg_ignores_degenerate_faces():
     faces = np.array([[0, 1, 2], [0, 1, 3]], np.int32)  # the second is a line
     result = vertex_normal_angle_deg(original, decoded, faces)
     assert result == pytest.approx([90, 90, 90, 0])
-
-
-def test_vertex_sted_of_uniform_scaling_is_zero():
-    assert vertex_sted(SQUARE, 1.5 * SQUARE, SQUARE_FACES) == pytest.approx([0] * 4, abs=1e-12)
 
 
 def test_vertex_sted_is_the_deviation_of_the_incident_edges():

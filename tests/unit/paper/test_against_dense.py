@@ -43,12 +43,6 @@ def laplacian():
     return np.eye(n_verts) - adjacent / adjacent.sum(axis=1, keepdims=True)
 
 
-def combinatorial():
-    """L = D - C (Eq. 1)."""
-    adjacent = (laplacian() < 0).astype(float)
-    return np.diag(adjacent.sum(axis=1)) - adjacent
-
-
 def centered():
     """Coordinate matrices A (Eq. 7), one for each axis, from the center of the bounding box."""
     center = CORNER / 2 + VERTICES.max(axis=(0, 1)) / 2
@@ -104,13 +98,6 @@ def test_frames_are_the_dense_solution_of_eq_12(method, values):
     choices = {**FINE_DICTIONARY, "anchor_values": values}
     result = decoded(method, anchors=ANCHORS, choices=choices, **FINE)
     np.testing.assert_allclose(result, expected(method, values=values), atol=2e-5)
-
-
-def test_frames_are_the_dense_solution_with_the_combinatorial_laplacian():
-    result = decoded(
-        "pca-qp", anchors=ANCHORS, laplacian="combinatorial", choices=FINE_DICTIONARY, **FINE
-    )
-    np.testing.assert_allclose(result, expected("pca-qp", combinatorial()), atol=2e-5)
 
 
 @pytest.mark.every_case

@@ -75,21 +75,6 @@ def test_range_of_frames_equals_that_of_the_whole(name):
 
 
 @pytest.mark.slow
-@pytest.mark.every_case
-@pytest.mark.parametrize(
-    ("n_frames", "block_frames", "anchors"),
-    [(12, 12, 0.01), (3, 3, 0.3), (24, 2, 0.2)],
-    ids=["few anchors", "few frames", "few frames in each of many blocks"],
-)
-def test_serial_and_parallel_decoding_agree(n_frames, block_frames, anchors):
-    """PCA+qs and PCA+qp solve the same Eq. 12, by frame, by anchor or by column."""
-    sequence = waving_grid(n_frames, dtype=np.float64)
-    options = {"n_modes": 2, "block_frames": block_frames, "anchors": anchors}
-    serial, parallel = (decode(encode(sequence, name, **options)) for name in ("pca-qs", "pca-qp"))
-    np.testing.assert_allclose(serial.vertices, parallel.vertices, atol=1e-6)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in OURS])
 def test_one_frame_equals_that_of_the_whole_bit_for_bit(name):
     grid = waving_grid(37, 9, 11, dtype=np.float64)
@@ -107,14 +92,6 @@ def test_frames_do_not_depend_on_how_residuals_of_anchors_are_solved(monkeypatch
     by_anchor = decode(data).vertices
     monkeypatch.setattr(pipeline, "MAX_RESPONSES", 0)
     np.testing.assert_allclose(decode(data).vertices, by_anchor, atol=1e-9)
-
-
-def test_laplacian_alone_equals_one_anchor_per_component():
-    """Eq. 11 is Eq. 12 with one anchor for each component."""
-    alone = decode(encode(waving_grid(), "pca-q", n_modes=6))
-    choices = {"anchor_values": "coefficients"}
-    without = decode(encode(waving_grid(), "pca-qp", n_modes=6, anchors=0, choices=choices))
-    np.testing.assert_array_equal(alone.vertices, without.vertices)
 
 
 def test_single_block_equals_the_whole():

@@ -23,7 +23,7 @@ import meshreel
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_file import ReelFile
 from meshreel.runtime.stores.ranged_file import with_own_position
-from meshreel.runtime.threads import fork_safe_lock, in_background, in_threads, one_blas_thread
+from meshreel.runtime.threads import fork_safe_lock, one_blas_thread
 from samples.costs import draws
 from samples.meshes import waving_grid
 
@@ -122,13 +122,6 @@ def test_pool_encodes_and_decodes_after_the_parent_did(start, in_parent):
         assert streams.get(LIMIT_S) == [DATA] * 3
         for sequence in sequences.get(LIMIT_S):
             assert np.array_equal(sequence.vertices, FRAMES)
-
-
-@pytest.mark.slow
-def test_child_codes_after_its_parent_used_threads():
-    in_threads(lambda piece: None, range(4))
-    in_background(lambda: None).result(LIMIT_S)
-    assert_succeeds_in_child(assert_codes)
 
 
 @pytest.mark.slow

@@ -62,13 +62,6 @@ def test_cores_are_those_of_the_machine_without_affinity(monkeypatch, cpu_count,
 
 
 @pytest.mark.parametrize("n_pieces", COUNTS)
-def test_every_piece_is_done_once(n_pieces):
-    done = []
-    in_threads(done.append, range(n_pieces))
-    assert sorted(done) == list(range(n_pieces))
-
-
-@pytest.mark.parametrize("n_pieces", COUNTS)
 def test_progress_counts_up_when_pieces_end_in_another_order(n_pieces):
     finished, reported, reporters = [], [], set()
 

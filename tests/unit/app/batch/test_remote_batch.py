@@ -57,14 +57,6 @@ def test_streams_and_manifest_are_written_to_the_store(store, tmp_path):
     assert json.loads(store.cat("/bucket/out/manifest.json"))["summary"]["done"] == 3
 
 
-def test_second_run_encodes_changed_inputs_only(store):
-    run()
-    assert run().summary == "3 up to date, 0 encoded, 0 failed"
-    meshreel.save(waving_grid(7), f"{IN}/walk.npz", overwrite=True)
-    store.rm("/bucket/out/a/cloth.reel")
-    assert set(run().encoded) == {"walk.npz", "a/cloth"}
-
-
 def test_foreign_object_is_replaced_only_with_force(store):
     store.pipe("/bucket/out/walk.reel", b"mine")
     assert set(run().failed) == {"walk.npz"}
@@ -77,12 +69,6 @@ def test_object_created_during_the_run_is_kept(store):
     store.pipe("/bucket/out/walk.reel", b"mine")
     assert set(run_batch(plan, InlineExecutor()).failed) == {"walk.npz"}
     assert store.cat("/bucket/out/walk.reel") == b"mine"
-
-
-def test_error_names_the_file_relative_to_the_input_folder(store):
-    store.pipe("/bucket/in/a/cloth/f_2.obj", b"v 1 2 no\n")
-    [record] = run().failed.values()
-    assert record.error.startswith("a/cloth/f_2.obj: ")
 
 
 def test_remote_inputs_can_be_written_to_a_local_folder(store, tmp_path):

@@ -50,17 +50,6 @@ def test_page_contains_the_original_when_there_is_one(tmp_path):
     assert facts["original"] == comparison
 
 
-def test_original_has_the_vertex_order_of_the_file_when_the_order_is_dropped(tmp_path):
-    grid = waving_grid(3)
-    encoding = {"order": "drop", "max_error": 0.01}
-    _, data, _ = exported(tmp_path / "p.html", grid, grid, encoding=encoding)
-    original, stream = decode(data["original"]), decode(data["stream"])
-    np.testing.assert_array_equal(original.faces, stream.faces)
-    assert np.abs(original.vertices - stream.vertices).max() < 2e-4 * np.linalg.norm(
-        np.ptp(grid.vertices, axis=(0, 1))
-    )
-
-
 def test_existing_page_is_replaced_only_with_overwrite(tmp_path):
     (tmp_path / "p.html").write_text("mine")
     with opened_api(waving_grid(2)) as api:

@@ -100,15 +100,6 @@ def test_measured_errors_equal_those_of_compare(opened):
     assert max(figures.largest_percent) == pytest.approx(expected.max_error_percent)
 
 
-def test_spatial_sted_ignores_vertices_without_edges(opened):
-    sequence = irregular_sequence(6)
-    data = encode(sequence, quality=30)
-    measuring = Measuring(Comparison(opened(data), Original(sequence, opened(data))))
-    measuring.run()
-    expected = compare(sequence, decode(data)).sted_spatial
-    assert measuring.figures.measured.sted_spatial == pytest.approx(expected)
-
-
 def test_ranges_cover_all_frames_when_all_are_measured(opened):
     sequence = waving_grid(12)
     data = encode(sequence, quality=40)

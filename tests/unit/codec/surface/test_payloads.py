@@ -86,11 +86,6 @@ def test_default_material_takes_few_bytes():
     assert len(write_material(Material("skin", roughness=0.5))) == len("skin") + 1 + 1 + 1 + 8 + 1
 
 
-def test_images_are_stored_unchanged():
-    data = meshreel.encode(dressed_sheet())
-    assert all(image.data in data for image in dressed_sheet().surface.images)
-
-
 def test_info_counts_images_and_materials():
     stream = meshreel.info(meshreel.encode(dressed_sheet()))
     sizes = [len(image.data) for image in dressed_sheet().surface.images]
@@ -154,16 +149,6 @@ def with_parts(stream, payloads):
     """A stream with replaced payloads of some sections."""
     parts = [(section, payloads.get(section, own)) for section, own in parts_of(stream)]
     return raw_stream(stream.header, parts)
-
-
-def test_vertex_attributes_follow_their_vertices_when_the_order_is_dropped():
-    sequence = quad_sheet()
-    decoded = meshreel.decode(meshreel.encode(sequence, order="drop", max_error=0.01))
-    order = encode_connectivity(sequence.faces, 30, order="drop").internal_to_given
-    (color,) = [
-        attribute for attribute in decoded.surface.attributes if attribute.domain is Domain.VERTEX
-    ]
-    np.testing.assert_array_equal(color.values, sequence.surface.attributes[1].values[order])
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
