@@ -55,6 +55,12 @@ def test_paper_reuses_its_folder_when_run_twice_on_the_flag(tmp_path, coarse):
     assert "Table I, flag" in texts[0]
 
 
+def test_paper_names_the_methods_when_one_is_unknown(tmp_path):
+    done = run("--methods", "pca-x", "--out", tmp_path / "r")
+    assert_fails(done, "method 'pca-x' is unknown; choose from pca, pca-q, v2v")
+    assert not (tmp_path / "r").exists()
+
+
 def test_paper_names_the_extra_before_any_work_when_matplotlib_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert_fails(run("--out", tmp_path / "r"), "pip install 'meshreel[plot]'")

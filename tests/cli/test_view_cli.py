@@ -160,6 +160,13 @@ def test_view_names_the_port_when_it_is_in_use(page, reel):
 
 
 @pytest.mark.parametrize("name", ["view", "export"])
+def test_player_says_how_to_get_the_page_when_it_is_missing(name, reel, tmp_path):
+    output = ["-o", tmp_path / "p.html"] if name == "export" else ["--no-open"]
+    done = run_with(tmp_path / "none", name, reel, *output)
+    assert_fails(done, "the page of the player is missing", "reinstall", "CONTRIBUTING")
+
+
+@pytest.mark.parametrize("name", ["view", "export"])
 @pytest.mark.parametrize(
     ("damage", "words"),
     [

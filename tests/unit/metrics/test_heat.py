@@ -89,6 +89,11 @@ def test_vertex_normal_angle_deg_ignores_degenerate_faces():
     assert result == pytest.approx([90, 90, 90, 0])
 
 
+def test_error_names_both_shapes():
+    with pytest.raises(InvalidInputError, match=r"\(1, 3, 3\) and \(1, 4, 3\)"):
+        vertex_normal_angle_deg(np.zeros((3, 3)), np.zeros((4, 3)), np.array([[0, 1, 2]], np.int32))
+
+
 def test_vertex_sted_is_the_deviation_of_the_incident_edges():
     # Corners on a line: edges 0-1, 1-2 and 0-2, of which each vertex sees all three.
     original = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])

@@ -88,6 +88,11 @@ def test_given_anchors_with_many_bits_are_nearly_exact():
     assert errors[anchors].max() < np.median(errors)
 
 
+def test_given_anchors_that_do_not_fit_the_mesh_are_refused():
+    with pytest.raises(InvalidInputError, match=r"anchors must be vertices 0\.\.37"):
+        encode(irregular_sequence(), "pca-qp", anchors=[2, 99])
+
+
 def test_whole_dictionaries_decode_to_the_same_frames_as_differences():
     options = {"n_modes": 3, "block_frames": 10}
     sequence = waving_grid(34)

@@ -71,6 +71,12 @@ def test_object_created_during_the_run_is_kept(store):
     assert store.cat("/bucket/out/walk.reel") == b"mine"
 
 
+def test_error_names_the_file_relative_to_the_input_folder(store):
+    store.pipe("/bucket/in/a/cloth/f_2.obj", b"v 1 2 no\n")
+    [record] = run().failed.values()
+    assert record.error.startswith("a/cloth/f_2.obj: ")
+
+
 def test_remote_inputs_can_be_written_to_a_local_folder(store, tmp_path):
     assert run(out=tmp_path / "out").summary == "0 up to date, 3 encoded, 0 failed"
     assert (tmp_path / "out" / "a" / "cloth.reel").is_file()
