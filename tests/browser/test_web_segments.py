@@ -6,7 +6,6 @@ import pytest
 import meshreel
 from meshreel.model.materials import Material
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
-from samples.element_pages import picture, settled, showing, until
 from samples.materials import png
 from samples.meshes import grid_faces
 
@@ -132,21 +131,3 @@ def played(three_page, data, **arguments):
     """Play a file in a page; returns the pictures and the events."""
     page = three_page({"/three.reel": data, "/gray.png": png(128).data})
     return page.evaluate(PLAY, {"texture": None, **arguments})
-
-
-def test_the_element_plays_across_a_boundary_and_seeks_back(new_page, data):
-    with showing(new_page, {"/page.css": b"", "/three.reel": data}) as show:
-        page = show('<reel-player src="/three.reel" controls></reel-player>')
-        settled(page)
-        colors = []
-        for frame in (0, 5, 9, 2):
-            page.evaluate("frame => player.seek({ frame })", frame)
-            until(page, f"player.mesh.frame === {frame} && !player.mesh.isWaiting")
-            page.wait_for_timeout(200)
-            image = picture(page)
-            colors.append(image[image.shape[0] // 2, image.shape[1] // 2].argmax())
-        assert colors == [0, 1, 2, 0]
-        assert page.evaluate("player.duration") == pytest.approx(1.2)
-        page.evaluate("player.seek({ frame: 3 }); player.play()")
-        until(page, "player.mesh.segment === 1")
-        assert page.evaluate("player.error") is None

@@ -313,14 +313,6 @@ def test_any_renderer_plays_the_mesh(ask):
     assert "error" not in types
 
 
-def test_a_damaged_block_is_skipped(ask):
-    answer = ask("events", [1])
-    errors = [event for event in answer["events"] if event["type"] == "error"]
-    assert [(error["block"], error["error"]) for error in errors] == [(1, "CorruptStreamError")]
-    frames = {event["frame"] for event in answer["events"] if event["type"] == "frame"}
-    assert frames == {*range(6), *range(11, 18)}
-
-
 def test_bounds_hold_all_frames(ask):
     answer = ask("bounds")
     assert answer["isInside"]

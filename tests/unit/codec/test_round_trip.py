@@ -42,11 +42,6 @@ def test_vertices_keep_their_order(order):
     assert kg_error_percent(sequence.vertices, decoded.vertices) < 0.02
 
 
-def test_order_keep_preserves_faces():
-    sequence = irregular_sequence()
-    np.testing.assert_array_equal(decode(encode(sequence)).faces, sequence.faces)
-
-
 def test_order_drop_preserves_the_mesh_up_to_order():
     sequence = waving_grid(4, dtype=np.float64)
     decoded = decode(encode(sequence, step=1e-5, order="drop"))
@@ -98,14 +93,6 @@ def test_separately_coded_blocks_are_joined(block_frames):
     assert kg_error_percent(sequence.vertices, decode(data).vertices) < DEFAULT_KG
 
 
-@pytest.mark.parametrize("frames", [slice(0, 1), slice(3, 9), slice(-2, None), slice(None)])
-def test_selected_frames_equal_those_of_the_whole(frames):
-    data = encode(waving_grid(12), block_frames=5)
-    np.testing.assert_allclose(
-        decode(data, frames=frames).vertices, decode(data).vertices[frames], atol=1e-6
-    )
-
-
 @pytest.mark.parametrize("frames", [slice(5, 5), slice(12, 20), slice(0, 12, 2)])
 def test_decoding_refuses_empty_and_strided_ranges(frames):
     with pytest.raises(InvalidInputError, match="frames"):
@@ -129,13 +116,6 @@ def test_number_of_modes_rises_with_the_requested_energy():
     ]
     assert counts == sorted(counts)
     assert counts[0] < counts[-1]
-
-
-def test_stream_without_anchors_is_decoded():
-    """Eq. 11: one vertex per component determines its translation."""
-    sequence = irregular_sequence()
-    data = encode(sequence, "pca-qp", n_modes=8, bits=20, anchors=0)
-    assert kg_error_percent(sequence.vertices, decode(data).vertices) < 0.2
 
 
 def test_encoding_does_not_change_its_input():

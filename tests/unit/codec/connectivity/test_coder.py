@@ -37,12 +37,6 @@ def test_triangles_are_lossless_in_the_promised_order(mesh, order):
     assert coded.order_payload == b"" or order != "drop"
 
 
-def test_encoding_is_deterministic(mesh):
-    first, second = (encode_connectivity(*mesh) for _ in range(2))
-    assert first.payload == second.payload
-    assert first.order_payload == second.order_payload
-
-
 def test_encoding_does_not_change_its_input(meshes):
     faces, n_verts = meshes["damaged torus"]
     before = faces.copy()
