@@ -6,6 +6,7 @@ import shutil
 import sys
 from ctypes import POINTER, byref, c_uint32
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -160,7 +161,7 @@ def surface_lines(file, data, number):
     edges = c_reader.array_at(c.hard_edges, 2 * c.n_hard_edges, np.int32)
     yield f"faces {hashed(surface.face_sizes)} hard {hashed(edges)}"
     cells = surface.cells
-    arrays = (None,) * 3
+    arrays: tuple[Any, ...] = (None,) * 3
     if cells is not None:
         owners = cells.surface(file.info.n_verts).owners
         arrays = cells.types, cells.nodes, owners.astype(np.int32)
