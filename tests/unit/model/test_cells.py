@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from conformance.sources import boxes, mixed_cells, of_type, tetrahedra, waving
-from meshreel import Cells, InvalidInputError, MeshSequence, load, save
+from meshreel import Cells, FormatError, InvalidInputError, MeshSequence, load, save
 from meshreel.formats.surfaces.cells import Cells as AnyCells
 from meshreel.formats.surfaces.cells import extract_surface
 from meshreel.kernel.cells import cell_sizes
@@ -118,6 +118,12 @@ def test_files_return_cells_and_their_values(tmp_path, extension):
 def test_arrays_may_have_a_row_for_each_cell(tmp_path, types):
     np.savez(tmp_path / "a.npz", vertices=block().vertices, cells=HEXAHEDRA, cell_types=types)
     np.testing.assert_array_equal(load(tmp_path / "a.npz").surface.cells.nodes, BLOCK.nodes)
+
+
+def test_cells_without_types_are_refused_with_advice(tmp_path):
+    np.savez(tmp_path / "a.npz", vertices=block().vertices, cells=HEXAHEDRA)
+    with pytest.raises(FormatError, match="add the VTK type of each cell"):
+        load(tmp_path / "a.npz")
 
 
 def test_cells_that_a_file_cannot_store_are_left_out(tmp_path):

@@ -151,7 +151,12 @@ def vertex_numbers(arrays: Mapping[str, Array]) -> Array:
 
 
 def _read_cells(arrays: Mapping[str, Array]) -> Cells:
-    nodes, types = _required(arrays, "cells"), _required(arrays, "cell_types")
+    if "cell_types" not in arrays:
+        raise FormatError(
+            "has `cells` without `cell_types`: add the VTK type of each cell, or one number for "
+            "all, such as 10 for tetrahedra or 12 for hexahedra"
+        )
+    nodes, types = _required(arrays, "cells"), arrays["cell_types"]
     if nodes.ndim == 2 and types.size == 1:
         types = np.full(len(nodes), types.item())
     return Cells(types, nodes.reshape(-1) if nodes.ndim == 2 else nodes)
