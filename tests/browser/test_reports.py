@@ -13,7 +13,6 @@ EVALUATE = ("evaluate", "--quick", "--peers", "npz", "--out")
 COMMANDS = {
     "codecs": (*EVALUATE, "codecs", "--methods", "v2v,reel", f"{NAME}.npz"),
     "surfaces": (*EVALUATE, "surfaces", "--methods", "reel", "frames"),
-    "track": (*EVALUATE[:2], "--peers", "none", "--out", "track", "--track", NAME, "warm.npz"),
     "paper": ("paper", "--quick", "--out", "paper", "--methods", "v2v", f"{NAME}.npz"),
 }
 
@@ -39,8 +38,6 @@ def inputs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("inputs")
     grid = waving_grid(6)
     meshreel.save(grid, folder / f"{NAME}.npz")
-    heat = meshreel.Track(grid.vertices[..., 2].copy(), unit="K")
-    meshreel.save(grid.replace(tracks={NAME: heat}), folder / "warm.npz")
     for number, sheet in enumerate((waving_grid(2), waving_grid(2, 5, 6))):
         meshreel.save(sheet, folder / "frames" / f"{number}_%d.ply")
     return folder

@@ -43,11 +43,11 @@ def size_as_stream(
     sequence: "MeshSequence", options: "WriteOptions", progress: "Progress"
 ) -> dict[str, int]:
     """Return the bytes of a .reel with the KG bound of the rig."""
-    import meshreel
+    from meshreel.codec.encoder import encode
     from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
     kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
-    return {".reel": len(meshreel.encode(sequence, kg=kg, progress=progress))}
+    return {".reel": len(encode(sequence, kg=kg, progress=progress))}
 
 
 def rig_rows(figures: dict[str, Any]) -> dict[str, str]:
