@@ -60,8 +60,9 @@ class FrameFiles:
         FormatError
             If it is empty or damaged.
         """
-        if self._last is not None and self._last[0] == index:
-            return self._last[1]
+        last = self._last  # threads that read positions and tracks may replace it
+        if last is not None and last[0] == index:
+            return last[1]
         path = self.paths[index]
         data = read_bytes(path)
         if self._checksums.setdefault(index, crc := zlib.crc32(data)) != crc:
