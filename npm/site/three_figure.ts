@@ -84,14 +84,14 @@ class ThreeFigure extends HTMLElement {
     controls.enableZoom = false; // the wheel scrolls the page
     frame(camera, controls, animated.sphere);
     let last: number | undefined;
+    let width = 0;
     renderer.setAnimationLoop((now: number) => {
       const before = performance.now();
       animated.advance(last === undefined ? 0 : (now - last) / 1000);
       last = now;
-      const width = this.clientWidth;
-      if (canvas.clientWidth * devicePixelRatio !== canvas.width) {
+      if (this.clientWidth !== width) {
+        width = this.clientWidth;
         renderer.setSize(width, width, false);
-        camera.updateProjectionMatrix();
       }
       controls.update();
       renderer.render(scene, camera);
