@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
-from meshreel.formats.error_budget import share_budget
+from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
@@ -61,17 +60,9 @@ def rig_of(
             ")",
         )
     [sequence] = [segment.gather() for segment in stream.segments()]
-    diagonal = float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
-    allowed = DEFAULT_LARGEST_PERCENT
-    if options.max_error is not None:
-        allowed = bound_of(options.max_error).percent(diagonal or 1.0)
-    budget = share_budget(
-        allowed,
-        diagonal,
-        options.origin,
-        is_total=options.max_error is not None,
-        consumer="the rig",
-    )
+    low, high = sequence.extent.low, sequence.extent.high
+    _, budget = requested_budget(low, high, options, DEFAULT_LARGEST_PERCENT, consumer="the rig")
+    diagonal = float(np.linalg.norm(high - low))
     kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
     largest = 100 * budget.added / (diagonal or 1.0)
     rig = fit_sequence(

@@ -133,7 +133,7 @@ def adapted_roots(root: Path) -> list[Path]:
 
 
 def _named(root: Path, ending: str) -> list[tuple[str, Path]]:
-    """Return endings and paths of the files next to a root file that are named like it."""
+    """Return endings and paths of the files next to a root file whose names begin with its name."""
     pattern = re.compile(f"{re.escape(root.name)}({ending})")
     with os_errors_naming(root.parent):
         names = os.listdir(root.parent)
