@@ -16,8 +16,11 @@ def farther(pulls: Real, residuals: Real, bound: float) -> Real:
     pulls, residuals : float arrays
         Their second axis is x, y, z.
     """
-    lengths: Real = np.linalg.norm(residuals, axis=1, keepdims=True)
-    moved: Real = pulls + residuals * np.clip(1 - bound / np.maximum(lengths, 1e-30), 0, 1)
-    lengths = np.linalg.norm(moved, axis=1, keepdims=True)
-    moved *= np.minimum(1, MAX_PULL * bound / np.maximum(lengths, 1e-30))
+    moved: Real = pulls + residuals * np.clip(1 - bound / _lengths(residuals), 0, 1)
+    moved *= np.minimum(1, MAX_PULL * bound / _lengths(moved))
     return moved
+
+
+def _lengths(vectors: Real) -> Real:
+    squares: Real = np.einsum("iv...,iv...->i...", vectors, vectors)[:, np.newaxis]
+    return np.asarray(np.maximum(np.sqrt(squares), 1e-30))

@@ -9,6 +9,7 @@ All steps need only moments: sums over vertices or frames of products, from matr
 cost of a round is two products of all frames with the bones, however many frames there are.
 """
 
+import math
 from copy import copy
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Real
 from meshreel.rigging.aims import farther
+from meshreel.runtime.threads import in_chunks
 
 MAX_INFLUENCES = 4
 N_CANDIDATES = 10
@@ -27,6 +29,9 @@ N_SWEEPS = 4
 
 CHUNK = 2048
 """Vertices whose candidate weights are solved together."""
+
+N_PIECES = 16
+"""Pieces of a matrix product, for threads."""
 
 DAMPING = 1e-6
 """Share of the former transform, and of the former rest position, in a new one."""
@@ -66,7 +71,18 @@ class Skin:
     def frames(self) -> Floats:
         """Return the positions in all frames, as rows x, y, z of each frame: (3 T, V)."""
         matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * self.n_bones)
-        return matrices @ _weighted_rest(self.dense_weights(), self.rest).T
+        return product(matrices, _weighted_rest(self.dense_weights(), self.rest).T)
+
+
+def product(left: Floats, right: Floats) -> Floats:
+    """Return the matrix product, computed in threads."""
+    result = np.empty((len(left), right.shape[1]))
+
+    def multiply(rows: slice) -> None:
+        np.matmul(left[rows], right, out=result[rows])
+
+    in_chunks(multiply, len(left), math.ceil(len(left) / N_PIECES))
+    return result
 
 
 def scattered(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
@@ -224,7 +240,7 @@ class Decomposition:
         matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * n_bones)
         return (
             (matrices.T @ matrices).reshape(n_bones, 4, n_bones, 4),
-            (self._aims.T @ matrices).reshape(-1, n_bones, 4),
+            product(self._aims.T, matrices).reshape(-1, n_bones, 4),
         )
 
     def _update_weights(self, squares: Floats, projections: Floats, cost: float = 0.0) -> None:
@@ -234,8 +250,8 @@ class Decomposition:
         grams = symmetric.transpose(0, 2, 1, 3)[:, :, *MONOMIALS]  # (B, B, 10)
         factors = np.where(MONOMIALS[0] == MONOMIALS[1], 1, 2)
         n_former = MAX_INFLUENCES if self.weights.any() else 0
-        for start in range(0, len(self.rest), CHUNK):
-            part = slice(start, start + CHUNK)
+
+        def choose(part: slice) -> None:
             points = np.column_stack([self.rest[part], np.ones(len(self.rest[part]))])
             monomials = points[:, MONOMIALS[0]] * points[:, MONOMIALS[1]] * factors
             matches = np.einsum("vbi,vi->vb", projections[part], points)
@@ -253,54 +269,59 @@ class Decomposition:
             self.bones[part, :n_kept] = np.take_along_axis(candidates, kept, axis=1)
             self.weights[part, :n_kept] = np.take_along_axis(weights, kept, axis=1)
 
+        in_chunks(choose, len(self.rest), CHUNK)
+
     def _update_rest(self, squares: Floats, projections: Floats) -> None:
-        for start in range(0, len(self.rest), CHUNK):
-            part = slice(start, start + CHUNK)
+        damping = DAMPING * self._n_frames * 3
+
+        def solve(part: slice) -> None:
             bones, weights = self.bones[part], self.weights[part]
             pairs = squares[bones[:, :, np.newaxis], :, bones[:, np.newaxis], :]
             gram = np.einsum("vj,vk,vjkab->vab", weights, weights, pairs, optimize=True)
             own = np.take_along_axis(projections[part], bones[:, :, np.newaxis], axis=1)
             matches = np.einsum("vj,vja->va", weights, own)[:, :3] - gram[:, :3, 3]
-            damping = DAMPING * self._n_frames * 3
             matches += damping * self.rest[part]
             self.rest[part] = np.linalg.solve(
                 gram[:, :3, :3] + damping * np.eye(3), matches[:, :, np.newaxis]
             )[:, :, 0]
 
+        in_chunks(solve, len(self.rest), CHUNK)
+
     def _update_transforms(self) -> None:
-        n_bones = self.transforms.shape[1]
+        n_bones = self.n_bones
         weighted = _weighted_rest(self.skin.dense_weights(), self.rest)
-        moments = (self._aims @ weighted).reshape(-1, 3, 4 * n_bones)
+        moments = product(self._aims, weighted).T.reshape(n_bones, 4, -1, 3)
         grams = (weighted.T @ weighted).reshape(n_bones, 4, n_bones, 4)
-        matrices = self.transforms.transpose(0, 2, 1, 3).reshape(-1, 3, 4 * n_bones).copy()
+        matrices = self.transforms.transpose(1, 3, 0, 2).copy()
         touching = np.abs(grams).max(axis=(1, 3)) > 0
-        by_bone = [np.repeat(row, 4) for row in touching]
-        for _ in range(N_SWEEPS):
-            for bone in range(n_bones):
-                own = slice(4 * bone, 4 * bone + 4)
-                near, column = by_bone[bone], grams[:, :, bone].reshape(-1, 4)
-                others = matrices[:, :, near] @ column[near]
-                gram = grams[bone, :, bone]
-                rest = moments[:, :, own] - others + matrices[:, :, own] @ gram
-                matrices[:, :, own] = fit_rigid(rest, gram, matrices[:, :, own])
-        self.transforms = matrices.reshape(-1, 3, n_bones, 4).transpose(0, 2, 1, 3)
+        np.fill_diagonal(touching, False)
+        neighbors = [np.flatnonzero(row) for row in touching]
+        for bone, near in N_SWEEPS * list(enumerate(neighbors)):
+            left = moments[bone] - np.tensordot(grams[bone][:, near], matrices[near], 2)
+            matrices[bone] = fit_rigid(
+                left.transpose(1, 2, 0), grams[bone, :, bone], matrices[bone].transpose(1, 2, 0)
+            ).transpose(2, 0, 1)
+        self.transforms = matrices.transpose(2, 0, 3, 1)
 
     def residuals(self) -> Floats:
         """Return what the skin lacks of the animation, of shape (3 T, V)."""
-        return self._frames - self.skin.frames()
+        shown = self.skin.frames()
+        return np.subtract(self._frames, shown, out=shown)
 
     def aim(self, residuals: Floats, bound: float) -> None:
         """Move the positions that are fitted beyond those with an error above a bound.
 
-        They move farther in each call, up to a limit; infinity moves them back.
+        They move farther in each call, up to a limit.
         """
-        if np.isinf(bound):
-            self._aims = self._frames
-            return
-        shape = -1, 3, residuals.shape[1]
-        former = (self._aims - self._frames).reshape(shape)
-        pulls = farther(former, residuals.reshape(shape), bound)
-        self._aims = self._frames + pulls.reshape(residuals.shape)
+        shape = self._n_frames, 3, -1
+        frames, aims = self._frames.reshape(shape), self._aims.reshape(shape)
+        moved, errors = np.empty_like(frames), residuals.reshape(shape)
+
+        def move(part: slice) -> None:
+            moved[part] = frames[part] + farther(aims[part] - frames[part], errors[part], bound)
+
+        in_chunks(move, self._n_frames, math.ceil(self._n_frames / N_PIECES))
+        self._aims = moved.reshape(residuals.shape)
 
     def seeds(self, residuals: Floats, n_new: int) -> list[Integers]:
         """Return sets of vertices for new bones, where the error is largest."""

@@ -20,6 +20,7 @@ from meshreel.rigging.rig import FULL, Rig, RigErrors
 from meshreel.rigging.skeleton import Skeleton, build_skeleton
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.threads import one_blas_thread
 
 MIN_GROWTH, MAX_GROWTH = 0.05, 0.5
 """Share of the bones that are added at a time: about that by which the KG error is too large."""
@@ -107,7 +108,8 @@ def fit_sequence(
     if not 1 <= max_bones <= MAX_BONES:
         raise InvalidInputError(Keyword("rig"), f" takes 1 to {MAX_BONES} bones; got {max_bones}")
     search = _Search(sequence.vertices, sequence.faces, times_s, bounds, progress)
-    rig = search.run(max_bones)
+    with one_blas_thread():  # its idle threads would spin after each of many products
+        rig = search.run(max_bones)
     errors = rig.errors
     if bounds.excess(errors.kg_percent, errors.largest_percent) > 1 and not force:
         raise InvalidInputError(
@@ -180,7 +182,6 @@ class _Search:
             growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
             fit.add_bones(fit.seeds(residuals, n_new))
-            fit.aim(residuals, math.inf)
         return self._with_correctives(self._quantized())
 
     def _allowed(self) -> float:
@@ -217,7 +218,8 @@ class _Search:
 
     def _fit_errors(self, residuals: Floats) -> tuple[float, float]:
         """Return KG and largest error, as multiples of what is allowed before quantization."""
-        squares = np.square(residuals.reshape(-1, 3, residuals.shape[1])).sum(axis=1)
+        vectors = residuals.reshape(-1, 3, residuals.shape[1])
+        squares = np.einsum("tiv,tiv->tv", vectors, vectors)
         kg = _percent(math.sqrt(squares.mean()), self._deviation)
         largest = _percent(math.sqrt(squares.max()), self._diagonal)
         return kg / (FIT_KG * self._bounds.kg), largest / (FIT_LARGEST * self._bounds.largest)

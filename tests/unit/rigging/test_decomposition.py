@@ -46,10 +46,15 @@ def test_weights_are_convex_and_few():
     gram = np.einsum("vid,vjd->vij", places, places)
     weights = convex_weights(gram, np.einsum("vid,vd->vi", places, target))
     np.testing.assert_allclose(weights, truth, atol=1e-4)
-    noisy = convex_weights(gram, rng.normal(size=(50, 9)))
+    matches = rng.normal(size=(50, 9))
+    noisy = convex_weights(gram, matches)
     assert (noisy >= 0).all()
     assert (np.count_nonzero(noisy, axis=1) <= 4).all()
     np.testing.assert_allclose(noisy.sum(axis=1), 1)
+    # At the minimum on the sum 1, the gradient is the same for all candidates that are left.
+    gradients = np.einsum("vij,vj->vi", gram, noisy) - matches
+    for gradient, own in zip(gradients, noisy > 0, strict=True):
+        np.testing.assert_allclose(gradient[own], gradient[own][0], atol=1e-6)
 
 
 def test_influences_that_hardly_count_are_left_out():
