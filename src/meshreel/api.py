@@ -29,7 +29,7 @@ from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds
+from meshreel.rigging.bounds import bounds_of
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
@@ -259,8 +259,9 @@ def rig(
     source: AnyInput,
     bones: int | None = None,
     *,
-    max_error: float | str = DEFAULT_LARGEST_PERCENT,
-    kg: float = DEFAULT_KG_PERCENT,
+    max_error: float | str | None = None,
+    kg: float | None = None,
+    quality: float | None = None,
     unit: str | None = None,
     force: bool = False,
     progress: Progress = silent,
@@ -282,6 +283,9 @@ def rig(
         box of all frames, or text such as "0.5u" (model units) or "1mm" (with `unit`).
     kg : float, default 0.5
         Largest KG error, in percent.
+    quality : float, optional
+        In place of `max_error` and `kg`: errors of positions are at most those of a .reel of this
+        quality, 1 to 100. Normals of bones are worse.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `max_error` that is a length.
     force : bool, default False
@@ -313,10 +317,9 @@ def rig(
     sequence = _loaded(source)
     extent = sequence.extent
     diagonal = float(np.linalg.norm(extent.high - extent.low))
-    bound = bound_of(max_error, unit).percent(diagonal or 1.0)
-    return fit_sequence(
-        sequence, bones=bones, bounds=Bounds(kg, bound), force=force, progress=progress
-    )
+    largest = None if max_error is None else bound_of(max_error, unit).percent(diagonal or 1.0)
+    bounds = bounds_of(sequence, quality=quality, kg=kg, largest=largest)
+    return fit_sequence(sequence, bones=bones, bounds=bounds, force=force, progress=progress)
 
 
 @overload

@@ -36,6 +36,7 @@ WriteOption = Literal[
     "textures",
     "rig",
     "kg",
+    "quality",
 ]
 
 NO_TRACKS: frozenset[Domain] = frozenset()

@@ -129,6 +129,9 @@ class WriteOptions:
         and `kg`. See `meshreel.rig`.
     kg : float, optional
         With `rig`: largest KG error, in percent; default 0.5.
+    quality : float, optional
+        With `rig`, in place of `kg` and `max_error`: errors of positions are at most those of a
+        ``.reel`` of this quality, 1 to 100.
     force : bool, default False
         With `rig`: whether a rig that exceeds its error bounds is written.
     origin : Origin, optional
@@ -145,5 +148,6 @@ class WriteOptions:
     textures: str | None = None
     rig: bool | int | None = None
     kg: float | None = None
+    quality: float | None = None
     force: bool = False
     origin: Origin | None = None

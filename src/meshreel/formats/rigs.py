@@ -1,17 +1,18 @@
 """Rigs of the animations that writers receive, and sentences on them."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from meshreel.arrays import Floats
+from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, Bounds
+from meshreel.rigging.bounds import bounds_of
 from meshreel.rigging.fitting import fit_sequence
 from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
@@ -26,10 +27,11 @@ def is_rigged(options: WriteOptions) -> bool:
         If another option has no effect with this choice.
     """
     if not options.rig:
-        if options.kg is not None:
-            raise InvalidInputError(
-                Keyword("kg"), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
-            )
+        for name in ("kg", "quality"):
+            if getattr(options, name) is not None:
+                raise InvalidInputError(
+                    Keyword(name), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
+                )
         return False
     if options.targets is not None:
         raise InvalidInputError(
@@ -61,23 +63,24 @@ def rig_of(
         )
     [sequence] = [segment.gather() for segment in stream.segments()]
     low, high = sequence.extent.low, sequence.extent.high
-    _, budget = requested_budget(low, high, options, DEFAULT_LARGEST_PERCENT, consumer="the rig")
     diagonal = float(np.linalg.norm(high - low))
-    kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
-    largest = 100 * budget.added / (diagonal or 1.0)
+    percent = None if options.max_error is None else bound_of(options.max_error).percent(diagonal)
+    bounds = bounds_of(sequence, quality=options.quality, kg=options.kg, largest=percent)
+    _, budget = requested_budget(low, high, options, bounds.largest, consumer="the rig")
+    bounds = replace(bounds, largest=100 * budget.added / (diagonal or 1.0))
     rig = fit_sequence(
         sequence,
         times_s,
         bones=None if options.rig is True else options.rig,
-        bounds=Bounds(kg, largest),
+        bounds=bounds,
         force=options.force,
         progress=stream.progress,
     )
     stream.report({"rig": rig_figures(rig)}, describe_rig(rig))
-    if rig.errors.kg_percent > kg or rig.errors.largest_percent > largest:
+    if bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent) > 1:
         stream.notes.append(
-            f"the rig exceeds its error bounds: a KG error of {kg:g} % and a largest error of "
-            f"{largest:.4g} % of the diagonal"
+            f"the rig exceeds its error bounds: a KG error of {bounds.kg:.4g} % and a largest "
+            f"error of {bounds.largest:.4g} % of the diagonal"
         )
     stream.notes += budget.describe(rig.errors.largest_percent / 100 * diagonal)
     return sequence, rig

@@ -122,3 +122,12 @@ def test_progress_reaches_the_end():
     meshreel.rig(bending_tube(), progress=lambda stage, share: shares.append(share))
     assert shares == sorted(shares)
     assert shares[-1] == 1
+
+
+def test_quality_bounds_positions_as_in_a_stream():
+    tube = bending_tube()
+    stream = meshreel.encode(tube, quality=40, order="keep")
+    stored = meshreel.compare(tube, meshreel.decode(stream))
+    errors = meshreel.rig(tube, quality=40).errors
+    assert 0 < errors.kg_percent <= stored.kg_error_percent
+    assert errors.largest_percent <= stored.max_error_percent

@@ -12,6 +12,7 @@ from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
     OUTPUT_ERROR,
     OUTPUT_KG,
+    OUTPUT_QUALITY,
     WRITING,
     FramesOption,
     OutputOption,
@@ -22,7 +23,7 @@ from meshreel.app.cli.write_options import (
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
-GENERAL_OPTIONS = ("max_error", "unit", "kg")
+GENERAL_OPTIONS = ("max_error", "unit", "kg", "quality")
 """Options for encoding that also apply to other outputs than .reel."""
 
 
@@ -42,7 +43,9 @@ def convert_command(
         reading(*WHOLE_SEQUENCES),
     ],
     writing: Annotated[dict[str, Any], WRITING],
-    encoding: Annotated[Encoding, encoding(max_error=OUTPUT_ERROR, kg=OUTPUT_KG)],
+    encoding: Annotated[
+        Encoding, encoding(max_error=OUTPUT_ERROR, kg=OUTPUT_KG, quality=OUTPUT_QUALITY)
+    ],
     frames: FramesOption = None,
     start_number: StartNumberOption = None,
     track: TrackOption = (),
@@ -106,7 +109,7 @@ def convert_command(
     if not is_stream(output):
         refuse_stream_options({*stream_options, "track"}, output)
     config = config_of(**(encoding if is_stream(output) else stream_options))
-    rig_kg = None if is_stream(output) else encoding["kg"]
+    rig_bounds = {} if is_stream(output) else {name: encoding[name] for name in ("kg", "quality")}
     notes = reading.notes
     with ExitStack() as stack:
         target = stack.enter_context(uploaded(output, overwrite=force))
@@ -121,7 +124,7 @@ def convert_command(
         conversion = Conversion(
             target,
             files,
-            WriteOptions(max_error=bound, kg=rig_kg, origin=origin, force=force, **writing),
+            WriteOptions(max_error=bound, origin=origin, force=force, **rig_bounds, **writing),
             reading,
             config,
             start_number,

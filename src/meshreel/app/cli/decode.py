@@ -10,6 +10,7 @@ from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
     BOUNDS,
     RIG_KG,
+    RIG_QUALITY,
     RIGS,
     WRITING,
     FramesOption,
@@ -23,6 +24,8 @@ from meshreel.codec.options import option_named
 
 UNIT = replace(option_named("unit"), group=BOUNDS)
 KG = replace(option_named("kg"), group=RIGS, help=RIG_KG)
+
+QUALITY = replace(option_named("quality"), group=RIGS, help=RIG_QUALITY)
 
 
 @command
@@ -51,6 +54,7 @@ def decode_command(
     max_error: GltfErrorOption = None,
     unit: Annotated[str | None, UNIT] = None,
     kg: Annotated[float | None, KG] = None,
+    quality: Annotated[float | None, QUALITY] = None,
     force: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -98,7 +102,7 @@ def decode_command(
     chosen = frame_slice(frames)
     bound = checked_bound(max_error, unit)
     refuse_stream(output)
-    options = WriteOptions(max_error=bound, kg=kg, force=force, **writing)
+    options = WriteOptions(max_error=bound, kg=kg, quality=quality, force=force, **writing)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

@@ -32,7 +32,7 @@ def size_as_morph_targets(
     if output.suffix.lower() not in GLTF:
         return {}
     bound = DEFAULT_LARGEST_PERCENT if options.max_error is None else options.max_error
-    plain = replace(options, rig=None, kg=None, force=False, max_error=bound)
+    plain = replace(options, rig=None, kg=None, quality=None, force=False, max_error=bound)
     with TemporaryDirectory() as folder:
         path = Path(folder) / output.name
         save_part(sequence, frames, path, options=plain, progress=progress)
@@ -42,12 +42,13 @@ def size_as_morph_targets(
 def size_as_stream(
     sequence: "MeshSequence", options: "WriteOptions", progress: "Progress"
 ) -> dict[str, int]:
-    """Return the bytes of a .reel with the KG bound of the rig."""
+    """Return the bytes of a .reel with the KG bound, or the quality, of the rig."""
     from meshreel.codec.encoder import encode
     from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
-    kg = DEFAULT_KG_PERCENT if options.kg is None else options.kg
-    return {".reel": len(encode(sequence, kg=kg, progress=progress))}
+    kg = DEFAULT_KG_PERCENT if options.quality is None and options.kg is None else options.kg
+    stream = encode(sequence, kg=kg, quality=options.quality, progress=progress)
+    return {".reel": len(stream)}
 
 
 def rig_rows(figures: dict[str, Any]) -> dict[str, str]:

@@ -68,6 +68,15 @@ OUTPUT_KG = (
     f"KG error of the rig. Default: {DEFAULT_KG_PERCENT:g}."
 )
 """Help of `--kg` for all outputs."""
+RIG_QUALITY = (
+    "Position errors of a rig at most those of a .reel of this quality, in place of {max_error} "
+    "and {kg}. Its normals are worse."
+)
+OUTPUT_QUALITY = (
+    "Visual quality of a .reel. With {rig}: position errors at most those of such a .reel, in "
+    "place of {max_error} and {kg}; normals are worse."
+)
+"""Help of `--quality` for all outputs."""
 OUTPUT_ERROR = (
     "Error bound of every vertex in every frame of a .reel. For glTF and .vat: bound of the error "
     f"that morph targets, bones or textures add. 0.1 or 0.1%: percent {DIAGONAL_OF_ALL}; 0.5u: "

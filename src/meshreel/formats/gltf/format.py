@@ -13,7 +13,7 @@ FORMATS = tuple(
         holds_segments=True,
         names_files=True,
         writes=frozenset(
-            {"targets", "max_error", "normals", "compression", "meshopt", "rig", "kg"}
+            {"targets", "max_error", "normals", "compression", "meshopt", "rig", "kg", "quality"}
         ),
         holds_materials=True,
         list_animations=list_animations,

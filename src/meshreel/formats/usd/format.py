@@ -20,7 +20,7 @@ FORMATS = tuple(
         extra=USD,
         write=write_any_usd,
         holds_segments=True,
-        writes=frozenset({"rig", "kg", "max_error"}),
+        writes=frozenset({"rig", "kg", "quality", "max_error"}),
         names_files=True,
         holds_materials=True,
         has_image_folder=extension != ".usdz",

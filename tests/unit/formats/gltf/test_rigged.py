@@ -88,6 +88,9 @@ def test_rigid_motion_has_no_more_channels_than_it_needs(tmp_path):
     [
         ({"targets": 3}, "targets is for animations without bones"),
         ({"rig": None, "kg": 1.0}, "kg is a bound of rigs; add rig"),
+        ({"rig": None, "quality": 50}, "quality is a bound of rigs; add rig"),
+        ({"quality": 50, "kg": 1.0}, "omit it, or kg"),
+        ({"quality": 50, "max_error": 1.0}, "omit it, or max_error"),
         ({"rig": 300}, "rig takes 1 to 256 bones; got 300"),
     ],
 )
