@@ -29,7 +29,6 @@ from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.sequence import FrameSource, MeshSequence
-from meshreel.rigging.bounds import bounds_of
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
@@ -312,7 +311,7 @@ def rig(
     Skinning decomposition of Le and Deng, "Smooth skinning decomposition with rigid bones",
     SIGGRAPH Asia 2012.
     """
-    from meshreel.rigging.fitting import fit_sequence  # which takes time to import
+    from meshreel.rigging.fitting import bounds_of, fit_sequence  # which takes time to import
 
     sequence = _loaded(source)
     extent = sequence.extent

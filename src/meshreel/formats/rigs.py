@@ -12,8 +12,7 @@ from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.bounds import bounds_of
-from meshreel.rigging.fitting import fit_sequence
+from meshreel.rigging.fitting import bounds_of, fit_sequence
 from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
 

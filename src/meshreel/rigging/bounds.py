@@ -2,11 +2,7 @@
 
 from dataclasses import dataclass
 
-from meshreel.codec.decoder import decode
-from meshreel.codec.encoder import encode
-from meshreel.errors import InvalidInputError, Keyword
-from meshreel.metrics.position_errors import position_errors
-from meshreel.model.sequence import MeshSequence
+from meshreel.errors import InvalidInputError
 
 MAX_BONES = 256
 """Numbers of joints are bytes."""
@@ -47,33 +43,3 @@ class Bounds:
 
 
 DEFAULT_BOUNDS = Bounds()
-
-
-def bounds_of(
-    sequence: MeshSequence, *, quality: float | None, kg: float | None, largest: float | None
-) -> Bounds:
-    """Return the given bounds, or those of a quality: the position errors of a .reel.
-
-    Parameters
-    ----------
-    quality : float, optional
-        Quality of the .reel, 1 to 100; excludes the bounds.
-    kg, largest : float, optional
-        As `Bounds`, with its defaults.
-
-    Raises
-    ------
-    InvalidInputError
-        If a value is out of range, or a quality and a bound are given.
-    """
-    if quality is None:
-        kg = DEFAULT_KG_PERCENT if kg is None else kg
-        return Bounds(kg, DEFAULT_LARGEST_PERCENT if largest is None else largest)
-    for name, bound in (("kg", kg), ("max_error", largest)):
-        if bound is not None:
-            raise InvalidInputError(
-                Keyword("quality"), " of a rig sets its error bounds; omit it, or ", Keyword(name)
-            )
-    stream = encode(sequence, quality=quality, order="keep", attributes="none")
-    errors = position_errors(sequence.vertices, decode(stream).vertices)
-    return Bounds(max(errors.kg_error_percent, 1e-6), max(errors.max_error_percent, 1e-6))

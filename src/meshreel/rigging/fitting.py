@@ -6,13 +6,21 @@ from dataclasses import replace
 import numpy as np
 
 from meshreel.arrays import Bytes, Floats
+from meshreel.codec.decoder import decode
+from meshreel.codec.encoder import encode
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
-from meshreel.rigging.bounds import DEFAULT_BOUNDS, MAX_BONES, Bounds
+from meshreel.rigging.bounds import (
+    DEFAULT_BOUNDS,
+    DEFAULT_KG_PERCENT,
+    DEFAULT_LARGEST_PERCENT,
+    MAX_BONES,
+    Bounds,
+)
 from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
 from meshreel.rigging.keys import MAX_BITS, MIN_BITS, SHORT, Steps, fit_tracks
@@ -65,6 +73,36 @@ CORRECTIVE_ROUNDING = 0.1
 
 MAX_ATTEMPTS = 5
 """Quantizations, each twice as fine."""
+
+
+def bounds_of(
+    sequence: MeshSequence, *, quality: float | None, kg: float | None, largest: float | None
+) -> Bounds:
+    """Return the given bounds, or those of a quality: the position errors of a .reel.
+
+    Parameters
+    ----------
+    quality : float, optional
+        Quality of the .reel, 1 to 100; excludes the bounds.
+    kg, largest : float, optional
+        As `Bounds`, with its defaults.
+
+    Raises
+    ------
+    InvalidInputError
+        If a value is out of range, or a quality and a bound are given.
+    """
+    if quality is None:
+        kg = DEFAULT_KG_PERCENT if kg is None else kg
+        return Bounds(kg, DEFAULT_LARGEST_PERCENT if largest is None else largest)
+    for name, bound in (("kg", kg), ("max_error", largest)):
+        if bound is not None:
+            raise InvalidInputError(
+                Keyword("quality"), " of a rig sets its error bounds; omit it, or ", Keyword(name)
+            )
+    stream = encode(sequence, quality=quality, order="keep", attributes="none")
+    errors = position_errors(sequence.vertices, decode(stream).vertices)
+    return Bounds(max(errors.kg_error_percent, 1e-6), max(errors.max_error_percent, 1e-6))
 
 
 def fit_sequence(
