@@ -38,7 +38,7 @@ SMOOTHNESS_OF_OPENED = 0.03
 MAX_ERROR_TO_FIT = 5.0
 """Largest error, in tolerances, after which further steps of a fit are tried."""
 
-MAX_ERROR_TO_OPEN = 1.6
+MAX_ERROR_TO_OPEN = 2.0
 """Largest error, in tolerances, after which folds are opened in order to meet the tolerance."""
 
 MAX_ERROR_TO_REFINE = 2.0

@@ -1,7 +1,8 @@
 """Refinement of key meshes where they bend: edges are split, and the surface stays the same."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -48,41 +49,70 @@ class KeyMesh:
         far the surface is from the edge if the edge slides along it. On boundaries, the largest
         angle at its ends counts.
         """
+        return self.split_above(max_sagitta, lambda sides: sides.sagittas())
+
+    def split_above(self, limit: float, measure: Callable[["_Sides"], Floats]) -> "KeyMesh":
+        """Return the mesh with edges split in halves until their measure is at most the limit."""
         key = self
-        while (sides := _Sides.of_mesh(key.mesh)).sagittas.max(initial=0.0) > max_sagitta:
-            key = _split(key, sides, sides.sagittas > max_sagitta)
+        while (is_split := measure(sides := _Sides.of_mesh(key.mesh)) > limit).any():
+            key = _split(key, sides, is_split)
         return key
 
 
-class _Sides(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Sides:
     """The edges of a mesh.
 
     Attributes
     ----------
+    mesh : TriangleMesh
     ends : int64 array of shape (E, 2)
     of_faces : int64 array of shape (M, 3)
         The edge at each side; side k of a face joins its corners k and k + 1.
-    sagittas : float64 array of shape (E,)
     """
 
+    mesh: TriangleMesh
     ends: Indices
     of_faces: Indices
-    sagittas: Floats
 
     @classmethod
     def of_mesh(cls, mesh: TriangleMesh) -> "_Sides":
         sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        ends, of_faces = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-        cosines = mesh.cosines_across(mesh.neighbors)
-        angles = np.zeros(len(ends))
-        np.maximum.at(angles, of_faces.ravel(), np.arccos(np.clip(cosines, -1.0, 1.0)))
-        at_vertices = np.zeros(len(mesh.vertices))
-        np.maximum.at(at_vertices, ends, angles[:, None])
-        is_boundary = np.bincount(of_faces.ravel()) == 1
-        angles[is_boundary] = at_vertices[ends[is_boundary]].max(axis=1)
-        lengths = np.linalg.norm(mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]], axis=1)
-        sagittas = np.minimum(angles, MAX_ANGLE) * lengths / 8
-        return cls(ends.astype(np.int64), of_faces.reshape(-1, 3).astype(np.int64), sagittas)
+        low, high = sides.min(axis=1), sides.max(axis=1)
+        keys, of_faces = np.unique(
+            low.astype(np.int64) * len(mesh.vertices) + high, return_inverse=True
+        )
+        ends = np.stack(np.divmod(keys, max(len(mesh.vertices), 1)), axis=1)
+        return cls(mesh, ends, of_faces.reshape(-1, 3).astype(np.int64))
+
+    @cached_property
+    def lengths(self) -> Floats:
+        """Length of each edge, of shape (E,)."""
+        ends = self.mesh.vertices[self.ends]
+        return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
+
+    def sagittas(self) -> Floats:
+        """Return the sagitta of each edge, of shape (E,)."""
+        cosines = self.mesh.cosines_across(self.mesh.neighbors)
+        angles = np.zeros(len(self.ends))
+        np.maximum.at(angles, self.of_faces.ravel(), np.arccos(np.clip(cosines, -1.0, 1.0)))
+        at_vertices = np.zeros(len(self.mesh.vertices))
+        np.maximum.at(at_vertices, self.ends, angles[:, None])
+        is_boundary = np.bincount(self.of_faces.ravel()) == 1
+        angles[is_boundary] = at_vertices[self.ends[is_boundary]].max(axis=1)
+        return np.minimum(angles, MAX_ANGLE) * self.lengths / 8
+
+
+def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
+    """Return the mesh with edges split in halves until none is longer than this."""
+    corners = mesh.vertices[mesh.faces]
+    squares = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2)
+    is_long = (squares > max_length**2).any(axis=1)
+    if not is_long.any():
+        return mesh
+    long = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, mesh.faces[is_long]))
+    split = long.split_above(max_length, lambda sides: sides.lengths).mesh
+    return TriangleMesh(split.vertices, np.concatenate([mesh.faces[~is_long], split.faces]))
 
 
 WHOLE = [[0, 1, 2]]

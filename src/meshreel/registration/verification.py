@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.geometry.hard_edges import lowest_connected
+from meshreel.registration.refining import subdivided
 from meshreel.registration.triangle_mesh import TriangleMesh
 
 WITHIN = 0.99
@@ -15,12 +15,15 @@ WITHIN = 0.99
 PATCH_SIDE = 10.0
 """Side, in tolerances, of the square whose area no connected patch beyond it may exceed."""
 
+SPACING = 6.0
+"""Longest edge, in tolerances, between vertices at which distances are measured."""
+
 
 @dataclass(frozen=True)
 class Tolerance:
     """The largest distance between a registered mesh and its raw frame.
 
-    99 % of both surfaces are within it, and no connected patch of faces beyond it is larger than a
+    99 % of both surfaces are within it, and no connected patch beyond it is larger than a
     square whose side is ten times the tolerance.
 
     Attributes
@@ -44,11 +47,12 @@ class FrameErrors:
     Attributes
     ----------
     mean, p95, p99, largest : float
-        Distances of samples: the vertices and face centroids, weighted by area.
+        Distances of samples, weighted by area: the vertices and face centroids, after longer edges
+        than `SPACING` are split. Between them, `patch_area` takes distances as linear.
     mean_square : float
         Mean of the squared distances.
     patch_area : float
-        Area of the largest connected patch of faces whose centroids are beyond the tolerance.
+        Area of the largest connected region beyond the tolerance.
     """
 
     mean: float
@@ -85,17 +89,18 @@ def _one_way(
     mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance
 ) -> tuple[float, float, float, float, float, float]:
     """Return the figures of `FrameErrors` in one direction."""
-    of_faces = target.closest(mesh.vertices[mesh.faces].mean(axis=1))
-    of_vertices = target.closest(mesh.vertices)
-    distances = np.concatenate([of_faces.distances, of_vertices.distances])
+    mesh = subdivided(mesh, SPACING * tolerance.length)
+    at_vertices = target.closest(mesh.vertices).distances
+    at_centroids = target.closest(mesh.vertices[mesh.faces].mean(axis=1)).distances
+    distances = np.concatenate([at_vertices, at_centroids])
     # These weights integrate polynomials of degree 2 over each face exactly.
-    areas = np.concatenate([0.75 * mesh.areas, 0.25 * mesh.vertex_areas])
+    areas = np.concatenate([0.25 * mesh.vertex_areas, 0.75 * mesh.areas])
     return (
         float(np.average(distances, weights=areas)),
         *_quantiles(distances, areas, (0.95, WITHIN)),
         float(distances.max()),
         float(np.average(distances**2, weights=areas)),
-        largest_patch(mesh, of_faces.distances > tolerance.length),
+        largest_patch(mesh, distances - tolerance.length),
     )
 
 
@@ -108,12 +113,34 @@ def _quantiles(values: Floats, weights: Floats, shares: tuple[float, float]) -> 
     return float(low), float(high)
 
 
-def largest_patch(mesh: TriangleMesh, is_chosen: npt.NDArray[np.bool_]) -> float:
-    """Return the area of the largest set of chosen faces that are connected across sides."""
-    if not is_chosen.any():
+def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
+    """Return the area of the largest connected region where interpolated values are positive.
+
+    Parameters
+    ----------
+    values : float64 array of shape (V + M,)
+        At the vertices, and at the centroids of the faces; linear in the three parts of each face
+        around its centroid.
+    """
+    center = len(mesh.vertices) + np.arange(len(mesh.faces))
+    parts = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1), np.tile(center, (3, 1)).T], 2)
+    parts, areas = parts.reshape(-1, 3).astype(np.int64), np.repeat(mesh.areas / 3, 3)
+    is_positive = values > 0
+    touched = is_positive[parts].any(axis=1)
+    if not touched.any():
         return 0.0
-    first = np.repeat(np.arange(len(mesh.faces)), 3)
-    second = mesh.neighbors
-    both = is_chosen[first] & is_chosen[second]
-    patches = lowest_connected(len(mesh.faces), first[both], second[both])
-    return float(np.bincount(patches[is_chosen], mesh.areas[is_chosen]).max())
+    parts, areas = parts[touched], areas[touched]
+    first, second = parts.ravel(), np.roll(parts, -1, axis=1).ravel()
+    both = is_positive[first] & is_positive[second]
+    regions = lowest_connected(len(values), first[both], second[both])
+    highest = np.take_along_axis(parts, values[parts].argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
+    return float(np.bincount(regions[highest], areas * _positive_share(values[parts])).max())
+
+
+def _positive_share(values: Floats) -> Floats:
+    """Return the share of each triangle where values are positive, given those at its corners."""
+    low, middle, high = np.sort(values, axis=1).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tip = high**2 / ((high - middle) * (high - low))
+        rest = 1 - low**2 / ((middle - low) * (high - low))
+    return np.select([low >= 0, middle > 0], [np.ones_like(low), rest], tip)

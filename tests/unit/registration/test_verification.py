@@ -46,10 +46,12 @@ def test_separate_patches_do_not_add_up():
 
 
 @pytest.mark.parametrize(
-    ("chosen", "area"), [([1, 0, 1, 0], 1.0), ([1, 1, 0, 1], 2.0), ([0, 0, 0, 0], 0.0)]
+    ("positive", "area"),
+    [(range(10), 4.0), ([6, 7], 1 / 4), ([6, 7, 2], 4 / 3), ([0, 5], 1 / 6), ([], 0.0)],
 )
-def test_patches_are_connected_by_chosen_faces_only(chosen, area):
-    """A strip of four triangles of area 1."""
+def test_patches_are_connected_by_positive_corners(positive, area):
+    """A strip of four triangles of area 1; positive corners have the value 1, others -1."""
     vertices = np.array([[i // 2 * 2.0, i % 2, 0.0] for i in range(6)])
     strip = TriangleMesh(vertices, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
-    assert largest_patch(strip, np.array(chosen, bool)) == pytest.approx(area)
+    values = np.where(np.isin(np.arange(10), positive), 1.0, -1.0)
+    assert largest_patch(strip, values) == pytest.approx(area)
