@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.gltf.format import write_glb, write_gltf
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
