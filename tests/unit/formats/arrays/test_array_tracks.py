@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import samples.arrays
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
@@ -23,16 +24,9 @@ RNG = np.random.default_rng(1)
 
 
 def store(path, **arrays):
-    """Write named arrays with numpy or h5py."""
-    arrays = {"vertices": GRID.vertices, "faces": GRID.faces, "fps": 25.0} | arrays
-    if path.suffix == ".npz":
-        np.savez(path, **arrays)
-    else:
-        h5py = pytest.importorskip("h5py")
-        with h5py.File(path, "w") as file:
-            for name, array in arrays.items():
-                file[name] = array
-    return path
+    """Write the grid and other named arrays."""
+    grid = {"vertices": GRID.vertices, "faces": GRID.faces, "fps": 25.0}
+    return samples.arrays.store(path, **grid | arrays)
 
 
 @pytest.mark.parametrize("extension", ["npz", "h5"])

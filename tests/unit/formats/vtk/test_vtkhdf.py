@@ -13,8 +13,6 @@ from samples.datasets import (
     assert_same_positions,
     full_surface,
     plain_sequence,
-    positions_of,
-    read_damaged,
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
@@ -424,11 +422,3 @@ def test_load_names_a_damaged_vtkhdf_called_hdf_once(tmp_path):
     with pytest.raises(FormatError) as error:
         load(path)
     assert str(error.value).count(str(path)) == 1
-
-
-@pytest.mark.slow
-def test_damaged_files_raise_only_meshreel_errors(tmp_path):
-    [path] = save(surfaced_sequence(), tmp_path / "a.vtkhdf")
-    read_damaged(
-        path, 150, n_header=20_000, readers=(load, lambda file: positions_of(open_source(file)))
-    )
