@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-EXTENSIONS = ["npz", "h5"]
-
 
 def store(path, **arrays):
     """Write an archive with numpy, or a file with another extension with h5py."""

@@ -145,7 +145,6 @@ def test_load_rejects_external_and_oversized_datasets(tmp_path, change, message)
         ),
     ],
 )
-@pytest.mark.parametrize("read", [load, open_source])
 def test_errors_explain_missing_and_ambiguous_datasets(tmp_path, datasets, message, read):
     with pytest.raises((FormatError, InvalidInputError), match=rf"a\.h5: .*{message}"):
         read(store(tmp_path / "a.h5", **datasets))

@@ -8,7 +8,6 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from samples.arrays import store
 from samples.meshes import waving_grid
-from samples.opening import open_source
 
 FACES = np.array([[0, 1, 2]])
 VERTICES = np.eye(3, dtype=np.float32)[None].repeat(2, axis=0)
@@ -52,7 +51,6 @@ def packed(tmp_path, monkeypatch):
     return tmp_path / "still.npz"
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 def test_error_for_excessive_expansion_gives_sizes_and_remedy(packed, read):
     message = (
         r"still\.npz: has 0\.\d+ MB that would unpack to .* GB; .* at most 32 times .*np\.savez"
@@ -61,7 +59,6 @@ def test_error_for_excessive_expansion_gives_sizes_and_remedy(packed, read):
         read(packed)
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 def test_remedy_of_the_expansion_error_works(packed, tmp_path, read):
     np.savez(tmp_path / "plain.npz", **np.load(packed))
     result = read(tmp_path / "plain.npz")

@@ -112,8 +112,7 @@ def test_note_says_that_a_stream_without_guarantee_limits_only_added_errors(
     assert any(note.startswith(start) for note in notes)
 
 
-def test_notes_on_an_original_do_not_mention_streams(waves, tmp_path):
-    notes = []
+def test_notes_on_an_original_do_not_mention_streams(waves, tmp_path, notes):
     save(waves, tmp_path / "a.glb", notes=notes)
     assert not any("original" in note or "stream" in note for note in notes)
     assert notes[0].startswith("the largest error is ")

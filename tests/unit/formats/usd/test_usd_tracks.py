@@ -13,7 +13,6 @@ from meshreel.formats.save import save
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet
-from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 from samples.usd import assert_is_valid
 
@@ -52,7 +51,6 @@ def as_usd(values, dtype):
     return np.ascontiguousarray(values, dtype)
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("interpolation", SIZES)
 @pytest.mark.parametrize(
     ("kind", "dtype", "width", "name", "track_kind"),
@@ -140,23 +138,21 @@ def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     assert np.array_equal(loaded.tracks["displayColor"].values, values)
 
 
-def test_samples_without_a_frame_are_noted(tmp_path):
+def test_samples_without_a_frame_are_noted(tmp_path, notes):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     codes = [1, 2, 3, 4, 4.5, 6]
     add_primvar(mesh, "heat", "float", RNG.random((6, 6)).astype(np.float32), "vertex", codes)
     stage.Save()
-    notes = []
     assert "heat" in load(tmp_path / "a.usdc", notes=notes).tracks
     assert "left out: samples where positions have no frame: heat (2 of 6)" in notes
 
 
-def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
+def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path, notes):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     add_primvar(mesh, "heat", "float", list(np.ones((3, 6), np.float32)), "vertex", [1, 2, 4])
     UsdGeom.PrimvarsAPI(mesh).GetPrimvar("heat").Set(Vt.FloatArray([1, 2]), 3)
     add_primvar(mesh, "bad", "float", RNG.random((4, 5)).astype(np.float32), "vertex")
     stage.Save()
-    notes = []
     [(name, track)] = load(tmp_path / "a.usdc", notes=notes).tracks.items()
     assert name == "heat"
     assert np.isnan(track[2]).all()
@@ -166,7 +162,7 @@ def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
 
 
 @pytest.mark.parametrize("as_primvar", [False, True])
-def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path, as_primvar):
+def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path, as_primvar, notes):
     stage, mesh = new_mesh(tmp_path / "a.usdc")
     matrix = Gf.Matrix4d(0, 2, 0, 0, -1, 0, 0, 0, 0, 0, 3, 0, 5, 6, 7, 1)
     UsdGeom.Xformable(mesh).AddTransformOp().Set(matrix)
@@ -183,7 +179,6 @@ def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path, as_primv
             mesh.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(one), code + 1)
         mesh.CreateVelocitiesAttr().Set(Vt.Vec3fArray.FromNumpy(velocities[code]), code + 1)
     stage.Save()
-    notes = []
     tracks = load(tmp_path / "a.usdc", notes=notes).tracks
     linear = np.array(matrix)[:3, :3]
     expected = normals @ np.linalg.inv(linear).T
@@ -233,8 +228,8 @@ def with_usd_types(sheet):
 
 @pytest.mark.parametrize("extension", ["usda", "usdc", "usdz"])
 @pytest.mark.parametrize("n_frames", [1, 5])
-def test_tracks_round_trip_exactly(tmp_path, extension, n_frames):
-    sheet, notes = with_usd_types(tracked_sheet(n_frames)), []
+def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, notes):
+    sheet = with_usd_types(tracked_sheet(n_frames))
     save(sheet, tmp_path / f"x.{extension}", notes=notes)
     loaded = load(tmp_path / f"x.{extension}")
     assert np.array_equal(loaded.vertices, sheet.vertices.astype(np.float32))
@@ -293,8 +288,8 @@ def test_saved_tracks_pass_every_validator_of_usd(tmp_path, n_frames):
         (RNG.integers(0, 9, (2, 30)).astype("i2"), "scalar", "int32, not int16"),
     ],
 )
-def test_conversions_of_number_types_are_noted(tmp_path, values, kind, written_as):
-    sheet, notes = quad_sheet(2), []
+def test_conversions_of_number_types_are_noted(tmp_path, values, kind, written_as, notes):
+    sheet = quad_sheet(2)
     surface = replace(sheet.surface, attributes=())
     save(
         sheet.replace(surface=surface, tracks={"x": Track(values, kind=kind)}),
