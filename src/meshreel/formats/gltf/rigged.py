@@ -7,11 +7,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.container import (
-    JOINTS,
-    BufferWriter,
-    Json,
-)
+from meshreel.formats.gltf.container import JOINTS, BufferWriter, Json
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     StoredValues,

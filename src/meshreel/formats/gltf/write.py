@@ -13,12 +13,7 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import (
-    MESHOPT,
-    QUANTIZATION,
-    BufferWriter,
-    Json,
-)
+from meshreel.formats.gltf.container import MESHOPT, QUANTIZATION, BufferWriter, Json
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, ShadingMesh, fit_part
