@@ -172,8 +172,7 @@ def test_load_reads_a_deep_hierarchy_but_rejects_a_deeper_one(tmp_path):
 
 
 def animated(keys=(0, 0.5), values=((0, 0, 0), (1, 0, 0)), path="translation", **sampler):
-    file = Gltf()
-    file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     file.animate(0, path, keys, values)
     file.json["animations"][0]["samplers"][0].update(sampler)
     return file

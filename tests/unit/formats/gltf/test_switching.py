@@ -103,10 +103,9 @@ def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
 
 
 def test_transforms_are_read_from_pointers(tmp_path):
-    file = Gltf()
-    node = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
-    file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
-    file.json["animations"][0]["channels"][0]["target"] = pointer_target(node, "translation")
+    file = Gltf.of_mesh(SQUARE, FACES["quad"], name="quad")
+    file.animate(0, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
+    file.json["animations"][0]["channels"][0]["target"] = pointer_target(0, "translation")
     loaded = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
     np.testing.assert_allclose(loaded.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
 
