@@ -24,8 +24,8 @@ import meshreel
 from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.container import BufferWriter
+from meshreel.formats.gltf.format import write_glb
 from meshreel.formats.gltf.morphs import place_frames
-from meshreel.formats.gltf.write import write_glb
 from meshreel.formats.options import WriteOptions
 
 HEADER = [

@@ -1,4 +1,4 @@
-"""Array types shared by the whole package, repeated values, and rows as bytes."""
+"""Array types shared by the whole package, byte order, repeated values, and rows as bytes."""
 
 from typing import Any, TypeVar
 
@@ -13,6 +13,11 @@ Real = TypeVar("Real", Floats, Singles)
 """Of functions that compute in the precision of their arguments."""
 Values = npt.NDArray[Any]
 """Numbers of any type."""
+
+
+def native(values: Values) -> Values:
+    """Return values in native byte order."""
+    return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
 def n_equal_before(values: npt.NDArray[np.generic]) -> Integers:

@@ -31,6 +31,13 @@ class Gltf:
         }
         self.data = bytearray()
 
+    @classmethod
+    def of_mesh(cls, *shape, **node):
+        """Return a file with node 0, of a mesh with these positions, faces and targets."""
+        file = cls()
+        file.node(mesh=file.mesh(*shape), **node)
+        return file
+
     def add(self, kind, **values):
         """Add an item to a list of the file; return its number."""
         items = self.json.setdefault(kind, [])

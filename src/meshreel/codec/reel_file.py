@@ -5,7 +5,6 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO, SupportsIndex, overload
 
 import numpy as np
@@ -436,12 +435,7 @@ class ReelFile(Timed):
     def __enter__(self) -> "ReelFile":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *details: object) -> None:
         self.close()
 
     _repr_html_ = notebook_html

@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from types import TracebackType
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -294,17 +293,12 @@ class Encoder:
     def __enter__(self) -> "Encoder":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *details: object) -> None:
         # Keep the frames of a recording that an error or Ctrl-C stops.
         try:
             self.close()
         except InvalidInputError:
-            if error is None:
+            if kind is None:
                 raise
 
     def __repr__(self) -> str:

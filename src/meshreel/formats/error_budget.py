@@ -1,7 +1,7 @@
 """The error that morph targets or textures may add to that of a decoded stream."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,10 +61,14 @@ def requested_budget(
 ) -> tuple[float, ErrorBudget]:
     """Return the error bound of options in percent, and the budget of targets or textures.
 
+    A bound of the options is for the error against the original, so the error of the stream is
+    subtracted; the default is for the error added.
+
     Parameters
     ----------
     low, high : float arrays of shape (3,)
-        Corners of the bounding box of the written frames.
+        Corners of the bounding box of the written frames. If the stream guarantees an error, the
+        smaller of its diagonal and that of the original counts.
     default : float
         Error bound in percent of the diagonal, if the options have none.
     consumer : str
@@ -73,48 +77,17 @@ def requested_budget(
     Raises
     ------
     InvalidInputError
-        As `share_budget`.
-    """
-    diagonal, bound = float(np.linalg.norm(high - low)), options.max_error
-    allowed = default if bound is None else bound_of(bound).percent(diagonal or 1.0)
-    return allowed, share_budget(
-        allowed, diagonal, options.origin, is_total=bound is not None, consumer=consumer
-    )
-
-
-def share_budget(
-    allowed: float,
-    diagonal: float,
-    origin: Origin | None,
-    *,
-    is_total: bool,
-    consumer: str = "morph targets",
-) -> ErrorBudget:
-    """Return the budget of targets or textures: the total minus the error of the stream.
-
-    Parameters
-    ----------
-    allowed : float
-        Error bound in percent of the diagonal.
-    diagonal : float
-        Diagonal of the bounding box of the written frames, in model units. If the stream
-        guarantees an error, the smaller of this and the diagonal of the original counts.
-    is_total : bool
-        Whether the bound is for the error against the original, or only for the error added.
-    consumer : str, default "morph targets"
-        What adds the error, for messages.
-
-    Raises
-    ------
-    InvalidInputError
         If the error of the stream alone uses up the bound.
     """
+    diagonal = float(np.linalg.norm(high - low))
+    bound, origin = options.max_error, options.origin
+    allowed = default if bound is None else bound_of(bound).percent(diagonal or 1.0)
     if origin is None or not math.isfinite(origin.error):
-        return ErrorBudget(allowed / 100 * diagonal, diagonal, origin)
+        return allowed, ErrorBudget(allowed / 100 * diagonal, diagonal, origin)
     smaller = min(diagonal or origin.diagonal, origin.diagonal)
     budget = ErrorBudget(allowed / 100 * smaller, smaller, origin)
-    if not is_total:
-        return budget
+    if bound is None:
+        return allowed, budget
     remaining = budget.added - origin.error - MARGIN * smaller
     if remaining <= 0:
         raise InvalidInputError(
@@ -124,7 +97,7 @@ def share_budget(
             "larger error, or encode the original with a smaller ",
             Keyword("max_error"),
         )
-    return ErrorBudget(remaining, smaller, origin)
+    return allowed, replace(budget, added=remaining)
 
 
 def _round_up(percent: float, n_digits: int = 4) -> str:

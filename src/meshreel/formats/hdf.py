@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Values, native
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.model.sequence import Vertices
@@ -168,14 +168,14 @@ def read_rows(dataset: Dataset, start: int, count: int) -> npt.NDArray[Any]:
             f"dataset {dataset.name} has {counted(n_rows, 'row')}; {count} from row {start} on "
             "are needed"
         )
-    return _native(dataset[start : start + count])
+    return native(dataset[start : start + count])
 
 
 def read_all(dataset: Dataset) -> npt.NDArray[Any]:
     """Read a whole dataset, in native byte order; text as a numpy string array."""
     if HDF.load().check_string_dtype(dataset.dtype) is not None:
         return np.asarray(dataset.asstr(errors="replace")[()]).astype(np.str_)
-    return _native(np.asarray(dataset[()]))
+    return native(np.asarray(dataset[()]))
 
 
 def write_array(group: Node, name: str, array: npt.NDArray[Any]) -> None:
@@ -188,10 +188,6 @@ def write_array(group: Node, name: str, array: npt.NDArray[Any]) -> None:
         group.create_dataset(name, data=encoded.reshape(array.shape), dtype=text_type)
     else:
         group.create_dataset(name, data=array)
-
-
-def _native(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _check_stored(dataset: Dataset) -> None:

@@ -1,6 +1,5 @@
 """Inspection of files of any format without loading a sequence."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -21,7 +20,7 @@ from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
-from meshreel.model.tracks import describe_track
+from meshreel.model.tracks import describe_track, size_bytes
 from meshreel.runtime.progress import Progress
 
 
@@ -250,7 +249,7 @@ def _segment_info(segment: FrameSource) -> MeshInfo:
             positions_size_bytes(segment)
             + segment.faces.nbytes
             + segment.surface.size_bytes
-            + sum(math.prod(one.shape) * one.dtype.itemsize for one in segment.tracks.values())
+            + sum(map(size_bytes, segment.tracks.values()))
         ),
     )
 

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from meshreel.formats.load import load
 from meshreel.model.sequence import MeshSequence
 from samples.meshes import octahedron_faces
+from samples.opening import open_source
 
 
 @pytest.fixture
@@ -15,3 +17,15 @@ def make_sequence():
         return MeshSequence(vertices, octahedron_faces(), fps, name)
 
     return make
+
+
+@pytest.fixture(params=[load, open_source])
+def read(request):
+    """A function that reads a file: at once, or each frame when it is needed."""
+    return request.param
+
+
+@pytest.fixture
+def notes():
+    """An empty list, which receives the notes of functions that take it."""
+    return []

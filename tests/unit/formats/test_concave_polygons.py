@@ -36,8 +36,7 @@ def test_streams_keep_the_area_of_a_concave_polygon(l_shape, order):
     assert area(decoded) == pytest.approx(4)
 
 
-def test_a_note_counts_polygons_that_cross_themselves(tmp_path):
+def test_a_note_counts_polygons_that_cross_themselves(tmp_path, notes):
     (tmp_path / "bow.obj").write_text(BOW)
-    notes = []
     meshreel.load(tmp_path / "bow.obj", notes=notes)
     assert notes == ["triangles overlap in 1 polygon with crossing sides"]

@@ -6,7 +6,8 @@ import pytest
 
 from meshreel.formats.load import load
 from meshreel.formats.save import save
-from samples.datasets import positions_of, read_damaged
+from samples.costs import slow_but
+from samples.datasets import positions_of, read_damaged, surfaced_sequence
 from samples.meshes import waving_grid
 from samples.opening import open_source
 
@@ -55,6 +56,7 @@ FILES = {
     **{f"{name}.ply": binary_ply(name) for name in ("binary_little_endian", "binary_big_endian")},
     "grid.drc": draco(),
 }
+READERS = (load, lambda path: positions_of(open_source(path)))
 SAVED = ["a.obj", "a.ply", "a.off", "a.stl", "a.npz", "a.pc2", "a.mdd"]
 
 
@@ -66,4 +68,15 @@ def test_damaged_files_raise_only_meshreel_errors(tmp_path, make_sequence, name)
     else:
         save(make_sequence(1), path)
     load(path)  # the undamaged file must be readable, or the test is meaningless
-    read_damaged(path, 300, readers=(load, lambda file: positions_of(open_source(file))))
+    read_damaged(path, 300, readers=READERS)
+
+
+@pytest.mark.parametrize(
+    ("name", "n_header"),
+    slow_but([("a.npz", 1 << 20)], [("a.npz", 1 << 20), ("a.h5", 3000), ("a.vtkhdf", 20_000)]),
+)
+def test_damaged_surfaces_raise_only_meshreel_errors(tmp_path, name, n_header):
+    if name != "a.npz":
+        pytest.importorskip("h5py")
+    [path] = save(surfaced_sequence(), tmp_path / name)
+    read_damaged(path, 150, n_header=n_header, readers=READERS)

@@ -8,7 +8,6 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
-from samples.opening import open_source
 
 
 def still(n_frames=3, **tracks):
@@ -27,7 +26,6 @@ def path(tmp_path):
     return tmp_path / "a.npz"
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize(("choice", "factor"), [("displacement", 1), ("displacement:-2.5", -2.5)])
 def test_a_track_moves_the_vertices_and_is_not_kept(path, read, choice, factor):
     rest, moved = load(path), read(path, displace=choice)
@@ -49,8 +47,7 @@ def test_each_segment_is_moved(tmp_path):
     assert (moved.n_segments, moved.fps) == (2, 5)
 
 
-def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path):
-    notes = []
+def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path, notes):
     load(path, notes=notes)
     assert notes == [
         "the mesh does not move, and its track displacement may be its displacement; move it with "
@@ -59,7 +56,7 @@ def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path):
 
 
 @pytest.mark.parametrize("case", ["moving", "two", "scalar", "other name"])
-def test_no_note_without_a_likely_displacement(tmp_path, case):
+def test_no_note_without_a_likely_displacement(tmp_path, case, notes):
     values = still().tracks["displacement"].values
     sequence = {
         "moving": lambda: waving_grid(3).replace(tracks={"u": values}),
@@ -68,7 +65,6 @@ def test_no_note_without_a_likely_displacement(tmp_path, case):
         "other name": lambda: still(flux=values),
     }[case]()
     save(sequence, tmp_path / "a.npz")
-    notes = []
     load(tmp_path / "a.npz", notes=notes)
     assert notes == []
 

@@ -168,7 +168,7 @@ def test_invalid_usd_creases_are_ignored(read, pxr, more):
     assert not any("hard edges" in note for note in notes)
 
 
-def test_alembic_corner_normals_give_hard_rims(tmp_path):
+def test_alembic_corner_normals_give_hard_rims(tmp_path, notes):
     sample = pytest.importorskip("samples.alembic")
     from alembic3d import AbcGeom
 
@@ -188,7 +188,6 @@ def test_alembic_corner_normals_give_hard_rims(tmp_path):
     one.setNormals(normals)
     mesh.getSchema().set(one)
     del mesh, archive
-    notes = []
     result = load(path, notes=notes)
     assert places(result) == places(CAKE)
     assert "kept 48 of 120 edges as hard edges" in notes[-1]

@@ -8,7 +8,7 @@ from meshreel.formats.load import load, open_for_purpose
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
 from samples.meshes import waving_grid
-from samples.opening import count_runs, open_source
+from samples.opening import count_runs
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
@@ -49,7 +49,6 @@ def test_float64_near_the_origin_is_float32_in_decimal_text(
     assert load(tmp_path).vertices.dtype == expected
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 def test_stl_frames_round_trip_geometry_with_a_note_on_the_weld(tmp_path, make_sequence, read):
     sequence, notes = make_sequence(3), []
     save(sequence, tmp_path / "f_%d.stl")
@@ -60,9 +59,8 @@ def test_stl_frames_round_trip_geometry_with_a_note_on_the_weld(tmp_path, make_s
     assert notes == ["welded 24 STL corners to 6 vertices"]
 
 
-def test_load_keeps_quads_without_a_note(tmp_path):
+def test_load_keeps_quads_without_a_note(tmp_path, notes):
     write_frames(tmp_path, *[SQUARE + "f 1 2 3 4\n"] * 2)
-    notes = []
     loaded = load(tmp_path, notes=notes)
     assert loaded.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert (loaded.surface.face_sizes.tolist(), notes) == ([4], [])
@@ -77,7 +75,6 @@ def test_fps_argument_precedes_the_rate_of_the_file(tmp_path, make_sequence, nam
     assert load(tmp_path / name.replace("%d", "*"), fps=fps).fps == expected
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("extension", ["obj", "stl"])
 def test_progress_is_reported_for_every_frame(tmp_path, make_sequence, read, extension):
     save(make_sequence(4), tmp_path / f"f_%d.{extension}")
@@ -117,7 +114,6 @@ def test_other_number_of_stl_triangles_begins_another_segment(tmp_path, make_seq
 
 
 @pytest.mark.parametrize("bad", ["nan", "inf", "-inf"])
-@pytest.mark.parametrize("read", [load, open_source])
 def test_error_names_file_and_vertex_of_a_non_finite_position(tmp_path, read, bad):
     good = SQUARE + "f 1 2 3\n"
     write_frames(tmp_path, good, good.replace("v 1 1 0", f"v 1 {bad} 0"), good)
@@ -139,7 +135,6 @@ def test_error_for_an_empty_file_names_it(tmp_path, extension):
         load(tmp_path)
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 def test_reel_streams_are_decoded_at_the_given_rate(tmp_path, read):
     sequence = waving_grid()
     save(sequence, tmp_path / "a.reel")

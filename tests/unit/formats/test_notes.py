@@ -52,8 +52,7 @@ def test_note_knows_its_keywords_after_pickling():
     assert note.naming(lambda keyword: f"--{keyword.name}") == text[:-3] + "--fps"
 
 
-def test_notes_of_several_segments_become_one_when_only_details_differ():
-    notes = []
+def test_notes_of_several_segments_become_one_when_only_details_differ(notes):
     for count in (3, 4):
         add_note(notes, NoteKind.CHANGED, "hard edges", f"kept {count} hard edges")
         add_note(notes, NoteKind.LEFT_OUT, "normals")

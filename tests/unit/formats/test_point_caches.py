@@ -21,8 +21,12 @@ from samples.datasets import (
 from samples.meshes import assert_same_surface
 from samples.opening import open_source
 
-EXTENSIONS = ["pc2", "mdd"]
 RATES = [24.0, 25.0, 30.0, 60.0, 29.97, 30000 / 1001, 24000 / 1001, 1000.0]
+
+
+@pytest.fixture(params=["pc2", "mdd"])
+def extension(request):
+    return request.param
 
 
 def round_trip(tmp_path, sequence, extension, **options):
@@ -31,7 +35,6 @@ def round_trip(tmp_path, sequence, extension, **options):
     return load(cache, topology=mesh, **options), notes
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("n_frames", [1, 7])
 @pytest.mark.parametrize("surface", [PLAIN, polygon_surface()], ids=["triangles", "polygons"])
 def test_point_caches_round_trip_with_a_mesh_file_of_the_same_name(
@@ -47,7 +50,6 @@ def test_point_caches_round_trip_with_a_mesh_file_of_the_same_name(
         assert (loaded.name, positions_of(loaded).dtype) == ("walk", np.float32)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_topology_option_gives_faces_and_polygons(tmp_path, extension):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     text = mesh.read_text().splitlines()
@@ -69,7 +71,6 @@ def test_mdd_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
 
 
 @pytest.mark.parametrize("fps", RATES)
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, extension):
     start_s = 1001 / fps
     sequence = plain_sequence(n_frames=9, fps=fps, start_s=start_s)
@@ -77,9 +78,8 @@ def test_pc2_round_trips_a_start_at_a_whole_frame(tmp_path, fps, extension):
     assert (returned.fps, returned.start_s) == (fps, start_s)
 
 
-def test_load_notes_a_later_first_frame_of_pc2(tmp_path):
+def test_load_notes_a_later_first_frame_of_pc2(tmp_path, notes):
     cache, mesh = save(plain_sequence(fps=25.0, start_s=2.0), tmp_path / "walk.pc2")
-    notes = []
     assert load(cache, topology=mesh, notes=notes).start_s == 0
     assert "begins at frame 50 of unknown rate" in notes[0]
     assert load(cache, topology=mesh, fps=25).start_s == 2.0
@@ -104,7 +104,6 @@ def test_save_notes_what_a_cache_cannot_store(tmp_path, extension, options, note
     assert returned.fps == pytest.approx(fps)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("is_exact", [False, True])
 def test_float64_positions_that_are_not_exact_are_rounded_with_a_note(
     tmp_path, extension, is_exact
@@ -120,7 +119,6 @@ def test_float64_positions_that_are_not_exact_are_rounded_with_a_note(
     assert [each for each in notes if "rounded" in each] == ([] if is_exact else [note])
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize(
     ("scale", "start_s", "message"),
     [
@@ -135,7 +133,6 @@ def test_save_rejects_numbers_beyond_float32(tmp_path, extension, scale, start_s
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, extension, monkeypatch):
     monkeypatch.setattr("meshreel.formats.frames.stored_frames.BLOCK_BYTES", 300)
     sequence = plain_sequence(n_frames=9)
@@ -148,7 +145,6 @@ def test_stored_frames_of_a_cache_equal_loaded_ones(tmp_path, extension, monkeyp
     assert opened.extent.mean_diagonal == sequence.extent.mean_diagonal
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, extension):
     cache, mesh = save(plain_sequence(n_frames=4), tmp_path / f"walk.{extension}")
     opened = open_source(cache, topology=mesh)
@@ -163,7 +159,6 @@ def test_reading_frames_fails_if_the_cache_has_changed(tmp_path, extension):
         opened.read(3, 4)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_error_without_topology_gives_the_remedy(tmp_path, extension):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     mesh.unlink()
@@ -198,25 +193,23 @@ def test_uneven_times_of_mdd_are_kept(tmp_path):
     assert load(cache, topology=mesh, fps=10).times.tolist() == pytest.approx([0.5, 0.6, 0.7])
 
 
-def test_mdd_whose_times_do_not_ascend_has_no_frame_rate(tmp_path):
+def test_mdd_whose_times_do_not_ascend_has_no_frame_rate(tmp_path, notes):
     cache, mesh = save(plain_sequence(n_frames=3), tmp_path / "walk.mdd")
-    data, notes = cache.read_bytes(), []
+    data = cache.read_bytes()
     cache.write_bytes(data[:8] + bytes(12) + data[20:])
     assert load(cache, topology=mesh, notes=notes).fps == 0
     assert notes == ["frame times are not ascending; the frame rate is unknown"]
 
 
-def test_load_notes_the_sample_interval_of_pc2(tmp_path):
+def test_load_notes_the_sample_interval_of_pc2(tmp_path, notes):
     cache, mesh = save(plain_sequence(start_s=2.0), tmp_path / "walk.pc2")
     data = cache.read_bytes()
     cache.write_bytes(data[:24] + struct.pack("<f", 2) + data[28:])
-    notes = []
     loaded = load(cache, topology=mesh, fps=12.5, notes=notes)
     assert (loaded.fps, loaded.start_s) == (12.5, 2.0)
     assert notes == ["samples are 2 frames apart; each is read as one frame"]
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("keep", [0, 3, 7, 11, 31, 60, -1])
 def test_error_for_a_truncated_cache_names_the_file(tmp_path, extension, keep):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
@@ -250,7 +243,6 @@ def test_error_for_an_invalid_header_names_the_file(tmp_path, extension, place, 
         load(cache, topology=mesh)
 
 
-@pytest.mark.parametrize("extension", EXTENSIONS)
 def test_error_names_the_vertex_of_a_non_finite_position(tmp_path, extension):
     cache, mesh = save(plain_sequence(), tmp_path / f"walk.{extension}")
     data = bytearray(cache.read_bytes())

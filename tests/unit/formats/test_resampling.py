@@ -9,7 +9,6 @@ from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
-from samples.opening import open_source
 
 TIMES = [0.0, 0.005, 0.01, 0.015, 0.0175]
 """States of a solver, whose last one ends the run."""
@@ -38,7 +37,6 @@ def path(tmp_path):
     return tmp_path / "a.npz"
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("rate", [200, 400, 1000, 57.5])
 def test_frames_are_interpolated_at_the_rate(path, read, rate):
     result = read(path, resample=rate)
@@ -59,8 +57,7 @@ def test_frames_at_their_times_stay_exact(path):
     np.testing.assert_array_equal(result.vertices[[0, 2, 4, 6, 7]], original.vertices)
 
 
-def test_note_says_what_was_done(path):
-    notes = []
+def test_note_says_what_was_done(path, notes):
     load(path, resample=200, notes=notes)
     assert notes == [
         "resampled 5 frames to 4 at 200 per second, up to 0.015 s; positions and values in between "
@@ -84,7 +81,7 @@ def test_missing_values_are_missing_beside_a_new_frame(tmp_path):
     np.testing.assert_array_equal(values[1], [1.5, np.nan, np.inf])
 
 
-def test_frames_are_held_where_the_faces_change(tmp_path):
+def test_frames_are_held_where_the_faces_change(tmp_path, notes):
     grid, sheet = waving_grid(2), quad_sheet(2)
     times = {"times": [0, 0.3, 0.5, 0.6]}
     several = MeshSequence.of_segments([grid, sheet.replace(fps=25)]).replace(**times)
@@ -94,7 +91,6 @@ def test_frames_are_held_where_the_faces_change(tmp_path):
     np.testing.assert_array_equal(result[3].vertices, grid.vertices[1])
     np.testing.assert_array_equal(result[4].vertices, grid.vertices[1])
     np.testing.assert_array_equal(result[5].vertices, sheet.vertices[0])
-    notes = []
     assert load(tmp_path / "a.reel", resample=1.5, notes=notes).n_segments == 1
     assert "1 segment between two new frames left out" in notes[0]
 

@@ -128,8 +128,7 @@ def test_options_without_effect_are_rejected(tmp_path, make_sequence, name, opti
     assert listing(tmp_path) == []
 
 
-def test_save_notes_the_error_of_a_stream(tmp_path, make_sequence):
-    notes = []
+def test_save_notes_the_error_of_a_stream(tmp_path, make_sequence, notes):
     path = tmp_path / "a.reel"
     save(waving_grid(), path, options=WriteOptions(max_error=0.2), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), max_error=0.2)
@@ -138,8 +137,7 @@ def test_save_notes_the_error_of_a_stream(tmp_path, make_sequence):
     assert notes[0].startswith(f"encoded with a largest error of {result:.4f} % of the diagonal")
 
 
-def test_lossless_option_writes_a_lossless_stream(tmp_path):
-    notes = []
+def test_lossless_option_writes_a_lossless_stream(tmp_path, notes):
     path = tmp_path / "a.reel"
     save(waving_grid(), path, options=WriteOptions(lossless=True), notes=notes)
     assert path.read_bytes() == meshreel.encode(waving_grid(), lossless=True)
@@ -178,12 +176,11 @@ def test_save_never_replaces_its_input_stream(tmp_path):
 @pytest.mark.parametrize(
     "extension", sorted(one.extension for one in FORMATS.values() if is_written(one))
 )
-def test_save_notes_materials_that_are_left_out(extension, tmp_path):
+def test_save_notes_materials_that_are_left_out(extension, tmp_path, notes):
     result = FORMATS[extension]
     extra = getattr(result, "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extension} needs {extra.library}, which is not installed")
-    notes = []
     save(dressed_sheet(1), tmp_path / f"a{extension}", notes=notes)
     said = (
         f"left out, as {extension} files cannot store it: material properties (red, gr\u00fcn) and "

@@ -125,8 +125,7 @@ def test_frames_of_one_segment_are_written_in_any_format(changing, tmp_path, ext
     np.testing.assert_array_equal(loaded.vertices, changing.segments[1].vertices)
 
 
-def test_reel_has_a_segment_for_each(changing, tmp_path):
-    notes = []
+def test_reel_has_a_segment_for_each(changing, tmp_path, notes):
     meshreel.save(changing, tmp_path / "a.reel", notes=notes)
     assert_same_frames(meshreel.decode(tmp_path / "a.reel"), changing, atol=0.02)
     assert any("encoded with a largest error of" in note for note in notes)
@@ -147,8 +146,7 @@ def test_progress_counts_the_frames_of_all_segments(changing, tmp_path):
     assert [share.done for share in shares if hasattr(share, "done")] == [*range(1, 9)]
 
 
-def test_notes_name_what_is_left_out_once(changing, tmp_path):
-    notes = []
+def test_notes_name_what_is_left_out_once(changing, tmp_path, notes):
     meshreel.save(changing, tmp_path / "f_%d.stl", notes=notes)
     assert len(notes) == len(set(notes)) > 0
 
@@ -157,8 +155,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path):
 @pytest.mark.parametrize(
     "extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz", ".pvd", ".xdmf"]
 )
-def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
-    notes = []
+def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension, notes):
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
     loaded = meshreel.load(tmp_path / f"a{extension}")
     name = "a" if extension == ".pvd" else "mesh"  # a collection has no name
@@ -169,8 +166,7 @@ def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension):
 
 
 @pytest.mark.parametrize("extension", [".vtkhdf", ".abc", ".usdc"])
-def test_one_file_of_segments_with_different_data(changing, tmp_path, extension):
-    notes = []
+def test_one_file_of_segments_with_different_data(changing, tmp_path, extension, notes):
     meshreel.save(changing, tmp_path / f"a{extension}", notes=notes)
     loaded = meshreel.load(tmp_path / f"a{extension}")
     assert_same_frames(loaded, changing)
@@ -234,8 +230,7 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("extension", [".glb", ".gltf"])
-def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension):
-    notes = []
+def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension, notes):
     options = WriteOptions(max_error=0.01)
     meshreel.save(textured, tmp_path / f"a{extension}", options=options, notes=notes)
     loaded = meshreel.load(tmp_path / f"a{extension}")
@@ -304,10 +299,9 @@ def test_gltf_keeps_materials_of_each_segment(tmp_path):
 
 
 @pytest.mark.slow
-def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path):
+def test_error_bound_of_gltf_holds_for_decoded_segments(changing, tmp_path, notes):
     data = meshreel.encode(changing, max_error=0.05)
     (tmp_path / "a.reel").write_bytes(data)
-    notes = []
     with meshreel.open(tmp_path / "a.reel") as reel:
         meshreel.save(reel, tmp_path / "a.glb", options=WriteOptions(max_error=0.1), notes=notes)
     loaded = meshreel.load(tmp_path / "a.glb")

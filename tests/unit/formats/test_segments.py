@@ -64,8 +64,7 @@ def reordered(tmp_path):
     return tmp_path
 
 
-def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered):
-    notes = []
+def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered, notes):
     sequence = load(reordered, notes=notes)
     assert sequence.starts == (0, 4)
     assert not sequence.segments[0].surface.is_ordered

@@ -25,10 +25,9 @@ def uneven():
 
 
 @pytest.mark.parametrize(("extension", "library"), EXACT.items(), ids=EXACT)
-def test_times_come_back_exactly(tmp_path, extension, library):
+def test_times_come_back_exactly(tmp_path, extension, library, notes):
     if library:
         pytest.importorskip(library)
-    notes = []
     path = tmp_path / f"a{extension}"
     save(uneven(), path, notes=notes)
     assert load(path, notes=notes).times.tolist() == TIMES
@@ -36,8 +35,7 @@ def test_times_come_back_exactly(tmp_path, extension, library):
 
 
 @pytest.mark.parametrize("extension", [".glb", ".mdd"])
-def test_times_come_back_in_single_precision(tmp_path, extension):
-    notes = []
+def test_times_come_back_in_single_precision(tmp_path, extension, notes):
     written = save(uneven(), tmp_path / f"a{extension}", notes=notes)
     assert any(" stores times as float32, to which these are rounded" in note for note in notes)
     topology = {"topology": written[1]} if extension == ".mdd" else {}
@@ -52,8 +50,7 @@ def test_a_frame_rate_replaces_times(tmp_path, extension):
     assert loaded.times.tolist() == pytest.approx([2.0, 2.1, 2.2, 2.3, 2.4])
 
 
-def test_a_note_says_that_a_format_has_a_rate_only(tmp_path):
-    notes = []
+def test_a_note_says_that_a_format_has_a_rate_only(tmp_path, notes):
     save(uneven(), tmp_path / "a.pc2", notes=notes)
     assert any("PC2 has no frame times" in str(note) for note in notes)
 

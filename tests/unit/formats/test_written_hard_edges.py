@@ -74,8 +74,8 @@ def test_normals_of_all_parts_are_written(tmp_path):
 
 
 @pytest.mark.parametrize("make", [hard_box, cake])
-def test_glb_splits_vertices_at_hard_edges(tmp_path, make):
-    sequence, notes = make(), []
+def test_glb_splits_vertices_at_hard_edges(tmp_path, make, notes):
+    sequence = make()
     glb = written(tmp_path, sequence, notes)
     primitive = glb.document["meshes"][0]["primitives"][0]
     normals = glb.array(primitive["attributes"]["NORMAL"])
@@ -149,13 +149,11 @@ def test_obj_falls_back_to_normals_for_hard_edges(tmp_path):
 
 
 @pytest.mark.parametrize("extension", [".ply", ".off", ".stl", ".pvd"])
-def test_unsupported_hard_edges_are_noted(tmp_path, extension):
-    notes = []
+def test_unsupported_hard_edges_are_noted(tmp_path, extension, notes):
     save(hard_box(1), tmp_path / f"a{extension}", notes=notes)
     assert any("12 hard edges" in note for note in notes)
 
 
-def test_surface_without_hard_edges_adds_no_note(tmp_path):
-    notes = []
+def test_surface_without_hard_edges_adds_no_note(tmp_path, notes):
     save(waving_grid(1), tmp_path / "a.ply", notes=notes)
     assert notes == []

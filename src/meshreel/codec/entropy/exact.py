@@ -41,7 +41,7 @@ def encode_exact(values: npt.NDArray[Any]) -> bytes:
     """Encode values of shape (T, ...) of uint8, int32, float32 or float64 losslessly."""
     table = values.reshape(len(values), -1)
     coded = (
-        bytes([code]) + encode_numbers(table, expected(len(table)))
+        bytes([code]) + encode_patterns(table, expected(len(table)))
         for code, expected in enumerate(EXPECTATIONS)
     )
     return min(coded, key=len)
@@ -57,27 +57,9 @@ def decode_exact(data: bytes, shape: tuple[int, ...], dtype: npt.DTypeLike) -> n
     """
     if not data or data[0] >= len(EXPECTATIONS):
         raise CorruptStreamError("the prediction of exact values is unknown")
+    if len(data) > 1 and not data[-1]:
+        raise CorruptStreamError("the numbers end before their section does")
     n_rows = shape[0]
     width = int(np.prod(shape[1:], dtype=object))
     expected = EXPECTATIONS[data[0]](n_rows)
-    return decode_numbers(data[1:], (n_rows, width), np.dtype(dtype), expected).reshape(shape)
-
-
-def encode_numbers(table: npt.NDArray[Any], expected: Expected) -> bytes:
-    """Encode a table of shape (N, C)."""
-    return encode_patterns(table, expected)
-
-
-def decode_numbers(
-    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
-) -> npt.NDArray[Any]:
-    """Decode the table that `encode_numbers` wrote; the caller bounds its shape.
-
-    Raises
-    ------
-    CorruptStreamError
-        If there are extra bytes.
-    """
-    if data and not data[-1]:
-        raise CorruptStreamError("the numbers end before their section does")
-    return decode_patterns(data, shape, dtype, expected)
+    return decode_patterns(data[1:], (n_rows, width), np.dtype(dtype), expected).reshape(shape)

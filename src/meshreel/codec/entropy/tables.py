@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
-from meshreel.codec.entropy.exact import encode_numbers, nothing_expected, row_before_expected
+from meshreel.codec.entropy.exact import nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import GRID, OWN_GRID, as_multiples, as_own_grid
 from meshreel.kernel.order import opposite_sides
-from meshreel.kernel.patterns import expected_along
+from meshreel.kernel.patterns import encode_patterns, expected_along
 from meshreel.kernel.surface_integers import MAX_VALUE, encode_on_surface
 
 Integers = npt.NDArray[np.integer]
@@ -63,12 +63,12 @@ def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator
     if n_rows <= SMALL_TABLE or n_distinct < FEW_ROWS * n_rows:
         for number, expected in ((NOTHING, nothing_expected), (ROW_BEFORE, row_before_expected)):
             for form, numbers in forms:
-                yield form + bytes([number]) + encode_numbers(numbers, expected(n_rows))
+                yield form + bytes([number]) + encode_patterns(numbers, expected(n_rows))
     if faces is None:
         return
     twins = opposite_sides(faces, n_rows)
     along = expected_along(faces, twins, n_rows)
     for form, numbers in forms:
-        yield form + bytes([ALONG_FACES]) + encode_numbers(numbers, along)
+        yield form + bytes([ALONG_FACES]) + encode_patterns(numbers, along)
         if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:
             yield form + bytes([ON_SURFACE]) + encode_on_surface(numbers, faces, twins)

@@ -43,6 +43,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import native
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import Description
@@ -183,7 +184,7 @@ def read_surface(arrays: Mapping[str, Array]) -> Surface:
             name,
             _one_of(Kind, kinds[index], "attribute_kinds"),
             _one_of(Domain, domains[index], "attribute_domains"),
-            _native(_required(arrays, f"attribute_{index}_values")),
+            native(_required(arrays, f"attribute_{index}_values")),
             arrays.get(f"attribute_{index}_indices"),
         )
         for index, name in enumerate(names)
@@ -278,10 +279,6 @@ def _required(arrays: Mapping[str, Array], name: str) -> Array:
     if name not in arrays:
         raise FormatError(f"has no array {name!r}, which other arrays refer to")
     return arrays[name]
-
-
-def _native(array: Array) -> Array:
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _one_of(kind: Any, text: str, name: str) -> Any:

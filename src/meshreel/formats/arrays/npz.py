@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import native
 from meshreel.errors import FormatError, Keyword
 from meshreel.formats.arrays.named_arrays import (
     RESERVED_NAMES,
@@ -94,7 +95,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     values = read_members(path, [track.place for track in found.values()])
     with errors_naming(path):
         sequence = about.loaded(
-            vertices.astype(vertices.dtype.newbyteorder("="), copy=False),
+            native(vertices),
             {name: track.to_track(values[track.place]) for name, track in found.items()},
         )
     options.progress("reading", 1.0)

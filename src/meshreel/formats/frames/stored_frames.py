@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Values, native
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import os_errors_naming
 from meshreel.formats.text.decimal_text import Narrowing
@@ -287,8 +287,7 @@ class RawArray:
             numbers = np.fromfile(self.path, self.dtype, (stop - start) * size, offset=offset)
         if len(numbers) < (stop - start) * size:
             raise changed_error(f"{self.path} (frame {start + len(numbers) // size})")
-        native = numbers.astype(self.dtype.newbyteorder("="), copy=False)
-        return native.reshape(-1, *self.shape[1:])
+        return native(numbers).reshape(-1, *self.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)

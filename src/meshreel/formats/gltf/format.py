@@ -1,8 +1,41 @@
 """Rows of glTF."""
 
+from functools import partial
+from pathlib import Path
+
+from meshreel.formats.frames.frame_stream import SegmentedStream
+from meshreel.formats.gltf.container import write_container, write_text
 from meshreel.formats.gltf.read import list_animations, read_meshes
-from meshreel.formats.gltf.rigged import write_any_glb, write_any_gltf
+from meshreel.formats.gltf.rigged import write_rigged
+from meshreel.formats.gltf.write import write_morphs
 from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.rigs import is_rigged
+
+
+def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a self-contained ``.glb`` file: a rig if the options request one, or morph targets.
+
+    `stream.notes` gains the errors achieved.
+
+    Raises
+    ------
+    InvalidInputError
+        As `write_rigged` and `write_morphs`, or if the file is too large for its format.
+    """
+    if is_rigged(options):
+        advice = "allow larger errors (max_error)"
+        write_rigged(stream, options, partial(write_container, path, advice=advice))
+    else:
+        advice = "allow a larger error (max_error), or use fewer targets"
+        write_morphs(stream, options, partial(write_container, path, advice=advice))
+
+
+def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a ``.gltf`` file with the buffer as base64, which is a third larger; as `write_glb`."""
+    write = write_rigged if is_rigged(options) else write_morphs
+    write(stream, options, partial(write_text, path))
+
 
 FORMATS = tuple(
     SequenceFormat(
@@ -19,7 +52,7 @@ FORMATS = tuple(
         list_animations=list_animations,
     )
     for extension, title, write in (
-        (".glb", "glTF, binary", write_any_glb),
-        (".gltf", "glTF, text", write_any_gltf),
+        (".glb", "glTF, binary", write_glb),
+        (".gltf", "glTF, text", write_gltf),
     )
 )

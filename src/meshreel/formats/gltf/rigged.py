@@ -1,21 +1,13 @@
 """Writing glTF: a skinned mesh, its bones with their keys, and corrective morph targets."""
 
 from collections.abc import Callable
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.container import (
-    JOINTS,
-    BufferWriter,
-    Json,
-    write_container,
-    write_text,
-)
+from meshreel.formats.gltf.container import JOINTS, BufferWriter, Json
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     StoredValues,
@@ -33,12 +25,10 @@ from meshreel.formats.gltf.write import (
     extension_of,
     frame_times,
     path_of,
-    write_glb,
-    write_gltf,
 )
 from meshreel.formats.notes import add_once
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.rigs import is_rigged, rig_of
+from meshreel.formats.rigs import rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.sequence import MeshSequence
@@ -50,38 +40,16 @@ POSE_DIGITS, EXACT_DIGITS = 4, 9
 """Significant digits of the pose of nodes in the first frame, and of float32 values."""
 
 
-def write_any_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a ``.glb`` file, with a rig if the options request one.
-
-    Raises
-    ------
-    InvalidInputError
-        As `write_glb`, and `meshreel.formats.rigs.rig_of`.
-    """
-    if not is_rigged(options):
-        write_glb(path, stream, options)
-        return
-    advice = "allow larger errors (max_error)"
-    _write(stream, options, partial(write_container, path, advice=advice))
-
-
-def write_any_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a ``.gltf`` file with the buffer as base64, with a rig if the options request one.
-
-    Raises
-    ------
-    InvalidInputError
-        As `write_any_glb`.
-    """
-    if not is_rigged(options):
-        write_gltf(path, stream, options)
-        return
-    _write(stream, options, partial(write_text, path))
-
-
-def _write(
+def write_rigged(
     stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
 ) -> None:
+    """Fit a rig, write it by a function that returns the size, and report the sizes.
+
+    Raises
+    ------
+    InvalidInputError
+        As `meshreel.formats.rigs.rig_of`, or if the options are out of range.
+    """
     check_options(options)
     times_s = np.asarray(frame_times(stream))
     sequence, rig = rig_of(stream, options, times_s)

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -15,14 +13,7 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import (
-    MESHOPT,
-    QUANTIZATION,
-    BufferWriter,
-    Json,
-    write_container,
-    write_text,
-)
+from meshreel.formats.gltf.container import MESHOPT, QUANTIZATION, BufferWriter, Json
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
 from meshreel.formats.gltf.morph_mesh import MorphMesh, ShadingMesh, fit_part
@@ -53,37 +44,19 @@ COMPRESSED_ADVICE = (
 )
 
 
-def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a self-contained ``.glb`` file.
+def write_morphs(
+    stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
+) -> None:
+    """Fit all segments, write them by a function that returns the size, and note the errors.
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
     node whose scale is 1 in its frames and 0 in the others.
-    `stream.notes` gains the errors achieved.
 
     Raises
     ------
     InvalidInputError
         If the options are out of range, or their error bound cannot be met.
     """
-    advice = "allow a larger error (max_error), or use fewer targets"
-    _write(stream, options, partial(write_container, path, advice=advice))
-
-
-def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a ``.gltf`` file with the buffer as base64, which is a third larger.
-
-    Raises
-    ------
-    InvalidInputError
-        As `write_glb`.
-    """
-    _write(stream, options, partial(write_text, path))
-
-
-def _write(
-    stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
-) -> None:
-    """Fit all segments, write them by a function that returns the size, and note the errors."""
     check_options(options)
     notes = stream.notes
 

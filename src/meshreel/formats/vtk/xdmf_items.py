@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import native
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
@@ -86,10 +87,9 @@ class DataItems:
                 values = self._slab(item)
             case kind:
                 raise FormatError(f"has a DataItem of unsupported type {kind!r}")
-        values = np.asarray(values)
+        values = native(np.asarray(values))
         if values.dtype.kind not in "iuf":
             raise FormatError(f"has a DataItem of {values.dtype}; expected numbers")
-        values = values.astype(values.dtype.newbyteorder("="), copy=False)
         shape = _shape(item)
         if shape and math.prod(shape) != values.size:
             raise FormatError(f"has {values.size} numbers in a DataItem with Dimensions {shape}")

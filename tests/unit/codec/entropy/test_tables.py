@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.exact import decode_numbers, nothing_expected, row_before_expected
+from meshreel.codec.entropy.exact import nothing_expected, row_before_expected
 from meshreel.codec.entropy.multiples import (
     GRID,
     MAX_GRID_BITS,
@@ -22,7 +22,7 @@ from meshreel.codec.entropy.tables import (
     encode_grid_table,
     encode_table,
 )
-from meshreel.kernel.patterns import expected_along
+from meshreel.kernel.patterns import decode_patterns, expected_along
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces
 
@@ -47,11 +47,11 @@ def decoded(data, shape, dtype, faces=None):
 def integers_or_patterns(coded, coding, shape, dtype, faces):
     if coding < ALONG_FACES:
         expected = (nothing_expected, row_before_expected)[coding](shape[0])
-        return decode_numbers(coded, shape, dtype, expected)
+        return decode_patterns(coded, shape, dtype, expected)
     twins = twin_sides(faces, shape[0])
     if coding == ON_SURFACE:
         return decode_on_surface(coded, shape, faces, twins)
-    return decode_numbers(coded, shape, dtype, expected_along(faces, twins, shape[0]))
+    return decode_patterns(coded, shape, dtype, expected_along(faces, twins, shape[0]))
 
 
 def assert_round_trips(values):

@@ -15,7 +15,6 @@ from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples import alembic as sample
 from samples.meshes import quad_sheet
-from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 RNG = np.random.default_rng(9)
@@ -66,7 +65,6 @@ def file_with(path, *params, frames=MOVES, step_s=0.1):
     return path
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("scope_name", SCOPES)
 @pytest.mark.parametrize(
     ("kind", "dtype", "width", "track_kind"),
@@ -128,18 +126,16 @@ def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     assert np.array_equal(loaded.tracks["Cd"].values, paint)
 
 
-def test_note_names_samples_that_no_frame_has(tmp_path):
+def test_note_names_samples_that_no_frame_has(tmp_path, notes):
     param = "Float", "heat", RNG.random((7, 6)).astype(np.float32), "Vertex"
-    notes = []
     load(file_with(tmp_path / "a.abc", param, step_s=0.05), notes=notes)
     assert notes == ["left out: samples where positions have no frame: heat (4 of 7)"]
 
 
-def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
+def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path, notes):
     heat = [np.ones(6, np.float32), np.zeros(5, np.float32), np.full(6, 2, np.float32)]
     bad = RNG.random((3, 5)).astype("f4")
     params = ("Float", "heat", heat, "Vertex"), ("Float", "bad", bad, "Vertex")
-    notes = []
     [(name, track)] = load(file_with(tmp_path / "a.abc", *params), notes=notes).tracks.items()
     assert name == "heat"
     assert np.isnan(track[1]).all()
@@ -151,7 +147,7 @@ def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path):
     ]
 
 
-def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path):
+def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path, notes):
     normals, speeds = RNG.normal(size=(2, N_FRAMES, 6, 3))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     linear = np.array([[0, 2, 0], [-1, 0, 0], [0, 0, 3.0]])
@@ -175,7 +171,6 @@ def test_normals_and_velocities_are_transformed_with_the_mesh(tmp_path):
         made.setNormals(own)
         mesh.getSchema().set(made)
     del mesh, above, archive
-    notes = []
     tracks = load(path, notes=notes).tracks
     expected = normals @ np.linalg.inv(linear).T
     expected /= np.linalg.norm(expected, axis=2, keepdims=True)
@@ -199,8 +194,8 @@ def as_written(tracks):
 
 
 @pytest.mark.parametrize("n_frames", [2, 5])
-def test_tracks_round_trip(tmp_path, n_frames):
-    sheet, notes = tracked_sheet(n_frames), []
+def test_tracks_round_trip(tmp_path, n_frames, notes):
+    sheet = tracked_sheet(n_frames)
     small = {
         name: Track(track.values >> 33, track.domain) if name.startswith("step") else track
         for name, track in sheet.tracks.items()
@@ -214,8 +209,7 @@ def test_tracks_round_trip(tmp_path, n_frames):
     assert {attribute.kind for attribute in loaded.surface.attributes} == {"uv", "color"}
 
 
-def test_save_notes_tracks_beyond_32_bits(tmp_path):
-    notes = []
+def test_save_notes_tracks_beyond_32_bits(tmp_path, notes):
     save(tracked_sheet(2), tmp_path / "a.abc", notes=notes)
     assert (
         "tracks left out: step_vertex, step_face, step_corner: .abc cannot store integers beyond "
@@ -275,8 +269,8 @@ def test_alembic_library_reads_the_saved_tracks(tmp_path):
     assert_same_tracks(load(tmp_path / "a.abc").tracks, tracks)
 
 
-def test_save_notes_units_of_standard_properties(tmp_path):
-    sheet, notes = quad_sheet(3), []
+def test_save_notes_units_of_standard_properties(tmp_path, notes):
+    sheet = quad_sheet(3)
     speed = Track(RNG.normal(size=(3, sheet.n_verts, 3)).astype("f4"), kind="velocity", unit="m/s")
     heat = Track(RNG.normal(size=(3, sheet.n_verts)), unit="K")
     save(sheet.replace(tracks={"velocities": speed, "heat": heat}), tmp_path / "a.abc", notes=notes)
@@ -286,13 +280,12 @@ def test_save_notes_units_of_standard_properties(tmp_path):
     assert load(tmp_path / "a.abc").tracks["heat"].unit == "K"
 
 
-def test_second_parameter_of_a_name_is_renamed(tmp_path):
+def test_second_parameter_of_a_name_is_renamed(tmp_path, notes):
     heat = RNG.random((N_FRAMES, 6)).astype(np.float32)
     path = file_with(tmp_path / "a.abc", ("Float", "velocities", heat, "Vertex"))
     sheet = load(path)
     speed = Track(RNG.normal(size=(N_FRAMES, 6, 3)).astype("f4"), kind="velocity")
     save(sheet.replace(tracks={**sheet.tracks, "v": speed}), path.with_name("b.abc"))
-    notes = []
     result = load(path.with_name("b.abc"), notes=notes).tracks
     assert np.array_equal(result["velocities"].values[..., 0], heat)
     assert np.array_equal(result["velocities_"].values, speed.values)

@@ -56,9 +56,8 @@ def test_load_reverses_the_clockwise_faces_of_the_file(tmp_path):
     assert results == [[3, 2, 1, 0], [5, 4, 2, 3]]
 
 
-def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path):
+def test_load_reads_the_cage_of_a_subdivision_surface(tmp_path, notes):
     sample.add_mesh(sample.archive(tmp_path / "a.abc").getTop(), "m", MOVES, kind="SubD")
-    notes = []
     np.testing.assert_array_equal(load(tmp_path / "a.abc", notes=notes).vertices, MOVES)
     assert "left out: subdivision, whose cages are read: /m" in notes
 
@@ -148,9 +147,8 @@ def write_late_transform(path):
     sample.add_mesh(moved, "m", frames, sample.uniform(1 / 30, 0))
 
 
-def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_path):
+def test_load_keeps_the_final_pose_of_a_transform_between_two_point_samples(tmp_path, notes):
     write_late_transform(tmp_path / "a.abc")
-    notes = []
     loaded = load(tmp_path / "a.abc", notes=notes)
     np.testing.assert_allclose(loaded.vertices[-1], sample.POINTS * 2 + np.float32([6, 0, 0]))
     np.testing.assert_allclose(loaded.times, [*np.arange(8) / 30, 0.25])

@@ -72,10 +72,9 @@ def test_attributes_round_trip_exactly(tmp_path, domain, is_indexed, kind, width
         assert (back.indices is None) == (own.indices is None)
 
 
-def test_save_notes_the_conversion_of_byte_colors(tmp_path):
+def test_save_notes_the_conversion_of_byte_colors(tmp_path, notes):
     colors = np.arange(24, dtype=np.uint8).reshape(8, 3) * 10
     attribute = Attribute("Cd", Kind.COLOR, Domain.VERTEX, colors)
-    notes = []
     sequence = animated(fps=24, surface=Surface(SIZES, (attribute,)))
     [back] = saved_and_loaded(tmp_path / "a.abc", sequence, notes).surface.attributes
     np.testing.assert_array_equal(back.values, (colors / 255).astype(np.float32))

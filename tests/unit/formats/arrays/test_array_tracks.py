@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import samples.arrays
 from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
@@ -23,24 +24,14 @@ RNG = np.random.default_rng(1)
 
 
 def store(path, **arrays):
-    """Write named arrays with numpy or h5py."""
-    arrays = {"vertices": GRID.vertices, "faces": GRID.faces, "fps": 25.0} | arrays
-    if path.suffix == ".npz":
-        np.savez(path, **arrays)
-    else:
-        h5py = pytest.importorskip("h5py")
-        with h5py.File(path, "w") as file:
-            for name, array in arrays.items():
-                file[name] = array
-    return path
+    """Write the grid and other named arrays."""
+    grid = {"vertices": GRID.vertices, "faces": GRID.faces, "fps": 25.0}
+    return samples.arrays.store(path, **grid | arrays)
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 @pytest.mark.parametrize("n_frames", [1, 6])
-@pytest.mark.parametrize("read", [load, open_source])
-def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, read):
-    pytest.importorskip("h5py")
-    sheet, notes = tracked_sheet(n_frames), []
+def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, read, notes):
+    sheet = tracked_sheet(n_frames)
     [path] = save(sheet, tmp_path / f"a.{extension}", notes=notes)
     result = read(path, notes=notes)
     assert isinstance(result, StoredFrames) == (read is open_source)
@@ -49,16 +40,13 @@ def test_tracks_round_trip_exactly(tmp_path, extension, n_frames, read):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_save_part_writes_the_tracks_of_its_frames(tmp_path, extension):
-    pytest.importorskip("h5py")
     sheet = tracked_sheet()
     [path] = save_part(sheet, range(2, 5), tmp_path / f"a.{extension}")
     result = load(path).tracks["step_corner"].values
     assert result.tobytes() == sheet.tracks["step_corner"].values[2:5].tobytes()
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_sequence_without_tracks_adds_nothing_to_the_file(tmp_path, extension):
     h5py = pytest.importorskip("h5py")
     [path] = save(GRID, tmp_path / f"a.{extension}")
@@ -83,8 +71,6 @@ def test_h5py_reads_a_track_and_its_unit(tmp_path):
         assert np.array_equal(file["tracks/heat"], heat.values)
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize(
     ("shape", "domain", "kind"),
     [
@@ -111,7 +97,6 @@ def test_unsupported_types_are_widened_without_loss(tmp_path, given, read_as):
     assert np.array_equal(track.read(1, 3)[..., 0], values[1:3])
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 @pytest.mark.parametrize(
     ("shape", "dtype"),
     [((4, 99), "f4"), ((5, 98), "f4"), ((5, 99, 257), "f4"), ((99,), "f4"), ((5, 99), "S3")],
@@ -126,7 +111,6 @@ def test_note_on_an_unsuitable_array_lists_the_requirements(tmp_path, extension,
     ]
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_duplicate_track_names_are_an_error(tmp_path, extension):
     heat = np.zeros((5, 99))
     path = store(tmp_path / f"a.{extension}", heat=heat, **{"tracks/heat": heat})
@@ -171,7 +155,6 @@ def test_npz_track_can_be_read_in_another_process(tmp_path, write):
     assert np.array_equal(sent.tracks["heat"].read(3, 5)[..., 0], heat[3:5])
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_size_of_tracks_counts_towards_the_load_limit(tmp_path, extension):
     path = store(tmp_path / f"a.{extension}", heat=np.zeros((5, 99, 20), np.float32))
     most = GRID.vertices.nbytes + 100
@@ -179,7 +162,6 @@ def test_size_of_tracks_counts_towards_the_load_limit(tmp_path, extension):
     assert not isinstance(open_source(path, max_loaded_bytes=10 * most), StoredFrames)
 
 
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_reading_a_track_fails_if_its_file_has_changed(tmp_path, extension):
     path = store(tmp_path / f"a.{extension}", heat=np.full((5, 99, 200), 1.25))
     track = open_source(path).tracks["heat"]
@@ -210,9 +192,7 @@ def test_error_names_a_missing_track_array(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("extension", ["npz", "h5"])
 def test_damaged_files_with_tracks_raise_only_meshreel_errors(tmp_path, extension):
-    pytest.importorskip("h5py")
     [path] = save(tracked_sheet(2), tmp_path / f"a.{extension}")
     for data in damaged_versions(path.read_bytes(), n_damaged=40):
         path.write_bytes(data)
@@ -227,8 +207,8 @@ def test_damaged_files_with_tracks_raise_only_meshreel_errors(tmp_path, extensio
 
 
 @pytest.mark.parametrize("name", ["a_%d.off", "a_%d.stl", "a.glb", "a.pc2", "a.mdd"])
-def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, name):
-    sheet, notes = tracked_sheet(2, ("vertex",)), []
+def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, name, notes):
+    sheet = tracked_sheet(2, ("vertex",))
     extension = name[name.index(".") :]
     save(sheet, tmp_path / name, notes=notes)
     names = "heat of vertex/s, flow_vertex, shade_vertex, step_vertex, tensor_vertex"
@@ -237,8 +217,8 @@ def test_notes_list_tracks_that_a_format_cannot_store(tmp_path, name):
 
 
 @pytest.mark.parametrize("domain", ["vertex", "corner"])
-def test_glb_keeps_uvs_and_colors_that_never_change(tmp_path, domain):
-    sheet, notes = quad_sheet(3), []
+def test_glb_keeps_uvs_and_colors_that_never_change(tmp_path, domain, notes):
+    sheet = quad_sheet(3)
     n_items = {"vertex": sheet.n_verts, "corner": int(sheet.surface.sizes(0).sum())}[domain]
     rng = np.random.default_rng(0)
     values = {"uv": rng.random((n_items, 2)), "color": rng.random((n_items, 4))}

@@ -17,7 +17,6 @@ from samples.tracks import assert_same_tracks
 
 RNG = np.random.default_rng(12)
 N_FRAMES = 4
-READ = pytest.mark.parametrize("read", [load, open_source])
 
 PLY = """ply
 format ascii 1.0
@@ -50,9 +49,8 @@ def frames_of(folder, extension, texts):
     return folder
 
 
-@READ
 @pytest.mark.parametrize("dtype", ["u1", "i1", "i2", "u2", "i4", "u4", "f4", "f8"])
-def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype):
+def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype, notes):
     sheet = quad_sheet(N_FRAMES)
     n_faces = sizes_of(sheet)[Domain.FACE]
     given = [(250 * RNG.random((N_FRAMES, n))).astype(dtype) for n in (sheet.n_verts, n_faces)]
@@ -60,7 +58,6 @@ def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype):
         given[0][0, :3] = np.nan, np.inf, -0.0
     tracks = {"stress": Track(given[0]), "flag": Track(given[1], "face")}
     save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.ply")
-    notes = []
     result = read(tmp_path, notes=notes)
     assert isinstance(result, StoredFrames) == (read is open_source)
     assert_same_tracks(result.tracks, tracks)
@@ -68,7 +65,6 @@ def test_ply_tracks_round_trip_exactly(tmp_path, read, dtype):
     assert notes == []
 
 
-@READ
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
 def test_ply_color_normal_and_uv_tracks_round_trip(tmp_path, read, dtype):
     sheet = bare(quad_sheet(N_FRAMES))
@@ -111,9 +107,9 @@ def test_trimesh_reads_colors_and_normals_of_ply_frames(tmp_path):
         assert np.array_equal(np.stack([raw[n] for n in ("nx", "ny", "nz")], 1), normals[frame])
 
 
-def test_notes_explain_tracks_that_ply_cannot_store(tmp_path):
+def test_notes_explain_tracks_that_ply_cannot_store(tmp_path, notes):
     sheet = quad_sheet(2)
-    shape, notes = (2, sheet.n_verts), []
+    shape = (2, sheet.n_verts)
     corners = sizes_of(sheet)[Domain.CORNER]
     tracks = {
         "flow": Track(RNG.normal(size=(*shape, 3)), kind="velocity"),
@@ -143,23 +139,20 @@ def test_notes_explain_tracks_that_ply_cannot_store(tmp_path):
     assert np.array_equal(result["id"].values, tracks["id"].values)
 
 
-@READ
-def test_property_of_some_frames_is_nan_in_the_others(tmp_path, read):
+def test_property_of_some_frames_is_nan_in_the_others(tmp_path, read, notes):
     rows = "0 0 0{a}\n1 0 0{b}\n0 1 0{c}\n3 0 1 2\n"
     plain = PLY.format(vertex="", face="") + rows.format(a="", b="", c="")
     heat = PLY.format(vertex="property float heat\n", face="") + rows.format(a=" 1", b=" 2", c=" 3")
-    notes = []
     result = read(frames_of(tmp_path, ".ply", [plain, heat, plain]), notes=notes)
     values = result.tracks["heat"].read(0, 3)[..., 0]
     assert np.array_equal(values, [[np.nan] * 3, [1, 2, 3], [np.nan] * 3], equal_nan=True)
     assert notes == ["'heat' is in 1 of 3 frames, and NaN in the others"]
 
 
-def test_constant_properties_are_attributes(tmp_path):
+def test_constant_properties_are_attributes(tmp_path, notes):
     rows = "0 0 {0} 1 0 0 1\n1 0 0 2 0 0 1\n0 1 0 3 0 0 1\n3 0 1 2 7\n"
     more = "".join(f"property float {name}\n" for name in ("heat", "nx", "ny", "nz"))
     text = PLY.format(vertex=more, face="property int id\n") + rows
-    notes = []
     texts = [text.replace("{0}", str(i)) for i in range(3)]
     loaded = load(frames_of(tmp_path, ".ply", texts), notes=notes)
     assert loaded.tracks == {}
@@ -167,17 +160,15 @@ def test_constant_properties_are_attributes(tmp_path):
     assert notes == ["left out: normals, which programs compute"]
 
 
-@READ
 @pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.CORNER])
 @pytest.mark.parametrize("make", [lambda n: quad_sheet(n), lambda n: two_sheets(n)])
-def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make):
+def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make, notes):
     sheet = bare(make(N_FRAMES))
     n_items = sizes_of(sheet)[domain]
     tracks = {
         "color": Track(RNG.random((N_FRAMES, sheet.n_verts, 3)).astype("f4"), kind="color"),
         "normals": Track(normals_of((N_FRAMES, n_items)), domain, "normal"),
     }
-    notes = []
     save(sheet.replace(tracks=tracks), tmp_path / "f_%02d.obj", notes=notes)
     result = read(tmp_path, notes=notes)
     assert_same_tracks(result.tracks, tracks)
@@ -186,7 +177,6 @@ def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make):
     assert [note for note in notes if "hard edges" not in note] == []
 
 
-@READ
 def test_obj_corner_uv_tracks_round_trip(tmp_path, read):
     sheet = bare(quad_sheet(N_FRAMES))
     uv = RNG.random((N_FRAMES, sizes_of(sheet)[Domain.CORNER], 2)).astype("f4")
@@ -210,9 +200,9 @@ def test_trimesh_reads_colors_and_normals_of_obj_frames(tmp_path):
         np.testing.assert_allclose(shown, colors[frame], atol=1 / 255)
 
 
-def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
+def test_notes_explain_tracks_that_obj_cannot_store(tmp_path, notes):
     sheet = quad_sheet(2)
-    shape, notes = (2, sheet.n_verts), []
+    shape = (2, sheet.n_verts)
     tracks = {
         "stress": Track(RNG.random(shape)),
         "Cd": Track(RNG.random((*shape, 4)), kind="color"),
@@ -238,8 +228,8 @@ def test_notes_explain_tracks_that_obj_cannot_store(tmp_path):
     assert [attribute.kind for attribute in loaded.surface.attributes] == [Kind.UV]
 
 
-def test_surface_colors_take_precedence_over_a_color_track(tmp_path):
-    sheet, notes = bare(quad_sheet(2)), []
+def test_surface_colors_take_precedence_over_a_color_track(tmp_path, notes):
+    sheet = bare(quad_sheet(2))
     colors = Attribute("paint", Kind.COLOR, Domain.VERTEX, np.full((sheet.n_verts, 3), 0.5, "f4"))
     tracks = {"glow": Track(RNG.random((2, sheet.n_verts, 3)).astype("f4"), kind="color")}
     surface = replace(sheet.surface, attributes=(colors,))

@@ -35,10 +35,9 @@ def v2(path="out/geometry_[target]/[#####][ext]", **targets):
         {"GeometryFrameCount": 3, "GeometryFrameRate": 25, "TextureFrameRate": 12},
     ],
 )
-def test_frames_of_a_pattern_are_read_with_their_rate(tmp_path, first, counts):
+def test_frames_of_a_pattern_are_read_with_their_rate(tmp_path, first, counts, notes):
     save_frames(tmp_path / "geo", first)
     path = write_manifest(tmp_path / "liam.manifest", DRCURLPattern="geo/#####.obj", **counts)
-    notes = []
     loaded = meshreel.load(path, notes=notes)
     assert (loaded.starts, loaded.fps, loaded.name) == ((0, 2, 3), 25, "liam")
     expected = meshreel.load(tmp_path / "geo")
@@ -48,11 +47,10 @@ def test_frames_of_a_pattern_are_read_with_their_rate(tmp_path, first, counts):
     assert meshreel.load(path, fps=50).fps == 50
 
 
-def test_frames_of_version_2_are_read_without_textures_and_sound(tmp_path):
+def test_frames_of_version_2_are_read_without_textures_and_sound(tmp_path, notes):
     save_frames(tmp_path / "out" / "geometry_low")
     contents = {**v2(), "audio": {"path": "a[ext]"}, "texture": {"path": "t", "targets": {}}}
     path = write_manifest(tmp_path / "liam.uvol.json", **contents)
-    notes = []
     loaded = meshreel.load(path, notes=notes)
     assert (loaded.starts, loaded.fps, loaded.name) == ((0, 2, 3), 25, "liam")
     assert notes.count("left out: textures, sound of the manifest") == 1

@@ -133,9 +133,7 @@ def test_load_reads_a_file_with_a_byte_order_mark(tmp_path):
 
 
 def test_load_ignores_additional_chunks(tmp_path):
-    file = Gltf()
-    file.node(mesh=file.mesh())
-    path = file.save(tmp_path / "a.glb")
+    path = Gltf.of_mesh().save(tmp_path / "a.glb")
     data = path.read_bytes()
     size = len(data) + 12
     path.write_bytes(data[:8] + size.to_bytes(4, "little") + data[12:] + b"\x04\0\0\0XTRAabcd")

@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.formats.error_budget import share_budget
+from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
 from meshreel.model.sequence import MeshSequence
@@ -112,8 +112,7 @@ def test_note_says_that_a_stream_without_guarantee_limits_only_added_errors(
     assert any(note.startswith(start) for note in notes)
 
 
-def test_notes_on_an_original_do_not_mention_streams(waves, tmp_path):
-    notes = []
+def test_notes_on_an_original_do_not_mention_streams(waves, tmp_path, notes):
     save(waves, tmp_path / "a.glb", notes=notes)
     assert not any("original" in note or "stream" in note for note in notes)
     assert notes[0].startswith("the largest error is ")
@@ -126,9 +125,15 @@ def test_total_error_is_stated_for_a_static_mesh(waves, stream_path, tmp_path):
     assert largest_error_percent(waves, positions) <= stated(notes)[0] <= 60
 
 
+def budget_of(diagonal, origin, max_error=None):
+    """Return the budget of frames in a box with this diagonal; 0.5 % may be added by default."""
+    options, high = WriteOptions(origin=origin, max_error=max_error), np.array([diagonal, 0, 0])
+    return requested_budget(np.zeros(3), high, options, 0.5, consumer="morph targets")[1]
+
+
 @pytest.mark.parametrize("diagonal", [2.0, 2.002, 1.0])
 def test_budget_is_relative_to_the_smaller_diagonal(diagonal):
-    budget = share_budget(0.5, diagonal, Origin(0.002, 2.0), is_total=True)
+    budget = budget_of(diagonal, Origin(0.002, 2.0), max_error=0.5)
     smaller = min(diagonal, 2.0)
     assert budget.diagonal == smaller
     assert budget.added == pytest.approx(0.005 * smaller - 0.002, rel=1e-3)
@@ -136,12 +141,12 @@ def test_budget_is_relative_to_the_smaller_diagonal(diagonal):
 
 
 def test_budget_exists_if_all_frames_are_one_point():
-    budget = share_budget(0.5, 0.0, Origin(0.001, 2.0), is_total=True)
+    budget = budget_of(0.0, Origin(0.001, 2.0), max_error=0.5)
     assert 0 < budget.added < 0.009
 
 
 @pytest.mark.parametrize("total", [0.2, 0.1999999, 0.123456, 1e-7, 37.00001])
 def test_stated_total_is_never_rounded_down(total):
-    budget = share_budget(0.5, 100.0, Origin(0.0, 100.0), is_total=False)
+    budget = budget_of(100.0, Origin(0.0, 100.0))
     [note] = budget.describe(total)
     assert total <= float(AGAINST_THE_ORIGINAL.fullmatch(note)[1]) <= 1.002 * total + 5e-5

@@ -35,9 +35,7 @@ def test_coincident_vertices_are_welded(read):
 
 
 def test_vertices_that_differ_in_the_sign_of_zero_are_welded(read):
-    file = Gltf()
-    file.node(mesh=file.mesh([*SQUARE, [-0.0, 0, -0.0], SQUARE[2]], SPLIT_FACES))
-    assert read(file)[0].n_verts == 4
+    assert read(Gltf.of_mesh([*SQUARE, [-0.0, 0, -0.0], SQUARE[2]], SPLIT_FACES))[0].n_verts == 4
 
 
 def test_vertices_separated_by_a_morph_target_are_not_welded(read):
@@ -59,8 +57,7 @@ def test_vertices_with_different_joints_are_not_welded(read):
 
 
 def test_triangles_that_degenerate_by_welding_are_kept(read):
-    file = Gltf()
-    file.node(mesh=file.mesh([*SQUARE, SQUARE[0]], [0, 1, 2, 0, 4, 2]))
+    file = Gltf.of_mesh([*SQUARE, SQUARE[0]], [0, 1, 2, 0, 4, 2])
     np.testing.assert_array_equal(read(file)[0].faces, [[0, 1, 2], [0, 0, 2]])
 
 
@@ -226,8 +223,7 @@ def test_triangles_are_assembled_as_in_the_standard(mode, expected):
 
 
 def test_triangles_of_a_flat_strip_have_the_same_orientation(read):
-    file = Gltf()
-    file.node(mesh=file.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]]))
+    file = Gltf.of_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]])
     file.json["meshes"][0]["primitives"][0]["mode"] = STRIP
     result, _ = read(file)
     a, b, c = np.moveaxis(result.vertices[0][result.faces], 1, 0)
@@ -242,8 +238,7 @@ def test_points_and_lines_are_left_out_and_noted(read, mode):
 
 
 def test_load_rejects_a_file_with_only_points(read):
-    file = Gltf()
-    file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     file.json["meshes"][0]["primitives"][0]["mode"] = 0
     with pytest.raises(FormatError, match="contains no triangle mesh"):
         read(file)

@@ -172,8 +172,7 @@ def test_load_reads_a_deep_hierarchy_but_rejects_a_deeper_one(tmp_path):
 
 
 def animated(keys=(0, 0.5), values=((0, 0, 0), (1, 0, 0)), path="translation", **sampler):
-    file = Gltf()
-    file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     file.animate(0, path, keys, values)
     file.json["animations"][0]["samplers"][0].update(sampler)
     return file
@@ -193,8 +192,8 @@ def animated(keys=(0, 0.5), values=((0, 0, 0), (1, 0, 0)), path="translation", *
         (animated(values=[1, 2], path="weights"), "has 2 numbers for 2 keys; expected 0"),
     ],
 )
-def test_load_leaves_out_malformed_animations_and_says_why(tmp_path, file, message):
-    path, notes = file.save(tmp_path / "a.glb"), []
+def test_load_leaves_out_malformed_animations_and_says_why(tmp_path, file, message, notes):
+    path = file.save(tmp_path / "a.glb")
     assert load(path, notes=notes).n_frames == 1
     [note] = notes
     assert re.match(r"left out: malformed animations: animation_0 \(", note)
@@ -203,8 +202,8 @@ def test_load_leaves_out_malformed_animations_and_says_why(tmp_path, file, messa
         load(path, animation=0)
 
 
-def test_load_leaves_out_an_animation_of_a_node_with_a_matrix(tmp_path):
-    file, notes = animated(), []
+def test_load_leaves_out_an_animation_of_a_node_with_a_matrix(tmp_path, notes):
+    file = animated()
     file.json["nodes"][0]["matrix"] = np.eye(4).ravel().tolist()
     assert load(file.save(tmp_path / "a.glb"), notes=notes).n_frames == 1
     [note] = notes

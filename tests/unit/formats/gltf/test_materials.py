@@ -10,7 +10,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import MeshReelError
-from meshreel.formats.gltf.write import write_gltf
+from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save
@@ -119,8 +119,8 @@ def test_material_round_trips_to_the_same_json(tmp_path):
 
 @pytest.mark.parametrize("extension", ["glb", "gltf"])
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_materials_round_trip_through_files(tmp_path, make, extension):
-    sequence, notes = make(), []
+def test_materials_round_trip_through_files(tmp_path, make, extension, notes):
+    sequence = make()
     save(sequence, tmp_path / f"a.{extension}", notes=notes)
     result = load(tmp_path / f"a.{extension}", merge=True).surface
     # glTF identifies UV sets by index, not by name.
@@ -335,14 +335,13 @@ def sheet_with_changed_material(**changes):
         ({"name": "blue"}, "left out: materials that no face uses: blue"),
     ],
 )
-def test_unsupported_material_properties_are_noted(tmp_path, changes, note):
-    notes = []
+def test_unsupported_material_properties_are_noted(tmp_path, changes, note, notes):
     written(tmp_path, sheet_with_changed_material(**changes), notes)
     assert note in notes
 
 
-def test_image_of_an_unsupported_type_is_left_out_and_noted(tmp_path):
-    sheet, notes = dressed_sheet(), []
+def test_image_of_an_unsupported_type_is_left_out_and_noted(tmp_path, notes):
+    sheet = dressed_sheet()
     exr = Image("sky", "image/x-exr", b"\x76\x2f\x31\x01")
     surface = replace(sheet.surface, images=(exr, jpeg()))
     again = written(tmp_path, sheet.replace(surface=surface), notes).document
@@ -353,8 +352,7 @@ def test_image_of_an_unsupported_type_is_left_out_and_noted(tmp_path):
     )
 
 
-def test_roughness_texture_is_written_alone_without_metalness(tmp_path):
-    notes = []
+def test_roughness_texture_is_written_alone_without_metalness(tmp_path, notes):
     file = written(
         tmp_path, sheet_with_changed_material(metallic=0.0, metallic_texture=None), notes
     )

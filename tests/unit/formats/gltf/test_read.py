@@ -12,9 +12,7 @@ QUARTER_Z = [0, 0, HALF, HALF]
 
 
 def test_load_returns_one_frame_without_animation(read):
-    file = Gltf()
-    file.node(mesh=file.mesh([[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]), name="a")
-    result, notes = read(file)
+    result, notes = read(Gltf.of_mesh([[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]], name="a"))
     expected = np.array([[[0.1, 1 / 3, -7], [1e-20, 2, 3], [4, 1e20, 6]]], np.float32)
     assert (result.vertices.tobytes(), result.dtype) == (expected.tobytes(), np.float32)
     assert (result.fps, result.start_s, result.name, notes) == (0, 0, "a", [])
@@ -37,9 +35,8 @@ def test_load_samples_at_the_requested_rate(read):
 
 
 def test_load_keeps_the_final_pose_between_two_frames(read):
-    file = Gltf()
-    node = file.node(mesh=file.mesh())
-    file.animate(node, "translation", [0, 0.25], [[0, 0, 0], [1, 0, 0]])
+    file = Gltf.of_mesh()
+    file.animate(0, "translation", [0, 0.25], [[0, 0, 0], [1, 0, 0]])
     result, [note] = read(file, fps=30)
     assert (result.n_frames, result.fps) == (9, 30)
     assert result.vertices[-1, 0].tolist() == [1, 0, 0]
@@ -59,11 +56,10 @@ def test_load_rejects_an_invalid_frame_rate(read, fps):
 @pytest.mark.parametrize("fps", [24, 25, 30000 / 1001, 60])
 @pytest.mark.parametrize("first", [0, 1, 101])
 def test_load_derives_frame_rate_and_start_from_keys(read, fps, first):
-    file = Gltf()
-    node = file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     rng = np.random.default_rng(1)
     translations = rng.standard_normal((40, 3)).astype(np.float32)
-    file.animate(node, "translation", (first + np.arange(40)) / fps, translations)
+    file.animate(0, "translation", (first + np.arange(40)) / fps, translations)
     result, _ = read(file)
     assert result.fps == pytest.approx(fps, rel=1e-12)
     assert result.start_s == first / result.fps
@@ -71,9 +67,7 @@ def test_load_derives_frame_rate_and_start_from_keys(read, fps, first):
 
 
 def test_load_scales_then_rotates_then_translates(read):
-    file = Gltf()
-    file.node(mesh=file.mesh(), translation=[1, 2, 3], rotation=QUARTER_Z, scale=[2, 3, 4])
-    result, _ = read(file)
+    result, _ = read(Gltf.of_mesh(translation=[1, 2, 3], rotation=QUARTER_Z, scale=[2, 3, 4]))
     np.testing.assert_allclose(result.vertices[0], [[1, 2, 3], [1, 4, 3], [-2, 2, 3]], atol=1e-7)
 
 
@@ -99,9 +93,8 @@ def test_load_applies_animated_transforms_of_ancestors(read):
 
 
 def test_load_interpolates_rotations_spherically(read):
-    file = Gltf()
-    node = file.node(mesh=file.mesh())
-    file.animate(node, "rotation", [1, 2], [[0, 0, 0, 1], QUARTER_Z])
+    file = Gltf.of_mesh()
+    file.animate(0, "rotation", [1, 2], [[0, 0, 0, 1], QUARTER_Z])
     result, [note] = read(file)
     angles = np.radians(90) * np.arange(31) / 30
     assert "curved motion between them" in note
@@ -112,25 +105,23 @@ def test_load_interpolates_rotations_spherically(read):
 
 @pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2"])
 def test_load_reads_rotations_in_normalized_integers(read, dtype):
-    file = Gltf()
-    node = file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     maximum = np.iinfo(dtype).max
     file.animate(
-        node, "rotation", [0, 1], [[0, 0, 0, maximum], [0, 0, maximum, 0]], "STEP", dtype=dtype
+        0, "rotation", [0, 1], [[0, 0, 0, maximum], [0, 0, maximum, 0]], "STEP", dtype=dtype
     )
     result, _ = read(file)
     np.testing.assert_array_equal(result.vertices[1], [[0, 0, 0], [-1, 0, 0], [0, -1, 0]])
 
 
 def test_load_interpolates_cubic_splines(read):
-    file = Gltf()
-    node = file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     keys = np.array([0, 0.5, 1.5])
     flat = np.zeros_like(keys)
     positions = np.stack([keys**3, flat, flat], axis=1)
     slopes = np.stack([3 * keys**2, flat, flat], axis=1)
     rows = np.stack([slopes, positions, slopes], axis=1).reshape(-1, 3)
-    file.animate(node, "translation", keys, rows, "CUBICSPLINE")
+    file.animate(0, "translation", keys, rows, "CUBICSPLINE")
     result, _ = read(file, fps=20)
     expected = (np.arange(31) / 20) ** 3
     np.testing.assert_allclose(result.vertices[:, 0, 0], expected, rtol=0, atol=3e-7)
@@ -247,8 +238,7 @@ def test_load_lists_the_animations_for_an_unknown_one(read, wanted):
 
 @pytest.mark.parametrize("wanted", ["run", 0])
 def test_load_rejects_an_animation_of_a_file_without_any(read, wanted):
-    file = Gltf()
-    file.node(mesh=file.mesh())
+    file = Gltf.of_mesh()
     with pytest.raises(
         InvalidInputError, match=r"has no animation .*; it contains no animations; omit"
     ):
@@ -360,9 +350,7 @@ def test_faces_of_a_mirroring_node_are_reversed(read, scale):
 
 
 def test_faces_of_a_rotating_node_are_not_reversed(read):
-    file = Gltf()
-    file.node(mesh=file.mesh(), scale=[-1, -1, 1])
-    np.testing.assert_array_equal(read(file)[0].faces, [[0, 1, 2]])
+    np.testing.assert_array_equal(read(Gltf.of_mesh(scale=[-1, -1, 1]))[0].faces, [[0, 1, 2]])
 
 
 @pytest.mark.parametrize("make", [moving_triangle, rich_gltf])
@@ -377,8 +365,7 @@ def test_open_source_reads_the_same_frames_as_load(tmp_path, make, monkeypatch):
 
 
 def test_load_names_the_frame_of_a_position_that_is_not_finite(read):
-    file = Gltf()
-    node = file.node(mesh=file.mesh(shifted(TRIANGLE, [3e38, 0, 0])))
-    file.animate(node, "scale", [0, 0.5], [[1, 1, 1], [2, 1, 1]], "STEP")
+    file = Gltf.of_mesh(shifted(TRIANGLE, [3e38, 0, 0]))
+    file.animate(0, "scale", [0, 0.5], [[1, 1, 1], [2, 1, 1]], "STEP")
     with pytest.raises(InvalidInputError, match=r"a\.glb: .*vertex 0 of frame 1 has x = inf"):
         read(file)

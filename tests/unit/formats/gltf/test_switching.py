@@ -103,10 +103,9 @@ def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
 
 
 def test_transforms_are_read_from_pointers(tmp_path):
-    file = Gltf()
-    node = file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
-    file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
-    file.json["animations"][0]["channels"][0]["target"] = pointer_target(node, "translation")
+    file = Gltf.of_mesh(SQUARE, FACES["quad"], name="quad")
+    file.animate(0, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
+    file.json["animations"][0]["channels"][0]["target"] = pointer_target(0, "translation")
     loaded = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
     np.testing.assert_allclose(loaded.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
 
@@ -119,8 +118,8 @@ def test_transforms_are_read_from_pointers(tmp_path):
         {"tri": [1, 1, 1, 1, 1], "quad": [0, 0, 1, 1, 1]},  # one is always shown
     ],
 )
-def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown):
-    path, notes = switching("visible", shown).save(tmp_path / "a.glb"), []
+def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown, notes):
+    path = switching("visible", shown).save(tmp_path / "a.glb")
     with pytest.raises(InvalidInputError, match="2 meshes"):
         meshreel.load(path)
     loaded = meshreel.load(path, merge=True, notes=notes)
@@ -128,15 +127,15 @@ def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown):
     assert "left out: changes of the visibility of /tri, /quad" in notes
 
 
-def test_a_selected_mesh_is_read_alone(tmp_path):
+def test_a_selected_mesh_is_read_alone(tmp_path, notes):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]}
-    path, notes = switching("visible", shown).save(tmp_path / "a.glb"), []
+    path = switching("visible", shown).save(tmp_path / "a.glb")
     assert meshreel.load(path, object="quad", notes=notes).n_verts == 4
     assert "left out: changes of the visibility of /tri, /quad" in notes
 
 
-def test_hidden_meshes_are_left_out_with_a_note(tmp_path):
-    file, notes = Gltf(), []
+def test_hidden_meshes_are_left_out_with_a_note(tmp_path, notes):
+    file = Gltf()
     file.json["extensionsUsed"] = [VISIBILITY]
     file.node(mesh=file.mesh(SQUARE, FACES["quad"]), name="quad")
     hidden = {VISIBILITY: {"visible": False}}
@@ -156,13 +155,12 @@ def test_visibility_must_step(tmp_path):
         meshreel.load(file.save(tmp_path / "a.glb"), animation=0)
 
 
-def test_pointers_to_missing_nodes_and_other_properties(tmp_path):
+def test_pointers_to_missing_nodes_and_other_properties(tmp_path, notes):
     file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     file.animate(0, "scale", TIMES, [[1, 1, 1]] * 5)
     other = {"pointer": "/materials/0/pbrMetallicRoughness/baseColorFactor"}
     channel = file.json["animations"][0]["channels"][-1]
     channel["target"] = {"path": "pointer", "extensions": {POINTER: other}}
-    notes = []
     assert meshreel.load(file.save(tmp_path / "a.glb"), notes=notes).n_segments == 2
     assert f"left out: animated properties: {other['pointer']}" in notes
     channel["target"] = pointer_target(2)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.write import write_glb, write_gltf
+from meshreel.formats.gltf.format import write_glb, write_gltf
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -44,8 +44,8 @@ def two_parts(names=("left", "right"), **changes):
 
 
 @pytest.mark.parametrize("percent", [1.0, 0.1, 0.02])
-def test_error_measured_in_the_file_meets_the_bound(tmp_path, percent):
-    sequence, notes = grid(), []
+def test_error_measured_in_the_file_meets_the_bound(tmp_path, percent, notes):
+    sequence = grid()
     result = written(tmp_path, sequence, notes, max_error=percent)
     error = largest_error_percent(sequence, result.world("grid"))
     assert error <= percent
@@ -110,15 +110,13 @@ def test_times_have_frame_rate_and_start_of_the_sequence(tmp_path, fps, start_s)
     np.testing.assert_array_equal(times, np.float32(start_s + np.arange(30) / fps))
 
 
-def test_times_before_zero_are_shifted_to_zero(tmp_path):
-    notes = []
+def test_times_before_zero_are_shifted_to_zero(tmp_path, notes):
     times, _ = written(tmp_path, grid(start_s=-1.5), notes, targets=3).weights("grid")
     assert (times[0], times[-1]) == (0, np.float32(29 / 25))
     assert notes[0] == "starts at 0 s, not -1.5 s: glTF has no time before 0"
 
 
-def test_unknown_frame_rate_is_noted(tmp_path):
-    notes = []
+def test_unknown_frame_rate_is_noted(tmp_path, notes):
     times, _ = written(tmp_path, grid(fps=0.0), notes, targets=3).weights("grid")
     assert times[24] == 1
     assert notes[0] == "the frame rate is unknown; written as 24 fps"
@@ -140,8 +138,8 @@ def test_single_frame_is_an_exact_static_mesh(tmp_path, dtype):
     np.testing.assert_array_equal(result.triangles("one"), sequence.faces)
 
 
-def test_constant_sequence_is_a_static_mesh(tmp_path):
-    vertices, notes = np.repeat(grid(1).vertices, 5, axis=0), []
+def test_constant_sequence_is_a_static_mesh(tmp_path, notes):
+    vertices = np.repeat(grid(1).vertices, 5, axis=0)
     result = written(tmp_path, MeshSequence(vertices, grid(1).faces, 25.0, "static"), notes)
     assert notes == ["no vertex moves by more than the error bound: written as a static mesh"]
     np.testing.assert_array_equal(result.world("static")[0], vertices[0])
@@ -167,8 +165,8 @@ def test_sequences_with_more_frames_than_coordinates_meet_the_bound(tmp_path):
     assert largest_error_percent(sequence, written(tmp_path, sequence).world("few")) <= 0.1
 
 
-def test_irregular_mesh_keeps_its_triangles(tmp_path):
-    sequence, notes = irregular_sequence(), []
+def test_irregular_mesh_keeps_its_triangles(tmp_path, notes):
+    sequence = irregular_sequence()
     result = written(tmp_path, sequence, notes)
     used = np.unique(sequence.faces)
     np.testing.assert_array_equal(used[result.triangles("irregular")], sequence.faces)
@@ -229,8 +227,7 @@ def test_corner_attributes_are_stored_per_split_vertex(tmp_path):
     assert written_uvs == set(map(tuple, flipped.tolist()))
 
 
-def test_triangulation_of_polygons_is_noted(tmp_path):
-    notes = []
+def test_triangulation_of_polygons_is_noted(tmp_path, notes):
     written(tmp_path, two_parts(), notes)
     assert "triangulated 40 quads, the same way in every frame" in notes
 
@@ -244,23 +241,20 @@ def test_requested_normals_have_unit_length(tmp_path):
             assert all("NORMAL" in target for target in primitive.get("targets", []))
 
 
-def test_smooth_surface_has_normals_by_default(tmp_path):
-    notes = []
+def test_smooth_surface_has_normals_by_default(tmp_path, notes):
     result = written(tmp_path, grid(), notes)
     (primitive,) = result.primitives("grid")
     assert all("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
     assert notes[-1].startswith("normals are smooth, with a mean error of ")
 
 
-def test_normals_can_be_disabled(tmp_path):
-    notes = []
+def test_normals_can_be_disabled(tmp_path, notes):
     (primitive,) = written(tmp_path, grid(), notes, normals=False).primitives("grid")
     assert not any("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
     assert not any("normals" in note for note in notes)
 
 
-def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path):
-    notes = []
+def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path, notes):
     result = written(tmp_path, rich_cube(4).replace(name="cube", fps=24.0), notes)
     (primitive,) = result.primitives("cube")
     assert "NORMAL" not in primitive["attributes"]
@@ -269,8 +263,7 @@ def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path):
     )
 
 
-def test_missing_normals_with_a_single_target_are_explained(tmp_path):
-    notes = []
+def test_missing_normals_with_a_single_target_are_explained(tmp_path, notes):
     written(tmp_path, grid(), notes, targets=1)
     assert notes[-1].endswith("use flat shading: normals need at least two targets")
 
@@ -302,8 +295,7 @@ def test_compression_is_noted(tmp_path):
     assert notes[1][-1].startswith("compressed with EXT_meshopt_compression: vertices and triang")
 
 
-def test_file_size_is_noted(tmp_path):
-    notes = []
+def test_file_size_is_noted(tmp_path, notes):
     write_glb(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
     size = (tmp_path / "a.glb").stat().st_size
     assert notes[0].endswith(f"with 4 morph targets: {size / 1e6:.3g} MB")

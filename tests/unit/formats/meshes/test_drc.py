@@ -53,8 +53,7 @@ def sorted_corners(positions, uv):
 
 
 @pytest.mark.parametrize("options", [{}, {"preserve_order": True}, {"compression_level": 10}])
-def test_seams_are_welded_when_texture_coordinates_differ(tmp_path, options):
-    notes = []
+def test_seams_are_welded_when_texture_coordinates_differ(tmp_path, options, notes):
     loaded = load(split_tube(tmp_path / "a.drc", **options), notes=notes)
     points, uv, faces = tube()
     assert (loaded.n_verts, loaded.n_faces) == (COLUMNS * ROWS, len(faces))
@@ -102,21 +101,19 @@ def test_colors_are_read_as_bytes(tmp_path):
         np.testing.assert_array_equal(by_place[tuple(one + 0.0 for one in place)], row)
 
 
-def test_normals_that_differ_across_an_edge_make_it_hard(tmp_path):
+def test_normals_that_differ_across_an_edge_make_it_hard(tmp_path, notes):
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 0], [0, 0, 1]], "f4")
     normals = np.array([[0, 0, 1]] * 3 + [[0, 1, 0]] * 3, np.float64)
     faces = np.array([[0, 1, 2], [3, 4, 5]], np.uint32)
-    notes = []
     loaded = load(written(tmp_path / "a.drc", points, faces, normals=normals), notes=notes)
     assert loaded.n_verts == 4
     assert len(loaded.surface.hard_edges) == 1
     assert any(note.startswith("kept 1 of 1 edge as hard edges") for note in notes)
 
 
-def test_generic_attributes_are_listed_in_a_note(tmp_path):
+def test_generic_attributes_are_listed_in_a_note(tmp_path, notes):
     points, _, faces = tube()
     weights = np.ones((len(points), 2), np.float32)
-    notes = []
     path = written(
         tmp_path / "a.drc", points, faces, generic_attributes={"weights": weights, 7: weights}
     )
@@ -152,24 +149,22 @@ def test_frames_with_equal_faces_are_one_sequence_with_tracks(tmp_path):
     np.testing.assert_allclose(np.diff(track.values, axis=0), 0.1, rtol=0, atol=1e-5)
 
 
-def test_frames_with_changing_faces_are_segments(tmp_path):
+def test_frames_with_changing_faces_are_segments(tmp_path, notes):
     split_tube(tmp_path / "0.drc")
     split_tube(tmp_path / "1.drc", lift=0.5)
     grid = waving_grid(2)
     for number, frame in enumerate(grid.vertices):
         written(tmp_path / f"{number + 2}.drc", frame, grid.faces.astype(np.uint32))
-    notes = []
     loaded = load(tmp_path, notes=notes)
     assert [segment.n_frames for segment in loaded.segments] == [2, 2]
     assert [segment.n_verts for segment in loaded.segments] == [60, grid.n_verts]
 
 
-def test_notes_of_segments_that_differ_in_numbers_are_combined(tmp_path):
+def test_notes_of_segments_that_differ_in_numbers_are_combined(tmp_path, notes):
     split_tube(tmp_path / "0.drc")
     points, uv, faces = tube()
     for number, n_faces in enumerate((80, 90), 1):
         written(tmp_path / f"{number}.drc", points, faces[:n_faces], tex_coord=uv)
-    notes = []
     load(tmp_path, notes=notes)
     [welded] = [note for note in notes if note.startswith("welded")]
     assert welded == (

@@ -34,10 +34,9 @@ def test_line_feed_after_a_cr_header_is_data():
     assert mesh.vertices.tobytes() == vertices.tobytes()
 
 
-def test_unknown_header_lines_are_skipped_with_a_note(tmp_path):
+def test_unknown_header_lines_are_skipped_with_a_note(tmp_path, notes):
     path = tmp_path / "a.ply"
     path.write_bytes(ply("\n", lines=(*LINES[:2], "made by hand", *LINES[2:6], "#", *LINES[6:])))
-    notes = []
     loaded = load(path, notes=notes)
     assert loaded.vertices.tobytes() == VERTICES.tobytes()
     assert notes == ["left out: lines of the header: line 3 'made by hand', line 8 '#'"]
@@ -49,12 +48,11 @@ def test_misspelled_properties_are_rejected(line):
         read_ply(ply("\n", lines=(*LINES[:6], line, *LINES[6:])))
 
 
-def test_skipped_lines_are_noted_once_for_several_segments(tmp_path):
+def test_skipped_lines_are_noted_once_for_several_segments(tmp_path, notes):
     lines = (*LINES[:2], "made by hand", *LINES[2:])
     (tmp_path / "0.ply").write_bytes(ply("\n", lines=lines))
     flipped = ply("\n", lines=lines)[: -len(FACE)] + FACE[:1] + np.array([0, 2, 1], "<i4").tobytes()
     (tmp_path / "1.ply").write_bytes(flipped)
-    notes = []
     assert load(tmp_path, notes=notes).starts == (0, 1, 2)
     assert notes[0] == "left out: lines of the header: line 3 'made by hand'"
     assert sum("lines of the header" in note for note in notes) == 1

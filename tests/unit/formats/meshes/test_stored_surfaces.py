@@ -59,9 +59,9 @@ SURFACES = {
 @pytest.mark.every_case
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_surface_round_trips_in_every_frame(tmp_path, name, dtype):
+def test_surface_round_trips_in_every_frame(tmp_path, name, dtype, notes):
     extension = name.split()[0]
-    sequence, notes = rich_cube(**SURFACES[name], dtype=dtype), []
+    sequence = rich_cube(**SURFACES[name], dtype=dtype)
     paths = save(sequence, tmp_path / f"f_%d.{extension}", notes=notes)
     expected = sequence.vertices if extension == "ply" else sequence.vertices.astype(np.float32)
     for number, path in enumerate(paths):
@@ -110,8 +110,7 @@ UNSUPPORTED = [
 
 @pytest.mark.every_case
 @pytest.mark.parametrize(("extension", "sequence", "words"), UNSUPPORTED)
-def test_save_notes_what_a_format_cannot_store(tmp_path, extension, sequence, words):
-    notes = []
+def test_save_notes_what_a_format_cannot_store(tmp_path, extension, sequence, words, notes):
     [path] = save(sequence, tmp_path / f"a.{extension}", notes=notes)
     assert load(path).surface.attributes == ()
     assert notes == [f"left out, as .{extension} files cannot store it: {words}"]

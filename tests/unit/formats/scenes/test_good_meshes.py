@@ -100,8 +100,7 @@ def usd_file(tmp_path):
     return path
 
 
-def test_skip_bad_merges_the_readable_meshes(usd_file):
-    notes = []
+def test_skip_bad_merges_the_readable_meshes(usd_file, notes):
     opened = load(usd_file, merge=True, skip_bad=True, notes=notes)
     parts = [[part.name for part in one.surface.parts] for one in opened.segments]
     assert parts == 2 * [["/good", "/late"]]
@@ -122,12 +121,12 @@ def test_skip_bad_keeps_changing_faces_for_segments(usd_file):
     assert load(usd_file, merge=True, skip_bad=True).starts == (0, 1, 2)
 
 
-def test_skip_bad_works_for_gltf(tmp_path):
+def test_skip_bad_works_for_gltf(tmp_path, notes):
     meshreel.save(two_sheets(), tmp_path / "a.gltf")
     text = json.loads((tmp_path / "a.gltf").read_text())
     text["meshes"][0]["primitives"][0]["indices"] = 0  # the accessor of its positions
     (tmp_path / "a.gltf").write_text(json.dumps(text))
-    names, notes = [part.name for part in two_sheets().surface.parts], []
+    names = [part.name for part in two_sheets().surface.parts]
     with pytest.raises(FormatError):
         load(tmp_path / "a.gltf", merge=True)
     loaded = load(tmp_path / "a.gltf", skip_bad=True, notes=notes)

@@ -157,10 +157,9 @@ def test_merging_interpolates_positions_between_frames():
     assert result.fps == 4.0
 
 
-def test_merging_notes_attributes_that_some_meshes_lack():
+def test_merging_notes_attributes_that_some_meshes_lack(notes):
     bare = quad_sheet()
     bare = bare.replace(surface=Surface(bare.surface.face_sizes))
-    notes = []
     meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
     result = opened(meshes, merge=True, notes=notes)
     assert any("uv 'st' is 0 in meshes" in note for note in notes)
@@ -171,14 +170,14 @@ def test_merging_notes_attributes_that_some_meshes_lack():
 
 
 @pytest.mark.parametrize("domain", [Domain.VERTEX, Domain.FACE])
-def test_merging_unifies_domains_of_an_attribute(domain):
+def test_merging_unifies_domains_of_an_attribute(domain, notes):
     sheet = quad_sheet()
     n_items = {Domain.VERTEX: 30, Domain.FACE: 21}[domain]
     values = np.random.default_rng(4).random((n_items, 2)).astype(np.float32)
     surface = replace(
         sheet.surface, attributes=(Attribute("st", Kind.UV, domain, values, np.arange(n_items)),)
     )
-    other, notes = sheet.replace(surface=surface), []
+    other = sheet.replace(surface=surface)
     meshes = [scene_mesh(sheet, "/seams"), scene_mesh(other, "/whole")]
     result = opened(meshes, merge=True, notes=notes)
     (uv,) = result.surface.of_kind(Kind.UV)

@@ -59,23 +59,22 @@ def test_load_returns_rate_and_start_when_frames_are_at_any_time(path, fps, firs
 
 
 @pytest.mark.parametrize(("fps", "start_s"), [(0.0, 0.0), (24.0, 0.5), (24.0, 2.5), (30.0, 0.0)])
-def test_load_returns_rate_and_start_when_there_is_one_frame(path, fps, start_s):
-    sequence, notes = animated(1, fps=fps, start_s=start_s), []
+def test_load_returns_rate_and_start_when_there_is_one_frame(path, fps, start_s, notes):
+    sequence = animated(1, fps=fps, start_s=start_s)
     loaded = saved_and_loaded(path, sequence, notes)
     assert (loaded.n_frames, loaded.fps, loaded.start_s, notes) == (1, fps, start_s, [])
     np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
 
 
-def test_save_assumes_24_frames_per_second_when_there_is_no_rate(path):
-    notes = []
+def test_save_assumes_24_frames_per_second_when_there_is_no_rate(path, notes):
     assert saved_and_loaded(path, animated(fps=0.0), notes).fps == 24
     assert notes == ["the frame rate is unknown; written as 24 fps"]
 
 
 @pytest.mark.parametrize(("scale", "n_notes"), [(1 / 3, 1), (0.5, 0)])
-def test_save_notes_rounding_when_positions_are_float64(program_and_path, scale, n_notes):
+def test_save_notes_rounding_when_positions_are_float64(program_and_path, scale, n_notes, notes):
     program, path = program_and_path
-    sequence, notes = animated(), []
+    sequence = animated()
     vertices = sequence.vertices.astype(np.float64) * scale
     loaded = saved_and_loaded(path, MeshSequence(vertices, FACES, 24.0), notes)
     np.testing.assert_array_equal(loaded.vertices, vertices.astype(np.float32))
@@ -93,8 +92,8 @@ def test_save_keeps_a_millionth_when_float64_positions_are_far_from_the_origin(p
     assert notes[0].startswith(f"{program} stores positions as float32, relative to the center of")
 
 
-def test_save_is_exact_when_float32_positions_are_far_from_the_origin(path):
-    sequence, notes = animated(offset=1e6), []
+def test_save_is_exact_when_float32_positions_are_far_from_the_origin(path, notes):
+    sequence = animated(offset=1e6)
     loaded = saved_and_loaded(path, sequence, notes)
     np.testing.assert_array_equal(loaded.vertices, sequence.vertices)
     assert notes == []

@@ -63,10 +63,9 @@ def sheet(n_shells=3, **control):
 
 @pytest.mark.parametrize("code", CODES)
 @pytest.mark.parametrize("name", ["d3plot", "D3PLOT", "crash.d3plot"])
-def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name):
+def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name, notes):
     states = [state(2 + index / 8, moved(index), code=code) for index in range(3)]
     path = write_family(tmp_path / name, whole_model(), [states[:1], states[1:]], code)
-    notes = []
     loaded = load(path, notes=notes)
     expected = np.array([moved(index)[:12] for index in range(3)]).astype(FLOATS[code[1]])
     assert loaded.vertices.tobytes() == expected.tobytes()
@@ -81,10 +80,9 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name)
 
 
 @pytest.mark.parametrize("code", CODES)
-def test_the_last_state_keeps_the_time_at_which_the_run_ended(tmp_path, code):
+def test_the_last_state_keeps_the_time_at_which_the_run_ended(tmp_path, code, notes):
     times = [0, 0.5, 1, 1.5, 1.75]
     states = [state(time, moved(0), code=code) for time in times]
-    notes = []
     loaded = load(write_family(tmp_path / "d3plot", whole_model(), [states], code), notes=notes)
     assert loaded.times.tolist() == times
     assert not [note for note in notes if "time" in note]
@@ -207,7 +205,7 @@ def test_results_at_nodes_are_tracks(tmp_path):
 
 
 @pytest.mark.parametrize("version", [0, 3, 4])
-def test_tables_of_particles_are_skipped(tmp_path, version):
+def test_tables_of_particles_are_skipped(tmp_path, version, notes):
     """Two SPH particles with 3 values, and an airbag of 4 particles with 2 values."""
     model = sheet()
     model.part_ids, model.ten_nodes = (1,), ""
@@ -221,14 +219,13 @@ def test_tables_of_particles_are_skipped(tmp_path, version):
         state(index, moved(index, model.nodes), np.ones((2, 3)), [4, 0.5], np.ones((4, 2)))
         for index in range(3)
     ]
-    notes = []
     loaded = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
     assert loaded.n_frames == 3
     assert "left out: elements without faces: SPH particles, particles of airbags" in notes
 
 
 @pytest.mark.parametrize("n_points", [1, 8])
-def test_results_of_elements_are_tracks_of_cells(tmp_path, n_points):
+def test_results_of_elements_are_tracks_of_cells(tmp_path, n_points, notes):
     model = whole_model(
         nv3d=9 * n_points,
         neiph=2,
@@ -241,7 +238,6 @@ def test_results_of_elements_are_tracks_of_cells(tmp_path, n_points):
     )  # fmt: skip
     rng = np.random.default_rng(0)
     tables = [rng.random(shape) for shape in ((2, n_points, 9), (1, 6), (2, 33))]
-    notes = []
     loaded = load(
         write_family(tmp_path / "d3plot", model, [[state(0, TWO_CUBES, *tables)]]), notes=notes
     )
@@ -322,21 +318,19 @@ def test_adapted_meshes_replace_later_states_and_begin_segments(tmp_path):
     assert loaded.fps == 1
 
 
-def test_states_without_positions_are_at_rest(tmp_path):
+def test_states_without_positions_are_at_rest(tmp_path, notes):
     model = sheet(positions=0, velocity=1)
-    notes = []
     states = [state(index, np.ones((8, 3))) for index in range(2)]
     loaded = load(write_family(tmp_path / "d3plot", model, [states]), notes=notes)
     assert (loaded.vertices == model.nodes).all()
     assert "left out: motion: the states contain no positions" in notes
 
 
-def test_an_incomplete_last_state_is_left_out_with_a_note(tmp_path):
+def test_an_incomplete_last_state_is_left_out_with_a_note(tmp_path, notes):
     model = sheet()
     write_family(tmp_path / "d3plot", model, [[]])
     states = state(0, model.nodes) + state(1, model.nodes)
     (tmp_path / "d3plot01").write_bytes(states[:-8])
-    notes = []
     assert load(tmp_path / "d3plot", notes=notes).n_frames == 1
     assert "the last state is incomplete and not read: 23 words of 25" in notes
 

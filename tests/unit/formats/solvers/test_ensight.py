@@ -117,21 +117,19 @@ def test_variables_are_tracks(tmp_path, form):
     assert loaded.tracks["fixed"].values.reshape(3, 2).tolist() == [[3, 4]] * 3
 
 
-def test_undefined_values_and_missing_types_are_nan(tmp_path):
+def test_undefined_values_and_missing_types_are_nan(tmp_path, notes):
     quad = block("<", "quad4", [[0, 1, 2, 3]])
     body = part("<", 1, "body", SQUARE, block("<", "tria3", TRIANGLES), quad)
     values = variable("<", (1, {"tria3 undef": (-1, [5.0, -1.0])}))
     lines = ["scalar per element: heat h", "complex scalar per node: wave r i 2.0"]
-    notes = []
     path = store(tmp_path, case("g", lines), g=geometry("<", body), h=values)
     loaded = load(path, notes=notes)
     np.testing.assert_array_equal(loaded.tracks["heat"].values.ravel(), [5, np.nan, np.nan])
     assert "left out: variables: wave (complex scalar per node)" in notes
 
 
-def test_partial_values_are_left_out_with_a_note(tmp_path):
+def test_partial_values_are_left_out_with_a_note(tmp_path, notes):
     values = variable("<", (1, {"coordinates partial": [5.0]}))
-    notes = []
     loaded = load(moving(tmp_path, "<", ["scalar per node: heat h"], h=values), notes=notes)
     assert not loaded.tracks
     assert "left out: variable 'heat': h has partial values, which are not supported" in notes
@@ -184,17 +182,16 @@ def test_variables_of_a_geometry_at_rest_have_its_frames(tmp_path):
     assert loaded.tracks["heat"].values[:, 0].ravel().tolist() == [0, 1, 2]
 
 
-def test_variables_at_other_times_are_left_out_with_a_note(tmp_path):
+def test_variables_at_other_times_are_left_out_with_a_note(tmp_path, notes):
     path = moving(tmp_path, "<", ["scalar per node: 2 heat h*"])
     with path.open("a") as file:
         file.write("time set: 2\nnumber of steps: 2\nfilename numbers: 1 2\ntime values: 0.5 9\n")
-    notes = []
     assert not load(path, notes=notes).tracks
     assert "left out: variables at other times than the geometry: heat" in notes
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_parts_are_meshes(tmp_path, form):
+def test_parts_are_meshes(tmp_path, form, notes):
     line, ghost = block(form, "bar2", [[0, 1]]), block(form, "g_hexa8", [range(8)])
     shapes = [
         part(form, 2, "left", SQUARE, block(form, "tria3", TRIANGLES), line),
@@ -205,7 +202,6 @@ def test_parts_are_meshes(tmp_path, form):
     with pytest.raises(InvalidInputError, match="2 meshes: /left, /right; choose one"):
         load(path)
     assert load(path, object="right").n_verts == 8
-    notes = []
     both = load(path, merge=True, notes=notes)
     assert [one.name for one in both.surface.parts] == ["/left", "/right"]
     assert "left out: parts without faces: axis" in notes

@@ -80,8 +80,8 @@ def test_load_rejects_attributes_of_another_type(tmp_path):
             load(path)
 
 
-def test_load_terminates_for_a_file_that_refers_to_itself(tmp_path):
-    path, notes = tmp_path / "x.usda", []
+def test_load_terminates_for_a_file_that_refers_to_itself(tmp_path, notes):
+    path = tmp_path / "x.usda"
     path.write_text(
         f'#usda 1.0\n{TRIANGLE}\ndef "a" (references = @x.usda@</a>) {{\n'
         'def "b" (references = </a>) {\n}\n}\n'

@@ -108,8 +108,7 @@ def bulged(weight):
     return offset
 
 
-def test_load_skins_at_every_frame_between_keys(skinned_file):
-    notes = []
+def test_load_skins_at_every_frame_between_keys(skinned_file, notes):
     loaded = load(skinned_file(JOINTS), notes=notes)
     assert (loaded.fps, loaded.start_s, loaded.vertices.dtype) == (24.0, 1 / 24, np.float32)
     np.testing.assert_array_equal(loaded.vertices, [posed(s) for s in (0, 0.25, 0.5, 0.75, 1)])

@@ -33,8 +33,7 @@ strip = partial(mesh, points=STRIP, faces="")
 
 
 @pytest.mark.parametrize("holes", ["[1]", "[1, 1]", "[1, -1, 3, 99]"])
-def test_load_removes_faces_that_are_holes(stage_file, holes):
-    notes = []
+def test_load_removes_faces_that_are_holes(stage_file, holes, notes):
     loaded = load(stage_file(strip(f"int[] holeIndices = {holes}")), notes=notes)
     np.testing.assert_array_equal(loaded.surface.face_sizes, [4, 3])
     np.testing.assert_array_equal(loaded.faces, [[0, 1, 2], [0, 2, 3], [1, 5, 2]])
@@ -80,7 +79,6 @@ def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(stage_file, 
     assert ("left out: subdivision, whose cages are read: /m" in notes) == is_noted
 
 
-def test_load_notes_several_subdivision_surfaces_in_one_sentence(stage_file):
-    notes = []
+def test_load_notes_several_subdivision_surfaces_in_one_sentence(stage_file, notes):
     load(stage_file(strip() + strip(name="n")), merge=True, notes=notes)
     assert notes == ["left out: subdivision, whose cages are read: /m, /n"]

@@ -54,8 +54,8 @@ def rounded(value):
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
 @pytest.mark.parametrize("make", [dressed_sheet, dressed_sheets])
-def test_materials_round_trip(tmp_path, make, extension):
-    sequence, notes = make(), []
+def test_materials_round_trip(tmp_path, make, extension, notes):
+    sequence = make()
     save(sequence, tmp_path / f"x.{extension}", notes=notes)
     loaded = load(tmp_path / f"x.{extension}", merge=True)
     assert_same_look(loaded.surface, sequence.surface)
@@ -183,8 +183,8 @@ def test_transformed_uvs_of_usd_match_those_of_gltf(tmp_path):
 
 
 @pytest.mark.parametrize("extension", ["usda", "usdz"])
-def test_packages_leave_out_unsupported_image_types(tmp_path, extension):
-    sheet, notes = dressed_sheet(), []
+def test_packages_leave_out_unsupported_image_types(tmp_path, extension, notes):
+    sheet = dressed_sheet()
     tga = Image("old", "image/x-tga", b"\x00\x00\x02")
     changed = sheet.replace(surface=replace(sheet.surface, images=(tga, jpeg())))
     save(changed, tmp_path / f"x.{extension}", notes=notes)
@@ -342,12 +342,11 @@ def test_unsupported_material_properties_are_noted(read, surface, options, note)
     assert note in notes[0]
 
 
-def test_material_without_preview_surface_is_only_a_label(tmp_path):
+def test_material_without_preview_surface_is_only_a_label(tmp_path, notes):
     text = NETWORK.format(surface="", texture="", mesh="", file="").replace(
         '"UsdPreviewSurface"', '"ND_standard_surface"'
     )
     (tmp_path / "x.usda").write_text(text)
-    notes = []
     surface = load(tmp_path / "x.usda", notes=notes).surface
     assert (surface.materials, surface.groups[0].labels) == ((), ("skin",))
     assert notes == ["left out: appearance of materials other than UsdPreviewSurface: skin"]

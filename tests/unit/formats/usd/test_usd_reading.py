@@ -84,8 +84,7 @@ def test_load_rejects_invalid_rates_of_referenced_layers(stage_file, header, bod
         load(stage_file(body, header))
 
 
-def test_load_fills_frames_between_sparse_samples(stage_file):
-    notes = []
+def test_load_fills_frames_between_sparse_samples(stage_file, notes):
     loaded = load(stage_file(mesh(points=MOVING % (1, 2, 4))), notes=notes)
     np.testing.assert_array_equal(loaded.vertices[:, 0, 2], [0, 1, 1.5, 2])
     assert any("3 samples" in note and "4 frames" in note for note in notes)
@@ -241,8 +240,7 @@ def test_load_reads_value_clips(stage_file):
     np.testing.assert_array_equal(loaded.vertices[:, 0, 2], [0, 1, 2, 0, 1, 2])
 
 
-def test_load_leaves_out_meshes_that_are_not_rendered(stage_file):
-    notes = []
+def test_load_leaves_out_meshes_that_are_not_rendered(stage_file, notes):
     body = mesh() + "".join(
         mesh(more=more, name=name)
         for name, more in {
@@ -280,14 +278,12 @@ def test_load_lists_the_contents_of_a_file_without_meshes(stage_file, body, cont
         load(stage_file(body))
 
 
-def test_load_notes_missing_references(stage_file):
-    notes = []
+def test_load_notes_missing_references(stage_file, notes):
     load(stage_file(mesh() + 'def "x" (references = @gone.usda@) { }'), notes=notes)
     assert "Could not open asset @gone.usda@" in notes[0]
 
 
-def test_load_notes_axes_and_units_that_differ(stage_file):
-    notes = []
+def test_load_notes_axes_and_units_that_differ(stage_file, notes):
     load(stage_file(mesh(), 'upAxis = "Z"\nmetersPerUnit = 0.01'), notes=notes)
     assert notes[0] == (
         "positions stay in the axes and units of the file, where z points up, a unit is 0.01 m"
@@ -375,8 +371,7 @@ double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), %g: (6, 0, 0) }
 
 
 @pytest.mark.parametrize(("last", "fps"), [(7.5, None), (6, 30)])
-def test_load_keeps_the_final_pose_between_two_frames(stage_file, last, fps):
-    notes = []
+def test_load_keeps_the_final_pose_between_two_frames(stage_file, last, fps, notes):
     path = stage_file(MOVED % (last, TRANSLATED, mesh()), "timeCodesPerSecond = 24")
     loaded = load(path, fps=fps, notes=notes)
     assert (loaded.n_frames, loaded.fps) == (9, fps or 24)

@@ -159,8 +159,7 @@ def test_colors_are_inherited_from_ancestors(surface_of, tmp_path):
         "normal3f[] primvars:normals = [(0, 0, 1)]",
     ],
 )
-def test_primvars_that_do_not_fit_are_left_out(surface_of, body):
-    notes = []
+def test_primvars_that_do_not_fit_are_left_out(surface_of, body, notes):
     assert surface_of(body, notes=notes).attributes == ()
     is_setting = "constant" in body and "texCoord" in body
     assert is_setting or "normals" in body or any("left out" in note for note in notes)
@@ -203,8 +202,7 @@ def test_subsets_without_material_are_labeled_by_name(surface_of):
     assert (others.name, others.labels) == ("group", ("x",))
 
 
-def test_overlapping_or_invalid_subsets_are_noted(surface_of):
-    notes = []
+def test_overlapping_or_invalid_subsets_are_noted(surface_of, notes):
     body = subset("one", [0, 1], "side") + subset("two", [1, 2, -1], "side")
     (result,) = surface_of(body, notes=notes).groups
     np.testing.assert_array_equal(result.numbers, [0, 1])

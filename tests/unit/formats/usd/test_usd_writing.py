@@ -78,8 +78,8 @@ def assert_same_attributes(found, expected):
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_sequence_round_trips(tmp_path, extension):
-    expected, notes = sheets(start_s=1001 / 24), []
+def test_sequence_round_trips(tmp_path, extension, notes):
+    expected = sheets(start_s=1001 / 24)
     meshreel.save(expected, tmp_path / f"x.{extension}", notes=notes)
     loaded = meshreel.load(tmp_path / f"x.{extension}", merge=True)
     assert notes == []
@@ -114,10 +114,10 @@ def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
     assert (loaded.fps, loaded.start_s) == (fps, first / fps)
 
 
-def test_save_converts_byte_colors_to_floats(tmp_path):
+def test_save_converts_byte_colors_to_floats(tmp_path, notes):
     rgb = np.array([[0, 128, 255]] * 9, np.uint8)
     surface = Surface(SIZES, (Attribute("color", Kind.COLOR, Domain.VERTEX, rgb),))
-    sheet, notes = sheets(n_parts=1), []
+    sheet = sheets(n_parts=1)
     save(
         MeshSequence(sheet.vertices, sheet.faces, 24.0, surface=surface),
         tmp_path / "x.usda",
@@ -193,8 +193,8 @@ def test_save_writes_long_sequences_in_pieces(tmp_path, monkeypatch):
         np.testing.assert_array_equal(loaded.vertices, expected.vertices)
 
 
-def test_save_leaves_out_parts_without_faces(tmp_path):
-    sheet, notes = sheets(n_parts=1), []
+def test_save_leaves_out_parts_without_faces(tmp_path, notes):
+    sheet = sheets(n_parts=1)
     vertices = np.concatenate([sheet.vertices, sheet.vertices[:, :2]], axis=1)
     surface = Surface(SIZES, parts=(Part("a", 9, 3), Part("b", 2, 0)))
     save(

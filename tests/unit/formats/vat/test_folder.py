@@ -95,20 +95,18 @@ def test_folder_cannot_be_loaded(tmp_path):
         meshreel.load(tmp_path / "walk.vat")
 
 
-def test_lost_tracks_and_the_assumed_frame_rate_are_noted(tmp_path):
+def test_lost_tracks_and_the_assumed_frame_rate_are_noted(tmp_path, notes):
     grid = waving_grid()
     heat = Track(np.zeros((12, grid.n_verts), np.float32))
     sequence = MeshSequence(grid.vertices, grid.faces, 0.0, "walk", tracks={"heat": heat})
-    notes = []
     meshreel.save(sequence, tmp_path / "walk.vat", notes=notes)
     assert "tracks left out: heat: .vat cannot store them" in notes
     assert "the frame rate is unknown; written as 24 fps" in notes
 
 
 @pytest.mark.slow
-def test_textures_of_a_stream_use_the_rest_of_its_error_bound(tmp_path):
+def test_textures_of_a_stream_use_the_rest_of_its_error_bound(tmp_path, notes):
     meshreel.save(waving_grid(), tmp_path / "walk.reel", options=WriteOptions(max_error=0.05))
-    notes = []
     with meshreel.open(tmp_path / "walk.reel") as reel:
         options = WriteOptions(max_error=0.2)
         meshreel.save(reel, tmp_path / "walk.vat", options=options, notes=notes)

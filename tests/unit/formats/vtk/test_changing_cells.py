@@ -154,9 +154,8 @@ def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write)
 
 
 @pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
-def test_solid_cells_that_change_become_segments(tmp_path, write):
+def test_solid_cells_that_change_become_segments(tmp_path, write, notes):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
-    notes = []
     loaded = load(source, fps=1 / STEP_S, notes=notes)
     assert not any("inside" in note for note in notes)
     assert loaded.starts == STARTS
@@ -212,11 +211,10 @@ def item(values):
 
 
 @pytest.mark.slow
-def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_path):
+def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_path, notes):
     """VTK stores fewer offsets then, and not for which steps they are."""
     meshes = [sheet(frame) for frame in range(len(ROWS))]
     with_array(meshes[3].GetPointData(), "late", heat_of(3))
-    notes = []
     loaded = load(write_vtkhdf(tmp_path, meshes), notes=notes)
     assert_sheets(loaded)
     [note] = [note for note in notes if "late" in note]

@@ -113,17 +113,15 @@ def join_frames(*columns):
 
 
 @ALL
-@pytest.mark.parametrize("read", [load, open_source])
 @pytest.mark.parametrize("dtype", ["f4", "f8", "i4", "i8", "u1"])
 @pytest.mark.parametrize("width", [1, 3, 9])
-def test_changing_point_and_cell_data_become_tracks(tmp_path, make, read, dtype, width):
+def test_changing_point_and_cell_data_become_tracks(tmp_path, make, read, dtype, width, notes):
     at_points, at_cells = (
         (100 * RNG.random((4, n, width))).astype(dtype) for n in (N_POINTS, N_CELLS)
     )
     frames = join_frames(
         frames_of("Node", "stress", at_points), frames_of("Cell", "area", at_cells)
     )
-    notes = []
     tracks = read(make(tmp_path, frames), notes=notes).tracks
     for name, values, domain in (("stress", at_points, "vertex"), ("area", at_cells, "face")):
         assert (tracks[name].domain, tracks[name].dtype) == (domain, np.dtype(dtype))
@@ -200,9 +198,8 @@ def test_track_has_the_common_type_of_its_frames(tmp_path, make):
 
 
 @ALL
-def test_field_with_varying_components_is_left_out_with_a_note(tmp_path, make):
+def test_field_with_varying_components_is_left_out_with_a_note(tmp_path, make, notes):
     values = [np.zeros((N_POINTS, 2)), np.zeros((N_POINTS, 3))]
-    notes = []
     assert not load(make(tmp_path, frames_of("Node", "odd", values)), notes=notes).tracks
     assert notes == ["left out: 'odd', which has 2 or 3 components in different frames"]
 
@@ -243,8 +240,7 @@ def test_duplicate_array_names_in_a_step_are_an_error(tmp_path):
         load(path)
 
 
-def test_array_of_wrong_size_is_left_out_with_a_note(tmp_path):
-    notes = []
+def test_array_of_wrong_size_is_left_out_with_a_note(tmp_path, notes):
     path = xdmf(tmp_path, frames_of("Node", "odd", RNG.random((2, N_POINTS - 1))))
     assert not load(path, notes=notes).tracks
     assert notes == [
@@ -274,7 +270,7 @@ def test_values_of_solid_cells_are_kept(tmp_path):
 
 
 @pytest.mark.parametrize("make", [pvd, vtu])
-def test_merged_files_share_one_track(tmp_path, make):
+def test_merged_files_share_one_track(tmp_path, make, notes):
     heat = RNG.random((2, N_POINTS))
     whole = make(tmp_path, frames_of("Node", "heat", heat))
     text = whole.read_text()
@@ -284,7 +280,6 @@ def test_merged_files_share_one_track(tmp_path, make):
     rows = text.replace("</Collection></VTKFile>", "").partition("<Collection>")[2]
     attributes = other.read_text().partition("<Collection>")[2].replace('file="', 'file="one/')
     whole.write_text(f'<VTKFile type="Collection"><Collection>{rows}{attributes}')
-    notes = []
     track = load(whole, merge=True, notes=notes).tracks["heat"]
     assert track.shape == (2, 2 * N_POINTS, 1)
     assert np.array_equal(track.values[:, :N_POINTS, 0], heat)
@@ -307,7 +302,7 @@ def test_segments_have_their_part_of_a_track(tmp_path):
 
 
 @pytest.mark.parametrize("n_frames", [1, 2])
-def test_arrays_of_points_and_cells_of_a_volume_mesh_share_a_name(tmp_path, n_frames):
+def test_arrays_of_points_and_cells_of_a_volume_mesh_share_a_name(tmp_path, n_frames, notes):
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     nodes, cells = np.arange(4.0), np.array([7.0])
     paths = []
@@ -322,7 +317,6 @@ def test_arrays_of_points_and_cells_of_a_volume_mesh_share_a_name(tmp_path, n_fr
     rows = "".join(f'<DataSet timestep="{i}" file="{path}"/>' for i, path in enumerate(paths))
     text = f'<VTKFile type="Collection"><Collection>{rows}</Collection></VTKFile>'
     (tmp_path / "a.pvd").write_text(text)
-    notes = []
     tracks = load(tmp_path / "a.pvd", notes=notes).tracks
     assert tracks["A"].values.tolist() == [nodes[:, None].tolist()] * n_frames
     assert tracks["A (cells)"].values.tolist() == [[[7.0]]] * n_frames

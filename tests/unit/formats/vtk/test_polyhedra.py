@@ -31,9 +31,9 @@ def faces_of(box):
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_faces_that_solids_share_are_inner(tmp_path, name):
+def test_faces_that_solids_share_are_inner(tmp_path, name, notes):
     first, middle, last = HEXAHEDRA
-    mesh, notes = grid(POINTS, [(42, faces_of(first)), (12, middle), (42, faces_of(last))]), []
+    mesh = grid(POINTS, [(42, faces_of(first)), (12, middle), (42, faces_of(last))])
     numbers = numpy_to_vtk(np.array([0.5, 1.5, 2.5]), deep=True)
     numbers.SetName("number")
     mesh.GetCellData().AddArray(numbers)

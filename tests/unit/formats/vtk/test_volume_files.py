@@ -104,10 +104,9 @@ def test_vtk_reads_the_same_cells_and_values(tmp_path, name, reader):
         np.testing.assert_array_equal(heat, sequence.tracks["heat"][number][:, 0])
 
 
-def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path):
+def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path, notes):
     cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
     mesh = grid(cube, [(11, range(8)), (8, [0, 1, 2, 3])])
-    notes = []
     found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
     assert found.surface.cells.types.tolist() == [12, 9]
     assert found.surface.cells.nodes.tolist() == [0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 2]
@@ -148,8 +147,8 @@ NODES = np.random.default_rng(3).random((12, 3))
         ((0, []), [], [], "0 (empty cell) became 0 of type 1 (point)"),
     ],
 )
-def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes, note):
-    mesh, notes = with_values(NODES, [TETRAHEDRON, cell, (10, [8, 9, 10, 11])]), []
+def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes, note, notes):
+    mesh = with_values(NODES, [TETRAHEDRON, cell, (10, [8, 9, 10, 11])])
     path = write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu")
     found = load(path, notes=notes)
     assert found.surface.cells.types.tolist() == [10, *types, 10]
@@ -170,8 +169,8 @@ def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes,
         ((71, [4, 5, 6, 7]), "71 (Lagrange cell)"),
     ],
 )
-def test_cells_that_cannot_be_stored_reduce_solids_to_their_surface(tmp_path, cell, name):
-    mesh, notes = grid(NODES, [TETRAHEDRON, cell]), []
+def test_cells_that_cannot_be_stored_reduce_solids_to_their_surface(tmp_path, cell, name, notes):
+    mesh = grid(NODES, [TETRAHEDRON, cell])
     found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
     assert found.surface.cells is None
     solids = "2 solid cells" if cell[0] == 71 else "1 solid cell"
@@ -182,8 +181,8 @@ def test_cells_that_cannot_be_stored_reduce_solids_to_their_surface(tmp_path, ce
     ) in notes
 
 
-def test_values_of_faces_are_left_out_with_cells(tmp_path):
-    sequence, notes = block(), []
+def test_values_of_faces_are_left_out_with_cells(tmp_path, notes):
+    sequence = block()
     load_of_faces = Track(np.zeros((4, 32)), "face")
     sequence = sequence.replace(tracks={**sequence.tracks, "load": load_of_faces})
     save(sequence, tmp_path / "a.vtkhdf", notes=notes)
@@ -191,10 +190,9 @@ def test_values_of_faces_are_left_out_with_cells(tmp_path):
 
 
 @pytest.mark.parametrize("extension", [".ply", ".glb", ".vtp"])
-def test_formats_of_surfaces_say_that_cells_are_left_out(tmp_path, extension):
+def test_formats_of_surfaces_say_that_cells_are_left_out(tmp_path, extension, notes):
     if extension == ".ply":
         extension = "_%d.ply"
-    notes = []
     save(block(), tmp_path / f"a{extension}".replace(".vtp", "_%d.vtp"), notes=notes)
     [note] = [note for note in notes if "cells left out" in note]
     assert note.startswith("12 cells left out, and stress of them: ")

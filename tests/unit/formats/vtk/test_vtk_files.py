@@ -289,7 +289,7 @@ def test_load_ignores_mid_edge_points_of_curved_cells(tmp_path, kind):
     assert loaded.faces.max() == linear - 1
 
 
-def test_load_keeps_solid_cells_and_finds_their_surface(tmp_path):
+def test_load_keeps_solid_cells_and_finds_their_surface(tmp_path, notes):
     size = 4
     axis = np.arange(size + 1.0)
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
@@ -300,7 +300,6 @@ def test_load_keeps_solid_cells_and_finds_their_surface(tmp_path):
         cells.append((12, [int(one) for one in [*low, *(np.array(low) + 1)]]))
     cells += [(5, [0, 1, 2]), (3, [0, 1])]
     mesh = grid(points, cells)
-    notes = []
     loaded = load(write_mesh(xml_writer("vtu"), mesh, tmp_path / "a.vtu"), notes=notes)
     assert notes == []
     assert loaded.surface.cells.types.tolist() == [12] * 64 + [5, 3]
@@ -336,7 +335,6 @@ def write_series(folder, n_frames, name="f_{}.vtu", dtype=np.float32):
 
 
 @pytest.mark.parametrize("extension", ["vtu", "vtp"])
-@pytest.mark.parametrize("read", [load, open_source])
 def test_folder_or_pattern_of_frame_files_is_read_in_natural_order(tmp_path, extension, read):
     positions = write_series(tmp_path, 11, f"f_{{}}.{extension}")
     for source in (tmp_path, tmp_path / f"f_*.{extension}"):
@@ -354,7 +352,6 @@ def write_pvd(folder, rows):
 
 
 @pytest.mark.parametrize("fps", [24.0, 29.97, 60.0])
-@pytest.mark.parametrize("read", [load, open_source])
 def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     (tmp_path / "parts").mkdir()
     positions = write_series(tmp_path, 5, "parts/f_{}.vtp")
@@ -369,12 +366,11 @@ def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     assert heat.read(0, 5).reshape(5, -1).tolist() == [HEAT.tolist()] * 5
 
 
-def test_changing_data_of_a_collection_are_a_track(tmp_path):
+def test_changing_data_of_a_collection_are_a_track(tmp_path, notes):
     write_series(tmp_path, 2, "f_{}.vtp")
     mesh = poly_data()
     mesh.GetCellData().GetArray("heat").SetValue(0, 9.0)
     write_mesh(xml_writer("vtp"), mesh, tmp_path / "f_1.vtp")
-    notes = []
     path = write_pvd(tmp_path, [f'timestep="{i}" file="f_{i}.vtp"' for i in range(2)])
     write_mesh(xml_writer("vtp"), poly_data(POINTS.astype(np.float32)), tmp_path / "f_0.vtp")
     loaded = load(path, notes=notes)
@@ -444,8 +440,8 @@ def test_load_does_not_suggest_merging_first_after_a_restart(tmp_path):
 
 
 @pytest.mark.parametrize("empty", [0, 1])
-def test_skip_bad_leaves_out_steps_without_faces(tmp_path, empty):
-    positions, times, notes = write_series(tmp_path, 4), [0, 0.5, 0.75, 3], []
+def test_skip_bad_leaves_out_steps_without_faces(tmp_path, empty, notes):
+    positions, times = write_series(tmp_path, 4), [0, 0.5, 0.75, 3]
     write_mesh(xml_writer("vtu"), grid(POINTS[:0], []), tmp_path / f"f_{empty}.vtu")
     rows = [f'timestep="{time}" file="f_{i}.vtu"' for i, time in enumerate(times)]
     path = write_pvd(tmp_path, rows)
@@ -461,7 +457,6 @@ def test_skip_bad_leaves_out_steps_without_faces(tmp_path, empty):
         load(write_pvd(tmp_path, [rows[empty]]), skip_bad=True)
 
 
-@pytest.mark.parametrize("read", [load, open_source])
 def test_merge_joins_the_files_of_a_time(tmp_path, read):
     path, positions = unnamed_pieces(tmp_path)
     result = read(path, merge=True)
@@ -483,12 +478,10 @@ def test_files_of_a_time_keep_the_order_of_the_collection(tmp_path):
 
 
 @pytest.mark.parametrize("times", [(0, 0, 1, 1), (0, 1, 2, 1), (0, 0, 0, 0)])
-@pytest.mark.parametrize("read", [load, open_source])
-def test_frame_rate_reads_files_of_equal_times_in_file_order(tmp_path, read, times):
+def test_frame_rate_reads_files_of_equal_times_in_file_order(tmp_path, read, times, notes):
     path, positions = unnamed_pieces(tmp_path, times)
     with pytest.raises(InvalidInputError, match=r"or read each file as a frame, .* with fps"):
         read(path)
-    notes = []
     result = read(path, fps=12, notes=notes)
     assert positions_of(result).tobytes() == positions.tobytes()
     assert (result.fps, result.start_s, result.n_frames) == (12, 0, 4)

@@ -28,9 +28,8 @@ def change(path, place, values, starts=None):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_frames", [1, 6])
-@pytest.mark.parametrize("read", [load, open_source])
-def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read):
-    sheet, notes = tracked_sheet(n_frames, DOMAINS), []
+def test_vtkhdf_tracks_round_trip_exactly(tmp_path, n_frames, read, notes):
+    sheet = tracked_sheet(n_frames, DOMAINS)
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     result = read(path, notes=notes)
     assert isinstance(result, StoredFrames) == (read is open_source)
@@ -49,8 +48,7 @@ def test_tracks_do_not_need_the_meshreel_group(tmp_path):
 
 
 @pytest.mark.slow
-def test_corner_tracks_are_left_out_with_a_note(tmp_path):
-    notes = []
+def test_corner_tracks_are_left_out_with_a_note(tmp_path, notes):
     [path] = save(tracked_sheet(), tmp_path / "a.vtkhdf", notes=notes)
     names = "heat of corner/s, flow_corner, shade_corner, step_corner, tensor_corner"
     said = f"tracks left out: {names}: .vtkhdf cannot store tracks of corners"
@@ -104,8 +102,8 @@ def test_only_unit_vectors_called_normals_are_normals(tmp_path, length, kind):
     assert load(path).tracks["Normals"].kind == kind
 
 
-def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
-    sheet, notes = tracked_sheet(3, ()), []
+def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path, notes):
+    sheet = tracked_sheet(3, ())
     [path] = save(sheet, tmp_path / "a.vtkhdf")
     n_faces = sheet.surface.n_faces(sheet.n_faces)
     change(path, "PointData/heat", np.arange(90.0), np.arange(3) * 30)
@@ -118,10 +116,9 @@ def test_face_track_is_renamed_if_a_vertex_track_has_its_name(tmp_path):
     assert notes == ["'heat' is at points and at cells; the one of faces is called 'heat (faces)'"]
 
 
-def test_steps_that_an_array_is_too_short_for_are_nan_with_a_note(tmp_path):
+def test_steps_that_an_array_is_too_short_for_are_nan_with_a_note(tmp_path, notes):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/heat", np.zeros(89), np.arange(3) * 30)
-    notes = []
     values = load(path, notes=notes).tracks["heat"].values
     assert np.isnan(values[2]).all()
     assert (values[:2] == 0).all()
@@ -131,17 +128,15 @@ def test_steps_that_an_array_is_too_short_for_are_nan_with_a_note(tmp_path):
     ]
 
 
-def test_array_with_offsets_for_too_few_steps_is_left_out_with_a_note(tmp_path):
+def test_array_with_offsets_for_too_few_steps_is_left_out_with_a_note(tmp_path, notes):
     [path] = save(tracked_sheet(3, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/heat", np.zeros(90), np.arange(2) * 30)
-    notes = []
     assert not load(path, notes=notes).tracks
     assert notes == ["left out: arrays: heat, with offsets for 2 of 3 steps"]
 
 
-def test_array_with_too_many_components_is_left_out_with_a_note(tmp_path):
+def test_array_with_too_many_components_is_left_out_with_a_note(tmp_path, notes):
     [path] = save(tracked_sheet(2, ()), tmp_path / "a.vtkhdf")
     change(path, "PointData/spectrum", np.zeros((60, 257), np.uint8))
-    notes = []
     assert not load(path, notes=notes).tracks
     assert notes == ["left out: fields of text, or with more than 256 components: spectrum"]

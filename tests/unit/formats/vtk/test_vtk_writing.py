@@ -13,7 +13,6 @@ from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets
-from samples.opening import open_source
 from samples.tracks import assert_same_tracks, tracked_sheet
 
 pytest.importorskip("vtkmodules")
@@ -140,11 +139,9 @@ def test_vtk_reads_xdmf_data_of_every_step(tmp_path, dtype, width):
 @pytest.mark.slow
 @EXTENSIONS
 @pytest.mark.parametrize("n_frames", [1, N_FRAMES])
-@pytest.mark.parametrize("read", [load, open_source])
-def test_collections_round_trip_exactly(tmp_path, extension, n_frames, read):
+def test_collections_round_trip_exactly(tmp_path, extension, n_frames, read, notes):
     sheet = without_unsupported(mixed_sheet(n_frames)).replace(start_s=1.5)
     path, *_ = save(sheet, tmp_path / f"a{extension}")
-    notes = []
     result = read(path, notes=notes)
     assert result.read(0, n_frames).tobytes() == sheet.vertices.tobytes()
     assert (result.fps, result.start_s) == (sheet.fps if n_frames > 1 else 0, 1.5)
@@ -167,8 +164,8 @@ def test_tracks_of_frame_files_round_trip_exactly(tmp_path, extension):
 
 
 @pytest.mark.parametrize("extension", [".pvd", ".xdmf", "_%d.vtp", "_%d.vtu"])
-def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
-    sheet, notes = two_sheets(), []
+def test_notes_list_what_vtk_cannot_store(tmp_path, extension, notes):
+    sheet = two_sheets()
     numbers = np.zeros(sheet.surface.n_faces(sheet.n_faces), np.int32)
     seams = Attribute(
         "seam", Kind.OTHER, Domain.CORNER, np.ones((sheet.surface.sizes(sheet.n_faces).sum(), 1))
@@ -190,8 +187,7 @@ def test_notes_list_what_vtk_cannot_store(tmp_path, extension):
 
 
 @EXTENSIONS
-def test_unknown_frame_rate_is_written_as_24_with_a_note(tmp_path, extension):
-    notes = []
+def test_unknown_frame_rate_is_written_as_24_with_a_note(tmp_path, extension, notes):
     path, *_ = save(quad_sheet(3).replace(fps=0), tmp_path / f"a{extension}", notes=notes)
     assert "the frame rate is unknown; written as 24 fps" in notes
     assert load(path).fps == 24

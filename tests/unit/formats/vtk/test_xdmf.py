@@ -65,7 +65,6 @@ def store(folder, *grids, name="a.xdmf"):
 @pytest.mark.parametrize("extension", ["xdmf", "xmf"])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("fps", [24.0, 29.97, 60.0])
-@pytest.mark.parametrize("read", [load, open_source])
 def test_reading_gives_steps_and_times_of_inline_numbers(tmp_path, extension, dtype, fps, read):
     positions = POSITIONS.astype(dtype)
     steps = [step(points, 2 + index / fps) for index, points in enumerate(positions)]
@@ -109,7 +108,6 @@ def selection_of_step(index):
 
 
 @pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step, selection_of_step])
-@pytest.mark.parametrize("read", [load, open_source])
 def test_reading_gives_numbers_of_hdf5_files(tmp_path, make_points, read):
     result = read(write_hdf_steps(tmp_path, make_points))
     assert positions_of(result).tobytes() == POSITIONS.tobytes()
@@ -209,41 +207,37 @@ def test_load_reads_the_times_of_a_collection(tmp_path, time, fps, start_s):
     assert (loaded.fps, loaded.start_s) == (fps, start_s)
 
 
-def test_missing_times_are_noted(tmp_path):
-    notes = []
+def test_missing_times_are_noted(tmp_path, notes):
     loaded = load(store(tmp_path, temporal(*map(step, POSITIONS))), notes=notes)
     assert loaded.fps == 1
     assert "has no times; read as one frame per second" in notes[0]
 
 
 @pytest.mark.parametrize("times", [(0, 1, 1, 2, 3), (0, 0, 0, 0, 0), (4, 3, 2, 1, 0)])
-def test_frame_rate_reads_unordered_steps_in_file_order(tmp_path, times):
+def test_frame_rate_reads_unordered_steps_in_file_order(tmp_path, times, notes):
     steps = [step(points, time) for points, time in zip(POSITIONS, times, strict=True)]
     path = store(tmp_path, temporal(*steps))
     with pytest.raises(FormatError, match=r"times must ascend; .* in file order with fps"):
         load(path)
-    notes = []
     loaded = load(path, fps=12, notes=notes)
     assert positions_of(loaded).tobytes() == POSITIONS.tobytes()
     assert (loaded.fps, loaded.start_s) == (12, 0)
     assert notes == ["frame times are not ascending; read in file order at 12 frames per second"]
 
 
-def test_frame_rate_keeps_the_start_of_ascending_times(tmp_path):
+def test_frame_rate_keeps_the_start_of_ascending_times(tmp_path, notes):
     steps = [step(points, 2 + index) for index, points in enumerate(POSITIONS)]
-    notes = []
     loaded = load(store(tmp_path, temporal(*steps)), fps=12, notes=notes)
     assert (loaded.fps, loaded.start_s, notes) == (12, 2, [])
 
 
-def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path):
+def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path, notes):
     same = attribute("uv", inline(UV)) + attribute("heat", inline(np.arange(3)), "Cell")
     same += attribute("total", inline(np.arange(1)), "Grid")
     steps = [
         step(points, index, same + attribute("speed", inline(np.full(N_VERTS, index))))
         for index, points in enumerate(POSITIONS)
     ]
-    notes = []
     loaded = load(store(tmp_path, temporal(*steps)), notes=notes)
     uv, heat = loaded.surface.attributes
     assert (uv.name, uv.kind, uv.domain) == ("uv", Kind.UV, Domain.VERTEX)

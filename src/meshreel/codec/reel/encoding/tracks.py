@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,9 +32,7 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
 
-Values = npt.NDArray[Any]
 Vertices = npt.NDArray[np.floating]
-Integers = npt.NDArray[np.int64]
 
 RAW_RATIO = 8
 """A track compressed less than this many times is also tried losslessly."""

@@ -61,20 +61,13 @@ def test_layout_round_trips_through_the_plain_reader(layout):
         {"coding": BasisCoding(Rests(((1, 2),), 9))},
         {"coding": BasisCoding(RESTS, has_cosines=True)},
         {"coding": BasisCoding(has_cosines=True, is_adaptive=True)},
+        {"n_reused": 1, "finer": np.float32(4.0), "reference": 0},
+        {"n_reused": 1, "finer": np.float32(np.nan), "reference": 1},
     ],
     ids=str,
 )
 def test_invalid_layout_is_refused(changes):
     layout = replace(LAYOUT, coding=BasisCoding())
-    with pytest.raises(CorruptStreamError):
-        read(blocks.write_layout(replace(layout, **changes)))
-
-
-@pytest.mark.parametrize(
-    "changes", [{"n_reused": 1, "reference": 0}, {"reference": 1, "finer": np.float32(np.nan)}]
-)
-def test_layout_without_reusable_fields_is_refused(changes):
-    layout = replace(LAYOUT, n_reused=1, finer=np.float32(4.0))
     with pytest.raises(CorruptStreamError):
         read(blocks.write_layout(replace(layout, **changes)))
 
