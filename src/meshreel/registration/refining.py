@@ -49,14 +49,7 @@ class KeyMesh:
         far the surface is from the edge if the edge slides along it. On boundaries, the largest
         angle at its ends counts.
         """
-        return self.split_above(max_sagitta, lambda sides: sides.sagittas())
-
-    def split_above(self, limit: float, measure: Callable[["_Sides"], Floats]) -> "KeyMesh":
-        """Return the mesh with edges split in halves until their measure is at most the limit."""
-        key = self
-        while (is_split := measure(sides := _Sides.of_mesh(key.mesh)) > limit).any():
-            key = _split(key, sides, is_split)
-        return key
+        return _split_above(max_sagitta, self, lambda sides: sides.sagittas)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +84,9 @@ class _Sides:
         ends = self.mesh.vertices[self.ends]
         return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
 
+    @cached_property
     def sagittas(self) -> Floats:
-        """Return the sagitta of each edge, of shape (E,)."""
+        """Sagitta of each edge, of shape (E,)."""
         cosines = self.mesh.cosines_across(self.mesh.neighbors)
         angles = np.zeros(len(self.ends))
         np.maximum.at(angles, self.of_faces.ravel(), np.arccos(np.clip(cosines, -1.0, 1.0)))
@@ -111,8 +105,15 @@ def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
     if not is_long.any():
         return mesh
     long = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, mesh.faces[is_long]))
-    split = long.split_above(max_length, lambda sides: sides.lengths).mesh
+    split = _split_above(max_length, long, lambda sides: sides.lengths).mesh
     return TriangleMesh(split.vertices, np.concatenate([mesh.faces[~is_long], split.faces]))
+
+
+def _split_above(limit: float, key: KeyMesh, measure: Callable[[_Sides], Floats]) -> KeyMesh:
+    """Split edges in halves until their measure is at most the limit."""
+    while (is_split := measure(sides := _Sides.of_mesh(key.mesh)) > limit).any():
+        key = _split(key, sides, is_split)
+    return key
 
 
 WHOLE = [[0, 1, 2]]

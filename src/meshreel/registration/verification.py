@@ -122,14 +122,14 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
         At the vertices, and at the centroids of the faces; linear in the three parts of each face
         around its centroid.
     """
-    center = len(mesh.vertices) + np.arange(len(mesh.faces))
-    parts = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1), np.tile(center, (3, 1)).T], 2)
-    parts, areas = parts.reshape(-1, 3).astype(np.int64), np.repeat(mesh.areas / 3, 3)
     is_positive = values > 0
-    touched = is_positive[parts].any(axis=1)
-    if not touched.any():
+    if not is_positive.any():
         return 0.0
-    parts, areas = parts[touched], areas[touched]
+    n_verts = len(mesh.vertices)
+    touched = np.flatnonzero(is_positive[mesh.faces].any(axis=1) | is_positive[n_verts:])
+    corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
+    parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
+    areas = np.repeat(mesh.areas[touched] / 3, 3)
     first, second = parts.ravel(), np.roll(parts, -1, axis=1).ravel()
     both = is_positive[first] & is_positive[second]
     regions = lowest_connected(len(values), first[both], second[both])
@@ -143,4 +143,4 @@ def _positive_share(values: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         tip = high**2 / ((high - middle) * (high - low))
         rest = 1 - low**2 / ((middle - low) * (high - low))
-    return np.select([low >= 0, middle > 0], [np.ones_like(low), rest], tip)
+    return np.select([high <= 0, low >= 0, middle > 0], [0.0, 1.0, rest], tip)
