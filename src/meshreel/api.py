@@ -9,8 +9,6 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
 
-import numpy as np
-
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
 from meshreel.codec.error_bounds import bound_of
@@ -314,10 +312,7 @@ def rig(
     from meshreel.rigging.fitting import bounds_of, fit_sequence  # which takes time to import
 
     sequence = _loaded(source)
-    extent = sequence.extent
-    diagonal = float(np.linalg.norm(extent.high - extent.low))
-    largest = None if max_error is None else bound_of(max_error, unit).percent(diagonal or 1.0)
-    bounds = bounds_of(sequence, quality=quality, kg=kg, largest=largest)
+    bounds = bounds_of(sequence, quality=quality, kg=kg, max_error=max_error, unit=unit)
     return fit_sequence(sequence, bones=bones, bounds=bounds, force=force, progress=progress)
 
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.model.sequence import MeshSequence
+from meshreel.rigging.bounds import Bounds
 from meshreel.rigging.fitting import bounds_of, fit_sequence
 from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
@@ -63,8 +63,9 @@ def rig_of(
     [sequence] = [segment.gather() for segment in stream.segments()]
     low, high = sequence.extent.low, sequence.extent.high
     diagonal = float(np.linalg.norm(high - low))
-    percent = None if options.max_error is None else bound_of(options.max_error).percent(diagonal)
-    bounds = bounds_of(sequence, quality=options.quality, kg=options.kg, largest=percent)
+    bounds = bounds_of(
+        sequence, quality=options.quality, kg=options.kg, max_error=options.max_error
+    )
     _, budget = requested_budget(low, high, options, bounds.largest, consumer="the rig")
     bounds = replace(bounds, largest=100 * budget.added / (diagonal or 1.0))
     rig = fit_sequence(
@@ -75,7 +76,7 @@ def rig_of(
         force=options.force,
         progress=stream.progress,
     )
-    stream.report({"rig": rig_figures(rig)}, describe_rig(rig))
+    stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
     if bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent) > 1:
         stream.notes.append(
             f"the rig exceeds its error bounds: a KG error of {bounds.kg:.4g} % and a largest "
@@ -85,9 +86,14 @@ def rig_of(
     return sequence, rig
 
 
-def rig_figures(rig: Rig) -> dict[str, Any]:
-    """Return the size and the errors of a rig, for tables and JSON."""
-    return {"n_bones": rig.n_bones, "n_targets": rig.n_targets, **asdict(rig.errors)}
+def rig_figures(rig: Rig, bounds: Bounds) -> dict[str, Any]:
+    """Return the size, the errors and the error bounds of a rig, for tables and JSON."""
+    return {
+        "n_bones": rig.n_bones,
+        "n_targets": rig.n_targets,
+        **asdict(rig.errors),
+        "bounds_percent": asdict(bounds),
+    }
 
 
 def describe_rig(rig: Rig) -> str:

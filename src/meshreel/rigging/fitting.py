@@ -8,6 +8,7 @@ import numpy as np
 from meshreel.arrays import Bytes, Floats
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
+from meshreel.codec.error_bounds import bound_of as error_bound_of
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
@@ -76,7 +77,12 @@ MAX_ATTEMPTS = 5
 
 
 def bounds_of(
-    sequence: MeshSequence, *, quality: float | None, kg: float | None, largest: float | None
+    sequence: MeshSequence,
+    *,
+    quality: float | None,
+    kg: float | None,
+    max_error: float | str | None,
+    unit: str | None = None,
 ) -> Bounds:
     """Return the given bounds, or those of a quality: the position errors of a .reel.
 
@@ -84,25 +90,47 @@ def bounds_of(
     ----------
     quality : float, optional
         Quality of the .reel, 1 to 100; excludes the bounds.
-    kg, largest : float, optional
-        As `Bounds`, with its defaults.
+    kg : float, optional
+        As of `Bounds`, with its default.
+    max_error : float or str, optional
+        Largest error, as of `meshreel.rig`.
+    unit : str, optional
+        Length unit of the model.
 
     Raises
     ------
+    ConnectivityChangeError
+        If the faces change.
     InvalidInputError
         If a value is out of range, or a quality and a bound are given.
     """
     if quality is None:
-        kg = DEFAULT_KG_PERCENT if kg is None else kg
-        return Bounds(kg, DEFAULT_LARGEST_PERCENT if largest is None else largest)
-    for name, bound in (("kg", kg), ("max_error", largest)):
+        diagonal = float(np.linalg.norm(sequence.extent.high - sequence.extent.low)) or 1.0
+        largest = (
+            DEFAULT_LARGEST_PERCENT
+            if max_error is None
+            else error_bound_of(max_error, unit).percent(diagonal)
+        )
+        return Bounds(DEFAULT_KG_PERCENT if kg is None else kg, largest)
+    for name, bound in (("kg", kg), ("max_error", max_error)):
         if bound is not None:
             raise InvalidInputError(
                 Keyword("quality"), " of a rig sets its error bounds; omit it, or ", Keyword(name)
             )
-    stream = encode(sequence, quality=quality, order="keep", attributes="none")
+    _check_faces(sequence)
+    bare = sequence.replace(tracks={})
+    stream = encode(bare, quality=quality, order="keep", attributes="none")
     errors = position_errors(sequence.vertices, decode(stream).vertices)
     return Bounds(max(errors.kg_error_percent, 1e-6), max(errors.max_error_percent, 1e-6))
+
+
+def _check_faces(sequence: MeshSequence) -> None:
+    if len(sequence.segments) > 1:
+        raise ConnectivityChangeError(
+            "a rig needs the same faces in all frames; they change between the "
+            f"{len(sequence.segments)} segments of this sequence; register it first (meshreel "
+            "register)"
+        )
 
 
 def fit_sequence(
@@ -132,12 +160,7 @@ def fit_sequence(
     InvalidInputError
         If the bounds cannot be met, naming what was reached; or if an argument is out of range.
     """
-    if len(sequence.segments) > 1:
-        raise ConnectivityChangeError(
-            "a rig needs the same faces in all frames; they change between the "
-            f"{len(sequence.segments)} segments of this sequence; register it first (meshreel "
-            "register)"
-        )
+    _check_faces(sequence)
     if times_s is None:
         times_s = sequence.timing.seconds(sequence.n_frames)
     if times_s is None:

@@ -124,6 +124,14 @@ def test_progress_reaches_the_end():
     assert shares[-1] == 1
 
 
+def test_a_quality_or_a_length_is_a_bound_of_every_mesh():
+    changing = meshreel.concatenate([bending_tube(), boxes([lambda t: np.eye(3)])])
+    with pytest.raises(ConnectivityChangeError, match="register"):
+        meshreel.rig(changing, quality=40)
+    point = MeshSequence(np.ones((2, 3, 3)), np.array([[0, 1, 2]], np.int32), 25.0)
+    assert meshreel.rig(point, max_error="1u").errors.largest_percent == 0
+
+
 def test_quality_bounds_positions_as_in_a_stream():
     tube = bending_tube()
     stream = meshreel.encode(tube, quality=40, order="keep")

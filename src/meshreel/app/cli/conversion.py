@@ -115,9 +115,12 @@ class Conversion:
             figures=figures,
         )  # fmt: skip
         if "rig" in figures:
-            sizes = size_as_morph_targets(sequence, frames, written[0], self.options, self.progress)
+            rig = figures["rig"]
+            sizes = size_as_morph_targets(
+                sequence, frames, written[0], self.options, rig, self.progress
+            )
             if self.options.origin is None:
-                sizes |= size_as_stream(sequence.part(frames), self.options, self.progress)
+                sizes |= size_as_stream(sequence.part(frames), rig, self.progress)
             figures["alternatives_bytes"] = sizes
         figures |= written_figures(written, sequence, len(frames), self.target)
         self.figures.append(figures)

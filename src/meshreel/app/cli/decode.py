@@ -24,7 +24,6 @@ from meshreel.codec.options import option_named
 
 UNIT = replace(option_named("unit"), group=BOUNDS)
 KG = replace(option_named("kg"), group=RIGS, help=RIG_KG)
-
 QUALITY = replace(option_named("quality"), group=RIGS, help=RIG_QUALITY)
 
 
@@ -136,7 +135,9 @@ def decode_command(
                 figures=figures,
             )
             if "rig" in figures:
-                sizes = size_as_morph_targets(reel, numbers, written[0], options, progress)
+                sizes = size_as_morph_targets(
+                    reel, numbers, written[0], options, figures["rig"], progress
+                )
                 if len(numbers) == reel.n_frames:
                     sizes[".reel (input)"] = reel.size_bytes
                 figures["alternatives_bytes"] = sizes

@@ -20,18 +20,18 @@ def size_as_morph_targets(
     frames: range,
     output: Path,
     options: "WriteOptions",
+    rig: dict[str, Any],
     progress: "Progress",
 ) -> dict[str, int]:
     """Return the bytes of a glTF output as morph targets with the same bound of the largest error.
 
-    Other outputs have no such alternative.
+    Other outputs have no such alternative. `rig` has the figures of the rig.
     """
     from meshreel.formats.save import save_part
-    from meshreel.rigging.bounds import DEFAULT_LARGEST_PERCENT
 
     if output.suffix.lower() not in GLTF:
         return {}
-    bound = DEFAULT_LARGEST_PERCENT if options.max_error is None else options.max_error
+    bound = rig["bounds_percent"]["largest"] if options.max_error is None else options.max_error
     plain = replace(options, rig=None, kg=None, quality=None, force=False, max_error=bound)
     with TemporaryDirectory() as folder:
         path = Path(folder) / output.name
@@ -40,15 +40,12 @@ def size_as_morph_targets(
 
 
 def size_as_stream(
-    sequence: "MeshSequence", options: "WriteOptions", progress: "Progress"
+    sequence: "MeshSequence", rig: dict[str, Any], progress: "Progress"
 ) -> dict[str, int]:
-    """Return the bytes of a .reel with the KG bound, or the quality, of the rig."""
+    """Return the bytes of a .reel with the KG bound of a rig, given the figures of the rig."""
     from meshreel.codec.encoder import encode
-    from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
-    kg = DEFAULT_KG_PERCENT if options.quality is None and options.kg is None else options.kg
-    stream = encode(sequence, kg=kg, quality=options.quality, progress=progress)
-    return {".reel": len(stream)}
+    return {".reel": len(encode(sequence, kg=rig["bounds_percent"]["kg"], progress=progress))}
 
 
 def rig_rows(figures: dict[str, Any]) -> dict[str, str]:
