@@ -1,0 +1,60 @@
+"""Decimation of triangle meshes by the core."""
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.kernel.library import call
+
+Integers = npt.NDArray[np.int32]
+
+
+def decimated(
+    vertices: npt.NDArray[np.float64],
+    faces: npt.NDArray[np.integer],
+    wedges: npt.NDArray[np.integer],
+    max_rms: float,
+    max_distance: float,
+    max_length: float,
+) -> tuple[Integers, Integers]:
+    """Collapse edges, the cheapest first, while the surface stays near the given one.
+
+    A vertex moves to a neighbor, so that the vertices that remain keep their attributes. Distances
+    are those of quadrics (M. Garland, P. S. Heckbert, "Surface Simplification Using Quadric Error
+    Metrics", 1997).
+
+    Parameters
+    ----------
+    vertices : float64 array of shape (V, 3)
+    faces : integer array of shape (M, 3)
+    wedges : integer array of shape (M, 3)
+        Corners of a vertex have the same number if they have the same attributes. Edges where these
+        differ keep their place, as boundaries do.
+    max_rms : float
+        Largest root mean square of the distances over the surface.
+    max_distance : float
+        Largest root mean square of those around one vertex.
+    max_length : float
+        Largest length of an edge that becomes longer.
+
+    Returns
+    -------
+    int32 array of shape (N, 3)
+        The faces that remain, with the numbers of the given vertices.
+    int32 array of shape (N, 3)
+        Their wedges.
+    """
+    faces, wedges = faces.astype(np.int32), wedges.astype(np.int32)
+    n_left = call(
+        "reel_decimate",
+        np.ascontiguousarray(vertices, np.float64),
+        len(vertices),
+        faces,
+        wedges,
+        len(faces),
+        max_rms,
+        max_distance,
+        max_length,
+        what="faces",
+        memory_of=("reel_decimate_memory", len(vertices), len(faces)),
+    )
+    return faces[:n_left], wedges[:n_left]
