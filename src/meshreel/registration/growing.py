@@ -13,13 +13,14 @@ from meshreel.model.frame_choice import consecutive_runs
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
+from meshreel.registration.decimating import decimated_key
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
 from meshreel.registration.graph import Pose, Posed
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
-from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.threads import in_threads
 
@@ -69,6 +70,9 @@ class Frames:
     n_frames : int
     cleaned : callable
         Returns a frame.
+    wedges : callable
+        Returns a number for each corner of a cleaned frame, of shape (M, 3), that tells the
+        attributes of a vertex apart; None if its vertices have values of their own.
     low : float64 array of shape (3,)
         Lowest corner of the box of all frames, in the unit of the sequence.
     scale : float
@@ -79,6 +83,7 @@ class Frames:
 
     n_frames: int
     cleaned: Callable[[int], CleanMesh]
+    wedges: Callable[[int], Indices | None]
     low: Floats
     scale: float
     dtype: np.dtype[np.floating]
@@ -148,9 +153,6 @@ class Lost(NamedTuple):
     excess: float
 
 
-EXACT = FrameErrors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Segment:
     """Consecutive frames with the faces of a key.
@@ -164,9 +166,9 @@ class Segment:
     positions : array of shape (T, V, 3)
         In the unit and the number type of the sequence.
     key_mesh : KeyMesh
-        The mesh of the key, in longest sides of the box.
+        The mesh of the key, decimated or refined, in longest sides of the box.
     errors : tuple of FrameErrors
-        Of each frame; zero at the key.
+        Of each frame.
     n_folded : int
         Faces that fold over, in all frames.
     reasons : tuple of (int, str)
@@ -261,13 +263,14 @@ def _longest(
     store: TemporaryStore,
     report: Callable[[str, int], None],
 ) -> Segment:
-    """Return the segment of a key within a run; of a refined key if frames then cost less."""
-    key_mesh = KeyMesh.of_mesh(frames.mesh(key))
+    """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
+    whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
+    key_mesh = whole if wedges is None else decimated_key(whole.mesh, wedges, tolerance)
     first, again = partial(report, REGISTERING), partial(report, "registering a refined mesh")
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
     if not segment.may_lack_vertices:
         return segment
-    refined = key_mesh.refined(MAX_SAGITTA * tolerance.length)
+    refined = whole.refined(MAX_SAGITTA * tolerance.length)
     if len(refined.mesh.vertices) == len(key_mesh.mesh.vertices):
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
@@ -322,7 +325,7 @@ def _grow(
         key,
         store.stacked(name, kept),
         key_mesh,
-        (*reversed(earlier), EXACT, *later),
+        (*reversed(earlier), measure(mesh, frames.mesh(key), tolerance), *later),
         sum(course.n_folded for course in courses.values()),
         tuple(sorted((number, course.reason) for number, course in ends.items())),
         any(

@@ -16,15 +16,15 @@ MAX_ANGLE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class KeyMesh:
-    """The mesh of a key frame, whose faces are parts of the cleaned raw ones.
+    """The mesh of a key frame, whose corners are at places of the cleaned raw mesh.
 
     Attributes
     ----------
     mesh : TriangleMesh
-    parents : int64 array of shape (M,)
-        The cleaned face that contains each face.
+    parents : int64 array of shape (M, 3)
+        The cleaned face that contains each corner.
     weights : float64 array of shape (M, 3, 3)
-        Barycentric coordinates of the corners of each face in its parent.
+        Barycentric coordinates of the corners in these faces.
     """
 
     mesh: TriangleMesh
@@ -35,15 +35,18 @@ class KeyMesh:
     def of_mesh(cls, mesh: TriangleMesh) -> "KeyMesh":
         """Return the mesh itself."""
         n_faces = len(mesh.faces)
-        return cls(mesh, np.arange(n_faces), np.tile(np.eye(3), (n_faces, 1, 1)))
+        parents = np.repeat(np.arange(n_faces)[:, None], 3, axis=1)
+        return cls(mesh, parents, np.tile(np.eye(3), (n_faces, 1, 1)))
 
     @property
     def is_refined(self) -> bool:
         """Whether an edge is split."""
-        return len(np.unique(self.parents)) < len(self.parents)
+        return bool((self.weights.max(axis=2) < 1).any())
 
     def refined(self, max_sagitta: float) -> "KeyMesh":
         """Return the mesh with edges split in halves until their sagitta is at most this.
+
+        The corners of each face must be in one cleaned face.
 
         The sagitta is the height of an arc over an edge, given the angle between its two faces: how
         far the surface is from the edge if the edge slides along it. On boundaries, the largest
@@ -163,6 +166,6 @@ def _split(key: KeyMesh, sides: _Sides, is_split: npt.NDArray[np.bool_]) -> KeyM
                 np.int32
             ),
         ),
-        np.concatenate([np.repeat(key.parents[at], len(parts)) for at, parts in chosen]),
+        np.concatenate([np.repeat(key.parents[at], len(parts), axis=0) for at, parts in chosen]),
         np.concatenate([weights[at][:, parts].reshape(-1, 3, 3) for at, parts in chosen]),
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from meshreel.arrays import rows_as_bytes
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import (
@@ -31,9 +32,10 @@ from meshreel.registration.transfer import (
     attributes_of,
     interpolated,
     items_at_corners,
+    transferable,
     transferred_tracks,
 )
-from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER, REGISTER_SCIPY
@@ -60,8 +62,7 @@ class Distances:
         Means of the frames, and the maximum of all, in percent of the diagonal of the box of all
         frames; in each frame the worse direction.
     psnr_db : float
-        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box. All frames count,
-        also the keys, which are exact.
+        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box.
     n_folded : int
         Faces in all frames that fold over: they oppose the raw surface and a neighbor, which they
         do not in the key.
@@ -235,7 +236,14 @@ def register(
         return clean(sequence[number], max_removed_area)
 
     low = np.asarray(extent.low, np.float64)
-    frames = Frames(sequence.n_frames, cleaned, low, scale, sequence.dtype)
+    frames = Frames(
+        sequence.n_frames,
+        cleaned,
+        lambda number: _wedges(_frame(sequence, number), cleaned(number)),
+        low,
+        scale,
+        sequence.dtype,
+    )
     topologies, n_removed, digest = [], Counter[str](), blake2b(repr(tolerance).encode())
     for number in range(frames.n_frames):
         mesh = cleaned(number)
@@ -277,6 +285,25 @@ def _frame(sequence: MeshSequence, number: int) -> MeshSequence:
     return frames_of(sequence.segments[index], range(local, local + 1))
 
 
+def _wedges(frame: MeshSequence, cleaned: CleanMesh) -> Indices | None:
+    """Return a number for each corner of a cleaned frame, of shape (M, 3).
+
+    Corners of a vertex have the same one if they have the same texture coordinates and groups. None
+    if vertices have other values, such as colors, which decimation would blur.
+    """
+    if transferable(frame):
+        return None
+    polygons = items_at_corners(frame, Domain.FACE)[cleaned.kept_faces]
+    columns = [cleaned.faces, *(group.numbers[polygons] for group in frame.surface.groups)]
+    for attribute in attributes_of(frame):
+        if attribute.kind is Kind.UV:
+            items = items_at_corners(frame, attribute.domain)[cleaned.kept_faces]
+            columns += [*np.moveaxis(attribute.per_item()[items], -1, 0)]
+    rows = np.stack(columns, axis=-1, dtype=np.float64).reshape(-1, len(columns))
+    _, numbers = np.unique(rows_as_bytes(rows + 0), return_inverse=True)
+    return np.asarray(numbers.reshape(-1, 3))
+
+
 def _raw_frame(sequence: MeshSequence, frames: Frames, number: int) -> RawFrame:
     """Return a raw frame with its cleaned surface."""
     return RawFrame(_frame(sequence, number), frames.cleaned(number), frames.mesh(number))
@@ -292,9 +319,6 @@ def _sequences(
             yield _frame(raw, number)
         first = segment.numbers.stop
         key = _frame(raw, segment.key)
-        if segment.n_frames == 1:
-            yield key.replace(surface=replace(key.surface, is_ordered=False))
-            continue
         given = (_raw_frame(raw, frames, number) for number in segment.numbers)
         tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
         yield key.replace(
@@ -316,8 +340,8 @@ def _kept_surface(
     Attributes of vertices become attributes of corners.
     """
     surface, triangles = key.surface, cleaned.kept_faces[key_mesh.parents]
-    polygons = items_at_corners(key, Domain.FACE)[triangles, 0]
-    places = Places(np.repeat(triangles, 3), key_mesh.weights.reshape(-1, 3))
+    polygons = items_at_corners(key, Domain.FACE)[triangles[:, 0], 0]
+    places = Places(triangles.ravel(), key_mesh.weights.reshape(-1, 3))
 
     def kept(attribute: Attribute) -> Attribute:
         if attribute.domain is Domain.FACE:

@@ -26,7 +26,7 @@ class PointPsnr:
     Attributes
     ----------
     d1_psnr_db, d2_psnr_db : float
-        Means of the frames that differ from the raw ones, each of the worse direction.
+        Means of the frames, each of the worse direction; frames without an error do not count.
     frames : tuple of int
         The measured frames.
     """
@@ -48,7 +48,7 @@ class Report:
     registered, decoded : Distances
         Of all frames.
     registered_points, decoded_points : PointPsnr
-        Of the same frames, evenly spaced, no keys unless there are only keys.
+        Of the same frames, evenly spaced.
     """
 
     registration: Registration
@@ -147,11 +147,7 @@ def _mean_of_finite(values: Any) -> float:
 
 
 def _evenly_spaced(registration: Registration) -> Sequence[int]:
-    """Return the numbers of the frames to measure: of those that are not exact, if there are."""
-    segments = registration.segments
-    numbers = [
-        number for segment in segments for number in segment.numbers if number != segment.key
-    ]
-    numbers = numbers or [segment.key for segment in segments]
+    """Return the numbers of the frames to measure."""
+    numbers = [number for segment in registration.segments for number in segment.numbers]
     n_chosen = min(max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART), len(numbers))
     return [numbers[(2 * k + 1) * len(numbers) // (2 * n_chosen)] for k in range(n_chosen)]

@@ -11,13 +11,13 @@ from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration import growing
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import EXACT, Fit, Followed, Follower, Frames, Lost, Segment
+from meshreel.registration.growing import Fit, Followed, Follower, Frames, Lost, Segment
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import Tolerance, measure
+from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from samples.shapes import square
 
 TOLERANCE = Tolerance(0.003)
@@ -99,7 +99,7 @@ def test_attempts_follow_each_other_while_faces_fold(
         tried.append(attempt)
         height = np.full(len(plane.vertices), float(UNLESS_NEAR.index(attempt)))
         pose, posed = self.tracker.track(state, target)
-        return Fit(pose, posed, lifted(plane, height), EXACT, n_steps)
+        return Fit(pose, posed, lifted(plane, height), FrameErrors(*6 * [0.0]), n_steps)
 
     def repair(self, fit, target):
         fit.n_folded = repaired[round(fit.mesh.vertices[0, 2])]
@@ -225,7 +225,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(growing, "_grow", grow)
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
-    frames = Frames(60, lambda _: cleaned, np.zeros(3), 1.0, np.dtype(np.float32))
+    frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
     chosen = growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
     assert n_verts[len(chosen.key_mesh.mesh.vertices)] == is_refined_kept

@@ -35,7 +35,8 @@ def only_segment(found):
 def test_a_moving_surface_becomes_one_segment(raw, registered):
     sequence = registered.sequence
     assert (sequence.n_segments, sequence.n_frames, sequence.fps) == (1, raw.n_frames, 25.0)
-    assert sequence.segments[0].n_verts in [segment.n_verts for segment in raw.segments]
+    raw_key = raw.segments[registered.segments[0].key]
+    assert sequence.segments[0].n_verts < raw_key.n_verts
 
 
 def test_every_frame_is_within_the_tolerance(raw, registered):
@@ -134,7 +135,7 @@ def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
     (uv,) = segment.surface.attributes
     at_corners = segment.vertices[result.segments[0].key][segment.faces.ravel()][:, :2]
     assert uv.domain is Domain.CORNER
-    np.testing.assert_allclose(uv.per_item(), at_corners, atol=1e-5)
+    np.testing.assert_allclose(uv.per_item(), at_corners, atol=0.005)  # the key is fitted
 
 
 def test_segments_encode_to_fewer_bytes_than_raw_frames(raw, registered):

@@ -6,9 +6,10 @@ import pytest
 import meshreel
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.metrics.surface_distance import compare_surfaces
+from meshreel.registration import report as report_of
 from meshreel.registration.register import register
-from meshreel.registration.report import MIN_POINT_FRAMES, PointPsnr, Report
-from samples.captures import as_frames, capsule, capture
+from meshreel.registration.report import MIN_POINT_FRAMES, Report
+from samples.captures import capture
 
 pytestmark = pytest.mark.usefixtures("few_grid_lines")
 
@@ -18,27 +19,25 @@ def registered():
     return register(capture(3, 0.3), ErrorBound(0.5))
 
 
-def moved_beside_the_key(registered):
-    """The registered sequence with noise in all frames but the key, which stays exact."""
+def with_noise(registered):
     (segment,) = registered.sequence.segments
     noise = np.random.default_rng(0).normal(0, 0.004, segment.vertices.shape)
-    noise[registered.segments[0].key] = 0
     positions = (segment.vertices + noise).astype(np.float32)
     return meshreel.concatenate([segment.replace(vertices=positions)])
 
 
 @pytest.mark.slow
-def test_d1_and_d2_are_those_of_compare(registered):
-    decoded = moved_beside_the_key(registered)
+def test_d1_and_d2_are_those_of_compare(registered, monkeypatch):
+    monkeypatch.setattr(report_of, "MIN_POINT_FRAMES", 3)
+    decoded = with_noise(registered)
     report = Report.measured(registered, decoded)
     given = {
         report.registered_points: registered.sequence,
         report.decoded_points: decoded,
     }
-    key = registered.segments[0].key
     for points, sequence in given.items():
         expected = compare_surfaces(registered.raw, sequence, n_samples=100)
-        assert points.frames == tuple(n for n in range(3) if n != key)
+        assert points.frames == (0, 1, 2)
         assert points.d1_psnr_db == pytest.approx(expected.d1_psnr_db, rel=1e-9)
         assert points.d2_psnr_db == pytest.approx(expected.d2_psnr_db, rel=1e-9)
     assert report.decoded_points.d1_psnr_db < report.registered_points.d1_psnr_db
@@ -46,11 +45,10 @@ def test_d1_and_d2_are_those_of_compare(registered):
 
 @pytest.mark.slow
 def test_surface_psnr_is_close_to_that_of_compare(registered):
-    decoded = moved_beside_the_key(registered)
+    decoded = with_noise(registered)
     report = Report.measured(registered, decoded)
     expected = compare_surfaces(registered.raw, decoded, n_samples=20_000)
-    # The report counts the key, which is exact, and averages squares instead of decibels.
-    assert report.decoded.psnr_db == pytest.approx(expected.psnr_db + 10 * np.log10(3 / 2), abs=0.7)
+    assert report.decoded.psnr_db == pytest.approx(expected.psnr_db, abs=0.7)
     assert report.decoded.max_percent == pytest.approx(expected.worse.max_percent, rel=0.05)
 
 
@@ -68,14 +66,4 @@ def test_the_measured_frames_are_few_and_named():
     report = Report.measured(result, result.sequence)
     frames = report.registered_points.frames
     assert len(set(frames)) == MIN_POINT_FRAMES
-    assert result.segments[0].key not in frames
     assert report.rows(1)["D1 and D2 of"] == f"2 of 7 frames: {', '.join(map(str, frames))}"
-
-
-@pytest.mark.slow
-def test_keys_are_measured_if_there_are_no_other_frames():
-    vertices, faces = capsule(20, 20)
-    result = register(as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)]))
-    assert result.sequence.n_segments == 2
-    points = Report.measured(result, result.sequence).registered_points
-    assert points == PointPsnr(np.inf, np.inf, (0, 1))

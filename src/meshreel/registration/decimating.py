@@ -1,0 +1,50 @@
+"""Key meshes with as few vertices as the tolerance needs."""
+
+import numpy as np
+
+from meshreel.kernel.decimation import decimated
+from meshreel.registration.fitting import TwoSidedFit
+from meshreel.registration.refining import KeyMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.verification import Tolerance, measure
+
+RMS = 0.15
+"""Root mean square distance of the decimated surface, in tolerances, before the fit halves it."""
+
+DISTANCE = 0.5
+"""The same around one vertex."""
+
+BEND_RADIUS = 0.02
+"""Radius of bends that other frames may need, in longest sides of the box: the sagitta of edges is
+at most the tolerance there, however flat the key is."""
+
+SMOOTHNESS = 0.03, 0.01, 0.003
+"""Smoothness of the steps that fit the mesh."""
+
+
+def decimated_key(mesh: TriangleMesh, wedges: Indices, tolerance: Tolerance) -> KeyMesh:
+    """Return a mesh with fewer vertices, fitted to the surface; the mesh itself if none is near.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+        A cleaned frame, in longest sides of the box.
+    wedges : int64 array of shape (M, 3)
+        Corners of a vertex have the same number if they have the same attributes.
+    """
+    length = tolerance.length
+    max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
+    faces, wedges_left = decimated(
+        mesh.vertices, mesh.faces, wedges, RMS * length, DISTANCE * length, max_edge
+    )
+    used, numbers = np.unique(faces, return_inverse=True)
+    coarse = TriangleMesh(mesh.vertices[used], numbers.reshape(-1, 3).astype(np.int32))
+    rest, fit = coarse.vertices, TwoSidedFit(coarse.faces, len(used))
+    for smoothness in SMOOTHNESS:
+        coarse = TriangleMesh(fit.step(coarse, rest, mesh, smoothness), coarse.faces)
+    if measure(coarse, mesh, tolerance).exceeds(tolerance):
+        return KeyMesh.of_mesh(mesh)
+    corners = np.zeros(int(wedges.max()) + 1, np.int64)
+    corners[wedges.ravel()] = np.arange(wedges.size)
+    kept = corners[wedges_left]
+    return KeyMesh(coarse, kept // 3, np.eye(3)[kept % 3])
