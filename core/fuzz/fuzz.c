@@ -29,7 +29,7 @@ static int fill;
 
 static void (*const targets[])(void) = {fuzz_streams, fuzz_streams,      fuzz_surface_integers,
                                         fuzz_hierarchy, fuzz_basis_encode, fuzz_exact,
-                                        fuzz_polygons,     fuzz_cells};
+                                        fuzz_polygons,     fuzz_cells,        fuzz_closest};
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
 static uint64_t mix(uint64_t number) {

@@ -89,6 +89,7 @@ void fuzz_run_backward(void *user, void (*task)(void *shared, uint32_t i), void 
 void fuzz_streams(void);
 void fuzz_surface_integers(void);
 void fuzz_cells(void);
+void fuzz_closest(void);
 void fuzz_polygons(void);
 void fuzz_exact(void);
 void fuzz_hierarchy(void);

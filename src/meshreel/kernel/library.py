@@ -14,7 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.runtime.threads import in_chunks
 
-ABI = 21
+ABI = 22
 """REEL_ABI of the `core/reel.h` that this package expects."""
 
 PATH_VARIABLE = "MESHREEL_CORE"
