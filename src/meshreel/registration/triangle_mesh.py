@@ -9,10 +9,12 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.kernel.closest import Closest, TriangleTree
+from meshreel.kernel.library import int32s
+from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.geometry.connectivity import boundary_edges
-from meshreel.model.geometry.normals import face_normals, vertex_normals
+from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
 
 Indices = npt.NDArray[np.int64]
@@ -91,7 +93,8 @@ class TriangleMesh:
     @cached_property
     def vertex_normals(self) -> Floats:
         """Unit normals of the vertices, of shape (V, 3)."""
-        return vertex_normals(self.vertices, self.faces)
+        positions = np.ascontiguousarray(self.vertices[np.newaxis])
+        return np.asarray(surface_normals(positions, int32s(self.faces))[0])
 
     @cached_property
     def neighbors(self) -> Indices:
