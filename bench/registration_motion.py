@@ -19,8 +19,9 @@ import meshreel
 from meshreel import MeshFrame, MeshSequence
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
+from meshreel.kernel.closest import Closest
 from meshreel.registration.register import Registration, register
-from meshreel.registration.triangle_mesh import Closest, TriangleMesh
+from meshreel.registration.triangle_mesh import TriangleMesh
 from registration import as_segments, frames_of, remeshed
 
 
@@ -42,7 +43,7 @@ def heights_above(mesh: TriangleMesh, points: Floats) -> tuple[Heights, Closest]
     offsets = points - result.points
     signs = np.sign(np.einsum("nc,nc->n", offsets, mesh.face_normals[result.faces]))
     corners = mesh.vertex_normals[mesh.faces[result.faces]]
-    normals = np.einsum("nk,nkc->nc", mesh.barycentric(result), corners)
+    normals = np.einsum("nk,nkc->nc", result.weights, corners)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return Heights(signs * result.distances, normals), result
 
@@ -87,10 +88,12 @@ def sliding(
         start = original[first + segment.key]
         frames = [other[first + number].vertices for number in segment.numbers]
         places = start.closest(frames[segment.key - segment.first].astype(np.float64))
-        weights, last = start.barycentric(places), None
+        last = None
         for number, positions in zip(segment.numbers, frames, strict=True):
             mesh = original[first + number]
-            points = np.einsum("nk,nkc->nc", weights, mesh.vertices[mesh.faces[places.faces]])
+            points = np.einsum(
+                "nk,nkc->nc", places.weights, mesh.vertices[mesh.faces[places.faces]]
+            )
             offsets, normals = positions - points, mesh.face_normals[places.faces]
             offsets -= np.einsum("nc,nc->n", offsets, normals)[:, None] * normals
             lengths = np.linalg.norm(offsets, axis=1)

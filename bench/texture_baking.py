@@ -94,8 +94,7 @@ def raw_texture(
     points = np.einsum("nk,nkc->nc", atlas.weights, corners)
     surface = TriangleMesh(truth.vertices.astype(np.float64), truth.faces)
     result = surface.closest(points)
-    weights = surface.barycentric(result)
-    origins = np.einsum("nk,nkc->nc", weights, rest[truth.faces[result.faces]])
+    origins = np.einsum("nk,nkc->nc", result.weights, rest[truth.faces[result.faces]])
     return Image.fromarray(pattern(origins, *box)[atlas.nearest])
 
 

@@ -106,12 +106,20 @@ PE = ("-O3", "-shared", "-s")
 SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
 SOURCE_HOT: Levels = {
     **dict.fromkeys(
-        ("coordinates.c", "exact_items.c", "fields.c", "surface_integers.c", "timeline.c"), ("-O3",)
+        (
+            "closest.c",
+            "coordinates.c",
+            "exact_items.c",
+            "fields.c",
+            "surface_integers.c",
+            "timeline.c",
+        ),
+        ("-O3",),
     ),
     **dict.fromkeys(
         (
-            *("connectivity.c", "frames.c", "hierarchy.c", "order.c", "order_items.c", "predict.c"),
-            *("smooth.c", "surface.c", "walk.c", "walk_codes.c"),
+            *("connectivity.c", "frames.c", "hierarchy.c", "order.c", "order_items.c"),
+            *("predict.c", "smooth.c", "surface.c", "walk.c", "walk_codes.c"),
         ),
         ("-O2",),
     ),

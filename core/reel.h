@@ -483,6 +483,24 @@ REEL_API int64_t reel_cells_order_decode(void *memory, size_t memory_size, const
                                          const int32_t *nodes, int64_t n_nodes, int64_t n_verts,
                                          int32_t *cell_sequence, int32_t *vertex_sequence);
 
+/* Closest points of a triangle mesh (closest.c), for analysis: no stream depends on them.
+   `vertices` are three coordinates each, and `faces` n_faces triples of 0..n_verts-1, at least one
+   and at most 2^29. `tree` has reel_triangle_tree_bytes(n_faces) bytes, aligned to 64 bytes. Returns
+   n_faces; fails with REEL_INVALID at the first face with a vertex that does not exist. */
+REEL_API size_t reel_triangle_tree_bytes(int64_t n_faces);
+REEL_API size_t reel_triangle_tree_memory(int64_t n_faces);
+REEL_API int64_t reel_triangle_tree(void *memory, size_t memory_size, const double *vertices,
+                                    int64_t n_verts, const int32_t *faces, int64_t n_faces,
+                                    void *tree);
+/* For each of n_points points, at most 2^31 - 1: its distance from the closest point of the n_faces
+   faces of a tree, the face (the lowest of those whose computed distances are equal), three
+   coordinates, and three barycentric ones. Any number of calls may share a tree. Returns
+   n_points. */
+REEL_API size_t reel_closest_memory(int64_t n_points);
+REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t n_faces,
+                              const double *points, int64_t n_points, double *distances,
+                              int32_t *faces, double *closest, double *weights);
+
 /* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
    released blocks of an allocator, up to max_bytes of them, are reused by all files that share the
    store. May be called from several threads. Functions of this section are not pure: they change

@@ -4,7 +4,8 @@
     python examples/register_capture.py capture/ --fps 25 --out walk.reel    # a file per frame
 
 Without a folder, a simulated studio captures a walking figure: it measures the distance from the
-body on a grid, with noise, and extracts a mesh from each frame. Needs the extra [register].
+body on a grid, with noise, and libigl extracts a mesh from each frame. Needs the extra [register],
+and libigl.
 """
 
 import argparse
@@ -20,7 +21,7 @@ import meshreel
 try:
     import igl
 except ModuleNotFoundError as error:
-    sys.exit(f"this example needs libigl: pip install 'meshreel[register]' ({error})")
+    sys.exit(f"this example needs libigl: pip install 'meshreel[register]' libigl ({error})")
 
 Floats = npt.NDArray[np.float64]
 

@@ -29,7 +29,8 @@ static int fill;
 
 static void (*const targets[])(void) = {fuzz_streams, fuzz_streams,      fuzz_surface_integers,
                                         fuzz_hierarchy, fuzz_basis_encode, fuzz_exact,
-                                        fuzz_polygons,     fuzz_cells,        fuzz_decimate};
+                                        fuzz_polygons,  fuzz_cells,        fuzz_closest,
+                                        fuzz_decimate};
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
 static uint64_t mix(uint64_t number) {

@@ -90,6 +90,7 @@ void fuzz_streams(void);
 void fuzz_surface_integers(void);
 void fuzz_cells(void);
 void fuzz_decimate(void);
+void fuzz_closest(void);
 void fuzz_polygons(void);
 void fuzz_exact(void);
 void fuzz_hierarchy(void);

@@ -14,7 +14,7 @@ from samples.meshes import waving_grid
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
 
 OPTIONAL = (
-    "scipy", "igl", "xatlas", "matplotlib", "PIL", "imageio_ffmpeg", "DracoPy",
+    "scipy", "xatlas", "matplotlib", "PIL", "imageio_ffmpeg", "DracoPy",
     "blosc2", "fpzip", "pcodec", "pysz", "zfpy", "meshoptimizer", "distributed", "alembic3d",
     "imath", "pxr", "h5py", "fsspec", "imagecodecs", "OpenEXR", "torch",
 )  # fmt: skip

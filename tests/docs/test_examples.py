@@ -91,7 +91,7 @@ def test_a_character_of_another_program_is_kept_within_a_size(tmp_path):
 
 @pytest.mark.slow
 def test_a_capture_is_registered(tmp_path):
-    pytest.importorskip("igl", reason="the extra [register] is not installed")
+    pytest.importorskip("igl", reason="libigl is not installed")
     path = tmp_path / "walk.reel"
     output = run_script("register_capture.py", "--frames", "5", "--out", path)
     assert "raw: frames 5, meshes 5" in output

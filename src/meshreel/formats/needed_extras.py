@@ -9,7 +9,6 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.runtime.extras import (
-    REGISTER,
     REGISTER_PILLOW,
     REGISTER_SCIPY,
     REGISTER_XATLAS,
@@ -20,7 +19,7 @@ from meshreel.runtime.extras import (
 VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
 """Extensions of videos of textures."""
 
-REGISTRATION = (REGISTER, REGISTER_SCIPY)
+REGISTRATION = (REGISTER_SCIPY,)
 
 
 def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None) -> list[Extra]:

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.kernel.library import call
+from meshreel.kernel.library import call, int32s
 
 Integers = npt.NDArray[np.int32]
 
@@ -57,4 +57,4 @@ def decimated(
         what="faces",
         memory_of=("reel_decimate_memory", len(vertices), len(faces)),
     )
-    return faces[:n_left], wedges[:n_left]
+    return int32s(faces[:n_left]), int32s(wedges[:n_left])

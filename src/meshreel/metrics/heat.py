@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.closest_points import TriangleTree
+from meshreel.kernel.closest import TriangleTree
 from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
 from meshreel.metrics.reference import Reference, paired_frames, shared_reference
@@ -108,9 +108,9 @@ def surface_distance_percent(
     -------
     float64 array of shape (W,), NaN for vertices that no face uses
     """
-    tree = TriangleTree(reference.apply(original)[faces])
+    tree = TriangleTree(reference.apply(original), faces)
     used = np.unique(faces_hat)
-    distances = np.sqrt(tree.closest(reference.apply(decoded[used])).squared_distances)
+    distances = tree.closest(reference.apply(decoded[used])).distances
     diagonal = reference.diagonal_scaled
     infinite = np.where(distances > 0, np.inf, 0.0)
     percents = np.full(len(decoded), np.nan)

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.closest_points import TriangleTree, k_d_tree
+from meshreel.kernel.closest import TriangleTree
+from meshreel.metrics.closest_points import k_d_tree
 from meshreel.metrics.normals import DEGENERATE_AREA
 from meshreel.metrics.position_errors import PositionErrors
 from meshreel.metrics.reference import Reference, reference_of_box
@@ -354,9 +355,10 @@ def _one_way(
     """Return the errors from samples, and vertices, of one surface to another."""
     samples = sample_uniformly(source, n_samples)
     points = np.concatenate([samples.points, source.vertices])
-    closest = TriangleTree(target.corners).closest(points)
-    distances = space.without_rounding(np.sqrt(closest.squared_distances))
-    angles = _angles_deg(samples.normals, target.normals[closest.triangles[:n_samples]])
+    faces = np.arange(3 * len(target.corners)).reshape(-1, 3)
+    closest = TriangleTree(target.corners.reshape(-1, 3), faces).closest(points)
+    distances = space.without_rounding(closest.distances)
+    angles = _angles_deg(samples.normals, target.normals[closest.faces[:n_samples]])
     sampled = distances[:n_samples]
     return _OneWay(
         float(sampled.mean()),

@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
-from meshreel.registration.triangle_mesh import Closest, Samples, TriangleMesh, unit
+from meshreel.registration.triangle_mesh import Samples, TriangleMesh, unit
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_COSINE = 0.5
@@ -148,11 +148,10 @@ def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples
     found = mesh.closest(samples.points)
     agrees = np.einsum("nc,nc->n", mesh.face_normals[found.faces], samples.normals) > MIN_COSINE
     kept = np.flatnonzero(agrees & (found.distances < REACH))
-    found = Closest(found.distances[kept], found.faces[kept], found.points[kept])
-    gaps = samples.points[kept] - found.points
+    gaps = samples.points[kept] - found.points[kept]
     directions, offsets = _directions(gaps, samples.normals[kept])
-    vertices, weights = mesh.faces[found.faces], mesh.barycentric(found)
-    return Rows(vertices, weights, directions, offsets, samples.areas[kept])
+    vertices = mesh.faces[found.faces[kept]]
+    return Rows(vertices, found.weights[kept], directions, offsets, samples.areas[kept])
 
 
 def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:

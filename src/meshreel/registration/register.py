@@ -38,7 +38,7 @@ from meshreel.registration.transfer import (
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
-from meshreel.runtime.extras import REGISTER, REGISTER_SCIPY
+from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread
 
@@ -223,8 +223,7 @@ def register(
         same = f"all {sequence.n_frames} frames have the same faces"
         given = same if sequence.n_frames > 1 else "there is only one frame"
         raise InvalidInputError(f"{given}; nothing can be registered; use meshreel encode")
-    for library in (REGISTER, REGISTER_SCIPY):
-        library.load()
+    REGISTER_SCIPY.load()
     extent = sequence.extent
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0

@@ -55,7 +55,7 @@ class RawFrame:
     def closest(self, points: Floats) -> Places:
         """Return the closest places for points of shape (N, 3), in longest sides of the box."""
         found = self.mesh.closest(points)
-        return Places(self.cleaned.kept_faces[found.faces], self.mesh.barycentric(found))
+        return Places(self.cleaned.kept_faces[found.faces], found.weights)
 
 
 def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:

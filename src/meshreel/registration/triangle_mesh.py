@@ -8,12 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.kernel.closest import Closest, TriangleTree
+from meshreel.kernel.library import int32s
+from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.geometry.connectivity import boundary_edges
-from meshreel.model.geometry.normals import face_normals, vertex_normals
+from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
-from meshreel.runtime.extras import REGISTER
 
 Indices = npt.NDArray[np.int64]
 
@@ -42,21 +44,6 @@ class Samples(NamedTuple):
     points: Floats
     normals: Floats
     areas: Floats
-
-
-class Closest(NamedTuple):
-    """The closest points of N points on a surface.
-
-    Attributes
-    ----------
-    distances : float64 array of shape (N,)
-    faces : int64 array of shape (N,)
-    points : float64 array of shape (N, 3)
-    """
-
-    distances: Floats
-    faces: Indices
-    points: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +93,8 @@ class TriangleMesh:
     @cached_property
     def vertex_normals(self) -> Floats:
         """Unit normals of the vertices, of shape (V, 3)."""
-        return vertex_normals(self.vertices, self.faces)
+        positions = np.ascontiguousarray(self.vertices[np.newaxis])
+        return np.asarray(surface_normals(positions, int32s(self.faces))[0])
 
     @cached_property
     def neighbors(self) -> Indices:
@@ -126,15 +114,12 @@ class TriangleMesh:
         return found
 
     @cached_property
-    def _tree(self) -> Any:
-        tree = REGISTER.load().AABB()
-        tree.init(self.vertices, self.faces)
-        return tree
+    def _tree(self) -> TriangleTree:
+        return TriangleTree(self.vertices, self.faces)
 
     def closest(self, points: Floats) -> Closest:
         """Return the closest point of the surface for each point of shape (N, 3)."""
-        squared, faces, found = self._tree.squared_distance(self.vertices, self.faces, points)
-        return Closest(np.sqrt(squared), faces.astype(np.int64), found)
+        return self._tree.closest(points)
 
     def centroid_samples(self) -> Samples:
         """Return the centroids of the faces as samples."""
@@ -148,17 +133,6 @@ class TriangleMesh:
         corners[self.faces.ravel()] = np.arange(self.faces.size)
         weights = np.eye(3)[corners % 3]
         return Samples(corners // 3, weights, self.vertices, self.vertex_normals, self.vertex_areas)
-
-    def barycentric(self, found: Closest) -> Floats:
-        """Return the barycentric coordinates of closest points in their faces, of shape (N, 3)."""
-        corners = self.vertices[self.faces[found.faces]]
-        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        offset = found.points - corners[:, 0]
-        normal = self._doubled_normals[found.faces]
-        squared = np.maximum(_dots(normal, normal), 1e-300)
-        s = np.clip(_dots(np.cross(offset, second), normal) / squared, 0.0, 1.0)
-        t = np.clip(_dots(np.cross(first, offset), normal) / squared, 0.0, 1.0 - s)
-        return np.stack([1.0 - s - t, s, t], axis=1)
 
     @cached_property
     def oriented(self) -> Floats:

@@ -90,9 +90,8 @@ def _one_way(
 ) -> tuple[float, float, float, float, float, float]:
     """Return the figures of `FrameErrors` in one direction."""
     mesh = subdivided(mesh, SPACING * tolerance.length)
-    at_vertices = target.closest(mesh.vertices).distances
-    at_centroids = target.closest(mesh.vertices[mesh.faces].mean(axis=1)).distances
-    distances = np.concatenate([at_vertices, at_centroids])
+    centroids = mesh.vertices[mesh.faces].mean(axis=1)
+    distances = target.closest(np.concatenate([mesh.vertices, centroids])).distances
     # These weights integrate polynomials of degree 2 over each face exactly.
     areas = np.concatenate([0.25 * mesh.vertex_areas, 0.75 * mesh.areas])
     return (

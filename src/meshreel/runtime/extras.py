@@ -100,7 +100,6 @@ DRACO_FRAMES = Extra("draco", "DracoPy", "DracoPy")
 PNG = Extra("textures", "imagecodecs", "imagecodecs")  # 16-bit PNG
 OPEN_EXR = Extra("textures", "OpenEXR", "OpenEXR")
 PAPER = Extra("paper", "SciPy", "scipy", InvalidInputError)
-REGISTER = Extra("register", "libigl", "igl", InvalidInputError)
 REGISTER_SCIPY = Extra("register", "SciPy", "scipy", InvalidInputError)
 REGISTER_XATLAS = Extra("register", "xatlas", "xatlas", InvalidInputError)
 SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare changing faces

@@ -76,7 +76,7 @@ def test_compare_command_accepts_addresses(memory, walk, tmp_path):
 
 
 def test_register_downloads_addresses(memory):
-    pytest.importorskip("igl", reason="the extra [register] is not installed")
+    pytest.importorskip("scipy", reason="the extra [register] is not installed")
     meshreel.save(capture(2, 0.1), "memory://capture/frame_%02d.ply")
     assert meshreel.register("memory://capture/frame_*.ply", tolerance="2%").n_segments == 1
 

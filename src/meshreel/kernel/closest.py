@@ -1,0 +1,85 @@
+"""Closest points of triangle meshes, by the core."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats
+from meshreel.kernel.library import call, int32s, memory
+
+Indices = npt.NDArray[np.int64]
+
+
+class Closest(NamedTuple):
+    """The closest points of N points on a triangle mesh.
+
+    Attributes
+    ----------
+    distances : float64 array of shape (N,)
+    faces : int64 array of shape (N,)
+        The face that contains each closest point; the lowest of equally close ones.
+    points : float64 array of shape (N, 3)
+    weights : float64 array of shape (N, 3)
+        Barycentric coordinates of `points` in `faces`.
+    """
+
+    distances: Floats
+    faces: Indices
+    points: Floats
+    weights: Floats
+
+
+class TriangleTree:
+    """A tree of boxes over the faces of a mesh, for any number of searches, also in threads.
+
+    Degenerate and repeated faces are allowed. Distances are exact up to the rounding of differences
+    of coordinates, also far from the origin; of slivers up to 1e-8 of their length. The order of
+    the points changes nothing.
+
+    Parameters
+    ----------
+    vertices : float64 array of shape (V, 3)
+        All finite.
+    faces : integer array of shape (M, 3)
+        At least one.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no face, or one contains a vertex that does not exist.
+    """
+
+    def __init__(self, vertices: Floats, faces: npt.NDArray[np.integer]) -> None:
+        self._n_faces = len(faces)
+        self._tree = memory("reel_triangle_tree_bytes", self._n_faces)
+        call(
+            "reel_triangle_tree",
+            np.ascontiguousarray(vertices, np.float64),
+            len(vertices),
+            int32s(faces),
+            self._n_faces,
+            self._tree,
+            what="faces",
+            memory_of=("reel_triangle_tree_memory", self._n_faces),
+        )
+
+    def closest(self, points: Floats) -> Closest:
+        """Return the closest point of the mesh for each point of shape (N, 3), finite."""
+        n_points = len(points)
+        distances, faces = np.empty(n_points), np.empty(n_points, np.int32)
+        closest, weights = np.empty((n_points, 3)), np.empty((n_points, 3))
+        call(
+            "reel_closest",
+            self._tree,
+            self._n_faces,
+            np.ascontiguousarray(points, np.float64),
+            n_points,
+            distances,
+            faces,
+            closest,
+            weights,
+            what="points",
+            memory_of=("reel_closest_memory", n_points),
+        )
+        return Closest(distances, faces.astype(np.int64), closest, weights)
