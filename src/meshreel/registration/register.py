@@ -45,8 +45,10 @@ from meshreel.runtime.threads import one_blas_thread
 DEFAULT_TOLERANCE = ErrorBound(0.2)
 """In percent of the diagonal of the box of all frames."""
 
-CACHED_FRAMES = 4
-"""Cleaned frames in memory."""
+CACHED_FACES = 4_000_000
+"""Faces of the cleaned frames in memory, which take about 40 bytes each."""
+
+MIN_CACHED_FRAMES = 4
 
 MAX_CUTS = 8
 """Cuts that are listed in notes."""
@@ -230,7 +232,9 @@ def register(
     limit = Tolerance(tolerance.share(diagonal) * diagonal / scale)
     max_removed_area = limit.patch_area * scale**2
 
-    @lru_cache(CACHED_FRAMES)
+    n_faces = max(len(segment.faces) for segment in sequence.segments)
+
+    @lru_cache(max(MIN_CACHED_FRAMES, CACHED_FACES // max(n_faces, 1)))
     def cleaned(number: int) -> CleanMesh:
         return clean(sequence[number], max_removed_area)
 
