@@ -25,20 +25,43 @@ def subdivided(vertices, faces, max_edge):
         faces = np.concatenate([np.stack(part, axis=1) for part in parts])
 
 
-def one_way(mesh, target, length):
-    """The distance within which 99 % of a surface are, and its largest connected area beyond."""
+def normals_of(corners):
+    """Normals of triangles of shape (M, 3, 3), twice as long as their areas."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def boundary_normals(points, faces):
+    """A unit normal at each vertex on a side of only one face, and zero at others."""
+    ends, of_sides = edges(faces)
+    is_single = np.bincount(of_sides.ravel()) == 1
+    rims = np.flatnonzero(is_single[of_sides].any(axis=1))
+    normals, found = normals_of(points[faces[rims]]), np.zeros_like(points)
+    on_rim = np.zeros(len(points), bool)
+    on_rim[ends[is_single]] = True
+    found[faces[rims]] = normals[:, None] / np.linalg.norm(normals, axis=1)[:, None, None]
+    return found * on_rim[:, None]
+
+
+def one_way(mesh, target, length, may_end):
+    """The distance within which 99 % of a surface are, and its largest connected area beyond.
+
+    Without what is beyond the boundary of the target, if that may end.
+    """
     points, parts = subdivided(target[0], target[1], length / 2.5)
     vertices, faces = subdivided(mesh[0], mesh[1], length)
     corners = vertices[faces]
     is_used = np.bincount(parts.ravel(), minlength=len(points)) > 0
     tree = cKDTree(points[is_used], balanced_tree=False)  # balancing grids takes long
-    distances = tree.query(corners.mean(axis=1))[0]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(normals, axis=1) / 2
+    distances, closest = tree.query(corners.mean(axis=1))
+    areas = np.linalg.norm(normals_of(corners), axis=1) / 2
+    if may_end:
+        rim = boundary_normals(points, parts)[is_used][closest]
+        heights = np.abs(((corners.mean(axis=1) - points[is_used][closest]) * rim).sum(axis=1))
+        areas[rim.any(axis=1) & (heights < 0.8 * distances)] = 0
     order = np.argsort(distances)
     reached = np.cumsum(areas[order])
     p99 = distances[order][np.searchsorted(reached, 0.99 * reached[-1])]
-    is_beyond = distances > length
+    is_beyond = (distances > length) & (areas > 0)
     _, of_sides = edges(faces)
     of_faces = np.repeat(np.arange(len(faces)), 3)
     touching = coo_array((is_beyond[of_faces], (of_faces, of_sides.ravel()))).tocsr()
@@ -48,6 +71,6 @@ def one_way(mesh, target, length):
 
 def promised(mesh, target, length):
     """Both sides of the promise in tolerances: the 99 % distance, and the side of the patch."""
-    figures = [one_way(mesh, target, length), one_way(target, mesh, length)]
+    figures = [one_way(mesh, target, length, True), one_way(target, mesh, length, False)]
     p99, area = np.max(figures, axis=0)
     return p99 / length, area**0.5 / length

@@ -132,11 +132,16 @@ class TwoSidedFit:
 
 
 def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) -> Rows:
-    """Return equations that move samples of the mesh to their closest points on the target."""
+    """Return equations that move samples of the mesh to their closest points on the target.
+
+    Where the target ends, only faces on the boundary of the mesh move to it: others span a hole.
+    """
     found = target.closest(samples.points)
     normals = target.face_normals[found.faces]
     agrees = np.einsum("nc,nc->n", normals, samples.normals) > MIN_COSINE
-    kept = agrees & (found.distances < REACH)
+    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces]].any(axis=1)
+    is_in_hole = is_inside & target.ends_before(samples.points, found)
+    kept = agrees & (found.distances < REACH) & ~is_in_hole
     gaps = found.points[kept] - samples.points[kept]
     directions, offsets = _directions(gaps, normals[kept])
     vertices = mesh.faces[samples.faces[kept]]

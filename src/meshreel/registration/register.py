@@ -50,6 +50,9 @@ CACHED_FACES = 4_000_000
 
 MIN_CACHED_FRAMES = 4
 
+MIN_UNSUPPORTED_PERCENT = 0.05
+"""Share of the surface that raw frames must lack to be stated."""
+
 MAX_CUTS = 8
 """Cuts that are listed in notes."""
 
@@ -68,6 +71,9 @@ class Distances:
     n_folded : int
         Faces in all frames that fold over: they oppose the raw surface and a neighbor, which they
         do not in the key.
+    unsupported_percent : float
+        Mean share of the registered surface that is beyond boundaries of the raw one, such as holes
+        of a scan; it has no distances.
     """
 
     mean_percent: float
@@ -76,12 +82,18 @@ class Distances:
     max_percent: float
     psnr_db: float
     n_folded: int
+    unsupported_percent: float
 
     @classmethod
     def of_frames(cls, errors: Sequence[FrameErrors], scale: float, n_folded: int) -> "Distances":
         """Summarize errors in longest sides of the box, of which `scale` make a diagonal."""
-        rows = np.array([[frame.mean, frame.p95, frame.p99, frame.mean_square] for frame in errors])
-        mean, p95, p99, mean_square = rows.mean(axis=0).tolist()
+        rows = np.array(
+            [
+                [frame.mean, frame.p95, frame.p99, frame.mean_square, frame.unsupported]
+                for frame in errors
+            ]
+        )
+        mean, p95, p99, mean_square, unsupported = rows.mean(axis=0).tolist()
         return cls(
             100 * mean / scale,
             100 * p95 / scale,
@@ -89,12 +101,18 @@ class Distances:
             100 * max(frame.largest for frame in errors) / scale,
             float(10 * np.log10(3 / mean_square)) if mean_square else float("inf"),
             n_folded,
+            100 * unsupported,
         )
 
     def __str__(self) -> str:
+        beyond = (
+            f"; without {self.unsupported_percent:.2g} % of the surface, which raw frames lack"
+            if self.unsupported_percent >= MIN_UNSUPPORTED_PERCENT
+            else ""
+        )
         return (
             f"mean {self.mean_percent:.2g} %, 95 % {self.p95_percent:.2g} %, largest "
-            f"{self.max_percent:.2g} % of the diagonal, {self.psnr_db:.1f} dB surface PSNR"
+            f"{self.max_percent:.2g} % of the diagonal, {self.psnr_db:.1f} dB surface PSNR{beyond}"
         )
 
 

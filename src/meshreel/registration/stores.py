@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
@@ -148,7 +148,9 @@ class FolderStore(TemporaryStore):
     def save(self, name: str, course: Course) -> None:
         """Store how far a direction was followed, after its last frame."""
         arrays: Arrays = {
-            "errors": np.array([astuple(errors) for errors in course.errors]).reshape(-1, 6),
+            "errors": np.array([astuple(errors) for errors in course.errors]).reshape(
+                -1, len(fields(FrameErrors))
+            ),
             "n_folded": np.array(course.n_folded),
             "reason": np.array(course.reason),
             "excess": np.array(course.excess),

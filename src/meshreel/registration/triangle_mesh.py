@@ -23,6 +23,13 @@ BEND = 0.04
 """The distance that counts as much as two normals that differ by one radian, in longest sides of
 the box of all frames."""
 
+BEYOND_COSINE = 0.8
+"""Cosine between the way to a closest point on the boundary and its normal, below which a point is
+beyond the surface: where a curved surface has a hole, the way is not along the rim."""
+
+ON_SIDE = 1e-9
+"""Largest barycentric coordinate at a side."""
+
 
 class Samples(NamedTuple):
     """Points of a surface.
@@ -112,6 +119,16 @@ class TriangleMesh:
         found = np.zeros(len(self.vertices), bool)
         found[boundary_edges(self.faces)] = True
         return found
+
+    def ends_before(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
+        """Return whether each point is beyond the boundary of the surface, not above it."""
+        sides = self.neighbors.reshape(-1, 3) == np.arange(len(self.faces))[:, None]
+        is_on_side = np.roll(found.weights, 1, axis=1) < ON_SIDE  # side k is opposite corner k + 2
+        is_at_corner = found.weights > 1 - ON_SIDE
+        corners = self.is_boundary[self.faces[found.faces]]
+        is_on_boundary = (is_on_side & sides[found.faces] | is_at_corner & corners).any(axis=1)
+        heights = _dots(points - found.points, self.face_normals[found.faces])
+        return np.asarray(is_on_boundary & (np.abs(heights) < BEYOND_COSINE * found.distances))
 
     @cached_property
     def _tree(self) -> TriangleTree:

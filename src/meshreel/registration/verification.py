@@ -15,6 +15,9 @@ WITHIN = 0.99
 PATCH_SIDE = 10.0
 """Side, in tolerances, of the square whose area no connected patch beyond it may exceed."""
 
+MAX_UNSUPPORTED = 0.25
+"""Largest share of the registered surface that a frame may lack."""
+
 SPACING = 6.0
 """Longest edge, in tolerances, between vertices at which distances are measured."""
 
@@ -24,7 +27,8 @@ class Tolerance:
     """The largest distance between a registered mesh and its raw frame.
 
     99 % of both surfaces are within it, and no connected patch beyond it is larger than a
-    square whose side is ten times the tolerance.
+    square whose side is ten times the tolerance. Where the raw surface ends, as at holes of a scan,
+    the registered one may continue: that is no distance.
 
     Attributes
     ----------
@@ -53,6 +57,8 @@ class FrameErrors:
         Mean of the squared distances.
     patch_area : float
         Area of the largest connected region beyond the tolerance.
+    unsupported : float
+        Share of the registered surface that is beyond the boundary of the raw one.
     """
 
     mean: float
@@ -61,14 +67,19 @@ class FrameErrors:
     largest: float
     mean_square: float
     patch_area: float
+    unsupported: float
 
     def in_tolerances(self, tolerance: Tolerance) -> float:
         """Return by which factor the tolerance should be larger to be just met."""
+        if self.unsupported > MAX_UNSUPPORTED:
+            return float("inf")
         patch_side = np.sqrt(self.patch_area / tolerance.patch_area)
         return float(max(self.p99 / tolerance.length, patch_side))
 
     def exceeds(self, tolerance: Tolerance) -> str:
         """Return why the tolerance is not met; empty if it is."""
+        if self.unsupported > MAX_UNSUPPORTED:
+            return f"it lacks {100 * self.unsupported:.2g} % of the surface"
         if self.p99 > tolerance.length:
             return (
                 f"1 % of the surface is farther than {self.p99 / tolerance.length:.2g} tolerances"
@@ -81,25 +92,39 @@ class FrameErrors:
 
 def measure(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> FrameErrors:
     """Measure a registered mesh against the surface of its frame."""
-    ways = _one_way(mesh, target, tolerance), _one_way(target, mesh, tolerance)
-    return FrameErrors(*map(max, *ways))
+    *there, unsupported = _one_way(mesh, target, tolerance, may_end=True)
+    *back, _ = _one_way(target, mesh, tolerance, may_end=False)
+    return FrameErrors(*map(max, there, back), unsupported)
 
 
 def _one_way(
-    mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance
-) -> tuple[float, float, float, float, float, float]:
-    """Return the figures of `FrameErrors` in one direction."""
+    mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance, may_end: bool
+) -> tuple[float, ...]:
+    """Return the figures of `FrameErrors` in one direction.
+
+    If the target may end, what is beyond its boundary counts as unsupported.
+    """
     mesh = subdivided(mesh, SPACING * tolerance.length)
-    centroids = mesh.vertices[mesh.faces].mean(axis=1)
-    distances = target.closest(np.concatenate([mesh.vertices, centroids])).distances
+    points = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
+    found = target.closest(points)
     # These weights integrate polynomials of degree 2 over each face exactly.
-    areas = np.concatenate([0.25 * mesh.vertex_areas, 0.75 * mesh.areas])
+    areas, distances = (
+        np.concatenate([0.25 * mesh.vertex_areas, 0.75 * mesh.areas]),
+        found.distances,
+    )
+    area = areas.sum()
+    if may_end and target.is_boundary.any():
+        ends = target.ends_before(points, found)
+        distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
+    if not areas.any():
+        return *6 * [0.0], 1.0
     return (
         float(np.average(distances, weights=areas)),
         *_quantiles(distances, areas, (0.95, WITHIN)),
         float(distances.max()),
         float(np.average(distances**2, weights=areas)),
         largest_patch(mesh, distances - tolerance.length),
+        float(1 - areas.sum() / area),
     )
 
 
@@ -133,7 +158,9 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
     both = is_positive[first] & is_positive[second]
     regions = lowest_connected(len(values), first[both], second[both])
     highest = np.take_along_axis(parts, values[parts].argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
-    return float(np.bincount(regions[highest], areas * _positive_share(values[parts])).max())
+    return float(
+        np.bincount(regions[highest], areas * _positive_share(values[parts])).max(initial=0.0)
+    )
 
 
 def _positive_share(values: Floats) -> Floats:

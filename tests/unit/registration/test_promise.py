@@ -54,8 +54,9 @@ PAIRS = {
     ),
     "wave": (sheet(9, flat), sheet(61, wave(1.5, 7))),
     "facets of a wave": (sheet(5, wave(4, 6)), sheet(61, wave(4, 6))),
-    "hole below a coarse face": (sheet(4, flat), sheet(61, flat, outside(14))),
-    "hole below small faces": (sheet(21, flat), sheet(61, flat, outside(11))),
+    "hole above a coarse face": (sheet(61, flat, outside(14)), sheet(4, flat)),
+    "hole above small faces": (sheet(61, flat, outside(11)), sheet(21, flat)),
+    "hole in the raw surface": (sheet(4, flat), sheet(61, flat, outside(14))),
 }
 
 
@@ -64,8 +65,24 @@ def test_patches_are_as_wide_as_dense_samples_tell(name):
     mesh, target = PAIRS[name]
     p99, side = promised(mesh, target, LENGTH)
     errors = measure(TriangleMesh(*mesh), TriangleMesh(*target), Tolerance(LENGTH))
-    assert errors.p99 / LENGTH == pytest.approx(p99, rel=0.2)
+    assert errors.p99 / LENGTH == pytest.approx(p99, rel=0.2, abs=0.3)
     assert errors.patch_area**0.5 / LENGTH == pytest.approx(side, rel=0.1)
+
+
+def test_the_share_that_the_raw_surface_lacks_is_its_hole():
+    mesh, target = (TriangleMesh(*each) for each in PAIRS["hole in the raw surface"])
+    errors = measure(mesh, target, Tolerance(LENGTH))
+    assert errors.unsupported == pytest.approx(1 - target.areas.sum(), rel=0.15)
+    assert measure(target, mesh, Tolerance(LENGTH)).unsupported < 0.01
+
+
+@pytest.mark.parametrize("height", [0.5, 3.0])
+def test_what_is_above_a_hole_is_beyond_it_only_near_the_surface(height):
+    """A plateau in the middle of a hole, 5 tolerances away from its rim."""
+    mesh = sheet(61, plateau(4, height * 5))
+    target = sheet(61, flat, outside(14))
+    errors = measure(TriangleMesh(*mesh), TriangleMesh(*target), Tolerance(LENGTH))
+    assert (errors.patch_area > 0) == (height > 1)
 
 
 def frames(sizes, height, keeps=None):
@@ -100,7 +117,8 @@ CAPTURES = {
     "growing crease": (1, FINE, lambda x, y, at: 0.1 * at * abs(x - 0.5)),
     "step in one frame": (1, FINE, lambda x, y, at: 0.08 * (at == 2) * (abs(x - 0.5) < 0.1)),
     "small hole": (1, FINE, waving(0.03, 5), torn_in_the_first(4)),
-    "large hole": (2, FINE, waving(0.03, 5), torn_in_the_first(16)),
+    "large hole": (1, FINE, waving(0.03, 5), torn_in_the_first(16)),
+    "a third missing": (2, FINE, waving(0.03, 5), torn_in_the_first(30)),
     "coarse faces of a high wave": (3, (9, 10, 11), waving(0.15, 14)),
 }
 
@@ -113,8 +131,7 @@ def test_dense_samples_confirm_the_tolerance(name):
     found = register(raw, ErrorBound(0.8))
     assert found.sequence.n_segments == n_segments
     length = found.tolerance.length * found.frames.scale
-    keys = {segment.key for segment in found.segments}  # which are raw frames
-    for number in sorted(set(range(raw.n_frames)) - keys):
+    for number in range(raw.n_frames):
         frame, original = found.sequence[number], raw[number]
         mesh, target = ((one.vertices.astype(float), one.faces) for one in (frame, original))
         p99, side = promised(mesh, target, length)
