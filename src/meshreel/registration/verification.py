@@ -94,7 +94,8 @@ def measure(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> F
     """Measure a registered mesh against the surface of its frame."""
     *there, unsupported = _one_way(mesh, target, tolerance, may_end=True)
     *back, _ = _one_way(target, mesh, tolerance, may_end=False)
-    return FrameErrors(*map(max, there, back), unsupported)
+    mean, p95, p99, largest, mean_square, patch_area = map(max, there, back)
+    return FrameErrors(mean, p95, p99, largest, mean_square, patch_area, unsupported)
 
 
 def _one_way(
