@@ -1,19 +1,19 @@
-"""Bake a known texture of a raw capture; compare renderings with those of the raw frames.
+"""Bake known textures of a raw capture; compare renderings with those of the raw frames.
 
     python bench/texture_baking.py samba.npz --remesh --frames 24
     python bench/texture_baking.py liam/ --frames 40
 
-Every raw frame gets texture coordinates of its own by xatlas (a capture keeps its own), and an
-image with a checkerboard, gradients and stripes: of positions in the first frame with `--remesh`,
-which bench/registration.py describes, else of positions in space. Prints the time of baking, the
-bytes of the video, and the PSNR of unlit renderings from eight views: of the images on the
-registered mesh, and of the video on the decoded one; of the pixels that show the model in either
-picture, and of whole pictures.
+Every raw frame gets texture coordinates of its own by xatlas (a capture keeps its own), and three
+images: of positions in the first frame with `--remesh`, which bench/registration.py describes, else
+of positions in space. Prints the time of baking, the bytes of the video, and the PSNR of unlit
+renderings from eight views: of the images on the registered mesh, and of the video on the decoded
+one; of the pixels that show the model in either picture, of those inside both outlines, and of
+whole pictures.
 """
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,17 +22,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
+from scipy.ndimage import map_coordinates
 
 import meshreel
 from meshreel import Attribute, Domain, Kind, MeshFrame, MeshSequence, Surface
-from meshreel.arrays import Bytes, Floats
+from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.baked_textures import TextureJob, open_textures
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
 from meshreel.model.sequence import frames_of, segment_of_frame
 from meshreel.registration.baking import Atlas, barycentric, made_uv, sampled
-from meshreel.registration.register import register
+from meshreel.registration.register import Registration, register
 from meshreel.registration.transfer import items_at_corners
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.rendering.camera import Camera, fit_camera
@@ -41,23 +42,46 @@ from registration import remeshed
 
 N_VIEWS = 8
 PICTURE_PX = 600
-SUPERSAMPLE = 2
+SUPERSAMPLE = 4
 BACKGROUND = 255.0
 
 
-Picture = tuple[Floats, npt.NDArray[np.bool_]]
+Picture = tuple[Floats, npt.NDArray[np.int64]]
+"""Colors, and the number of samples of each pixel that show the model."""
+
 Box = tuple[Floats, Floats]
 
 
-def pattern(points: Floats, low: Floats, high: Floats) -> Bytes:
-    """Colors of points: a checkerboard of 24 cells per longest side, gradients, and stripes."""
-    unit = (points - low) / (high - low).max()
+def gradients(unit: Floats) -> Floats:
+    """Gradients along two axes and 40 stripes per longest side, of shape (N, 3), from 0 to 1."""
+    colors = np.column_stack([unit[:, 1], 1 - unit[:, 1], unit[:, 0] + 0.3])
+    colors[:, 2] *= 0.85 + 0.15 * np.sin(2 * np.pi * 40 * unit[:, 1])
+    return np.clip(colors, 0, 1)
+
+
+def checkerboard(unit: Floats) -> Floats:
+    """The gradients, and a checkerboard of 24 cells per longest side."""
     checker = np.floor(unit * 24).astype(int).sum(axis=1) % 2
-    stripes = 0.5 + 0.5 * np.sin(2 * np.pi * 40 * unit[:, 1])
-    colors = np.clip(np.column_stack([unit[:, 1], 1 - unit[:, 1], unit[:, 0] + 0.3]), 0, 1)
-    colors *= 0.45 + 0.55 * checker[:, None]
-    colors[:, 2] *= 0.7 + 0.3 * stripes
-    return np.asarray(np.rint(255 * colors), np.uint8)
+    return np.asarray(gradients(unit) * (0.45 + 0.55 * checker[:, None]))
+
+
+def noise(unit: Floats) -> Floats:
+    """Random colors at 12, 24 and 48 points per longest side, interpolated and added."""
+    random = np.random.default_rng(0)
+    total, weight = np.zeros((len(unit), 3)), 0.0
+    for octave in range(3):
+        lattice = random.random((3, 51, 51, 51))
+        places = unit.T * 12 * 2**octave
+        layers = [map_coordinates(values, places, order=1, mode="grid-wrap") for values in lattice]
+        total += np.column_stack(layers) / 2**octave
+        weight += 1 / 2**octave
+    return np.asarray(total / weight)
+
+
+PATTERNS: dict[str, Callable[[Floats], Floats]] = {
+    function.__name__: function for function in (checkerboard, gradients, noise)
+}
+"""Colors, from 0 to 1, of points in longest sides of the box."""
 
 
 def with_uv(frame: MeshFrame, surface: Surface, side: int) -> MeshSequence:
@@ -77,10 +101,10 @@ def corners_of(frame: MeshSequence) -> Floats:
     return uv.per_item()[items].astype(np.float64)
 
 
-def raw_texture(
+def raw_textures(
     frame: MeshSequence, truth: MeshFrame, rest: Floats, box: Box, side: int
-) -> Image.Image:
-    """Return the image of a raw frame.
+) -> Iterator[tuple[str, Image.Image]]:
+    """Yield the name of each pattern and the image of a raw frame.
 
     Parameters
     ----------
@@ -95,11 +119,14 @@ def raw_texture(
     surface = TriangleMesh(truth.vertices.astype(np.float64), truth.faces)
     result = surface.closest(points)
     origins = np.einsum("nk,nkc->nc", result.weights, rest[truth.faces[result.faces]])
-    return Image.fromarray(pattern(origins, *box)[atlas.nearest])
+    unit = (origins - box[0]) / (box[1] - box[0]).max()
+    for name, colors in PATTERNS.items():
+        image = np.rint(255 * colors(unit)).astype(np.uint8)
+        yield name, Image.fromarray(image[atlas.nearest])
 
 
 def rendered(frame: MeshFrame, corners: Floats, image: Image.Image, camera: Camera) -> Picture:
-    """Return an unlit picture and the pixels that show the model."""
+    """Return an unlit picture."""
     side = camera.width
     vertices = frame.vertices.astype(np.float64)
     points, depths = camera.project(vertices)
@@ -116,7 +143,7 @@ def rendered(frame: MeshFrame, corners: Floats, image: Image.Image, camera: Came
     n = side // SUPERSAMPLE
     picture = colors.reshape(n, SUPERSAMPLE, n, SUPERSAMPLE, 3).mean(axis=(1, 3))
     n_shown = (faces >= 0).reshape(n, SUPERSAMPLE, n, SUPERSAMPLE).sum(axis=(1, 3))
-    return picture, n_shown > 0
+    return picture, n_shown
 
 
 def views(
@@ -143,23 +170,25 @@ class Errors:
     """Squared errors of pairs of pictures."""
 
     def __init__(self) -> None:
-        self._sums = np.zeros(2)  # of pixels that show the model; of all
-        self._counts = np.zeros(2)
+        self._sums = np.zeros(3)  # of pixels that show the model; inside the outlines; of all
+        self._counts = np.zeros(3)
         self.worst = np.inf
 
     def add(self, first: Picture, second: Picture) -> None:
         """Add a raw picture and another one."""
         squares = (first[0] - second[0]) ** 2
-        shown = squares[first[1] | second[1]]
-        self._sums += shown.sum(), squares.sum()
-        self._counts += shown.size, squares.size
+        n_shown = np.stack([first[1], second[1]])
+        shown = squares[n_shown.max(axis=0) > 0]
+        inside = squares[n_shown.min(axis=0) == SUPERSAMPLE**2]
+        self._sums += shown.sum(), inside.sum(), squares.sum()
+        self._counts += shown.size, inside.size, squares.size
         self.worst = min(self.worst, psnr(float(shown.mean())))
 
     def __str__(self) -> str:
-        model, whole = map(psnr, self._sums / self._counts)
+        model, inside, whole = map(psnr, self._sums / self._counts)
         return (
-            f"{model:.2f} dB of the model, worst picture {self.worst:.2f} dB; {whole:.2f} dB of "
-            "whole pictures"
+            f"{model:.2f} dB of the model, worst picture {self.worst:.2f} dB; {inside:.2f} dB "
+            f"inside the outlines; {whole:.2f} dB of whole pictures"
         )
 
 
@@ -194,15 +223,23 @@ def main() -> None:
         folder = Path(temporary)
         for number, known in enumerate(truth):
             rest = (truth[0] if arguments.remesh else known).vertices.astype(np.float64)
-            image = raw_texture(frame_of(raw, number), known, rest, box, arguments.side)
-            image.save(folder / f"raw_{number:04d}.png")
-        measure(raw, folder, arguments)
+            frame = frame_of(raw, number)
+            for name, image in raw_textures(frame, known, rest, box, arguments.side):
+                image.save(folder / f"{name}_{number:04d}.png")
+        registration = register(raw, bound_of(arguments.tolerance))
+        for name in PATTERNS:
+            measure(raw, registration, name, folder, arguments)
 
 
-def measure(raw: MeshSequence, folder: Path, arguments: argparse.Namespace) -> None:
-    """Register raw frames, bake their images, and print the figures."""
-    registration = register(raw, bound_of(arguments.tolerance))
-    textures = [folder / f"raw_{number:04d}.png" for number in range(raw.n_frames)]
+def measure(
+    raw: MeshSequence,
+    registration: Registration,
+    pattern: str,
+    folder: Path,
+    arguments: argparse.Namespace,
+) -> None:
+    """Bake the images of a pattern, and print the figures."""
+    textures = [folder / f"{pattern}_{number:04d}.png" for number in range(raw.n_frames)]
     notes: list[str] = []
     jobs = [
         TextureJob.checked(textures, folder / name, raw, overwrite=True)
@@ -212,8 +249,8 @@ def measure(raw: MeshSequence, folder: Path, arguments: argparse.Namespace) -> N
     data = meshreel.encode(textured.sequence, quality=70, order="drop")
     decoded = meshreel.decode(data)
     lengths = [segment.n_frames for segment in textured.sequence.segments]
-    print(f"{raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; {notes}; "
-          f"mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
+    print(f"{pattern}: {raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; "
+          f"{notes}; mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
     for job, shown in zip(jobs, (textured.sequence, decoded), strict=True):
         begin = time.process_time()
         job.write(textured, shown)
@@ -242,7 +279,7 @@ def measure(raw: MeshSequence, folder: Path, arguments: argparse.Namespace) -> N
             for view, pair in enumerate(pairs):
                 errors.add(*pair)
                 if arguments.pictures:
-                    file_name = f"{name.replace(' ', '_')}_{number:03d}_{view}.png"
+                    file_name = f"{pattern}_{name.split()[0]}_{number:03d}_{view}.png"
                     save(arguments.pictures / file_name, pair)
         print(f"{name}: {errors}", flush=True)
 
