@@ -54,7 +54,8 @@ def one_way(mesh, target, length, may_end):
     tree = cKDTree(points[is_used], balanced_tree=False)  # balancing grids takes long
     distances, closest = tree.query(corners.mean(axis=1))
     areas = np.linalg.norm(normals_of(corners), axis=1) / 2
-    if may_end:
+    is_open = (np.bincount(edges(target[1])[1].ravel()) == 1).any()
+    if may_end and is_open:
         rim = boundary_normals(points, parts)[is_used][closest]
         heights = np.abs(((corners.mean(axis=1) - points[is_used][closest]) * rim).sum(axis=1))
         areas[rim.any(axis=1) & (heights < 0.8 * distances)] = 0
