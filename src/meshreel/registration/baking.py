@@ -11,7 +11,6 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import Faces, MeshSequence, Segmented, frames_of, segment_of_frame
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind
-from meshreel.registration.growing import Segment
 from meshreel.registration.register import Registration
 from meshreel.registration.transfer import RawFrame, attributes_of, interpolated, items_at_corners
 from meshreel.rendering.visibility import visible_faces
@@ -150,7 +149,7 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         Number of segments with new texture coordinates.
     """
     segments, n_made = list(registration.sequence.segments), 0
-    for registered in registered_segments(registration):
+    for registered in registration.segments:
         number, _ = segment_of_frame(registration.sequence.starts, registered.first)
         segment = segments[number]
         uvs = segment.surface.of_kind(Kind.UV)
@@ -168,11 +167,6 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
     return replace(registration, sequence=with_uvs), n_made
 
 
-def registered_segments(registration: Registration) -> Iterator[Segment]:
-    """Yield the segments of several frames; others keep the mesh of their raw frame."""
-    return (segment for segment in registration.segments if segment.n_frames > 1)
-
-
 def bake(
     registration: Registration,
     sequence: Segmented,
@@ -183,8 +177,8 @@ def bake(
     """Yield the texture of each frame for the texture coordinates of its segment.
 
     Every texel has the color of the raw frame at the closest point of its surface. Texels outside
-    of triangles have the color of the nearest texel inside. Frames that keep their raw mesh keep
-    their image.
+    of triangles have the color of the nearest texel inside. Frames without a surface keep their
+    image.
 
     Parameters
     ----------
@@ -203,7 +197,7 @@ def bake(
     InvalidInputError
         If there are fewer images than frames.
     """
-    starts = {segment.first for segment in registered_segments(registration)}
+    starts = {segment.first for segment in registration.segments}
     given = iter(images)
     *firsts, n_frames = sequence.starts
     for index, first in enumerate(firsts):

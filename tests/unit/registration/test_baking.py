@@ -104,15 +104,22 @@ def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
 
 
 @pytest.mark.slow
-def test_frames_that_keep_their_mesh_keep_their_image(textured):
+def test_a_frame_alone_is_baked_too(textured):
+    """Its image does not fit between the vertices that its decimated mesh keeps."""
     raw, images = textured
     apart = raw.segments[0].vertices[:, :, ::-1].copy()
     sequence = meshreel.concatenate([raw[:2], raw.segments[0].replace(vertices=apart)])
-    result = register(sequence, ErrorBound(0.5))
-    ready, _ = with_atlases(result, SIZE)
-    baked = list(bake(ready, ready.sequence, [*images[:2], images[0]], (64, 64)))
+    result = register(sequence, ErrorBound(2.0))
+    ready, n_made = with_atlases(result, SIZE)
+    baked = list(bake(ready, ready.sequence, [*images[:2], images[0]], SIZE))
+    assert n_made == 0
     assert [segment.n_frames for segment in result.sequence.segments] == [2, 1]
-    assert np.array_equal(baked[2], images[0].resize((64, 64)))
+    alone = ready.sequence.segments[1]
+    assert alone.n_verts < raw.segments[0].n_verts
+    points, colors = centroid_colors(alone, 0, baked[2])
+    errors = np.abs(colors - color_at(points[:, ::-1], 0.0)).max(axis=1)[abs(points[:, 0]) < 0.9]
+    assert errors.mean() < 3
+    assert np.quantile(errors, 0.99) < 15
 
 
 @pytest.mark.slow
