@@ -22,17 +22,17 @@ SMOOTHNESS = 0.03, 0.01, 0.003
 """Smoothness of the steps that fit the mesh."""
 
 
-def decimated_key(mesh: TriangleMesh, wedges: Indices, tolerance: Tolerance) -> KeyMesh:
-    """Return a mesh with fewer vertices, fitted to the surface; the mesh itself if none is near.
+def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyMesh:
+    """Return a mesh with fewer vertices, fitted to the surface; `whole` itself if none is near.
 
     Parameters
     ----------
-    mesh : TriangleMesh
-        A cleaned frame, in longest sides of the box.
+    whole : KeyMesh
+        The mesh of a cleaned frame, in longest sides of the box.
     wedges : int64 array of shape (M, 3)
         Corners of a vertex have the same number if they have the same attributes.
     """
-    length = tolerance.length
+    mesh, length = whole.mesh, tolerance.length
     max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
     faces, wedges_left = decimated(
         mesh.vertices, mesh.faces, wedges, RMS * length, DISTANCE * length, max_edge
@@ -43,7 +43,7 @@ def decimated_key(mesh: TriangleMesh, wedges: Indices, tolerance: Tolerance) -> 
     for smoothness in SMOOTHNESS:
         coarse = TriangleMesh(fit.step(coarse, rest, mesh, smoothness), coarse.faces)
     if measure(coarse, mesh, tolerance).exceeds(tolerance):
-        return KeyMesh.of_mesh(mesh)
+        return whole
     corners = np.zeros(int(wedges.max()) + 1, np.int64)
     corners[wedges.ravel()] = np.arange(wedges.size)
     kept = corners[wedges_left]

@@ -265,13 +265,13 @@ def _longest(
 ) -> Segment:
     """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
     whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
-    key_mesh = whole if wedges is None else decimated_key(whole.mesh, wedges, tolerance)
+    key_mesh = whole if wedges is None else decimated_key(whole, wedges, tolerance)
     first, again = partial(report, REGISTERING), partial(report, "registering a refined mesh")
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
     if not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
-    if len(refined.mesh.vertices) == len(key_mesh.mesh.vertices):
+    if refined is key_mesh:
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)

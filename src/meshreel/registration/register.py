@@ -124,7 +124,7 @@ class Registration:
     ----------
     sequence : MeshSequence
         Segments of constant connectivity. Frames that could not be followed are segments of their
-        own, with the raw mesh.
+        own.
     raw : MeshSequence
         The given sequence.
     segments : tuple of Segment
@@ -192,6 +192,13 @@ class Registration:
         if len(cuts) > MAX_CUTS:
             yield f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
 
+    @property
+    def key_vertices(self) -> tuple[int, int]:
+        """Vertices of all keys, and of their cleaned frames."""
+        kept = (len(segment.key_mesh.mesh.vertices) for segment in self.segments)
+        given = (len(self.frames.cleaned(segment.key).vertices) for segment in self.segments)
+        return sum(kept), sum(given)
+
     def notes(self) -> Iterator[str]:
         """Yield lines on the result, what was removed, and the first cuts."""
         counts = (
@@ -201,6 +208,9 @@ class Registration:
         yield f"registered {counts[0]} in {counts[1]}; distance from the raw surface: " + str(
             self.distances
         )
+        n_kept, n_given = self.key_vertices
+        if n_kept < n_given:
+            yield f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the tolerance allows"
         yield from self.changes
         yield from self.listed_cuts()
 

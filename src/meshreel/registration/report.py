@@ -82,6 +82,7 @@ class Report:
     def rows(self, size_bytes: int) -> dict[str, str]:
         """Rows of a table; `size_bytes` is that of the encoded sequence."""
         raw, registered = self.registration.raw, self.registration.sequence
+        n_kept, n_given = self.registration.key_vertices
         return {
             "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
             "ratio": (
@@ -92,6 +93,7 @@ class Report:
                 f"{self.registration.tolerance_percent:.3g} % of the diagonal, met in every frame "
                 "by 99 % of the area; the largest distance is that of the rest"
             ),
+            "keys": f"kept {n_kept} of {counted(n_given, 'vertex')}",
             "registered": str(self.registered),
             "decoded": str(self.decoded),
             "D1 and D2 PSNR": self._points,

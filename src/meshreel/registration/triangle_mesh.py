@@ -122,6 +122,8 @@ class TriangleMesh:
 
     def ends_before(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
         """Return whether each point is beyond the boundary of the surface, not above it."""
+        if not self.is_boundary.any():
+            return np.zeros(len(points), bool)
         sides = self.neighbors.reshape(-1, 3) == np.arange(len(self.faces))[:, None]
         is_on_side = np.roll(found.weights, 1, axis=1) < ON_SIDE  # side k is opposite corner k + 2
         is_at_corner = found.weights > 1 - ON_SIDE

@@ -114,7 +114,7 @@ def _one_way(
         found.distances,
     )
     area = areas.sum()
-    if may_end and target.is_boundary.any():
+    if may_end:
         ends = target.ends_before(points, found)
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():

@@ -8,6 +8,7 @@ from meshreel import Attribute, Domain, Kind, MeshSequence, Surface
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.model.surface import FaceGroups
 from meshreel.registration.decimating import decimated_key
+from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
@@ -19,7 +20,8 @@ from samples.dense_distances import promised
 def test_a_key_has_fewer_vertices_within_the_tolerance(length, share):
     vertices, faces = capsule(100, 90)
     vertices /= 2
-    key = decimated_key(TriangleMesh(vertices, faces), faces, Tolerance(length)).mesh
+    whole = KeyMesh.of_mesh(TriangleMesh(vertices, faces))
+    key = decimated_key(whole, faces, Tolerance(length)).mesh
     assert len(key.vertices) < share * len(vertices)
     p99, side = promised((key.vertices, key.faces), (vertices, faces), length)
     assert p99 < 0.5
@@ -28,7 +30,7 @@ def test_a_key_has_fewer_vertices_within_the_tolerance(length, share):
 
 def test_corners_are_at_vertices_of_the_raw_mesh():
     vertices, faces = capsule(40, 36)
-    key = decimated_key(TriangleMesh(vertices, faces), faces, Tolerance(0.01))
+    key = decimated_key(KeyMesh.of_mesh(TriangleMesh(vertices, faces)), faces, Tolerance(0.01))
     places = np.einsum("mkc,mkcd->mkd", key.weights, vertices[faces[key.parents]])
     moved = np.linalg.norm(places - key.mesh.vertices[key.mesh.faces], axis=-1)
     assert moved.max() < 0.01
@@ -81,6 +83,7 @@ def test_vertices_with_colors_all_remain():
     found = two_frames(colors)
     key = found.segments[0].key
     assert found.sequence.segments[0].n_verts == found.raw.segments[key].n_verts
+    assert not any(note.startswith("kept ") for note in found.notes())
 
 
 def test_a_frame_that_cannot_be_followed_is_decimated_too():
@@ -88,4 +91,7 @@ def test_a_frame_that_cannot_be_followed_is_decimated_too():
     raw = as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)])
     found = register(raw, ErrorBound(0.5))
     assert [segment.n_frames for segment in found.sequence.segments] == [1, 1]
-    assert max(segment.n_verts for segment in found.sequence.segments) < 0.8 * len(vertices)
+    n_verts = [segment.n_verts for segment in found.sequence.segments]
+    assert max(n_verts) < 0.8 * len(vertices)
+    note = f"kept {sum(n_verts)} of {2 * len(vertices)} vertices of keys, as the tolerance allows"
+    assert note in found.notes()

@@ -64,8 +64,7 @@ def test_a_mesh_that_is_fine_enough_stays(key):
 
 @pytest.mark.slow
 def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
-    identity = KeyMesh.of_mesh
-    monkeypatch.setattr(growing, "decimated_key", lambda mesh, *_: identity(mesh).refined(0.002))
+    monkeypatch.setattr(growing, "decimated_key", lambda whole, *_: whole.refined(0.002))
     raw = capture(2, 0.1)
     textured = []
     for one in raw.segments:
