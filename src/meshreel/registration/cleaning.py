@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, rows_as_bytes
-from meshreel.model.geometry.connectivity import undirected_edges
-from meshreel.model.geometry.hard_edges import lowest_connected
+from meshreel.model.geometry.connectivity import lowest_connected, undirected_edges
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces, MeshFrame
 

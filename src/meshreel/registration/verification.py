@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.model.geometry.hard_edges import lowest_connected
+from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.registration.refining import subdivided
 from meshreel.registration.triangle_mesh import TriangleMesh
 

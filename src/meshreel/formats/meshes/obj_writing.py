@@ -25,12 +25,8 @@ from meshreel.formats.notes import (
     note_unwritten_units,
 )
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.model.geometry.hard_edges import (
-    RowNormals,
-    hard_flags,
-    lowest_connected,
-    shared_edges,
-)
+from meshreel.model.geometry.connectivity import lowest_connected
+from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface

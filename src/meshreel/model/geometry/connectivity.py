@@ -18,21 +18,29 @@ def undirected_edges(faces: Faces) -> Integers:
 def component_labels(faces: Faces, n_verts: int) -> Integers:
     """Number of the connected component of each vertex, of shape (V,).
 
-    Components are numbered by their lowest vertex; an isolated vertex is a component. Each vertex
-    points to a lower one of its component, which points to a lower one, until nothing changes
-    (Shiloach and Vishkin 1982).
+    Components are numbered by their lowest vertex; an isolated vertex is a component.
     """
-    labels = np.arange(n_verts)
-    first, second = undirected_edges(faces).T
-    while True:
-        lowest = np.minimum(labels[first], labels[second])
-        lower = labels.copy()
-        np.minimum.at(lower, labels[first], lowest)
-        np.minimum.at(lower, labels[second], lowest)
-        lower = lower[lower]
-        if np.array_equal(lower, labels):
-            return np.unique(labels, return_inverse=True)[1]
-        labels = lower
+    labels = lowest_connected(n_verts, *undirected_edges(faces).T)
+    return np.unique(labels, return_inverse=True)[1]
+
+
+def lowest_connected(n_items: int, first: Integers, second: Integers) -> Integers:
+    """The lowest item connected to each item by pairs (first, second), of shape (n_items,).
+
+    Every root of a tree that a pair joins to a lower root becomes its child; then all items point
+    to their roots, and pairs within a tree are dropped (Shiloach and Vishkin 1982).
+    """
+    roots = np.arange(n_items)
+    low, high = np.minimum(first, second), np.maximum(first, second)
+    while len(low):
+        np.minimum.at(roots, high, low)
+        while not np.array_equal(above := roots[roots], roots):
+            roots = above
+        first, second = roots[low], roots[high]
+        is_open = first != second
+        first, second = first[is_open], second[is_open]
+        low, high = np.minimum(first, second), np.maximum(first, second)
+    return roots
 
 
 def isolated_vertices(faces: Faces, n_verts: int) -> Integers:

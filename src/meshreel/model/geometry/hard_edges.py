@@ -14,6 +14,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.model.geometry.polygons import Integers, join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Surface
@@ -200,18 +201,6 @@ def _smooth_fans(
     first = np.concatenate([low[is_same], high[is_same]])
     second = np.concatenate([low[is_same + 1], high[is_same + 1]])
     return lowest_connected(len(corners), first, second)
-
-
-def lowest_connected(n_items: int, first: Int64s, second: Int64s) -> Int64s:
-    """The lowest item connected to each item by pairs (first, second), of shape (n_items,)."""
-    labels = np.arange(n_items)
-    while True:  # each round roughly halves the longest path to the lowest item
-        lowest = np.minimum(labels[first], labels[second])
-        if (labels[first] == lowest).all() and (labels[second] == lowest).all():
-            return labels
-        np.minimum.at(labels, first, lowest)
-        np.minimum.at(labels, second, lowest)
-        labels = labels[labels]
 
 
 class RowNormals:
