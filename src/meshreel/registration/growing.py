@@ -21,7 +21,7 @@ from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
-from meshreel.registration.verification import FrameErrors, Tolerance, measure
+from meshreel.registration.verification import FrameErrors, Tolerance, check, measure
 from meshreel.runtime.threads import in_threads
 
 REGISTERING = "registering"
@@ -427,7 +427,7 @@ class Follower:
         def fit_again(mesh: TriangleMesh, smoothness: float) -> None:
             positions = self._fit.step(mesh, posed.positions, target, smoothness)
             fitted = TriangleMesh(positions, self._faces)
-            errors = measure(fitted, target, self._tolerance)
+            errors = check(fitted, target, self._tolerance)
             fits.append(Fit(pose, posed, fitted, errors, len(fits) + 1))
 
         def nearest() -> Fit:
@@ -456,7 +456,7 @@ class Follower:
             if not n_opposing:
                 break
             repaired = repair(mesh, target)
-            errors = measure(repaired, target, self._tolerance)
+            errors = check(repaired, target, self._tolerance)
             if not self._meets(errors):
                 continue
             mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
@@ -469,6 +469,6 @@ class Follower:
         if not fit.n_folded:
             return
         mesh = self._folds.restored(fit.mesh, target, fit.posed.bare)
-        errors, folded = measure(mesh, target, self._tolerance), self._folds.find(mesh, target)
+        errors, folded = check(mesh, target, self._tolerance), self._folds.find(mesh, target)
         if len(folded) < fit.n_folded and self._meets(errors):
             fit.mesh, fit.errors, fit.n_folded = mesh, errors, len(folded)

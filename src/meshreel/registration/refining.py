@@ -73,13 +73,13 @@ class _Sides:
 
     @classmethod
     def of_mesh(cls, mesh: TriangleMesh) -> "_Sides":
-        sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-        low, high = sides.min(axis=1), sides.max(axis=1)
+        starts, ends = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+        low, high = np.minimum(starts, ends), np.maximum(starts, ends)
         keys, of_faces = np.unique(
             low.astype(np.int64) * len(mesh.vertices) + high, return_inverse=True
         )
-        ends = np.stack(np.divmod(keys, max(len(mesh.vertices), 1)), axis=1)
-        return cls(mesh, ends, of_faces.reshape(-1, 3).astype(np.int64))
+        pairs = np.stack(np.divmod(keys, max(len(mesh.vertices), 1)), axis=1)
+        return cls(mesh, pairs, of_faces.reshape(-1, 3).astype(np.int64))
 
     @cached_property
     def lengths(self) -> Floats:
@@ -102,6 +102,8 @@ class _Sides:
 
 def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
     """Return the mesh with edges split in halves until none is longer than this."""
+    if max_length in mesh.subdivisions:
+        return mesh.subdivisions[max_length]
     corners = mesh.vertices[mesh.faces]
     squares = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2)
     is_long = (squares > max_length**2).any(axis=1)
@@ -109,7 +111,9 @@ def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
         return mesh
     long = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, mesh.faces[is_long]))
     split = _split_above(max_length, long, lambda sides: sides.lengths).mesh
-    return TriangleMesh(split.vertices, np.concatenate([mesh.faces[~is_long], split.faces]))
+    fine = TriangleMesh(split.vertices, np.concatenate([mesh.faces[~is_long], split.faces]))
+    mesh.subdivisions[max_length] = fine
+    return fine
 
 
 def _split_above(limit: float, key: KeyMesh, measure: Callable[[_Sides], Floats]) -> KeyMesh:

@@ -82,6 +82,12 @@ class TriangleMesh:
         return np.asarray(np.bincount(self.faces.ravel(), shares, len(self.vertices)), np.float64)
 
     @cached_property
+    def centroids(self) -> Floats:
+        """Centroid of each face, of shape (M, 3)."""
+        first, second, third = (self.vertices[corners] for corners in self.faces.T)
+        return np.asarray((first + second + third) / 3)
+
+    @cached_property
     def orientation(self) -> int:
         """1 if the normals point out of the enclosed volume, -1 if into it, 0 if it is open.
 
@@ -140,11 +146,17 @@ class TriangleMesh:
         """Return the closest point of the surface for each point of shape (N, 3)."""
         return self._tree.closest(points)
 
+    @cached_property
+    def subdivisions(self) -> dict[float, "TriangleMesh"]:
+        """Results of `refining.subdivided`, by their longest edge."""
+        return {}
+
     def centroid_samples(self) -> Samples:
         """Return the centroids of the faces as samples."""
         weights = np.full((len(self.faces), 3), 1 / 3)
-        points = self.vertices[self.faces].mean(axis=1)
-        return Samples(np.arange(len(self.faces)), weights, points, self.face_normals, self.areas)
+        return Samples(
+            np.arange(len(self.faces)), weights, self.centroids, self.face_normals, self.areas
+        )
 
     def vertex_samples(self) -> Samples:
         """Return the vertices as samples, each in one of its faces."""
