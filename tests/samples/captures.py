@@ -14,19 +14,30 @@ def capsule(n_rings, n_around, phase=0.0):
     phase : float
         Turns the vertices around the axis, by this share of their distance.
     """
-    angles = np.linspace(0, np.pi, n_rings + 2)[1:-1]
-    around = 2 * np.pi * (np.arange(n_around) + phase) / n_around
-    z = np.cos(angles)
-    radius = 0.3 * np.minimum(1.0, np.sqrt(1 - np.abs(z) ** 8))
+    z = np.cos(np.linspace(0, np.pi, n_rings + 2))
+    return revolved(0.3 * np.minimum(1.0, np.sqrt(1 - np.abs(z[1:-1]) ** 8)), z, n_around, phase)
+
+
+def revolved(radius, z, n_around, phase=0.0):
+    """A closed surface around the z axis, as (vertices, faces).
+
+    Parameters
+    ----------
+    radius : float array of shape (R,)
+        Of each ring.
+    z : float array of shape (R + 2,)
+        Heights of the top, the rings and the bottom, descending.
+    """
+    around, n_rings = 2 * np.pi * (np.arange(n_around) + phase) / n_around, len(radius)
     rings = np.stack(
         [
             radius[:, None] * np.cos(around),
             radius[:, None] * np.sin(around),
-            np.tile(z[:, None], (1, n_around)),
+            np.tile(z[1:-1, None], (1, n_around)),
         ],
         axis=-1,
     )
-    vertices = np.vstack([rings.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
+    vertices = np.vstack([rings.reshape(-1, 3), [[0, 0, z[0]], [0, 0, z[-1]]]])
     faces = []
     for ring in range(n_rings - 1):
         for i in range(n_around):
@@ -37,6 +48,20 @@ def capsule(n_rings, n_around, phase=0.0):
         j = (i + 1) % n_around
         faces += [[top, i, j], [bottom, last + j, last + i]]
     return vertices, np.array(faces, np.int32)
+
+
+def merging_spheres(distance, n_around, phase=0.0):
+    """Two spheres of radius 1 along z; their union where they overlap, as a scanner sees it."""
+    n_rings = n_around // 2
+    if distance > 2:
+        z = np.cos(np.linspace(0, np.pi, n_rings + 2))
+        one, faces = revolved(np.sqrt(1 - z[1:-1] ** 2), z, n_around, phase)
+        offset = np.array([0, 0, distance / 2])
+        return np.concatenate([one + offset, one - offset]), np.vstack([faces, faces + len(one)])
+    waist = np.arccos(-distance / 2)  # angle at the center from the pole to the other sphere
+    z = distance / 2 + np.cos(np.linspace(0, waist, n_rings + 1))
+    z = np.concatenate([z, -z[-2::-1]])
+    return revolved(np.sqrt(1 - (np.abs(z[1:-1]) - distance / 2) ** 2), z, n_around, phase)
 
 
 def bent(vertices, angle):

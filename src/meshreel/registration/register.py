@@ -72,8 +72,8 @@ class Distances:
         Faces in all frames that fold over: they oppose the raw surface and a neighbor, which they
         do not in the key.
     unsupported_percent : float
-        Mean share of the registered surface that is beyond boundaries of the raw one, such as holes
-        of a scan; it has no distances.
+        Mean share of the registered surface that raw frames lack, as at holes of a scan and between
+        bodies that touch; it has no distances.
     """
 
     mean_percent: float

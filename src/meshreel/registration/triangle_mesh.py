@@ -13,7 +13,7 @@ from meshreel.kernel.library import int32s
 from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
-from meshreel.model.geometry.connectivity import boundary_edges
+from meshreel.model.geometry.connectivity import boundary_edges, component_labels
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
 
@@ -137,6 +137,19 @@ class TriangleMesh:
         is_on_boundary = (is_on_side & sides[found.faces] | is_at_corner & corners).any(axis=1)
         heights = _dots(points - found.points, self.face_normals[found.faces])
         return np.asarray(is_on_boundary & (np.abs(heights) < BEYOND_COSINE * found.distances))
+
+    def encloses(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
+        """Return whether each point is below the closest component, which must be closed."""
+        corners = self.faces[found.faces]
+        directions = np.einsum("nk,nkc->nc", found.weights, self.vertex_normals[corners])
+        is_below = self.orientation * _dots(points - found.points, directions) < 0
+        return np.asarray(is_below & self._is_closed[corners[:, 0]])
+
+    @cached_property
+    def _is_closed(self) -> npt.NDArray[np.bool_]:
+        """Whether the component of each vertex has no boundary, of shape (V,)."""
+        labels = component_labels(self.faces, len(self.vertices))
+        return np.asarray(np.bincount(labels, self.is_boundary)[labels] == 0)
 
     @cached_property
     def _tree(self) -> TriangleTree:

@@ -38,7 +38,8 @@ class Tolerance:
 
     99 % of both surfaces are within it, and no connected patch beyond it is larger than a
     square whose side is ten times the tolerance. Where the raw surface ends, as at holes of a scan,
-    the registered one may continue: that is no distance.
+    the registered one may continue, and so it may below a closed raw surface, as where bodies touch
+    and the scan lacks what is between them: neither is a distance.
 
     Attributes
     ----------
@@ -68,7 +69,8 @@ class FrameErrors:
     patch_area : float
         Area of the largest connected region beyond the tolerance.
     unsupported : float
-        Share of the registered surface that is beyond the boundary of the raw one.
+        Share of the registered surface that is beyond the boundary of the raw one, or below it by
+        more than the tolerance where it is closed.
     """
 
     mean: float
@@ -129,7 +131,7 @@ def _one_way(
 ) -> tuple[float, ...]:
     """Return the figures of `FrameErrors` in one direction.
 
-    If the target may end, what is beyond its boundary counts as unsupported.
+    If the target may end, what is beyond its boundary, or hidden below it, is unsupported.
     """
     mesh = subdivided(mesh, spacing)
     points = np.concatenate([mesh.vertices, mesh.centroids])
@@ -141,7 +143,8 @@ def _one_way(
     )
     area = areas.sum()
     if may_end:
-        ends = target.ends_before(points, found)
+        is_hidden = target.encloses(points, found) & (distances > tolerance.length)
+        ends = target.ends_before(points, found) | is_hidden
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return *6 * [0.0], 1.0
