@@ -280,7 +280,8 @@ int64_t reel_triangle_tree(void *memory, size_t memory_size, const double *verti
 typedef struct {
     triangle_tree tree;
     double slack;
-    const double *points;
+    const double *points, *directions; /* these may be NULL */
+    double reach_square;
     const uint64_t *order; /* numbers of the points, in the lower 32 bits */
     int64_t n_points;
     double *distances;
@@ -302,6 +303,14 @@ typedef struct {
 } pending_node;
 
 static void write_point(const search_job *job, int64_t point, const found_point *found) {
+    if (found->face == INT64_MAX) {
+        job->distances[point] = __builtin_inf();
+        job->faces[point] = -1;
+        for (int axis = 0; axis < 3; axis++) {
+            job->closest[3 * point + axis] = job->weights[3 * point + axis] = 0.0;
+        }
+        return;
+    }
     const triangles *leaf = job->tree.leaves + found->leaf;
     job->distances[point] = __builtin_sqrt(found->square);
     job->faces[point] = (int32_t)found->face;
@@ -374,8 +383,9 @@ size_t reel_closest_memory(int64_t n_points) {
 }
 
 int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t n_faces,
-                     const double *points, int64_t n_points, double *distances, int32_t *faces,
-                     double *closest, double *weights) {
+                     const double *points, const double *directions, double reach,
+                     int64_t n_points, double *distances, int32_t *faces, double *closest,
+                     double *weights) {
     if (n_faces < 1 || n_faces > MAX_FACES || n_points < 0 || n_points > INT32_MAX) {
         return reel_failure(REEL_INVALID, 0);
     }
@@ -391,6 +401,8 @@ int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t
     }
     search_job job = {.tree = allocate_tree(&of_tree, n_faces),
                       .points = points,
+                      .directions = directions,
+                      .reach_square = reach * reach,
                       .order = sort_points(points, n_points, keys, sorted),
                       .n_points = n_points,
                       .distances = distances,

@@ -64,7 +64,7 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
    All of them are on the triangle: rounding errors of slivers yield no distance that is too
    small. */
 TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t number, const double *point,
-                                           found_point *found) {
+                                           const double *direction, found_point *found) {
     const triangles *leaf = leaves + number;
     REEL_UNROLLED for (int i = 0; i < LEAF; i += LANES) {
         VEC3 origin = LOAD(leaf->origin, i), normal = LOAD(leaf->normal, i);
@@ -104,7 +104,13 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         s = SELECT(is_less, inside_s, s);
         t = SELECT(is_less, inside_t, t);
 
-        uint32_t bits = NAMED(bits_of)(square <= found->square);
+        MASK counts = square <= found->square;
+        if (direction) { /* the length of `normal` is its inverse */
+            VEC3 along = {(VEC){0} + direction[0], (VEC){0} + direction[1], (VEC){0} + direction[2]};
+            VEC product = NAMED(dot)(normal, along);
+            counts &= (product > 0.0) & (product * product >= NAMED(dot)(normal, normal));
+        }
+        uint32_t bits = NAMED(bits_of)(counts);
         for (; bits; bits &= bits - 1) {
             int lane = __builtin_ctz(bits);
             int64_t face = leaf->face[i + lane];
@@ -116,16 +122,19 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
     }
 }
 
-/* Find the closest point of one point; the leaf `found->leaf` is searched first. */
-TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, const double *point,
+/* Find the closest point of one point; the leaf `found->leaf` is searched first. Without a face in
+   reach, `found->face` is INT64_MAX. */
+TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t number,
                                             found_point *found) {
     const triangle_tree *tree = &job->tree;
+    const double *point = job->points + 3 * number;
+    const double *direction = job->directions ? job->directions + 3 * number : NULL;
     pending_node pending[MAX_PENDING];
     int n_pending = 1;
     pending[0] = (pending_node){0.0, 0, tree->n_levels - 1};
-    *found = (found_point){__builtin_inf(), 0.0, 0.0, INT64_MAX, found->leaf, 0};
+    *found = (found_point){job->reach_square, 0.0, 0.0, INT64_MAX, found->leaf, 0};
     int64_t searched = found->leaf;
-    NAMED(search_leaf)(tree->leaves, searched, point, found);
+    NAMED(search_leaf)(tree->leaves, searched, point, direction, found);
     double bound = found->square * (1.0 + SLACK) + job->slack;
     while (n_pending) {
         pending_node node = pending[--n_pending];
@@ -134,7 +143,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, const double 
         }
         if (node.level < 0) {
             if (node.number != searched) {
-                NAMED(search_leaf)(tree->leaves, node.number, point, found);
+                NAMED(search_leaf)(tree->leaves, node.number, point, direction, found);
                 bound = found->square * (1.0 + SLACK) + job->slack;
             }
             continue;
@@ -158,7 +167,7 @@ TARGET static void NAMED(search)(const search_job *job) {
     found_point found = {.leaf = 0}; /* of the point before, which is near */
     for (int64_t i = 0; i < job->n_points; i++) {
         int64_t point = (int64_t)(job->order[i] & UINT32_MAX);
-        NAMED(search_point)(job, job->points + 3 * point, &found);
+        NAMED(search_point)(job, point, &found);
         write_point(job, point, &found);
     }
 }

@@ -494,12 +494,16 @@ REEL_API int64_t reel_triangle_tree(void *memory, size_t memory_size, const doub
                                     void *tree);
 /* For each of n_points points, at most 2^31 - 1: its distance from the closest point of the n_faces
    faces of a tree, the face (the lowest of those whose computed distances are equal), three
-   coordinates, and three barycentric ones. Any number of calls may share a tree. Returns
-   n_points. */
+   coordinates, and three barycentric ones. Any number of calls may share a tree.
+
+   Unless `directions` is NULL, it has three numbers for each point: faces count whose unit normals
+   have a product of at least 1 with them. Without a face within `reach`, which may be infinite, the
+   distance is infinite, the face -1, and the other numbers are 0. Returns n_points. */
 REEL_API size_t reel_closest_memory(int64_t n_points);
 REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t n_faces,
-                              const double *points, int64_t n_points, double *distances,
-                              int32_t *faces, double *closest, double *weights);
+                              const double *points, const double *directions, double reach,
+                              int64_t n_points, double *distances, int32_t *faces, double *closest,
+                              double *weights);
 
 /* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
    released blocks of an allocator, up to max_bytes of them, are reused by all files that share the

@@ -17,8 +17,9 @@ class Closest(NamedTuple):
     Attributes
     ----------
     distances : float64 array of shape (N,)
+        Infinite if no face is found.
     faces : int64 array of shape (N,)
-        The face that contains each closest point; the lowest of equally close ones.
+        The face that contains each closest point, the lowest of equally close ones; -1 if none is.
     points : float64 array of shape (N, 3)
     weights : float64 array of shape (N, 3)
         Barycentric coordinates of `points` in `faces`.
@@ -28,6 +29,12 @@ class Closest(NamedTuple):
     faces: Indices
     points: Floats
     weights: Floats
+
+    def at(self, items: Indices) -> "Closest":
+        """Return the closest points of some of the points."""
+        return Closest(
+            self.distances[items], self.faces[items], self.points[items], self.weights[items]
+        )
 
 
 class TriangleTree:
@@ -64,8 +71,18 @@ class TriangleTree:
             memory_of=("reel_triangle_tree_memory", self._n_faces),
         )
 
-    def closest(self, points: Floats) -> Closest:
-        """Return the closest point of the mesh for each point of shape (N, 3), finite."""
+    def closest(
+        self, points: Floats, directions: Floats | None = None, reach: float = np.inf
+    ) -> Closest:
+        """Return the closest point of the mesh for each point of shape (N, 3), finite.
+
+        Parameters
+        ----------
+        directions : float64 array of shape (N, 3), optional
+            For each point, only faces count whose unit normal has a product of at least 1 with it.
+        reach : float
+            Largest distance.
+        """
         n_points = len(points)
         distances, faces = np.empty(n_points), np.empty(n_points, np.int32)
         closest, weights = np.empty((n_points, 3)), np.empty((n_points, 3))
@@ -74,6 +91,8 @@ class TriangleTree:
             self._tree,
             self._n_faces,
             np.ascontiguousarray(points, np.float64),
+            None if directions is None else np.ascontiguousarray(directions, np.float64),
+            float(reach),
             n_points,
             distances,
             faces,

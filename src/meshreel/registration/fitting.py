@@ -136,27 +136,21 @@ def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) 
 
     Where the target ends, only faces on the boundary of the mesh move to it: others span a hole.
     """
-    found = target.closest(samples.points)
-    normals = target.face_normals[found.faces]
-    agrees = np.einsum("nc,nc->n", normals, samples.normals) > MIN_COSINE
-    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces]].any(axis=1)
-    is_in_hole = is_inside & target.ends_before(samples.points, found)
-    kept = agrees & (found.distances < REACH) & ~is_in_hole
-    gaps = found.points[kept] - samples.points[kept]
-    directions, offsets = _directions(gaps, normals[kept])
+    kept, found = target.corresponding(samples, MIN_COSINE, REACH)
+    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces[kept]]].any(axis=1)
+    is_free = ~(is_inside & target.ends_before(samples.points[kept], found))
+    kept, places, faces = kept[is_free], found.points[is_free], found.faces[is_free]
+    directions, offsets = _directions(places - samples.points[kept], target.face_normals[faces])
     vertices = mesh.faces[samples.faces[kept]]
     return Rows(vertices, samples.weights[kept], directions, offsets, samples.areas[kept])
 
 
 def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples) -> Rows:
     """Return equations that move the closest points of samples of the target to them."""
-    found = mesh.closest(samples.points)
-    agrees = np.einsum("nc,nc->n", mesh.face_normals[found.faces], samples.normals) > MIN_COSINE
-    kept = np.flatnonzero(agrees & (found.distances < REACH))
-    gaps = samples.points[kept] - found.points[kept]
+    kept, found = mesh.corresponding(samples, MIN_COSINE, REACH)
+    gaps = samples.points[kept] - found.points
     directions, offsets = _directions(gaps, samples.normals[kept])
-    vertices = mesh.faces[found.faces[kept]]
-    return Rows(vertices, found.weights[kept], directions, offsets, samples.areas[kept])
+    return Rows(mesh.faces[found.faces], found.weights, directions, offsets, samples.areas[kept])
 
 
 def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:

@@ -45,6 +45,7 @@ class Folds:
     """Finds and repairs folds: faces that oppose both a neighbor and the surface they follow.
 
     Neighbors that oppose each other in the key do not count: creases and errors of the raw mesh.
+    Nor do faces that are farther below a closed surface than their size: they are hidden.
 
     Parameters
     ----------
@@ -71,9 +72,12 @@ class Folds:
         found = np.unique(np.flatnonzero(bends & ~self._opposes_in_key) // 3)
         if not len(found):
             return found
-        closest = target.closest(mesh.vertices[mesh.faces[found]].mean(axis=1))
+        centers = mesh.centroids[found]
+        closest = target.closest(centers)
         normals = mesh.face_normals[found], target.face_normals[closest.faces]
-        return np.asarray(found[np.einsum("nc,nc->n", *normals) < 0])
+        opposes = np.einsum("nc,nc->n", *normals) < 0
+        is_deep = closest.distances > np.sqrt(2 * mesh.areas[found])
+        return np.asarray(found[opposes & ~(is_deep & target.encloses(centers, closest))])
 
     def flattened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with the vertices of folds at the means of their neighbors.

@@ -86,8 +86,8 @@ MIN_COSINE = 0.4
 TANGENTIAL = 0.05
 """Weight of distances along the surface, relative to those along its normal."""
 
-TANGENTIAL_AT_BOUNDARY = 0.5
-"""The same for two vertices on boundaries, which should meet."""
+TANGENTIAL_AT_EDGE = 0.5
+"""The same for two vertices on boundaries or sharp creases, which should meet."""
 
 CONVERGED = 6e-4
 """Largest translation of a node in a step after which a stage ends."""
@@ -132,7 +132,7 @@ class Tracker:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._faces = key.faces
-        self._is_boundary = key.is_boundary
+        self._is_edge = key.is_edge
         self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
         order = np.random.default_rng(0).permutation(len(key.vertices))
         self._points = np.sort(order[:N_POINTS])
@@ -210,8 +210,8 @@ class Tracker:
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
         weights = (cosines > MIN_COSINE) * spread**2 / (spread**2 + distances**2)
-        are_boundaries = self._is_boundary[own] & target.is_boundary[there]
-        tangential = np.where(are_boundaries, TANGENTIAL_AT_BOUNDARY, TANGENTIAL)
+        are_edges = self._is_edge[own] & target.is_edge[there]
+        tangential = np.where(are_edges, TANGENTIAL_AT_EDGE, TANGENTIAL)
         return own, there, np.sqrt(weights), tangential
 
     def _distance_equations(

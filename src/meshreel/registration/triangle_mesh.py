@@ -27,6 +27,9 @@ BEYOND_COSINE = 0.8
 """Cosine between the way to a closest point on the boundary and its normal, below which a point is
 beyond the surface: where a curved surface has a hole, the way is not along the rim."""
 
+CREASE_COSINE = 0.25
+"""Cosine between the normals of two faces, below which their common side is a sharp crease."""
+
 ON_SIDE = 1e-9
 """Largest barycentric coordinate at a side."""
 
@@ -126,6 +129,15 @@ class TriangleMesh:
         found[boundary_edges(self.faces)] = True
         return found
 
+    @cached_property
+    def is_edge(self) -> npt.NDArray[np.bool_]:
+        """Whether each vertex is on a boundary or a sharp crease, of shape (V,)."""
+        is_edge = self.is_boundary.copy()
+        sides = np.flatnonzero(self.cosines_across(self.neighbors) < CREASE_COSINE)
+        faces, corners = np.divmod(sides, 3)
+        is_edge[self.faces[faces, corners]] = is_edge[self.faces[faces, (corners + 1) % 3]] = True
+        return is_edge
+
     def ends_before(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
         """Return whether each point is beyond the boundary of the surface, not above it."""
         if not self.is_boundary.any():
@@ -158,6 +170,17 @@ class TriangleMesh:
     def closest(self, points: Floats) -> Closest:
         """Return the closest point of the surface for each point of shape (N, 3)."""
         return self._tree.closest(points)
+
+    def corresponding(
+        self, samples: Samples, min_cosine: float, reach: float
+    ) -> tuple[Indices, Closest]:
+        """Return samples of another surface with faces of similar normals in reach, and where.
+
+        Of each of these samples, the closest point on such faces.
+        """
+        found = self._tree.closest(samples.points, samples.normals / min_cosine, reach)
+        kept = np.flatnonzero(found.faces >= 0)
+        return kept, found.at(kept)
 
     @cached_property
     def subdivisions(self) -> dict[float, "TriangleMesh"]:

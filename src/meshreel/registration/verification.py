@@ -180,10 +180,8 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
     if not is_positive.any():
         return 0.0
     n_verts = len(mesh.vertices)
-    touched = is_positive[n_verts:].copy()
-    for corners in mesh.faces.T:
-        touched |= is_positive[corners]
-    touched = np.flatnonzero(touched)
+    first, second, third = (is_positive[corners] for corners in mesh.faces.T)
+    touched = np.flatnonzero(first | second | third | is_positive[n_verts:])
     corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
     parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
     areas = np.repeat(mesh.areas[touched] / 3, 3)

@@ -104,6 +104,26 @@ def test_result_does_not_depend_on_the_order_of_points(rng):
     np.testing.assert_array_equal(each, found.faces)
 
 
+def test_only_faces_of_similar_normals_in_reach_count(rng):
+    corners = rng.normal(size=(60, 3, 3))
+    corners[:3, 2] = corners[:3, 0]  # without area
+    points, cosine, reach = rng.normal(size=(200, 3)), 0.7, 0.6
+    normals = rng.normal(size=points.shape)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    found = TriangleTree(*soup(corners)).closest(points, normals / cosine, reach)
+
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(across, axis=1)
+    counts = normals @ across.T > cosine * lengths
+    distances = np.where(counts, closest_by_brute_force(points, corners), np.inf).astype(float)
+    has_face = distances.min(axis=1) <= reach
+    assert 20 < has_face.sum() < 180
+    np.testing.assert_array_equal(found.faces >= 0, has_face)
+    np.testing.assert_array_equal(found.faces[has_face], distances[has_face].argmin(axis=1))
+    np.testing.assert_allclose(found.distances[has_face], distances[has_face].min(axis=1))
+    assert np.isinf(found.distances[~has_face]).all()
+
+
 def test_no_points_have_no_closest_points():
     result = TriangleTree(*torus(4, 4)).closest(np.empty((0, 3)))
     assert [len(values) for values in result] == [0, 0, 0, 0]
