@@ -37,20 +37,14 @@ OPTIONS_LINE = "options"
 
 @dataclass(frozen=True)
 class Range:
-    """A range of allowed numbers.
-
-    Parameters
-    ----------
-    is_open : bool, default False
-        Whether `low` is excluded.
-    is_whole : bool, default False
-        Whether only whole numbers are allowed.
-    """
+    """A range of allowed numbers."""
 
     low: float
     high: float = math.inf
     is_open: bool = False
+    """Whether `low` is excluded."""
     is_whole: bool = False
+    """Whether only whole numbers are allowed."""
 
     def __contains__(self, number: float) -> bool:
         if not self.low <= number <= self.high or not math.isfinite(number):
@@ -90,58 +84,40 @@ class Option:
     """User-facing description of an option: the metadata of its field's annotation.
 
     ``quality: Annotated[float | None, Option("1 to 100.", range=Range(1, 100))] = None``
-
-    Attributes
-    ----------
-    help : str
-        A sentence or two. Refer to other options as ``{unit}``, which becomes ``--unit`` on the
-        command line.
-    default_text : str
-        Meaning of the default None, unless `help` explains it.
-    names : tuple of str
-        Allowed values, if they are names.
-    range : Range or None
-        Allowed numbers, including those that text of the option may mean.
-    unit : str
-        Unit of a number, as it follows the range: "in percent".
-    more : str
-        Additional text of the documentation.
-    group : str
-        Heading in help and documentation; empty for the first.
-    flag : str
-        Name on the command line, such as "--modes"; by default derived from `name`.
-    metavar : str
-        Placeholder of the value in help.
-    implied : object
-        Value of the option without an argument on the command line; None if it needs one.
-    methods : tuple of str
-        Names of the encoding methods that use it.
-    needs_all_frames : bool
-        Whether it needs the whole sequence, so that live frames exclude it.
-    synonyms : mapping of str to str
-        Names in the paper and other programs, and how their values differ, if they do.
-    name : str
-        Keyword in Python; like the following, set by `options_of_fields` from the field.
-    annotation : type
-        Type of the field, without the metadata.
-    default : object
     """
 
     help: str
+    """A sentence or two. Refer to other options as ``{unit}``, which becomes ``--unit`` on the
+    command line.
+    """
     default_text: str = ""
+    """Meaning of the default None, unless `help` explains it."""
     names: tuple[str, ...] = ()
+    """Allowed values, if they are names."""
     range: Range | None = None
+    """Allowed numbers, including those that text of the option may mean."""
     unit: str = ""
+    """Unit of a number, as it follows the range: "in percent"."""
     more: str = ""
+    """Additional text of the documentation."""
     group: str = ""
+    """Heading in help and documentation; empty for the first."""
     flag: str = ""
+    """Name on the command line, such as "--modes"; by default derived from `name`."""
     metavar: str = ""
+    """Placeholder of the value in help."""
     implied: Any = None
+    """Value of the option without an argument on the command line; None if it needs one."""
     methods: tuple[str, ...] = ()
+    """Names of the encoding methods that use it."""
     needs_all_frames: bool = False
+    """Whether it needs the whole sequence, so that live frames exclude it."""
     synonyms: Mapping[str, str] = field(default_factory=dict)
+    """Names in the paper and other programs, and how their values differ, if they do."""
     name: str = ""
+    """Keyword in Python; like the following, set by `options_of_fields` from the field."""
     annotation: Any = None
+    """Type of the field, without the metadata."""
     default: Any = None
 
     @property

@@ -29,19 +29,14 @@ class Measure(Enum):
 
 @dataclass(frozen=True)
 class TrackBound:
-    """Bound of the error of each value of a track.
-
-    Attributes
-    ----------
-    measure : Measure
-        SHARE and UNITS limit the length of the difference of two values, ANGLE the angle between
-        two normals, NUMBER the difference of each number of a value.
-    amount : float
-        Above 0; not used by EXACT and DROP.
-    """
+    """Bound of the error of each value of a track."""
 
     measure: Measure
+    """SHARE and UNITS limit the length of the difference of two values, ANGLE the angle between two
+    normals, NUMBER the difference of each number of a value.
+    """
     amount: float = 0.0
+    """Above 0; not used by EXACT and DROP."""
 
 
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)

@@ -53,102 +53,82 @@ Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
 
 @dataclass(frozen=True)
 class FrameFormat:
-    """A format with one static mesh, so one frame, per file.
-
-    Parameters
-    ----------
-    extension : str
-        File extension in lower case, with the dot.
-    title : str
-        Name of the format.
-    read : function of the bytes of a file
-        Returns the `Frame`; its errors name the line but not the file.
-    encoder : function of a `FrameStream`, or None
-        Returns a function that encodes its frames, and adds notes on what the files cannot store;
-        None if the format is read-only.
-    is_decimal : bool, default False
-        Whether positions are decimal text without a declared number type.
-    has_unshared_vertices : bool, default False
-        Whether triangles do not share vertices and must be welded.
-    holds_tracks : set of Domain
-        Domains of the tracks that written files can contain; others are left out with a note.
-    extra : Extra, optional
-        Library required for reading.
-    """
+    """A format with one static mesh, so one frame, per file."""
 
     extension: str
+    """File extension in lower case, with the dot."""
     title: str
+    """Name of the format."""
     read: Callable[[bytes], Frame]
+    """Function of the bytes of a file. Returns the `Frame`; its errors name the line but not the
+    file.
+    """
     encoder: Callable[[FrameStream], Encode] | None
+    """Function of a `FrameStream`, or None. Returns a function that encodes its frames, and adds
+    notes on what the files cannot store; None if the format is read-only.
+    """
     is_decimal: bool = False
+    """Whether positions are decimal text without a declared number type."""
     has_unshared_vertices: bool = False
+    """Whether triangles do not share vertices and must be welded."""
     holds_tracks: frozenset[Domain] = NO_TRACKS
+    """Domains of the tracks that written files can contain; others are left out with a note."""
     extra: Extra | None = None
+    """Library required for reading."""
 
 
 @dataclass(frozen=True)
 class SequenceFormat:
-    """A format with a whole sequence per file.
-
-    Parameters
-    ----------
-    extension : str
-        File extension in lower case, with the dot.
-    title : str
-        Name of the format.
-    open : function of a path and `ReadOptions`, optional
-        Opens the sequence; its errors name the file. Positions stay in the file if the options
-        request it and the format allows it. Formats with `read_meshes` need none.
-    write : function of a path, a `SegmentedStream` and `WriteOptions`, or None
-        Writes the file; None if the format is read-only.
-    extra : Extra, optional
-        Library required for writing and, unless `reads_without_extra`, for reading.
-    reads : set of ReadOption
-        Read options that have an effect on the format, besides those of formats with
-        `read_meshes`, `names_files` and `list_animations`.
-    writes : set of WriteOption
-        Write options that have an effect on the format.
-    companion : str, default ""
-        Extension of a mesh file with the first frame that is written next to it.
-    read_meshes : ReadMeshes, optional
-        Returns the meshes of a file, for formats with several meshes or changing faces.
-    holds_materials : bool, default False
-        Whether files store materials and images, not only face labels.
-    has_image_folder : bool, default False
-        Whether images are stored in a folder next to the file.
-    holds_tracks : set of Domain
-        Domains of the tracks that written files can contain; others are left out with a note.
-    data_files : function of a path and a number of frames, optional
-        Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
-        where to put them.
-    list_animations : function of a path and `ReadOptions`, optional
-        Returns the animations of a file, for formats with several; its errors do not name the file.
-    holds_segments : bool, default False
-        Whether the faces of written frames may change; else `write` gets a single segment.
-    other_files : function of a path, optional
-        Returns the existing files that continue a file, for formats that split a sequence.
-    names_files : bool, default False
-        Whether its files refer to other files.
-    """
+    """A format with a whole sequence per file."""
 
     extension: str
+    """File extension in lower case, with the dot."""
     title: str
+    """Name of the format."""
     open: Callable[[Path, ReadOptions], FrameSource] | None = None
+    """Function of a path and `ReadOptions`. Opens the sequence; its errors name the file. Positions
+    stay in the file if the options request it and the format allows it. Formats with `read_meshes`
+    need none.
+    """
     write: Callable[[Path, SegmentedStream, WriteOptions], None] | None = None
+    """Function of a path, a `SegmentedStream` and `WriteOptions`, or None. Writes the file; None if
+    the format is read-only.
+    """
     extra: Extra | None = None
+    """Library required for writing and, unless `reads_without_extra`, for reading."""
     reads: frozenset[ReadOption] = frozenset()
+    """Read options that have an effect on the format, besides those of formats with `read_meshes`,
+    `names_files` and `list_animations`.
+    """
     writes: frozenset[WriteOption] = frozenset()
+    """Write options that have an effect on the format."""
     companion: str = ""
+    """Extension of a mesh file with the first frame that is written next to it."""
     read_meshes: ReadMeshes | None = None
+    """Returns the meshes of a file, for formats with several meshes or changing faces."""
     holds_materials: bool = False
+    """Whether files store materials and images, not only face labels."""
     has_image_folder: bool = False
+    """Whether images are stored in a folder next to the file."""
     holds_tracks: frozenset[Domain] = NO_TRACKS
+    """Domains of the tracks that written files can contain; others are left out with a note."""
     data_files: Callable[[Path, int], list[Path]] | None = None
+    """Function of a path and a number of frames. Returns further files that the file refers to;
+    `SegmentedStream.data_files` tells the writer where to put them.
+    """
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
+    """Function of a path and `ReadOptions`. Returns the animations of a file, for formats with
+    several; its errors do not name the file.
+    """
     holds_segments: bool = False
+    """Whether the faces of written frames may change; else `write` gets a single segment."""
     other_files: Callable[[Path], list[Path]] = lambda path: []
+    """Function of a path. Returns the existing files that continue a file, for formats that split a
+    sequence.
+    """
     reads_without_extra: bool = False
     names_files: bool = False
+    """Whether its files refer to other files."""
 
     @property
     def options(self) -> frozenset[str]:
@@ -161,27 +141,21 @@ class SequenceFormat:
 
 @dataclass(frozen=True)
 class FolderFormat:
-    """A write-only format whose output is a folder of several files.
-
-    Parameters
-    ----------
-    extension : str
-        Extension of the folder in lower case, with the dot.
-    title : str
-        Name of the format.
-    files : function of the path of the folder and `WriteOptions`
-        Returns the files that will be written; raises an error for invalid options.
-    write : function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`
-        Writes these files, with the same names, into the folder.
-    extra : Extra
-        Library required for writing.
-    writes : set of WriteOption
-        Write options that have an effect on the format.
-    """
+    """A write-only format whose output is a folder of several files."""
 
     extension: str
+    """Extension of the folder in lower case, with the dot."""
     title: str
+    """Name of the format."""
     files: Callable[[Path, WriteOptions], list[Path]]
+    """Function of the path of the folder and `WriteOptions`. Returns the files that will be
+    written; raises an error for invalid options.
+    """
     write: Callable[[Path, str, FrameStream, WriteOptions], None]
+    """Function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`. Writes
+    these files, with the same names, into the folder.
+    """
     extra: Extra
+    """Library required for writing."""
     writes: frozenset[WriteOption] = frozenset()
+    """Write options that have an effect on the format."""

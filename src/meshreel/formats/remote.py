@@ -81,16 +81,11 @@ def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[P
 
 @dataclass(frozen=True)
 class Output:
-    """The requested output, and the local path to write.
-
-    Attributes
-    ----------
-    local : str or path
-        The same for a local output; a path in a temporary folder for a remote one.
-    """
+    """The requested output, and the local path to write."""
 
     requested: AnyPath
     local: AnyPath
+    """str or path. The same for a local output; a path in a temporary folder for a remote one."""
 
     @property
     def is_remote(self) -> bool:

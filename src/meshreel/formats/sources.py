@@ -28,27 +28,18 @@ MIN_SIMILARITY = 0.8
 
 @dataclass(frozen=True)
 class SourceFiles:
-    """The files of a source, all of one format, in frame order.
-
-    Parameters
-    ----------
-    paths : tuple of Path
-        At least one; several of a format that stores whole sequences have one frame each.
-    format : FrameFormat or SequenceFormat
-        Format of all files.
-    name : str
-        Name for the sequence: the stem of a single file, otherwise the name of the folder.
-    fps : float, default 0
-        Frame rate of frame files that a manifest names; 0 = unknown.
-    left_out : tuple of str
-        What else the manifest names, which is not read.
-    """
+    """The files of a source, all of one format, in frame order."""
 
     paths: tuple[Path, ...]
+    """At least one; several of a format that stores whole sequences have one frame each."""
     format: FrameFormat | SequenceFormat
+    """Format of all files."""
     name: str
+    """Name for the sequence: the stem of a single file, otherwise the name of the folder."""
     fps: float = 0.0
+    """Frame rate of frame files that a manifest names; 0 = unknown."""
     left_out: tuple[str, ...] = ()
+    """What else the manifest names, which is not read."""
 
     @property
     def other_files(self) -> list[Path]:

@@ -107,22 +107,16 @@ class FileInfo:
 
 @dataclass(frozen=True)
 class FileSegment:
-    """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`.
-
-    Attributes
-    ----------
-    first_frame : int
-        Its number in the file.
-    offset, size_bytes : int
-        Of its bytes, without the header of the file.
-    """
+    """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`."""
 
     first_frame: U32
+    """Its number in the file."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
     offset: U64
     size_bytes: U64
+    """Of its bytes, without the header of the file."""
 
 
 @dataclass(frozen=True)
@@ -149,22 +143,15 @@ class FileBlock:
 
 @dataclass(frozen=True)
 class FileGroup:
-    """Header of a track in a block: `meshreel_group`.
-
-    Attributes
-    ----------
-    key_block : int
-        The block whose fields it refers to, or itself.
-    n_modes : int
-        0: values are stored exactly.
-    step : float
-        Quantization step of the fields, in diagonals.
-    """
+    """Header of a track in a block: `meshreel_group`."""
 
     key_block: U32
+    """The block whose fields it refers to, or itself."""
     n_modes: U32
+    """0: values are stored exactly."""
     n_corrections: U64
     step: Double
+    """Quantization step of the fields, in diagonals."""
 
 
 @dataclass(frozen=True)
@@ -196,27 +183,22 @@ class FileModes:
     The values of frame t of the block, of shape (N, C), are ``origin + fields @ basis[t]`` plus
     corrections of single values. Computed in any order and precision, they differ from decoded
     values by rounding errors only.
-
-    Attributes
-    ----------
-    fields : float array of shape (N, K)
-        In quantization steps; vertices in output order.
-    basis : float array of shape (T_b, K, C)
-        Includes step and scale.
-    origin : float array of shape (C,)
-    correction_starts : int array of shape (T_b + 1,)
-        Frame t has the corrections correction_starts[t]..correction_starts[t + 1] - 1.
-    corrected : int array of shape (n,)
-        Corrected vertex of each.
-    corrections : float array of shape (n, C)
     """
 
     fields: npt.NDArray[np.float64]
+    """float array of shape (N, K). In quantization steps; vertices in output order."""
     basis: npt.NDArray[np.float64]
+    """float array of shape (T_b, K, C). Includes step and scale."""
     origin: npt.NDArray[np.float64]
+    """float array of shape (C,)."""
     correction_starts: npt.NDArray[np.int64]
+    """int array of shape (T_b + 1,). Frame t has the corrections
+    correction_starts[t]..correction_starts[t + 1] - 1.
+    """
     corrected: npt.NDArray[np.int32]
+    """int array of shape (n,). Corrected vertex of each."""
     corrections: npt.NDArray[np.float64]
+    """float array of shape (n, C)."""
 
 
 def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_tasks: int) -> None:

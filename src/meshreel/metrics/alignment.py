@@ -25,24 +25,17 @@ AXIS_CONVERSIONS: dict[tuple[str, ...], str] = {
 
 @dataclass(frozen=True)
 class Alignment:
-    """Axis permutation, scale and shift that map one sequence onto another.
-
-    Attributes
-    ----------
-    axes : tuple of 3 str
-        Source axes of x, y and z of the second sequence, such as ("x", "-z", "y").
-    scale : float
-        Size of the second sequence relative to the first.
-    shift : tuple of 3 floats
-        Translation after scaling, in units of the second sequence.
-    residual_percent : float
-        RMS difference after alignment, in percent of the RMS size of the second sequence.
-    """
+    """Axis permutation, scale and shift that map one sequence onto another."""
 
     axes: tuple[str, ...]
+    """tuple of 3 str. Source axes of x, y and z of the second sequence, such as ("x", "-z", "y").
+    """
     scale: float
+    """Size of the second sequence relative to the first."""
     shift: tuple[float, ...]
+    """tuple of 3 floats. Translation after scaling, in units of the second sequence."""
     residual_percent: float
+    """RMS difference after alignment, in percent of the RMS size of the second sequence."""
 
     @property
     def is_mirrored(self) -> bool:

@@ -321,19 +321,15 @@ class RestMotion:
 
     Percentages refer to the mean diagonal of the bounding boxes of single frames, so that a large
     overall path of the model does not hide its local motion.
-
-    Attributes
-    ----------
-    n_pairs : int
-        Pairs of a vertex and a frame after the first in which the original moves by less than
-        `REST_PERCENT` since the previous frame.
-    median_percent, p99_percent : float
-        Median and 99th percentile of the decoded motion over these pairs; 0 if there are none.
     """
 
     n_pairs: int
+    """Pairs of a vertex and a frame after the first in which the original moves by less than
+    `REST_PERCENT` since the previous frame.
+    """
     median_percent: float
     p99_percent: float
+    """Median and 99th percentile of the decoded motion over these pairs; 0 if there are none."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

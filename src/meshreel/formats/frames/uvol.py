@@ -26,21 +26,14 @@ NUMBER = re.compile(r"\[(#+)\]|(#+)")
 
 @dataclass(frozen=True)
 class Manifest:
-    """The frame files of a capture.
-
-    Attributes
-    ----------
-    paths : tuple of Path
-        In frame order, at least one.
-    fps : float
-        0 = unknown.
-    left_out : tuple of str
-        What else the manifest names: "textures", "sound".
-    """
+    """The frame files of a capture."""
 
     paths: tuple[Path, ...]
+    """In frame order, at least one."""
     fps: float
+    """0 = unknown."""
     left_out: tuple[str, ...]
+    """What else the manifest names: "textures", "sound"."""
 
 
 def read_manifest(path: Path) -> Manifest:
