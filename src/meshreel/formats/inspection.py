@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import MeshReelError
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.kinds import AnimationInfo, SequenceFormat
 from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy

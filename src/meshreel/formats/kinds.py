@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Literal
 
 from meshreel.arrays import Values
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -14,6 +13,22 @@ from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
+
+
+@dataclass(frozen=True)
+class AnimationInfo:
+    """One of the animations of a file."""
+
+    name: str
+    """Unique in the file."""
+    start_s: float = 0.0
+    duration_s: float = 0.0
+    """Time of the first key, and seconds to the last key; 0 if it has a problem."""
+    moves_mesh: bool = False
+    """Whether it animates a mesh that is read."""
+    problem: str | None = None
+    """Why it cannot be read; None if it can."""
+
 
 ReadOption = Literal[
     "object",

@@ -5,22 +5,18 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
-from meshreel.formats.frames.uvol import read_manifest
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]
-
-MANIFESTS = (".manifest", ".json")
-"""File extensions of UVOL manifests."""
 
 MIN_SIMILARITY = 0.8
 """Similarity from which a name is suggested for one that does not exist."""
@@ -36,10 +32,6 @@ class SourceFiles:
     """Format of all files."""
     name: str
     """Name for the sequence: the stem of a single file, otherwise the name of the folder."""
-    fps: float = 0.0
-    """Frame rate of frame files that a manifest names; 0 = unknown."""
-    left_out: tuple[str, ...] = ()
-    """What else the manifest names, which is not read."""
 
     @property
     def other_files(self) -> list[Path]:
@@ -55,10 +47,9 @@ def find_files(source: Source) -> SourceFiles:
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        A file; a UVOL manifest, which names frame files; a folder, which means all its frames; a
-        pattern such as ``dir/*.obj``; or a list of frame files. Folders and patterns are sorted in
-        natural order, ignoring files that are not meshes; a list keeps its order. A list with one
-        item means that item.
+        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or a list of
+        frame files. Folders and patterns are sorted in natural order, ignoring files that are not
+        meshes; a list keeps its order. A list with one item means that item.
 
     Raises
     ------
@@ -78,8 +69,6 @@ def find_files(source: Source) -> SourceFiles:
     if path.is_dir():
         return _from_folder(path)
     refuse_pipe(path)
-    if path.suffix.lower() in MANIFESTS and path.exists():
-        return _from_manifest(path)
     if path.exists():
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
@@ -155,13 +144,6 @@ def _from_list(paths: list[Path]) -> SourceFiles:
             )
         format_of(path)
     return _of_one_format(paths, "the list")
-
-
-def _from_manifest(path: Path) -> SourceFiles:
-    manifest = read_manifest(path)
-    found = _of_one_format(list(manifest.paths), str(path))
-    name = path.name.partition(".")[0]
-    return replace(found, name=name, fps=manifest.fps, left_out=manifest.left_out)
 
 
 def _from_folder(folder: Path) -> SourceFiles:

@@ -11,8 +11,8 @@ from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.app.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import InvalidInputError, Keyword, MeshReelError, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import animations_of
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import find_files

@@ -10,7 +10,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.document import (
     POINTER,
     VISIBILITY,
@@ -19,6 +18,7 @@ from meshreel.formats.gltf.document import (
     unique_names,
 )
 from meshreel.formats.gltf.geometry import Matrices, count_targets
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.notes import listed, note_left_out
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")

@@ -11,7 +11,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, Keyword, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.animation import (
     PATHS,
     STEP,
@@ -38,6 +37,7 @@ from meshreel.formats.gltf.scene import (
     repeat_geometry,
     shown_meshes,
 )
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
