@@ -1,4 +1,4 @@
-"""Frame files are read and parsed once, whether their faces change or not."""
+"""Frame files are read and parsed once, whether their faces change or not, and on demand."""
 
 from collections import Counter
 from dataclasses import replace
@@ -9,10 +9,11 @@ import pytest
 
 import meshreel
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
-from meshreel.formats.frames.stored_frames import StoredFrames
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.save import save
+from meshreel.model.extent import extent_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
@@ -97,3 +98,54 @@ def test_runs_stay_in_their_files_once_they_take_the_limit_together(tmp_path, ex
         np.testing.assert_array_equal(*positions, strict=True)
         np.testing.assert_array_equal(run.faces, other.faces)
         assert_same_tracks(run.tracks, other.tracks)
+
+
+def survey_of(*blocks, is_decimal=True):
+    survey = FrameSurvey(is_decimal=is_decimal)
+    for block in blocks:
+        survey.add(block)
+    return survey
+
+
+def moving(dtype=np.float64):
+    return np.random.default_rng(0).standard_normal((3, 50, 3)).astype(dtype)
+
+
+def test_decimal_text_near_the_origin_is_float32():
+    assert survey_of(moving()).dtype == np.float32
+
+
+def test_decimal_text_with_one_distant_frame_is_float64():
+    vertices = moving()
+    vertices[2] += 1e4
+    assert survey_of(vertices).dtype == np.float64
+
+
+def test_decimal_text_with_one_collapsed_frame_is_float32():
+    vertices = moving()
+    vertices[1] = 0.1
+    assert survey_of(vertices).dtype == np.float32
+
+
+@pytest.mark.parametrize("largest", [1e39, 1.7e308])
+def test_decimal_text_beyond_float32_is_float64(largest):
+    assert survey_of(np.array([[[-largest, 0, 0], [largest, 0, 0]]])).dtype == np.float64
+
+
+@pytest.mark.parametrize("order", [(np.float32, np.float64), (np.float64, np.float32)])
+def test_mixed_declared_types_are_float64(order):
+    assert survey_of(*map(moving, order), is_decimal=False).dtype == np.float64
+
+
+def test_declared_float32_stays_float32():
+    assert survey_of(moving(np.float32), is_decimal=False).dtype == np.float32
+
+
+@pytest.mark.parametrize("is_decimal", [False, True])
+def test_survey_extent_covers_all_blocks(is_decimal):
+    vertices = moving()
+    survey = survey_of(vertices[:1], vertices[1:], is_decimal=is_decimal)
+    expected = extent_of(vertices.astype(survey.dtype))
+    assert survey.extent.low.tobytes() == expected.low.tobytes()
+    assert survey.extent.high.tobytes() == expected.high.tobytes()
+    assert survey.extent.mean_diagonal == expected.mean_diagonal

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from meshreel.errors import FormatError
+from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.gltf.morphs import (
+    IDENTITY,
+    Placement,
+    check_range,
+    place_frames,
+    place_static,
+)
+from meshreel.formats.gltf.write import NodeTree, path_of
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf, moving_triangle
 
 
@@ -85,3 +93,85 @@ def test_load_explains_that_meshes_have_no_triangles(read):
     file.json["meshes"][0]["primitives"][0]["mode"] = 1
     with pytest.raises(FormatError, match="contains no triangle mesh; points and lines are not"):
         read(file)
+
+
+def box(x, scale):
+    return Placement(np.array([x, 0.0, 0.0]), scale)
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [
+        ("body", ("body",)),
+        ("a/b", ("a/b",)),
+        ("/root/body", ("root", "body")),
+        ("//root//", ("root",)),
+        ("", ("mesh",)),
+        ("/", ("/",)),
+    ],
+)
+def test_path_of_splits_names_that_start_with_a_slash(name, path):
+    assert path_of(name) == path
+
+
+def test_add_creates_shared_parents_once():
+    tree = NodeTree()
+    numbers = [tree.add(f"/root/{name}", mesh, IDENTITY) for mesh, name in enumerate("ab")]
+    assert (numbers, tree.roots) == ([1, 2], [0])
+    assert tree.nodes == [
+        {"name": "root", "children": [1, 2]},
+        {"name": "a", "mesh": 0},
+        {"name": "b", "mesh": 1},
+    ]
+
+
+def test_add_compensates_the_placement_of_the_parent():
+    tree = NodeTree()
+    tree.add("/root", 0, box(1.0, 4.0))
+    tree.add("/root/hand", 1, box(3.0, 2.0))
+    assert tree.nodes == [
+        {"name": "root", "mesh": 0, "translation": [1, 0, 0], "scale": [4, 4, 4], "children": [1]},
+        {"name": "hand", "mesh": 1, "translation": [0.5, 0, 0], "scale": [0.5, 0.5, 0.5]},
+    ]
+
+
+def test_add_creates_a_node_per_mesh_for_equal_names():
+    tree = NodeTree()
+    assert [tree.add("twin", mesh, IDENTITY) for mesh in (0, 1)] == tree.roots == [0, 1]
+
+
+RNG = np.random.default_rng(11)
+
+
+def test_base_and_displacements_of_placed_frames_add_up_to_the_positions():
+    frames = 5e3 + RNG.standard_normal((7, 40, 3)) * [1, 20, 3]
+    placement, base, displacements = place_frames(frames, frames.mean(axis=0, dtype=np.float64))
+    placed = base / 32767 + displacements.reshape(7, 3, 40).transpose(0, 2, 1)
+    world = placed * placement.scale + placement.offset
+    np.testing.assert_allclose(world, frames, atol=3e-7 * placement.scale)
+    assert np.abs(base).max() <= 32767
+
+
+def test_placement_is_exact_in_float32():
+    frames = 0.1 + RNG.standard_normal((3, 9, 3))
+    placement, _, _ = place_frames(frames, frames.mean(axis=0, dtype=np.float64))
+    for number in (*placement.offset, placement.scale):
+        assert np.float32(number) == number
+
+
+def test_place_static_keeps_float32_positions_exact():
+    base = RNG.standard_normal((9, 3)).astype(np.float32)
+    placement, rest = place_static(base)
+    assert (placement.scale, placement.offset.any()) == (1.0, False)
+    np.testing.assert_array_equal(rest, base)
+
+
+def test_place_static_keeps_float64_detail_far_from_the_origin():
+    base = 1e7 + RNG.standard_normal((9, 3))
+    placement, rest = place_static(base)
+    np.testing.assert_allclose(rest + placement.offset, base, rtol=0, atol=1e-6)
+
+
+def test_check_range_names_the_largest_coordinate():
+    with pytest.raises(InvalidInputError, match=r"stores float32.*got 1e\+39; scale"):
+        check_range(np.array([-1e39, 0, 0]), np.zeros(3))
