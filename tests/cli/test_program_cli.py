@@ -97,7 +97,8 @@ def test_info_of_other_formats_imports_no_codec(folder):
     codec = {name for name in modules if name.startswith("meshreel.codec")}
     light = {*REGISTRY, "meshreel.codec.option"}
     light |= {"meshreel.codec.bitstream", "meshreel.codec.bitstream.layout"}
-    light |= {"meshreel.codec.memory"}  # the limit of --memory
+    # The limit of --memory, and the ranges of options.
+    light |= {f"meshreel.codec.{name}" for name in ("memory", "targets", "error_bounds")}
     assert codec <= light
     assert not {"scipy", "DracoPy"} & modules
 

@@ -5,6 +5,7 @@ The signature and docstring of a function, the command line and the documentatio
 
 import inspect
 import math
+import os
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -27,6 +28,7 @@ Options = ParamSpec("Options")
 First = TypeVar("First")
 Record = TypeVar("Record")
 Result = TypeVar("Result")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 DOC_WIDTH = 92
 """Width of a generated docstring, without its indent."""
@@ -229,12 +231,21 @@ def takes_fields(
             [first.replace(kind=first.POSITIONAL_OR_KEYWORD), *parameters],
             return_annotation=get_type_hints(function)["return"],
         )
-        if with_fields.__doc__ and isinstance(record, type):
+        return lists_fields(record)(with_fields)
+
+    return decorate
+
+
+def lists_fields(record: Any) -> Callable[[Function], Function]:
+    """Return a decorator that puts the options of a dataclass in place of `OPTIONS_LINE`."""
+
+    def decorate(function: Function) -> Function:
+        if function.__doc__ and isinstance(record, type):
             described = "\n".join(map(numpydoc, options_of_fields(record)))
-            lines = inspect.cleandoc(with_fields.__doc__).split("\n")
+            lines = inspect.cleandoc(function.__doc__).split("\n")
             place = lines.index(OPTIONS_LINE)
-            with_fields.__doc__ = "\n".join([*lines[:place], described, *lines[place + 2 :]])
-        return with_fields
+            function.__doc__ = "\n".join([*lines[:place], described, *lines[place + 2 :]])
+        return function
 
     return decorate
 
@@ -270,6 +281,6 @@ def type_text(option: Option) -> str:
 
 
 def _type_name(kind: Any) -> str:
-    if get_origin(kind) is Mapping:
-        return "mapping"
+    if (special := {Mapping: "mapping", os.PathLike: "path"}.get(get_origin(kind))) is not None:
+        return special
     return f"sequence of {get_args(kind)[0].__name__}" if get_origin(kind) else kind.__name__

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
 from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
@@ -43,6 +44,7 @@ ATTRIBUTE_KINDS = {TrackKind.UV: Kind.UV, TrackKind.COLOR: Kind.COLOR}
 """Kinds of tracks that become attributes of the surface where they never change."""
 
 
+@lists_fields(WriteOptions)
 def save(
     sequence: "AnySource",
     output: AnyPath,
@@ -82,7 +84,9 @@ def save(
         Receives a sentence for each thing that the format cannot store exactly, and the error of
         lossy formats.
     **settings
-        Fields of `options` by name, such as ``max_error=0.1``.
+        Fields of `options` by name, such as ``max_error=0.1``:
+    options
+        The fields of `WriteOptions`.
 
     Notes
     -----

@@ -7,10 +7,12 @@ import pytest
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.supported_options import supported_only
 
-GIVEN = ReadOptions(24.0, "body", True, skip_bad=True, allow_outside=True, animation="run")
+GIVEN = ReadOptions(
+    fps=24.0, object="body", merge=True, skip_bad=True, allow_outside=True, animation="run"
+)
 KEPT = {
-    "a.npz": ReadOptions(24.0, merge=True),
-    "a.h5": ReadOptions(24.0, "body", True, skip_bad=True),
+    "a.npz": ReadOptions(fps=24.0, merge=True),
+    "a.h5": ReadOptions(fps=24.0, object="body", merge=True, skip_bad=True),
     "a.glb": GIVEN,
 }
 

@@ -3,7 +3,7 @@
 import pytest
 
 from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.write_options import BOUNDS, GLTF, GLTF_AND_TEXTURES, RIGS, TEXTURES
+from meshreel.formats.options import BOUNDS, GLTF, GLTF_AND_TEXTURES, RIGS, TEXTURES
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
