@@ -20,12 +20,7 @@ class Keyword:
 
 
 class Message(str):
-    """Text with the keywords that it speaks of.
-
-    Parameters
-    ----------
-    *parts : str or Keyword
-    """
+    """Text with the keywords that it speaks of."""
 
     parts: tuple[str | Keyword, ...]
 

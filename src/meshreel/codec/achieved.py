@@ -65,7 +65,6 @@ def measure_stream(
         Whether to measure normals too.
     extent : Extent, optional
         Extent whose diagonal errors are relative to. Default: that of the original.
-    progress : callable, optional
     """
     sums = ErrorSums(reference_of_extent(extent or sequence.extent))
     runs: list[Vertices] = []

@@ -97,7 +97,6 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
 
     Parameters
     ----------
-    base : BaseMesh
     faces : int32 array of shape (M, 3)
     n_verts : int
         V.

@@ -123,7 +123,6 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
 
     Parameters
     ----------
-    base : FaceIndex
     faces : int32 array of shape (M, 3)
     n_verts : int
         V.

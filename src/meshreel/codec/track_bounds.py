@@ -74,7 +74,6 @@ def track_bounds(
 
     Parameters
     ----------
-    tracks : mapping of str to TrackSource
     targets : mapping of str to str or float, or None
         Bounds that the user gave.
     default : callable
@@ -101,11 +100,6 @@ def without_units(
 
     Many files store no units, so that 500Pa means 500 and a note reports it. Other bounds are
     unchanged.
-
-    Parameters
-    ----------
-    tracks : mapping of str to TrackSource
-    targets : mapping of str to str or float
     """
     plain = dict(targets)
     for name, bound in targets.items():

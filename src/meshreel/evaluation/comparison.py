@@ -72,26 +72,18 @@ class Error:
 
 @dataclass(frozen=True)
 class Kind:
-    """What is compared.
-
-    Attributes
-    ----------
-    rate : str
-        Key of the rate in a result.
-    rate_name : str
-        Name of the rate.
-    columns : mapping of str to str
-        Headings of the table of all runs, with the keys of a result separated by dots.
-    caption : str
-        The rate, in a sentence below plots.
-    """
+    """What is compared."""
 
     title: str
     rate: str
+    """Key of the rate in a result."""
     rate_name: str
+    """Name of the rate."""
     errors: tuple[Error, ...]
     columns: Mapping[str, str]
+    """Headings of the table of all runs, with the keys of a result separated by dots."""
     caption: str
+    """The rate, in a sentence below plots."""
     methodology: tuple[str, ...]
 
 

@@ -96,7 +96,6 @@ def compare_positions(
 
     Parameters
     ----------
-    methods : mapping of str to Sweep
     recorded : sequence of results
         From `read_recorded`; points of other sequences are ignored.
     quick : bool

@@ -75,12 +75,10 @@ class FrameFormat:
     title: str
     """Name of the format."""
     read: Callable[[bytes], Frame]
-    """Function of the bytes of a file. Returns the `Frame`; its errors name the line but not the
-    file.
-    """
+    """Returns the `Frame`; its errors name the line but not the file."""
     encoder: Callable[[FrameStream], Encode] | None
-    """Function of a `FrameStream`, or None. Returns a function that encodes its frames, and adds
-    notes on what the files cannot store; None if the format is read-only.
+    """Returns a function that encodes its frames, and adds notes on what the files cannot store;
+    None if the format is read-only.
     """
     is_decimal: bool = False
     """Whether positions are decimal text without a declared number type."""
@@ -101,14 +99,11 @@ class SequenceFormat:
     title: str
     """Name of the format."""
     open: Callable[[Path, ReadOptions], FrameSource] | None = None
-    """Function of a path and `ReadOptions`. Opens the sequence; its errors name the file. Positions
-    stay in the file if the options request it and the format allows it. Formats with `read_meshes`
-    need none.
+    """Opens the sequence; its errors name the file. Positions stay in the file if the options
+    request it and the format allows it. Formats with `read_meshes` need none.
     """
     write: Callable[[Path, SegmentedStream, WriteOptions], None] | None = None
-    """Function of a path, a `SegmentedStream` and `WriteOptions`, or None. Writes the file; None if
-    the format is read-only.
-    """
+    """Writes the file; None if the format is read-only."""
     extra: Extra | None = None
     """Library required for writing and, unless `reads_without_extra`, for reading."""
     reads: frozenset[ReadOption] = frozenset()
@@ -128,19 +123,16 @@ class SequenceFormat:
     holds_tracks: frozenset[Domain] = NO_TRACKS
     """Domains of the tracks that written files can contain; others are left out with a note."""
     data_files: Callable[[Path, int], list[Path]] | None = None
-    """Function of a path and a number of frames. Returns further files that the file refers to;
-    `SegmentedStream.data_files` tells the writer where to put them.
+    """Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
+    where to put them.
     """
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
-    """Function of a path and `ReadOptions`. Returns the animations of a file, for formats with
-    several; its errors do not name the file.
+    """Returns the animations of a file, for formats with several; its errors do not name the file.
     """
     holds_segments: bool = False
     """Whether the faces of written frames may change; else `write` gets a single segment."""
     other_files: Callable[[Path], list[Path]] = lambda path: []
-    """Function of a path. Returns the existing files that continue a file, for formats that split a
-    sequence.
-    """
+    """Returns the existing files that continue a file, for formats that split a sequence."""
     reads_without_extra: bool = False
     names_files: bool = False
     """Whether its files refer to other files."""
@@ -163,13 +155,9 @@ class FolderFormat:
     title: str
     """Name of the format."""
     files: Callable[[Path, WriteOptions], list[Path]]
-    """Function of the path of the folder and `WriteOptions`. Returns the files that will be
-    written; raises an error for invalid options.
-    """
+    """Returns the files that will be written; raises an error for invalid options."""
     write: Callable[[Path, str, FrameStream, WriteOptions], None]
-    """Function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`. Writes
-    these files, with the same names, into the folder.
-    """
+    """Writes these files, with the same names, into the folder."""
     extra: Extra
     """Library required for writing."""
     writes: frozenset[WriteOption] = frozenset()

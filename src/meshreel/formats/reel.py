@@ -191,7 +191,7 @@ class StoredSegment(Timed):
     timing: Timing
     """As in `MeshSequence`."""
     change: Callable[[Surface], Surface] = lambda surface: surface
-    """Function of a surface. Returns the surface to show instead."""
+    """Returns the surface to show instead."""
 
     def replace(self, **changes: Any) -> "StoredSegment":
         """Return the segment with another timing, name or surface."""

@@ -126,7 +126,6 @@ def basis_vectors(
     ----------
     coded : integer array of shape (K, C, T)
         As in the stream.
-    coding : BasisCoding
     lengths : float64 array of shape (n,), optional
         Divisors of the first n vectors, instead of their lengths.
 
@@ -170,7 +169,6 @@ def quantized_bases(
         The basis vectors, in quantization steps.
     rate_weight : float
         Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    codings : sequence of BasisCoding
     lengths : float64 array of shape (n,), optional
         As in `basis_vectors`.
 

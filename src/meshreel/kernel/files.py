@@ -54,38 +54,19 @@ NumberType = Annotated[np.dtype[Any], _U32]
 class FileInfo:
     """Contents of the header and the index of a file or a segment, `meshreel_info`.
 
-    Attributes
-    ----------
-    error_bound_percent : float
-        Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none.
-    center : tuple of 3 floats
-    diagonal : float
-        Of the bounding box of all frames, in model units.
-    size_bytes : int
-        Up to the end of the file, or of the last complete block.
-    n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, n_tracks : int
-        The positions are among the tracks.
-    longest_block : int
-        Frames of the longest block.
-    number_bytes, method, laplacian, order : int
-        As in the header.
-    is_whole : bool
-        Whether the end of the file is there.
-    n_cells : int
-        0: the mesh has faces only.
-    n_segments : int
-        Of a file of several, `error_bound_percent` and all counts but `n_frames` are 0.
-    damage : Exception or None
-        Why it is not whole.
+    Of a file of several segments, `error_bound_percent` and all counts but `n_frames` are 0.
     """
 
     name: String
     fps: Double
     start_s: Double
     error_bound_percent: Double
+    """Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none."""
     center: Vector
     diagonal: Double
+    """Of the bounding box of all frames, in model units."""
     size_bytes: U64
+    """Up to the end of the file, or of the last complete block."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
@@ -93,16 +74,21 @@ class FileInfo:
     n_corners: U32
     n_blocks: U32
     longest_block: U32
+    """Frames of the longest block."""
     n_tracks: U32
+    """Number of tracks with the positions."""
     number_bytes: U32
     method: U32
     laplacian: U32
     order: U32
     is_whole: Flag
+    """Whether the end of the file is there."""
     n_segments: U32
     n_cells: U32
+    """0: the mesh has faces only."""
     reserved: U32
     damage: Damage
+    """Why it is not whole."""
 
 
 @dataclass(frozen=True)

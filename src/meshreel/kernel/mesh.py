@@ -119,7 +119,6 @@ def item_faces(
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-    n_verts : int
     items : integer array of shape (M, 3)
         The item at each corner of a face.
     """

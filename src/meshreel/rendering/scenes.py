@@ -110,7 +110,6 @@ class Scene:
 
     Parameters
     ----------
-    sequence : FrameSource or MeshSequence
     original : FrameSource or MeshSequence, optional
         With as many frames.
     heat : str, optional

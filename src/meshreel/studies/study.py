@@ -143,7 +143,6 @@ def evaluate(
         A new or empty folder, or one of an earlier run.
     command : str
         The command line for the report. Default: that of the study without options.
-    progress : callable
 
     Raises
     ------

@@ -175,7 +175,6 @@ def every_animation(
 
     Parameters
     ----------
-    inputs : iterable of BatchInput
     notes : list of str
         Receives notes on omitted animations, and on outputs with changed names.
     allow_outside : bool

@@ -83,8 +83,6 @@ def export_page(
     split : bool, default False
         Whether script, stream, original and texture are separate files. Existing files with
         identical contents are not rewritten.
-    overwrite : bool, default False
-    progress : callable, optional
     notes : list of str, optional
         Receives notes, such as omitted tracks.
 

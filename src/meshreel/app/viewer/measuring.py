@@ -181,10 +181,6 @@ class Measuring:
     def run(self, progress: Progress = silent) -> None:
         """Measure all frames in the calling thread.
 
-        Parameters
-        ----------
-        progress : callable, optional
-
         Raises
         ------
         MeshReelError, OSError

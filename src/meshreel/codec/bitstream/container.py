@@ -210,7 +210,6 @@ class StoredMeshes:
         ----------
         number : int
             Of the segment, from 0; numbers ascend from call to call.
-        header : Header
         leading : iterable of (Section, bytes)
             The sections before its first block.
         """
@@ -387,7 +386,6 @@ class StreamWriter:
 
         Parameters
         ----------
-        n_frames : int
         sections : iterable of (Section, bytes)
             BLOCK first and COEFFICIENTS last, so that a block is complete if its last section is.
             Each TRACK_BLOCK starts the sections of a further track.

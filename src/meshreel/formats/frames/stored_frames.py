@@ -56,9 +56,7 @@ class StoredFrames(Timed):
     extent: Extent
     """Bounding box of all frames, in `dtype`."""
     read_range: Callable[[int, int], Vertices]
-    """Function of a start and a stop. Reads the positions of frames start..stop - 1, of shape (stop
-    - start, V, 3).
-    """
+    """Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
     timing: Timing = UNTIMED
     surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
@@ -137,9 +135,7 @@ class StoredTrack:
     shape: tuple[int, int, int]
     """Frames, places and numbers of each value: (T, N, C)."""
     read_range: Callable[[int, int], Values]
-    """Function of a start and a stop. Reads the values of frames start..stop - 1, of shape (stop -
-    start, N, C).
-    """
+    """Reads the values of frames start..stop - 1, of shape (stop - start, N, C)."""
 
     def __post_init__(self) -> None:
         check_kind(self.kind, self.shape[2], self.dtype)
@@ -285,7 +281,7 @@ class ReadableFrames:
     dtype: np.dtype[np.floating]
     """float32 or float64. Type of the positions that `read` returns."""
     read: Callable[[int, int], Vertices]
-    """Function of a start and a stop. Returns the positions of frames start..stop - 1."""
+    """Returns the positions of frames start..stop - 1."""
     files: tuple[Path, ...] = ()
     """Files with the positions."""
     is_portable: bool = False

@@ -343,7 +343,6 @@ class Clips:
 
         Parameters
         ----------
-        wanted : str, int or None
         notes : list of str
             Gains sentences on malformed animations, and on those not read by default.
 

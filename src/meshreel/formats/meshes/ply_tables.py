@@ -28,9 +28,7 @@ class PlyBody:
     order: str
     """{"<", ">", "="}. Byte order."""
     place: Callable[[int], str] | None = None
-    """Function of the offset of a number. For an ASCII file: describes the location in messages,
-    such as "line 7".
-    """
+    """For an ASCII file: describes the location in messages, such as "line 7"."""
 
     def code(self, declared: str) -> str:
         """Return the type code of numbers in the body, given the declared one."""

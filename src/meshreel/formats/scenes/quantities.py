@@ -25,9 +25,7 @@ class Quantity:
     domain: Domain | None
     """None if it is not declared."""
     values: Callable[[float], Values | None]
-    """Function of a time. Returns the numbers in file order, of shape (N, C), or None if it has
-    none.
-    """
+    """Returns the numbers in file order, of shape (N, C), or None if it has none."""
     times: Callable[[], Floats]
     """Returns the times of its samples, ascending."""
     kind: str = ""
@@ -37,7 +35,7 @@ class Quantity:
     is_constant: bool = False
     """Whether a single value applies to all items."""
     to_world: Callable[[Values, Floats], Values] | None = None
-    """Function of values and a matrix. Transforms the values with the mesh."""
+    """Transforms the values with the mesh."""
 
     def of_items(self, time: float, n_items: int) -> Values | None:
         """Return its values at a time, of shape (n_items, C); None if missing or miscounted."""

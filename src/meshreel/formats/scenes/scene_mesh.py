@@ -30,22 +30,20 @@ class SceneMesh:
     There is a frame at each sample of the positions or of a transform above the mesh.
     """
     frame: Callable[[int], PolygonMesh]
-    """Function of a frame number. Returns the mesh in world space. Its faces may differ between
-    frames; callers check that.
-    """
+    """Returns the mesh in world space. Its faces may differ between frames; callers check that."""
     surface: Callable[[int], Surface] = lambda frame: PLAIN
-    """Function of a frame number. Returns attributes and groups for the faces of that frame,
-    without face sizes. Called only for the first frame of a sequence.
+    """Returns attributes and groups for the faces of a frame, without face sizes. Called only
+    for the first frame of a sequence.
     """
     fps: float | None = None
     """Frames per second that the file declares; None to infer it from the times, 0 if unknown."""
     tracks: Callable[[range], Mapping[str, TrackSource]] = lambda frames: {}
-    """Function of a range of frame numbers. Returns the tracks of these frames, which share their
-    faces and have all been read before. Frame 0 of a track is the first frame of the range.
+    """Returns the tracks of these frames, which share their faces and have all been read before.
+    Frame 0 of a track is the first frame of the range.
     """
     positions: Callable[[int, int], Vertices] | None = None
-    """Function of a start and a stop. Returns the positions of frames start..stop - 1, of shape
-    (stop - start, V, 3), for a mesh whose faces are those of frame 0 in all frames.
+    """Returns the positions of frames start..stop - 1, of shape (stop - start, V, 3), for a mesh
+    whose faces are those of frame 0 in all frames.
     """
 
 

@@ -188,18 +188,13 @@ class Block:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a geometry.
-
-    Parameters
-    ----------
-    position : int
-        Of the coordinates in the file.
-    """
+    """A part of a geometry."""
 
     number: int
     name: str
     n_nodes: int
     position: int
+    """Of the coordinates in the file."""
     blocks: tuple[Block, ...]
 
 

@@ -71,21 +71,14 @@ VTK_POLYHEDRON = 42
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """VTK cells of any type.
-
-    Parameters
-    ----------
-    types : integer array of shape (N,)
-        VTK cell types, or `POLYHEDRON`.
-    counts : int64 array of shape (N,)
-        Number of points of each cell.
-    points : int64 array of shape (sum of counts,)
-        Point indices of all cells, concatenated.
-    """
+    """VTK cells of any type."""
 
     types: npt.NDArray[Any]
+    """Integer array of shape (N,). VTK cell types, or `POLYHEDRON`."""
     counts: npt.NDArray[np.int64]
+    """int64 array of shape (N,). Number of points of each cell."""
     points: npt.NDArray[np.int64]
+    """int64 array of shape (sum of counts,). Point indices of all cells, concatenated."""
 
     @classmethod
     def join(cls, groups: Iterable["Cells"]) -> "Cells":

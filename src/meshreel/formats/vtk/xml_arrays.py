@@ -112,9 +112,7 @@ class ArrayCoding:
     header: str
     """{"u4", "u8"}. Type of the sizes in front of the data."""
     unpack: Unpack | None
-    """Function of a packed block and its size, or None. Decompressor, for files with compressed
-    arrays.
-    """
+    """Decompressor, for files with compressed arrays."""
     appended: bytes = b""
     """Content of AppendedData."""
     is_raw: bool = False

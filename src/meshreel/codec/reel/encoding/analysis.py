@@ -139,9 +139,6 @@ def analyze_fields(
 
     Parameters
     ----------
-    frames : BlockFrames
-    mesh : FieldMesh
-    choices : FieldChoices
     key : KeyFields, optional
         Fields of the block that this one refers to. They are reused if that takes fewer bits;
         modes are then found for the remainder.
@@ -344,7 +341,6 @@ def reuse_fields(
 
     Parameters
     ----------
-    frames : BlockFrames
     values : float64 array of shape (V, K)
         Fields of the key block, in coding order.
     number : integer array of shape (V,)

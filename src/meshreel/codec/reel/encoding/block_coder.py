@@ -83,7 +83,6 @@ class FieldBlockCoder:
 
         Parameters
         ----------
-        frames : BlockFrames
         key : KeyBlock, optional
             The block that this one refers to.
         reference : int, default 0
@@ -224,10 +223,6 @@ class KeyedBlocks:
     """Codes consecutive blocks; each refers to the last key block.
 
     The first block is a key block, and so are those that gain nothing from the last one.
-
-    Parameters
-    ----------
-    coder : FieldBlockCoder
     """
 
     def __init__(self, coder: FieldBlockCoder) -> None:

@@ -154,8 +154,6 @@ def stream_of(
 
     Parameters
     ----------
-    source : Source
-    coder : PositionCoder
     progress, engine
         As in `encode`.
     """
@@ -200,11 +198,6 @@ def _with_progress(
 
 class LivePositionCoder:
     """Encodes blocks of live frames.
-
-    Parameters
-    ----------
-    coder : PositionCoder
-    start : LiveStart
 
     Raises
     ------

@@ -104,8 +104,6 @@ def grid_coder(
 
     Parameters
     ----------
-    mesh : CodedMesh
-    frame : BoundingFrame
     extent : Extent
         Extent of the positions known so far.
     dtype : dtype
@@ -160,8 +158,6 @@ def encode_frame(source: Source, progress: Progress, step: float | None) -> byte
 
     Parameters
     ----------
-    source : Source
-    progress : callable
     step : float or None
         Step in diagonals; None: that of the bound of the source.
 

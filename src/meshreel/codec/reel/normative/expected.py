@@ -91,8 +91,6 @@ def expected_values(
 
     Parameters
     ----------
-    header : TrackHeader
-    surface : MovingSurface
     positions : float array of shape (T_b, V, 3)
         Decoded positions of the whole block.
     frames : slice

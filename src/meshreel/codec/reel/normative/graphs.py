@@ -32,12 +32,9 @@ def item_graph(
 
     Parameters
     ----------
-    domain : Domain
     faces : int32 array of shape (M, 3)
     surface : Surface
         Maps polygons to triangles.
-    n_verts : int
-    rows : CornerRows, optional
     """
     if domain is Domain.CELL:
         cells = surface.cells
