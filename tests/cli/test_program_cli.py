@@ -295,7 +295,8 @@ def run_without_extras(folder, lines):
     command = [sys.executable, "-c", PROGRAM, words]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=folder)
     assert done.returncode == 0, done.stderr
-    return done.stderr.splitlines()
+    # A busy machine shows progress.
+    return [line for line in done.stderr.splitlines() if not line.endswith(" so far)")]
 
 
 def test_base_commands_import_no_optional_library(tmp_path):

@@ -1,7 +1,7 @@
 """The kinds of formats: one frame per file, a whole sequence per file, and folders of files."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -61,19 +61,51 @@ NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
 OF_CELLS = NOT_OF_CORNERS | {Domain.CELL}
 """Track domains that a format supports; with those of cells, it stores cells too."""
 
-
 Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
 """Returns the file of a frame with positions of shape (V, 3) and values of tracks by name."""
 
 
 @dataclass(frozen=True)
-class FrameFormat:
-    """A format with one static mesh, so one frame, per file."""
+class Format:
+    """What formats of all kinds may have."""
 
     extension: str
     """File extension in lower case, with the dot."""
     title: str
     """Name of the format."""
+    _: KW_ONLY
+    extra: Extra | None = None
+    """Library required for writing and, unless `reads_without_extra`, for reading."""
+    reads_without_extra: bool = False
+    reads: frozenset[ReadOption] = frozenset()
+    """Read options that have an effect on the format, besides those of formats with `read_meshes`,
+    `names_files` and `list_animations`.
+    """
+    writes: frozenset[WriteOption] = frozenset()
+    """Write options that have an effect on the format."""
+    holds_tracks: frozenset[Domain] = NO_TRACKS
+    """Domains of the tracks that written files can contain; others are left out with a note."""
+    companion: str = ""
+    """Extension of a mesh file with the first frame that is written next to it."""
+    has_image_folder: bool = False
+    """Whether images are stored in a folder next to the file."""
+    data_files: Callable[[Path, int], list[Path]] | None = None
+    """Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
+    where to put them.
+    """
+    other_files: Callable[[Path], list[Path]] = lambda path: []
+    """Returns the existing files that continue a file, for formats that split a sequence."""
+
+    @property
+    def options(self) -> frozenset[str]:
+        """All read and write options that have an effect."""
+        return self.reads | self.writes
+
+
+@dataclass(frozen=True)
+class FrameFormat(Format):
+    """A format with one static mesh, so one frame, per file."""
+
     read: Callable[[bytes], Frame]
     """Returns the `Frame`; its errors name the line but not the file."""
     encoder: Callable[[FrameStream], Encode] | None
@@ -84,56 +116,32 @@ class FrameFormat:
     """Whether positions are decimal text without a declared number type."""
     has_unshared_vertices: bool = False
     """Whether triangles do not share vertices and must be welded."""
-    holds_tracks: frozenset[Domain] = NO_TRACKS
-    """Domains of the tracks that written files can contain; others are left out with a note."""
-    extra: Extra | None = None
-    """Library required for reading."""
+
+    @property
+    def holds_segments(self) -> bool:
+        """Whether the faces of written frames may change."""
+        return self.encoder is not None
 
 
 @dataclass(frozen=True)
-class SequenceFormat:
+class SequenceFormat(Format):
     """A format with a whole sequence per file."""
 
-    extension: str
-    """File extension in lower case, with the dot."""
-    title: str
-    """Name of the format."""
     open: Callable[[Path, ReadOptions], FrameSource] | None = None
     """Opens the sequence; its errors name the file. Positions stay in the file if the options
     request it and the format allows it. Formats with `read_meshes` need none.
     """
     write: Callable[[Path, SegmentedStream, WriteOptions], None] | None = None
     """Writes the file; None if the format is read-only."""
-    extra: Extra | None = None
-    """Library required for writing and, unless `reads_without_extra`, for reading."""
-    reads: frozenset[ReadOption] = frozenset()
-    """Read options that have an effect on the format, besides those of formats with `read_meshes`,
-    `names_files` and `list_animations`.
-    """
-    writes: frozenset[WriteOption] = frozenset()
-    """Write options that have an effect on the format."""
-    companion: str = ""
-    """Extension of a mesh file with the first frame that is written next to it."""
     read_meshes: ReadMeshes | None = None
     """Returns the meshes of a file, for formats with several meshes or changing faces."""
     holds_materials: bool = False
     """Whether files store materials and images, not only face labels."""
-    has_image_folder: bool = False
-    """Whether images are stored in a folder next to the file."""
-    holds_tracks: frozenset[Domain] = NO_TRACKS
-    """Domains of the tracks that written files can contain; others are left out with a note."""
-    data_files: Callable[[Path, int], list[Path]] | None = None
-    """Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
-    where to put them.
-    """
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
     """Returns the animations of a file, for formats with several; its errors do not name the file.
     """
     holds_segments: bool = False
     """Whether the faces of written frames may change; else `write` gets a single segment."""
-    other_files: Callable[[Path], list[Path]] = lambda path: []
-    """Returns the existing files that continue a file, for formats that split a sequence."""
-    reads_without_extra: bool = False
     names_files: bool = False
     """Whether its files refer to other files."""
 
@@ -143,22 +151,16 @@ class SequenceFormat:
         of_meshes = {"object", "merge", "skip_bad"} if self.read_meshes else set()
         of_files = {"allow_outside"} if self.names_files else set()
         of_animations = {"animation"} if self.list_animations else set()
-        return self.reads | self.writes | of_meshes | of_files | of_animations
+        return super().options | of_meshes | of_files | of_animations
 
 
 @dataclass(frozen=True)
-class FolderFormat:
+class FolderFormat(Format):
     """A write-only format whose output is a folder of several files."""
 
-    extension: str
-    """Extension of the folder in lower case, with the dot."""
-    title: str
-    """Name of the format."""
     files: Callable[[Path, WriteOptions], list[Path]]
     """Returns the files that will be written; raises an error for invalid options."""
     write: Callable[[Path, str, FrameStream, WriteOptions], None]
     """Writes these files, with the same names, into the folder."""
-    extra: Extra
-    """Library required for writing."""
-    writes: frozenset[WriteOption] = frozenset()
-    """Write options that have an effect on the format."""
+
+    holds_segments = False

@@ -17,7 +17,6 @@ from typing import cast
 
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.file_references import DOWNLOADED, download_sibling
-from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.outputs import is_pattern
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
@@ -212,7 +211,7 @@ def _has_magic(text: str) -> bool:
 def _fetch_companion(path: Path) -> None:
     """Download the mesh next to a point cache, if there is one."""
     found = FORMATS[extension_of(path)]
-    if isinstance(found, SequenceFormat) and found.companion:
+    if found.companion:
         download_sibling(path.with_suffix(found.companion))
 
 

@@ -36,8 +36,6 @@ class SourceFiles:
     @property
     def other_files(self) -> list[Path]:
         """The files that continue a file of a whole sequence."""
-        if not isinstance(self.format, SequenceFormat):
-            return []
         return self.format.other_files(self.paths[0])
 
 
@@ -113,7 +111,7 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
     files = list(found.paths)
     if topology is not None:
         files.append(Path(topology))
-    elif isinstance(found.format, SequenceFormat) and found.format.companion:
+    elif found.format.companion:
         files += [path.with_suffix(found.format.companion) for path in found.paths]
     return files + found.other_files
 
