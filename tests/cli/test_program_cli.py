@@ -51,7 +51,6 @@ def test_python_m_runs_the_program():
 
 
 def imported(*arguments):
-    """Return the modules that the program imports."""
     program = (
         "import atexit, sys; from meshreel.app.cli import main; "
         "atexit.register(lambda: print(*sys.modules, file=sys.stderr)); main()"

@@ -12,18 +12,22 @@ Indices = npt.NDArray[np.int64]
 
 
 class Closest(NamedTuple):
-    """The closest points of N points on a triangle mesh."""
+    """The closest points of N points on a triangle mesh.
+
+    Attributes
+    ----------
+    distances : float64 array of shape (N,)
+    faces : int64 array of shape (N,)
+        The face that contains each closest point; the lowest of equally close ones.
+    points : float64 array of shape (N, 3)
+    weights : float64 array of shape (N, 3)
+        Barycentric coordinates of `points` in `faces`.
+    """
 
     distances: Floats
-    """float64 array of shape (N,)."""
     faces: Indices
-    """int64 array of shape (N,). The face that contains each closest point; the lowest of equally
-    close ones.
-    """
     points: Floats
-    """float64 array of shape (N, 3)."""
     weights: Floats
-    """float64 array of shape (N, 3). Barycentric coordinates of `points` in `faces`."""
 
 
 class TriangleTree:

@@ -102,7 +102,6 @@ def test_growing_file_is_readable_up_to_the_last_block(tmp_path):
 
 
 def assert_parts_sum(stream):
-    """The bytes of parts of a stream sum to its size."""
     assert min(stream.part_bytes.values()) > 0
     assert sum(stream.part_bytes.values()) == stream.size_bytes
 

@@ -37,7 +37,6 @@ def source_of(target):
 
 
 def written(sequence, folder, extension):
-    """Save a sequence in a format and load it again."""
     extra = getattr(FORMATS[extension], "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extension} needs {extra.library}, which is not installed")

@@ -46,7 +46,6 @@ ONE_ONE_HALVES = [[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0]]
 
 @pytest.fixture
 def read(tmp_path):
-    """A function that loads a file."""
 
     def loaded(file, **options):
         return load(file.save(tmp_path / "a.glb"), **options)

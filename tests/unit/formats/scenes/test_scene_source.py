@@ -23,7 +23,6 @@ PATH = Path("scene.abc")
 
 
 def scene_mesh(sequence, name, times_s=None):
-    """A scene mesh with the frames of a sequence."""
     sizes = sequence.surface.sizes(len(sequence.faces))
     corners = join_triangles(sizes, sequence.faces)
     times = sequence.start_s + np.arange(sequence.n_frames) / 24 if times_s is None else times_s
