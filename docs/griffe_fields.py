@@ -1,6 +1,6 @@
-"""An extension of Griffe: functions that take fields as keywords are shown with those.
+"""An extension of Griffe: functions that take or list fields are shown with those.
 
-mkdocstrings reads source, where `takes_fields` has not been applied yet.
+mkdocstrings reads source, where the decorators have not been applied yet.
 """
 
 import inspect
@@ -9,17 +9,15 @@ from typing import Any
 
 import griffe
 
-DECORATOR = "takes_fields"
+DECORATORS = ("takes_fields(", "lists_fields(")
 
 
 class FieldsExtension(griffe.Extension):
     """Gives decorated functions the signature and the docstring that they have at run time."""
 
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
-        """Replace the parameters of a function that has the decorator."""
-        if not any(
-            str(decorator.value).startswith(f"{DECORATOR}(") for decorator in func.decorators
-        ):
+        """Replace the parameters of a function that has one of the decorators."""
+        if not any(str(decorator.value).startswith(DECORATORS) for decorator in func.decorators):
             return
         found = getattr(import_module(func.module.path), func.name)
         source = func.docstring

@@ -87,9 +87,11 @@ def decode(
         Frames to return, a Python slice without a step; only the blocks that contain them are
         decoded. Default: all.
     n_modes : int, optional
-        Number of modes to decode in each block; fewer give a coarser animation, faster, without
-        corrections. Default: all. Streams of `reel` only. For a `ReelFile`, pass it to
-        `meshreel.open`.
+        Number of leading modes to decode in each block; fewer give a coarser animation, faster,
+        without corrections. In streams of `reel` further modes, up to the 16th at least, keep their
+        mean over the block; the paper's methods omit further rows of coefficients (the paper's
+        k_l); streams of `lossless` and `grid` have no modes. Default: all. For a `ReelFile`, pass
+        it to `meshreel.open`.
     segment : int, optional
         Decode this segment alone, numbered from 0 as `info` lists them; its frames count from 0.
         Default: all. For a `ReelFile`, pass it to `meshreel.open`.

@@ -7,17 +7,11 @@ from typing import Any, Self
 
 @dataclass(frozen=True)
 class Keyword:
-    """A keyword argument that a message speaks of; the command line shows its option instead.
-
-    Attributes
-    ----------
-    name : str
-    value : str or True, optional
-        What to pass, such as ``order="drop"``.
-    """
+    """A keyword argument that a message speaks of; the command line shows its option instead."""
 
     name: str
     value: str | bool | None = None
+    """What to pass, such as ``order="drop"``."""
 
     def __str__(self) -> str:
         if self.value is None:
@@ -26,12 +20,7 @@ class Keyword:
 
 
 class Message(str):
-    """Text with the keywords that it speaks of.
-
-    Parameters
-    ----------
-    *parts : str or Keyword
-    """
+    """Text with the keywords that it speaks of."""
 
     parts: tuple[str | Keyword, ...]
 

@@ -106,7 +106,6 @@ def redness(page):
 
 
 def until_red(page):
-    """Wait until the red image is drawn."""
     end = time.monotonic() + PATIENCE_S
     while redness(page) <= 0.05:
         assert time.monotonic() < end, f"waited {PATIENCE_S} s for the red image"

@@ -92,7 +92,6 @@ def probe(page, item):
 
 
 def limits(page):
-    """Return the ends of the legend."""
     return [float(end) for end in re.findall(r"(\S+) m/s", legend_of(page))]
 
 

@@ -260,7 +260,7 @@ def test_compare_notes_rotated_axes(grid, tmp_path):
     sequence = meshreel.load(grid)
     turned = sequence.vertices[..., [0, 2, 1]] * np.float32([1, -1, 1])
     meshreel.save(sequence.replace(vertices=turned), tmp_path / "turned.npz")
-    words = "its x, y, z are x, -z, y of the original (y-up to z-up)"
+    words = "check that axes (y-up, z-up), unit and position are equal"
     assert words in " ".join(run("compare", grid, tmp_path / "turned.npz").stderr.split())
     [note] = run_json("compare", grid, tmp_path / "turned.npz")["notes"]
     assert words in note

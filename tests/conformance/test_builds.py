@@ -31,7 +31,6 @@ pytestmark = pytest.mark.slow
 
 @cache
 def compile_core():
-    """Import core/compile.py."""
     spec = importlib.util.spec_from_file_location("core_compile", ROOT / "core" / "compile.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -175,7 +174,6 @@ def decoded_hashes(description, decoded):
 
 
 def stored_hashes(description):
-    """Return the hashes of a description."""
     positions = [description["hash of positions"]] if "hash of positions" in description else []
     return {
         "triangles": description["hash of faces"],

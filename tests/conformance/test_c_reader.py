@@ -416,7 +416,6 @@ def test_call_without_memory_succeeds_when_repeated():
 
 
 def attribute_values(file):
-    """Return the values of each attribute of the decoded surface."""
     surface = c_reader.returned("surface_of", ctypes.POINTER(CSurface), file.handle).contents
     return [
         c_reader.array_at(one.values, (one.n_rows, one.width), NUMBER_TYPES[one.type]).tobytes()

@@ -174,7 +174,6 @@ def open_all(data, host):
 
 
 def read_file(data):
-    """Read all frames of a file."""
     with ReelFile(BytesIO(data)) as file:
         file.require_whole()
         list(file)

@@ -193,7 +193,6 @@ def test_materials_and_images_of_different_meshes_are_stored_once():
 
 
 def section_ids(file, segment):
-    """Return the ids of the sections of a segment."""
     offset, ids = segment.offset, []
     while offset < segment.offset + segment.size:
         section = file.section(offset)

@@ -49,7 +49,6 @@ def with_counts(data, n_frames, n_modes=None, **header):
 
 
 def with_track(**options):
-    """Return a stream with a track of zeros."""
     grid = waving_grid(4, 4, 5)
     tracks = {"still": Track(np.zeros((4, 20, 9), np.float32), "vertex", "other")}
     return encode(grid.replace(tracks=tracks), tracks=options or None)

@@ -148,7 +148,6 @@ def change(path, other):
 
 
 def edit_mesh(path):
-    """Add a vertex to an imported mesh."""
     (obj,) = import_file(path)
     obj.data.vertices.add(1)
     bpy.context.scene.frame_set(2)

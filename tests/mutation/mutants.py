@@ -62,7 +62,6 @@ class Mutant:
 
 
 def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
-    """Return the mutant of an edit."""
     first = source.rfind(b"\n", 0, edit.start) + 1
     last = source.find(b"\n", edit.end)
     last = len(source) if last < 0 else last

@@ -52,7 +52,6 @@ class _Text(ctypes.Structure):
 class _Track(ctypes.Structure):
     @property
     def dtype(self):
-        """Number type of its values."""
         return NUMBER_TYPES[self.type]
 
 
@@ -199,7 +198,6 @@ class Host:
 
 
 def in_memory(data):
-    """A source of bytes in memory."""
     return Source(data, len(data), READ(), None)
 
 
@@ -248,7 +246,6 @@ class File:
         self.handle = c_void_p()
 
     def open_segment(self, number, mesh=True):
-        """Open a segment as a separate file."""
         return File(self.source, self.host, mesh, whole=self, number=number)
 
     def segment(self, number):
@@ -261,11 +258,9 @@ class File:
 
     @property
     def segments(self):
-        """All segments."""
         return [self.segment(number) for number in range(self.info.n_segments)]
 
     def segment_of_frame(self, frame):
-        """Number of the segment of a frame."""
         return returned("segment_of_frame", c_uint32, self.handle, c_uint32(frame))
 
     @property
@@ -279,7 +274,6 @@ class File:
         return returned("frame_at", c_uint32, self.handle, c_double(time_s))
 
     def read_mesh(self):
-        """Decode triangles and the order of vertices."""
         call("read_mesh", self.handle)
 
     @property
@@ -289,7 +283,6 @@ class File:
         return array_at(address, (self.info.n_triangles, 3), np.uint32) if address else None
 
     def track(self, number):
-        """Return the description of a track."""
         result = Track()
         code = library().meshreel_track_of(self.handle, c_uint32(number), byref(result))
         if code:
@@ -318,7 +311,6 @@ class File:
         return result
 
     def block_of_frame(self, frame):
-        """Number of the block of a frame."""
         return returned("block_of_frame", c_uint32, self.handle, c_uint32(frame))
 
     def section(self, offset, check=True):
@@ -328,7 +320,6 @@ class File:
         return result
 
     def read_surface(self):
-        """Decode the surface."""
         call("read_surface", self.handle)
 
     @property
@@ -370,7 +361,6 @@ class Decoder:
         self.handle = c_void_p()
 
     def load(self, track, block, n_modes=0):
-        """Load a track of a block."""
         call("load", self.handle, c_uint32(track), c_uint32(block), c_uint32(n_modes))
 
     def values_of_modes(self, track, block):
@@ -401,7 +391,6 @@ class Decoder:
         return result
 
     def decode(self, out, track, first, count, n_modes=0, layout=None):
-        """Decode frames to an array."""
         layout_pointer = byref(layout) if layout else None
         numbers = (c_uint32(number) for number in (track, first, count, n_modes))
         call("decode", self.handle, *numbers, layout_pointer, c_void_p(out.ctypes.data))

@@ -37,7 +37,6 @@ def full_surface():
 
 
 def polygon_surface():
-    """Return a surface with polygons only."""
     return Surface(COUNTS)
 
 

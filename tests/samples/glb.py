@@ -78,7 +78,6 @@ class Glb:
         return next(one for one in self.document["nodes"] if one["name"] == name)
 
     def primitives(self, name):
-        """Return the primitives of a node's mesh."""
         return self.document["meshes"][self.node(name)["mesh"]]["primitives"]
 
     def weights(self, name):

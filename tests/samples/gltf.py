@@ -113,7 +113,6 @@ class Gltf:
 
 
 def glb(document, data):
-    """Return the bytes of a GLB file."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     data = bytes(data) + bytes(-len(data) % 4)

@@ -116,7 +116,6 @@ def two_sheets(n_frames=6, dtype=np.float32):
 
 
 def every_third_edge(surface, faces):
-    """Return every third edge between faces."""
     sizes = surface.sizes(len(faces))
     return shared_edges(sizes, join_triangles(sizes, faces)).ends[::3].astype(np.int32)
 

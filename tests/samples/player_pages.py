@@ -31,7 +31,6 @@ def viewing(path, *options):
 
 
 def array_of(page, expression, dtype):
-    """Return a typed array of the page."""
     text = page.evaluate(
         f"""() => {{
             const bytes = new Uint8Array(({expression}).buffer);
@@ -55,7 +54,6 @@ def values_of(page):
 
 
 def show(page, frame):
-    """Show a frame."""
     page.evaluate("frame => player.seek(frame)", frame)
 
 
@@ -82,7 +80,6 @@ def wait_until(page, condition, limit_s=20.0):
 
 
 def state_of(page):
-    """Return `player.state()`."""
     return page.evaluate("player.state()")
 
 

@@ -99,7 +99,6 @@ def layout_of(sections, n_frames):
 
 
 def track_headers(data):
-    """Return the headers of the further tracks of a stream."""
     payloads = [payload for section, payload in Stream(data).sections if section is Section.TRACK]
     return [track_header(payload) for payload in payloads]
 
@@ -128,7 +127,6 @@ def track_header(payload):
 
 
 def track_values(data):
-    """Return all values of the further tracks."""
     opened, result = whole_stream(data), []
     reader = opened.method.frames(opened, None)
     for number, track in enumerate(opened.tracks, start=1):

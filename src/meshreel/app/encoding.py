@@ -18,21 +18,15 @@ from meshreel.runtime.progress import Progress, silent
 
 @dataclass(frozen=True)
 class Encoded:
-    """A stream and its measured errors.
-
-    Attributes
-    ----------
-    uv : float or None
-        Largest error of texture coordinates, in widths of the texture; None if they are exact.
-    n_meshes : int
-        Number of distinct meshes among the segments.
-    """
+    """A stream and its measured errors."""
 
     data: bytes
     stream: StreamInfo
     achieved: Achieved
     uv: float | None
+    """Largest error of texture coordinates, in widths of the texture; None if they are exact."""
     n_meshes: int
+    """Number of distinct meshes among the segments."""
 
 
 def encode_and_measure(

@@ -33,24 +33,17 @@ NORMAL_FRAMES = 10
 
 @dataclass(frozen=True)
 class Achieved:
-    """Errors of a stream relative to its original.
-
-    Attributes
-    ----------
-    sted : float or None
-        None if it was not requested.
-    normal_angle_mean_deg : float or None
-        Mean angle between normals of faces. None if it was not requested.
-    n_normal_frames : int
-        Number of frames of which `normal_angle_mean_deg` is the mean.
-    """
+    """Errors of a stream relative to its original."""
 
     kg_error_percent: float
     max_error_percent: float
     sted: float | None
+    """None if it was not requested."""
     tracks: dict[str, TrackErrors]
     normal_angle_mean_deg: float | None = None
+    """Mean angle between normals of faces. None if it was not requested."""
     n_normal_frames: int = 0
+    """Number of frames of which `normal_angle_mean_deg` is the mean."""
 
 
 def measure_stream(
@@ -72,7 +65,6 @@ def measure_stream(
         Whether to measure normals too.
     extent : Extent, optional
         Extent whose diagonal errors are relative to. Default: that of the original.
-    progress : callable, optional
     """
     sums = ErrorSums(reference_of_extent(extent or sequence.extent))
     runs: list[Vertices] = []

@@ -19,17 +19,12 @@ row of the k-th previous corner."""
 
 @dataclass(frozen=True)
 class CornerRows:
-    """Row of each corner.
-
-    Attributes
-    ----------
-    of_corners : int64 array of shape (N,)
-    n_rows : int
-        R; at least the number of vertices.
-    """
+    """Row of each corner."""
 
     of_corners: Integers
+    """int64 array of shape (N,)."""
     n_rows: int
+    """R; at least the number of vertices."""
 
 
 def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRows:

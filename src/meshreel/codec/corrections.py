@@ -14,21 +14,17 @@ from meshreel.kernel.frames import Moves
 
 @dataclass(frozen=True)
 class Corrections:
-    """Displacements of positions of a block, as multiples of a step.
-
-    Attributes
-    ----------
-    step : float32
-        Quantization step of the displacements, in diagonals.
-    vertices, frames : int64 arrays of shape (N,)
-        Internal vertex numbers and frames of the block, ordered by vertex, then frame.
-    offsets : int64 array of shape (N, 3)
-    """
+    """Displacements of positions of a block, as multiples of a step."""
 
     step: np.float32
+    """float32. Quantization step of the displacements, in diagonals."""
     vertices: Integers
     frames: Integers
+    """int64 arrays of shape (N,). Internal vertex numbers and frames of the block, ordered by
+    vertex, then frame.
+    """
     offsets: Integers
+    """int64 array of shape (N, 3)."""
 
     @property
     def displacements(self) -> Floats:

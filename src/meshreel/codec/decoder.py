@@ -44,37 +44,7 @@ def decode(
 ) -> MeshSequence:
     """Return the sequence, or a range of its frames, that a `.reel` stream contains.
 
-    Each segment of the stream is a segment of the sequence.
-
-    Parameters
-    ----------
-    data : bytes
-        A complete stream, from `encode` or a file.
-    frames : slice, optional
-        Frames to return, as a Python slice without a step; only the blocks that contain some of
-        them are decoded. Default: all.
-    n_modes : int, optional
-        Number of leading modes of each block to use: a coarser animation. Default: all. In streams
-        of `reel` further modes, up to the 16th at least, keep their mean over the block, and
-        corrections are omitted. The paper's methods omit further rows of coefficients (the paper's
-        k_l). Streams of `lossless` and `grid` have no modes.
-    segment : int, optional
-        Decode this segment alone, whose frames count from 0. Default: all.
-    memory : float or str, optional
-        Upper limit for the frames and tracks together, for the mesh, and for a block while they
-        are decoded: bytes, or text such as "2GiB". Default: 8 GiB.
-    progress : callable, optional
-        Called with the stage and the completed share, 0..1.
-
-    Raises
-    ------
-    InvalidInputError
-        If `frames` selects no frame or has a step, `n_modes` is below 1 or the stream has no modes,
-        or `segment` does not exist.
-    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-        If the bytes are not a complete stream that this build reads.
-    MemoryLimitError
-        If decoding needs more memory than the limit; raised before the memory is allocated.
+    Parameters and errors are those of `meshreel.decode`, without files.
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)

@@ -16,19 +16,14 @@ _BOUND = re.compile(r"(\d+(?:\.\d*)?(?:e[+-]?\d{1,3})?|\.\d+(?:e[+-]?\d{1,3})?)\
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """An upper bound of the distance of each vertex from the original.
-
-    Attributes
-    ----------
-    amount : float
-        Above 0.
-    is_length : bool
-        Whether it is a length in model units; else percent of the diagonal of the bounding box of
-        all frames.
-    """
+    """An upper bound of the distance of each vertex from the original."""
 
     amount: float
+    """Above 0."""
     is_length: bool = False
+    """Whether it is a length in model units; else percent of the diagonal of the bounding box of
+    all frames.
+    """
 
     def share(self, diagonal: float) -> float:
         """The bound in diagonals, for a diagonal in model units above 0."""

@@ -337,7 +337,6 @@ def stream_info(
 
     Parameters
     ----------
-    opened : OpenStream
     is_remote : bool, default False
         Read only short sections and the heads of others, without verifying checksums.
     surfaces : dict, optional

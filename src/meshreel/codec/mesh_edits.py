@@ -36,17 +36,12 @@ N_SAMPLES = 128
 
 @dataclass(frozen=True, eq=False)
 class BaseMesh:
-    """A mesh that is no edit; all edits of it share its coded connectivity.
-
-    Attributes
-    ----------
-    faces : int32 array of shape (M_b, 3)
-    n_verts : int
-        V_b.
-    """
+    """A mesh that is no edit; all edits of it share its coded connectivity."""
 
     faces: Faces
+    """int32 array of shape (M_b, 3)."""
     n_verts: int
+    """V_b."""
 
     @cached_property
     def connectivity(self) -> CodedConnectivity:
@@ -61,23 +56,16 @@ class BaseMesh:
 
 @dataclass(frozen=True, eq=False)
 class MeshEdit:
-    """A mesh as an edit of a base mesh, both in their given orders.
-
-    Attributes
-    ----------
-    base : BaseMesh
-    verts : int64 array of shape (V,)
-        Number of each vertex in the base, ascending, or -1 if it is new.
-    listed : int64 array of shape (M,)
-        Number of each face in the base, ascending, or -1 if it is new.
-    payload : bytes
-        Of the section EDIT.
-    """
+    """A mesh as an edit of a base mesh, both in their given orders."""
 
     base: BaseMesh
     verts: Integers
+    """int64 array of shape (V,). Number of each vertex in the base, ascending, or -1 if it is new.
+    """
     listed: Integers
+    """int64 array of shape (M,). Number of each face in the base, ascending, or -1 if it is new."""
     payload: bytes
+    """Of the section EDIT."""
 
     def connectivity_of(self, faces: Faces) -> CodedConnectivity:
         """Return the connectivity of the edited mesh, whose payloads are those of the base.
@@ -109,7 +97,6 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
 
     Parameters
     ----------
-    base : BaseMesh
     faces : int32 array of shape (M, 3)
     n_verts : int
         V.

@@ -56,17 +56,12 @@ ENOUGH_SHARED = 0.9
 
 @dataclass(frozen=True, eq=False)
 class FaceIndex:
-    """Lookup of the faces of a mesh by their vertices.
-
-    Attributes
-    ----------
-    faces : int32 array of shape (M, 3)
-    n_verts : int
-        V, at most `MAX_VERTS`.
-    """
+    """Lookup of the faces of a mesh by their vertices."""
 
     faces: Faces
+    """int32 array of shape (M, 3)."""
     n_verts: int
+    """V, at most `MAX_VERTS`."""
 
     def keys(self, faces: npt.NDArray[np.integer]) -> Integers:
         """Return a key for each face, which only its vertices in the same rotation have."""
@@ -128,7 +123,6 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
 
     Parameters
     ----------
-    base : FaceIndex
     faces : int32 array of shape (M, 3)
     n_verts : int
         V.

@@ -32,27 +32,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LiveStart:
-    """What an encoder of live frames knows when they begin.
-
-    Attributes
-    ----------
-    mesh : CodedMesh
-    frame : BoundingFrame
-        Bounding frame of the first block.
-    first : float array of shape (T_b, V, 3)
-        The first block, in internal order: step and number of modes follow from it. It is not
-        encoded yet.
-    tracks : dict of str to Track
-        Values of the first block; relative bounds refer to their range.
-    targets : mapping of str to str or float, or None
-        Error bounds of tracks.
-    """
+    """What an encoder of live frames knows when they begin."""
 
     mesh: "CodedMesh"
     frame: "BoundingFrame"
+    """Bounding frame of the first block."""
     first: "Vertices"
+    """float array of shape (T_b, V, 3). The first block, in internal order: step and number of
+    modes follow from it. It is not encoded yet.
+    """
     tracks: "BlockTracks"
+    """Values of the first block; relative bounds refer to their range."""
     targets: "TrackTargets | None"
+    """Error bounds of tracks."""
 
 
 class BlockCoder(Protocol):

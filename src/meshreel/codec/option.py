@@ -5,6 +5,7 @@ The signature and docstring of a function, the command line and the documentatio
 
 import inspect
 import math
+import os
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -27,6 +28,7 @@ Options = ParamSpec("Options")
 First = TypeVar("First")
 Record = TypeVar("Record")
 Result = TypeVar("Result")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 DOC_WIDTH = 92
 """Width of a generated docstring, without its indent."""
@@ -37,20 +39,14 @@ OPTIONS_LINE = "options"
 
 @dataclass(frozen=True)
 class Range:
-    """A range of allowed numbers.
-
-    Parameters
-    ----------
-    is_open : bool, default False
-        Whether `low` is excluded.
-    is_whole : bool, default False
-        Whether only whole numbers are allowed.
-    """
+    """A range of allowed numbers."""
 
     low: float
     high: float = math.inf
     is_open: bool = False
+    """Whether `low` is excluded."""
     is_whole: bool = False
+    """Whether only whole numbers are allowed."""
 
     def __contains__(self, number: float) -> bool:
         if not self.low <= number <= self.high or not math.isfinite(number):
@@ -90,58 +86,40 @@ class Option:
     """User-facing description of an option: the metadata of its field's annotation.
 
     ``quality: Annotated[float | None, Option("1 to 100.", range=Range(1, 100))] = None``
-
-    Attributes
-    ----------
-    help : str
-        A sentence or two. Refer to other options as ``{unit}``, which becomes ``--unit`` on the
-        command line.
-    default_text : str
-        Meaning of the default None, unless `help` explains it.
-    names : tuple of str
-        Allowed values, if they are names.
-    range : Range or None
-        Allowed numbers, including those that text of the option may mean.
-    unit : str
-        Unit of a number, as it follows the range: "in percent".
-    more : str
-        Additional text of the documentation.
-    group : str
-        Heading in help and documentation; empty for the first.
-    flag : str
-        Name on the command line, such as "--modes"; by default derived from `name`.
-    metavar : str
-        Placeholder of the value in help.
-    implied : object
-        Value of the option without an argument on the command line; None if it needs one.
-    methods : tuple of str
-        Names of the encoding methods that use it.
-    needs_all_frames : bool
-        Whether it needs the whole sequence, so that live frames exclude it.
-    synonyms : mapping of str to str
-        Names in the paper and other programs, and how their values differ, if they do.
-    name : str
-        Keyword in Python; like the following, set by `options_of_fields` from the field.
-    annotation : type
-        Type of the field, without the metadata.
-    default : object
     """
 
     help: str
+    """A sentence or two. Refer to other options as ``{unit}``, which becomes ``--unit`` on the
+    command line.
+    """
     default_text: str = ""
+    """Meaning of the default None, unless `help` explains it."""
     names: tuple[str, ...] = ()
+    """Allowed values, if they are names."""
     range: Range | None = None
+    """Allowed numbers, including those that text of the option may mean."""
     unit: str = ""
+    """Unit of a number, as it follows the range: "in percent"."""
     more: str = ""
+    """Additional text of the documentation."""
     group: str = ""
+    """Heading in help and documentation; empty for the first."""
     flag: str = ""
+    """Name on the command line, such as "--modes"; by default derived from `name`."""
     metavar: str = ""
+    """Placeholder of the value in help."""
     implied: Any = None
+    """Value of the option without an argument on the command line; None if it needs one."""
     methods: tuple[str, ...] = ()
+    """Names of the encoding methods that use it."""
     needs_all_frames: bool = False
+    """Whether it needs the whole sequence, so that live frames exclude it."""
     synonyms: Mapping[str, str] = field(default_factory=dict)
+    """Names in the paper and other programs, and how their values differ, if they do."""
     name: str = ""
+    """Keyword in Python; like the following, set by `options_of_fields` from the field."""
     annotation: Any = None
+    """Type of the field, without the metadata."""
     default: Any = None
 
     @property
@@ -253,12 +231,21 @@ def takes_fields(
             [first.replace(kind=first.POSITIONAL_OR_KEYWORD), *parameters],
             return_annotation=get_type_hints(function)["return"],
         )
-        if with_fields.__doc__ and isinstance(record, type):
+        return lists_fields(record)(with_fields)
+
+    return decorate
+
+
+def lists_fields(record: Any) -> Callable[[Function], Function]:
+    """Return a decorator that puts the options of a dataclass in place of `OPTIONS_LINE`."""
+
+    def decorate(function: Function) -> Function:
+        if function.__doc__ and isinstance(record, type):
             described = "\n".join(map(numpydoc, options_of_fields(record)))
-            lines = inspect.cleandoc(with_fields.__doc__).split("\n")
+            lines = inspect.cleandoc(function.__doc__).split("\n")
             place = lines.index(OPTIONS_LINE)
-            with_fields.__doc__ = "\n".join([*lines[:place], described, *lines[place + 2 :]])
-        return with_fields
+            function.__doc__ = "\n".join([*lines[:place], described, *lines[place + 2 :]])
+        return function
 
     return decorate
 
@@ -294,6 +281,6 @@ def type_text(option: Option) -> str:
 
 
 def _type_name(kind: Any) -> str:
-    if get_origin(kind) is Mapping:
-        return "mapping"
+    if (special := {Mapping: "mapping", os.PathLike: "path"}.get(get_origin(kind))) is not None:
+        return special
     return f"sequence of {get_args(kind)[0].__name__}" if get_origin(kind) else kind.__name__

@@ -24,8 +24,6 @@ class DecodedValues:
 
     Parameters
     ----------
-    opened : OpenStream
-    frames : FrameReader
     number : int
         Number of the track in the stream; 0 is the positions.
     """

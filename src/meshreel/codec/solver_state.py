@@ -25,7 +25,6 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
 
     Parameters
     ----------
-    tracks : iterable of TrackInfo
     requested : collection of str
         Names of tracks with a bound from the user, which are not mentioned.
 

@@ -38,26 +38,20 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class CodedMesh:
-    """A mesh with its coded connectivity and the resulting internal vertex order.
-
-    Attributes
-    ----------
-    given_faces : int32 array of shape (M, 3)
-    surface : Surface
-        Surface of the given faces.
-    timing : Timing, optional
-        Start or times to store.
-    edit : MeshEdit, optional
-        How another mesh becomes this one. Its connectivity is then stored instead. Only if the
-        order of vertices and faces is kept.
-    """
+    """A mesh with its coded connectivity and the resulting internal vertex order."""
 
     given_faces: Faces
+    """int32 array of shape (M, 3)."""
     n_verts: int
     config: EncoderConfig
     surface: Surface = PLAIN
+    """Surface of the given faces."""
     timing: Timing = UNTIMED
+    """Start or times to store."""
     edit: MeshEdit | None = None
+    """How another mesh becomes this one. Its connectivity is then stored instead. Only if the order
+    of vertices and faces is kept.
+    """
 
     @cached_property
     def _connectivity(self) -> CodedConnectivity:
@@ -182,18 +176,13 @@ class CodedMesh:
 
 @dataclass(frozen=True)
 class Piece:
-    """A range of frames of a sequence, readable in this or another process.
-
-    Attributes
-    ----------
-    order : int64 array of shape (V,)
-        Given number of each internal vertex.
-    """
+    """A range of frames of a sequence, readable in this or another process."""
 
     sequence: FrameSource
     start: int
     stop: int
     order: Integers
+    """int64 array of shape (V,). Given number of each internal vertex."""
 
     def read(self) -> Vertices:
         """Read positions of shape (stop - start, V, 3) in internal order."""
@@ -217,24 +206,16 @@ def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
 
 @dataclass(frozen=True)
 class CodedTrack:
-    """A track as sections of a stream.
-
-    Attributes
-    ----------
-    leading : tuple of Section and bytes
-        The section before the first block.
-    blocks : sequence of lists of (Section, bytes)
-        Sections of each block.
-    prediction : tuple of Coding and float, or None
-        Prediction from decoded positions that is still to be tried, with its rate.
-    values : TrackSource or None
-        Values to predict, if a prediction is still to be tried.
-    """
+    """A track as sections of a stream."""
 
     leading: tuple[Section, bytes]
+    """The section before the first block."""
     blocks: Sequence[list[tuple[Section, bytes]]]
+    """sequence of lists of (Section, bytes). Sections of each block."""
     prediction: tuple[Coding, float] | None = None
+    """Prediction from decoded positions that is still to be tried, with its rate."""
     values: TrackSource | None = None
+    """Values to predict, if a prediction is still to be tried."""
 
     @property
     def size_bytes(self) -> int:
@@ -244,32 +225,22 @@ class CodedTrack:
 
 @dataclass(frozen=True)
 class Source:
-    """A sequence with its encoding options.
-
-    Attributes
-    ----------
-    surface : Surface, optional
-        Part of the sequence's surface to encode. Default: all of it.
-    bounds : dict of str to TrackBound
-        Error bounds by track; other tracks are dropped.
-    tracks : sequence of CodedTrack
-        Encoded tracks, which `stream` places after the positions.
-    whole_extent : Extent, optional
-        Extent of the whole sequence if this one is a segment of it.
-    edit : MeshEdit, optional
-        See `CodedMesh`.
-    origin : tuple of 3 floats, optional
-        Instead of the center of the bounding box.
-    """
+    """A sequence with its encoding options."""
 
     sequence: FrameSource
     config: EncoderConfig
     surface: Surface | None = None
+    """Part of the sequence's surface to encode. Default: all of it."""
     bounds: Mapping[str, TrackBound] = field(default_factory=dict)
+    """Error bounds by track; other tracks are dropped."""
     tracks: Sequence["CodedTrack"] = ()
+    """Encoded tracks, which `stream` places after the positions."""
     whole_extent: Extent | None = None
+    """Extent of the whole sequence if this one is a segment of it."""
     edit: MeshEdit | None = None
+    """See `CodedMesh`."""
     origin: tuple[float, ...] | None = None
+    """tuple of 3 floats. Instead of the center of the bounding box."""
 
     @property
     def extent(self) -> Extent:

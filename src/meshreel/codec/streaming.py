@@ -51,43 +51,30 @@ FPS_IF_UNKNOWN = 25.0
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """The mesh of a segment, and what its frames have in common.
-
-    Attributes
-    ----------
-    given_surface : Surface
-        `surface` as the caller passed it.
-    first_frame : int
-        Number of the first frame of the segment.
-    tracks : dict of str to str
-        Description of each track.
-    """
+    """The mesh of a segment, and what its frames have in common."""
 
     faces: Faces
     surface: Surface
     given_surface: Surface
+    """`surface` as the caller passed it."""
     n_verts: int
     dtype: np.dtype[np.floating]
     first_frame: int
+    """Number of the first frame of the segment."""
     tracks: dict[str, str]
+    """Description of each track."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Segment:
-    """A segment that is being encoded.
-
-    Attributes
-    ----------
-    order : integer array of shape (V,)
-        Given number of each internal vertex.
-    header, leading
-        What precedes its first block.
-    """
+    """A segment that is being encoded."""
 
     coder: BlockCoder
     order: Integers
+    """Integer array of shape (V,). Given number of each internal vertex."""
     header: Header
     leading: list[tuple[Section, bytes]]
+    """What precedes its first block."""
 
 
 class Encoder:

@@ -36,19 +36,12 @@ DIAGONAL_OF_ALL = "of the diagonal of the bounding box of all frames"
 
 @dataclass(frozen=True)
 class Target:
-    """A kind of target with its value, which is in the range of its option.
-
-    Parameters
-    ----------
-    kind : TargetKind
-    value : float
-    is_length : bool, default False
-        Whether a largest error is in model units, and not in percent of the diagonal.
-    """
+    """A kind of target with its value, which is in the range of its option."""
 
     kind: TargetKind
     value: float
     is_length: bool = False
+    """Whether a largest error is in model units, and not in percent of the diagonal."""
 
     @property
     def bound(self) -> ErrorBound:

@@ -29,19 +29,14 @@ class Measure(Enum):
 
 @dataclass(frozen=True)
 class TrackBound:
-    """Bound of the error of each value of a track.
-
-    Attributes
-    ----------
-    measure : Measure
-        SHARE and UNITS limit the length of the difference of two values, ANGLE the angle between
-        two normals, NUMBER the difference of each number of a value.
-    amount : float
-        Above 0; not used by EXACT and DROP.
-    """
+    """Bound of the error of each value of a track."""
 
     measure: Measure
+    """SHARE and UNITS limit the length of the difference of two values, ANGLE the angle between two
+    normals, NUMBER the difference of each number of a value.
+    """
     amount: float = 0.0
+    """Above 0; not used by EXACT and DROP."""
 
 
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)
@@ -79,7 +74,6 @@ def track_bounds(
 
     Parameters
     ----------
-    tracks : mapping of str to TrackSource
     targets : mapping of str to str or float, or None
         Bounds that the user gave.
     default : callable
@@ -106,11 +100,6 @@ def without_units(
 
     Many files store no units, so that 500Pa means 500 and a note reports it. Other bounds are
     unchanged.
-
-    Parameters
-    ----------
-    tracks : mapping of str to TrackSource
-    targets : mapping of str to str or float
     """
     plain = dict(targets)
     for name, bound in targets.items():

@@ -88,43 +88,33 @@ ROTATION_COLUMNS = 2
 
 @dataclass(frozen=True)
 class TrackHeader:
-    """Description of a track, and the range of its numbers.
-
-    Attributes
-    ----------
-    domain : Domain
-        Faces are polygons, and corners are corners of polygons.
-    dtype : numpy dtype
-    scale : float
-        Above 0.
-    origin : tuple of C floats
-        Numbers are scale times coded values plus the origin of their column, which is 0 unless they
-        are coded by modes alone.
-    coding : Coding
-        Exact codings ignore scale and origin.
-    bound : float
-        Guaranteed largest error of a value: in units of the track, in degrees for normals, of each
-        number for colors. 0: not guaranteed.
-    rate : float
-        Frames per unit of time of velocities that are predicted from positions.
-    sharing : Sharing
-        Whether each corner has a separate value, or corners share the value of a vertex or a row.
-    rows : bytes
-        The rows, as encoded by `write_corner_rows`.
-    """
+    """Description of a track, and the range of its numbers."""
 
     name: str
     unit: str
     kind: TrackKind
     domain: Domain
+    """Faces are polygons, and corners are corners of polygons."""
     dtype: np.dtype[Any]
+    """Numpy dtype."""
     scale: float
+    """Above 0."""
     origin: tuple[float, ...]
+    """Numbers are scale times coded values plus the origin of their column, which is 0 unless they
+    are coded by modes alone.
+    """
     coding: Coding = Coding.MODES
+    """Exact codings ignore scale and origin."""
     bound: float = 0.0
+    """Guaranteed largest error of a value: in units of the track, in degrees for normals, of each
+    number for colors. 0: not guaranteed.
+    """
     rate: float = 0.0
+    """Frames per unit of time of velocities that are predicted from positions."""
     sharing: Sharing = Sharing.NONE
+    """Whether each corner has a separate value, or corners share the value of a vertex or a row."""
     rows: bytes = b""
+    """The rows, as encoded by `write_corner_rows`."""
 
     @property
     def stored_domain(self) -> Domain:

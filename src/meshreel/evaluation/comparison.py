@@ -56,75 +56,50 @@ BD_RATE = (
 
 @dataclass(frozen=True)
 class Error:
-    """An error by which codecs are compared.
-
-    Attributes
-    ----------
-    key : str
-        Its key in the quality of a result.
-    name : str
-        Its name in sentences.
-    axis : str
-        Name and unit, for plots.
-    levels : tuple of float
-        Errors at which rates are listed.
-    unit : str
-        Follows a level.
-    """
+    """An error by which codecs are compared."""
 
     key: str
+    """Its key in the quality of a result."""
     name: str
+    """Its name in sentences."""
     axis: str
+    """Name and unit, for plots."""
     levels: tuple[float, ...] = ()
+    """Errors at which rates are listed."""
     unit: str = " %"
+    """Follows a level."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What is compared.
-
-    Attributes
-    ----------
-    rate : str
-        Key of the rate in a result.
-    rate_name : str
-        Name of the rate.
-    columns : mapping of str to str
-        Headings of the table of all runs, with the keys of a result separated by dots.
-    caption : str
-        The rate, in a sentence below plots.
-    """
+    """What is compared."""
 
     title: str
     rate: str
+    """Key of the rate in a result."""
     rate_name: str
+    """Name of the rate."""
     errors: tuple[Error, ...]
     columns: Mapping[str, str]
+    """Headings of the table of all runs, with the keys of a result separated by dots."""
     caption: str
+    """The rate, in a sentence below plots."""
     methodology: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class CodecResults:
-    """All results of one sequence.
-
-    Attributes
-    ----------
-    slug : str
-        Prefix of the names of its plots.
-    sequence : dict
-        Name, shape and hash.
-    measured : list of results
-        Our methods, then peers.
-    recorded : list of results
-        Measured elsewhere, on a sequence with the same name and shape.
-    """
+    """All results of one sequence."""
 
     kind: Kind
     slug: str
+    """Prefix of the names of its plots."""
     sequence: dict[str, Any]
+    """Name, shape and hash."""
     measured: list[Result] = field(default_factory=list)
+    """Our methods, then peers."""
     recorded: list[Result] = field(default_factory=list)
+    """Measured elsewhere, on a sequence with the same name and shape."""
 
     @property
     def name(self) -> str:
@@ -158,26 +133,17 @@ class CodecResults:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A study that compares codecs.
-
-    Attributes
-    ----------
-    kind : Kind
-    runs : callable
-        Returns the runs of a sequence, our methods first.
-    peers : sequence of Peer
-        The report lists those whose package is missing.
-    remarks : callable
-        Returns more lines about missing results.
-    recorded : sequence of results
-        From `read_recorded`; points of other sequences are ignored.
-    """
+    """A study that compares codecs."""
 
     kind: Kind
     runs: Callable[[Any], list[Run]]
+    """Returns the runs of a sequence, our methods first."""
     peers: Sequence[Peer]
+    """The report lists those whose package is missing."""
     remarks: Callable[[Sequence[CodecResults]], list[str]] = lambda _: []
+    """Returns more lines about missing results."""
     recorded: Sequence[Result] = ()
+    """From `read_recorded`; points of other sequences are ignored."""
     program: str = "meshreel evaluate"
     introduction: str = "Created by"
 

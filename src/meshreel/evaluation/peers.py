@@ -54,42 +54,30 @@ class Package:
 
 @dataclass(frozen=True, kw_only=True)
 class Peer:
-    """A codec of vertex positions, with a sweep of settings of one number each.
-
-    Attributes
-    ----------
-    name : str
-        Name in tables and plots.
-    summary : str
-        One-line description of its use.
-    encode : callable
-        Encodes a prepared sequence at a setting.
-    decode : callable
-        Decodes positions of a shape and type, in the codec's vertex order.
-    settings, quick : tuple of float
-        All settings, and few.
-    params : str
-        Format of a setting; empty for codecs without settings.
-    prepare : callable, optional
-        Returns the sequence to encode; not part of the timing.
-    restore : callable, optional
-        Returns decoded positions in the order of the prepared sequence, given them, the sequence
-        and the setting; not part of the timing.
-    has_faces : bool
-        Whether its bytes contain the faces.
-    """
+    """A codec of vertex positions, with a sweep of settings of one number each."""
 
     name: str
+    """Name in tables and plots."""
     summary: str
+    """One-line description of its use."""
     package: Package
     encode: Callable[[MeshSequence, float], bytes]
+    """Encodes a prepared sequence at a setting."""
     decode: Callable[[bytes, Shape, npt.DTypeLike], Vertices]
+    """Decodes positions of a shape and type, in the codec's vertex order."""
     settings: tuple[float, ...] = (0,)
     quick: tuple[float, ...] = (0,)
+    """All settings, and few."""
     params: str = ""
+    """Format of a setting; empty for codecs without settings."""
     prepare: Callable[[MeshSequence], MeshSequence] | None = None
+    """Returns the sequence to encode; not part of the timing."""
     restore: Callable[[Vertices, MeshSequence, float], Vertices] | None = None
+    """Returns decoded positions in the order of the prepared sequence, given them, the sequence and
+    the setting; not part of the timing.
+    """
     has_faces: bool = False
+    """Whether its bytes contain the faces."""
 
 
 def peers_named(names: Iterable[str] | None, peers: Sequence[Peer]) -> tuple[Peer, ...]:

@@ -96,7 +96,6 @@ def compare_positions(
 
     Parameters
     ----------
-    methods : mapping of str to Sweep
     recorded : sequence of results
         From `read_recorded`; points of other sequences are ignored.
     quick : bool
@@ -137,23 +136,18 @@ def params_of(peer: Peer, value: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """A sequence in one vertex order, and the cost of its coded connectivity.
-
-    Attributes
-    ----------
-    order : {"coded", "given"}
-        The order of the coded connectivity, or the original one, which must then be stored.
-    size_bytes : int
-        Coded connectivity, including the order if it is the original one.
-    encode_s, decode_s : float64 arrays of shape (2,)
-        Wall-clock and processor seconds for the connectivity.
-    """
+    """A sequence in one vertex order, and the cost of its coded connectivity."""
 
     order: str
+    """{"coded", "given"}. The order of the coded connectivity, or the original one, which must then
+    be stored.
+    """
     sequence: MeshSequence
     size_bytes: int
+    """Coded connectivity, including the order if it is the original one."""
     encode_s: Floats
     decode_s: Floats
+    """float64 arrays of shape (2,). Wall-clock and processor seconds for the connectivity."""
 
 
 def arrange(sequence: MeshSequence, order: str) -> Arrangement:

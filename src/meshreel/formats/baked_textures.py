@@ -31,19 +31,13 @@ WRITTEN = (".mp4", ".png")
 
 @dataclass(frozen=True)
 class TextureFrames:
-    """The texture of each frame, in image files or a video.
-
-    Parameters
-    ----------
-    paths : tuple of Path
-        A video, or an image of each frame.
-    size : tuple of 2 ints
-        Width and height of the first image.
-    """
+    """The texture of each frame, in image files or a video."""
 
     paths: tuple[Path, ...]
+    """A video, or an image of each frame."""
     n_frames: int
     size: Size
+    """tuple of 2 ints. Width and height of the first image."""
 
     def images(self) -> Iterator[PillowImage.Image]:
         """Yield the image of each frame, in RGB."""
@@ -76,19 +70,13 @@ def open_textures(source: Source) -> TextureFrames:
 
 @dataclass(frozen=True)
 class TextureJob:
-    """Textures to bake once their frames are registered, and where to write them.
-
-    Parameters
-    ----------
-    output : Path
-        A video (.mp4), or a pattern of images (``%04d.png``).
-    overwrite : bool
-        Whether existing files may be replaced.
-    """
+    """Textures to bake once their frames are registered, and where to write them."""
 
     textures: TextureFrames
     output: Path
+    """A video (.mp4), or a pattern of images (``%04d.png``)."""
     overwrite: bool
+    """Whether existing files may be replaced."""
 
     @classmethod
     def checked(

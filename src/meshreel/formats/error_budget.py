@@ -16,21 +16,14 @@ MARGIN = 4e-7
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """The error that may be added to the frames, and the error that they already have.
-
-    Parameters
-    ----------
-    added : float
-        Error that may be added, in model units; 0 for as little as possible.
-    diagonal : float
-        Length that is 100 percent, in model units.
-    origin : Origin, optional
-        The stream from which the frames were decoded.
-    """
+    """The error that may be added to the frames, and the error that they already have."""
 
     added: float
+    """Error that may be added, in model units; 0 for as little as possible."""
     diagonal: float
+    """Length that is 100 percent, in model units."""
     origin: Origin | None
+    """The stream from which the frames were decoded."""
 
     def percent(self, length: float) -> float:
         """Return a length in model units as percent of the diagonal."""

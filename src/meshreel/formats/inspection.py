@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from meshreel.errors import MeshReelError
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.kinds import AnimationInfo, SequenceFormat
 from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
@@ -26,66 +25,50 @@ from meshreel.runtime.progress import Progress
 
 @dataclass(frozen=True)
 class MeshInfo:
-    """One animated mesh of a file.
-
-    Attributes
-    ----------
-    name : str
-        Its path in the file; for frame files, the name of their folder.
-    n_frames, n_verts, n_faces : int
-        Faces are triangles, after triangulation.
-    n_polygons : int
-        Faces in the file.
-    fps : float
-        0 = unknown.
-    vertex_type : str
-        "float32" or "float64".
-    low, high : tuple of 3 floats, or None
-        Corners of the bounding box of all frames, in model units; None if it has a problem.
-    cells : tuple of str
-        As in `meshreel.codec.inspect.StreamInfo`.
-    attributes : tuple of str
-        Attributes and groups, such as "uv 'st' of corners".
-    tracks : tuple of str
-        Tracks, such as "heat: scalar of each vertex, float32 in K".
-    parts : tuple of str
-        Names of the merged meshes.
-    materials, images : tuple of str
-        As in `meshreel.codec.inspect.StreamInfo`.
-    problem : str or None
-        Why it cannot be encoded; None if it can.
-    n_segments : int
-        Ranges of frames with the same faces; counts of vertices and faces are the largest of them.
-    n_meshes : int
-        Distinct meshes among the segments.
-    raw_size_bytes : int
-        Uncompressed bytes of the positions and tracks of all frames, and of the triangles and
-        surfaces of all segments; that of a stream counts the same.
-    times : tuple of float, or None
-        Time of each frame in seconds, if they are not evenly spaced.
-    """
+    """One animated mesh of a file."""
 
     name: str
+    """Its path in the file; for frame files, the name of their folder."""
     n_frames: int
     n_verts: int
     n_faces: int
+    """Faces are triangles, after triangulation."""
     n_polygons: int
+    """Faces in the file."""
     fps: float
+    """0 = unknown."""
     start_s: float
     vertex_type: str
+    """"float32" or "float64"."""
     low: tuple[float, ...] | None = None
     high: tuple[float, ...] | None = None
+    """tuple of 3 floats, or None. Corners of the bounding box of all frames, in model units; None
+    if it has a problem.
+    """
     cells: tuple[str, ...] = ()
+    """As in `meshreel.codec.inspect.StreamInfo`."""
     attributes: tuple[str, ...] = ()
+    """Attributes and groups, such as "uv 'st' of corners"."""
     parts: tuple[str, ...] = ()
+    """Names of the merged meshes."""
     materials: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
+    """As in `meshreel.codec.inspect.StreamInfo`."""
     tracks: tuple[str, ...] = ()
+    """Tracks, such as "heat: scalar of each vertex, float32 in K"."""
     problem: str | None = None
+    """Why it cannot be encoded; None if it can."""
     n_segments: int = 1
+    """Ranges of frames with the same faces; counts of vertices and faces are the largest of them.
+    """
     n_meshes: int = 1
+    """Distinct meshes among the segments."""
     raw_size_bytes: int = 0
+    """Uncompressed bytes of the positions and tracks of all frames, and of the triangles and
+    surfaces of all segments; that of a stream counts the same.
+    """
     times: tuple[float, ...] | None = None
+    """Time of each frame in seconds, if they are not evenly spaced."""
 
     @property
     def duration_s(self) -> float | None:
@@ -99,26 +82,18 @@ class MeshInfo:
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """A file, or a set of frame files.
-
-    Attributes
-    ----------
-    size_bytes : int
-        Of all its files.
-    meshes : tuple of MeshInfo
-        At least one.
-    notes : tuple of str
-        What reading changes or leaves out.
-    animations : tuple of AnimationInfo
-        All animations of the file, if its format supports several.
-    """
+    """A file, or a set of frame files."""
 
     format: str
     size_bytes: int
+    """Of all its files."""
     n_files: int
     meshes: tuple[MeshInfo, ...]
+    """At least one."""
     notes: tuple[str, ...]
+    """What reading changes or leaves out."""
     animations: tuple[AnimationInfo, ...] = ()
+    """All animations of the file, if its format supports several."""
 
     @property
     def left_out(self) -> tuple[str, ...]:

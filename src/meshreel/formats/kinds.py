@@ -1,12 +1,11 @@
 """The kinds of formats: one frame per file, a whole sequence per file, and folders of files."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Literal
 
 from meshreel.arrays import Values
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -14,6 +13,22 @@ from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Domain
 from meshreel.runtime.extras import Extra
+
+
+@dataclass(frozen=True)
+class AnimationInfo:
+    """One of the animations of a file."""
+
+    name: str
+    """Unique in the file."""
+    start_s: float = 0.0
+    duration_s: float = 0.0
+    """Time of the first key, and seconds to the last key; 0 if it has a problem."""
+    moves_mesh: bool = False
+    """Whether it animates a mesh that is read."""
+    problem: str | None = None
+    """Why it cannot be read; None if it can."""
+
 
 ReadOption = Literal[
     "object",
@@ -46,109 +61,89 @@ NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
 OF_CELLS = NOT_OF_CORNERS | {Domain.CELL}
 """Track domains that a format supports; with those of cells, it stores cells too."""
 
-
 Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
 """Returns the file of a frame with positions of shape (V, 3) and values of tracks by name."""
 
 
 @dataclass(frozen=True)
-class FrameFormat:
-    """A format with one static mesh, so one frame, per file.
-
-    Parameters
-    ----------
-    extension : str
-        File extension in lower case, with the dot.
-    title : str
-        Name of the format.
-    read : function of the bytes of a file
-        Returns the `Frame`; its errors name the line but not the file.
-    encoder : function of a `FrameStream`, or None
-        Returns a function that encodes its frames, and adds notes on what the files cannot store;
-        None if the format is read-only.
-    is_decimal : bool, default False
-        Whether positions are decimal text without a declared number type.
-    has_unshared_vertices : bool, default False
-        Whether triangles do not share vertices and must be welded.
-    holds_tracks : set of Domain
-        Domains of the tracks that written files can contain; others are left out with a note.
-    extra : Extra, optional
-        Library required for reading.
-    """
+class Format:
+    """What formats of all kinds may have."""
 
     extension: str
+    """File extension in lower case, with the dot."""
     title: str
-    read: Callable[[bytes], Frame]
-    encoder: Callable[[FrameStream], Encode] | None
-    is_decimal: bool = False
-    has_unshared_vertices: bool = False
-    holds_tracks: frozenset[Domain] = NO_TRACKS
+    """Name of the format."""
+    _: KW_ONLY
     extra: Extra | None = None
+    """Library required for writing and, unless `reads_without_extra`, for reading."""
+    reads_without_extra: bool = False
+    reads: frozenset[ReadOption] = frozenset()
+    """Read options that have an effect on the format, besides those of formats with `read_meshes`,
+    `names_files` and `list_animations`.
+    """
+    writes: frozenset[WriteOption] = frozenset()
+    """Write options that have an effect on the format."""
+    holds_tracks: frozenset[Domain] = NO_TRACKS
+    """Domains of the tracks that written files can contain; others are left out with a note."""
+    companion: str = ""
+    """Extension of a mesh file with the first frame that is written next to it."""
+    has_image_folder: bool = False
+    """Whether images are stored in a folder next to the file."""
+    data_files: Callable[[Path, int], list[Path]] | None = None
+    """Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
+    where to put them.
+    """
+    other_files: Callable[[Path], list[Path]] = lambda path: []
+    """Returns the existing files that continue a file, for formats that split a sequence."""
+
+    @property
+    def options(self) -> frozenset[str]:
+        """All read and write options that have an effect."""
+        return self.reads | self.writes
 
 
 @dataclass(frozen=True)
-class SequenceFormat:
-    """A format with a whole sequence per file.
+class FrameFormat(Format):
+    """A format with one static mesh, so one frame, per file."""
 
-    Parameters
-    ----------
-    extension : str
-        File extension in lower case, with the dot.
-    title : str
-        Name of the format.
-    open : function of a path and `ReadOptions`, optional
-        Opens the sequence; its errors name the file. Positions stay in the file if the options
-        request it and the format allows it. Formats with `read_meshes` need none.
-    write : function of a path, a `SegmentedStream` and `WriteOptions`, or None
-        Writes the file; None if the format is read-only.
-    extra : Extra, optional
-        Library required for writing and, unless `reads_without_extra`, for reading.
-    reads : set of ReadOption
-        Read options that have an effect on the format, besides those of formats with
-        `read_meshes`, `names_files` and `list_animations`.
-    writes : set of WriteOption
-        Write options that have an effect on the format.
-    companion : str, default ""
-        Extension of a mesh file with the first frame that is written next to it.
-    read_meshes : ReadMeshes, optional
-        Returns the meshes of a file, for formats with several meshes or changing faces.
-    holds_materials : bool, default False
-        Whether files store materials and images, not only face labels.
-    has_image_folder : bool, default False
-        Whether images are stored in a folder next to the file.
-    holds_tracks : set of Domain
-        Domains of the tracks that written files can contain; others are left out with a note.
-    data_files : function of a path and a number of frames, optional
-        Returns further files that the file refers to; `SegmentedStream.data_files` tells the writer
-        where to put them.
-    list_animations : function of a path and `ReadOptions`, optional
-        Returns the animations of a file, for formats with several; its errors do not name the file.
-    holds_segments : bool, default False
-        Whether the faces of written frames may change; else `write` gets a single segment.
-    other_files : function of a path, optional
-        Returns the existing files that continue a file, for formats that split a sequence.
-    names_files : bool, default False
-        Whether its files refer to other files.
+    read: Callable[[bytes], Frame]
+    """Returns the `Frame`; its errors name the line but not the file."""
+    encoder: Callable[[FrameStream], Encode] | None
+    """Returns a function that encodes its frames, and adds notes on what the files cannot store;
+    None if the format is read-only.
     """
+    is_decimal: bool = False
+    """Whether positions are decimal text without a declared number type."""
+    has_unshared_vertices: bool = False
+    """Whether triangles do not share vertices and must be welded."""
 
-    extension: str
-    title: str
+    @property
+    def holds_segments(self) -> bool:
+        """Whether the faces of written frames may change."""
+        return self.encoder is not None
+
+
+@dataclass(frozen=True)
+class SequenceFormat(Format):
+    """A format with a whole sequence per file."""
+
     open: Callable[[Path, ReadOptions], FrameSource] | None = None
+    """Opens the sequence; its errors name the file. Positions stay in the file if the options
+    request it and the format allows it. Formats with `read_meshes` need none.
+    """
     write: Callable[[Path, SegmentedStream, WriteOptions], None] | None = None
-    extra: Extra | None = None
-    reads: frozenset[ReadOption] = frozenset()
-    writes: frozenset[WriteOption] = frozenset()
-    companion: str = ""
+    """Writes the file; None if the format is read-only."""
     read_meshes: ReadMeshes | None = None
+    """Returns the meshes of a file, for formats with several meshes or changing faces."""
     holds_materials: bool = False
-    has_image_folder: bool = False
-    holds_tracks: frozenset[Domain] = NO_TRACKS
-    data_files: Callable[[Path, int], list[Path]] | None = None
+    """Whether files store materials and images, not only face labels."""
     list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
+    """Returns the animations of a file, for formats with several; its errors do not name the file.
+    """
     holds_segments: bool = False
-    other_files: Callable[[Path], list[Path]] = lambda path: []
-    reads_without_extra: bool = False
+    """Whether the faces of written frames may change; else `write` gets a single segment."""
     names_files: bool = False
+    """Whether its files refer to other files."""
 
     @property
     def options(self) -> frozenset[str]:
@@ -156,32 +151,16 @@ class SequenceFormat:
         of_meshes = {"object", "merge", "skip_bad"} if self.read_meshes else set()
         of_files = {"allow_outside"} if self.names_files else set()
         of_animations = {"animation"} if self.list_animations else set()
-        return self.reads | self.writes | of_meshes | of_files | of_animations
+        return super().options | of_meshes | of_files | of_animations
 
 
 @dataclass(frozen=True)
-class FolderFormat:
-    """A write-only format whose output is a folder of several files.
+class FolderFormat(Format):
+    """A write-only format whose output is a folder of several files."""
 
-    Parameters
-    ----------
-    extension : str
-        Extension of the folder in lower case, with the dot.
-    title : str
-        Name of the format.
-    files : function of the path of the folder and `WriteOptions`
-        Returns the files that will be written; raises an error for invalid options.
-    write : function of a folder, the stem of names in it, a `FrameStream` and `WriteOptions`
-        Writes these files, with the same names, into the folder.
-    extra : Extra
-        Library required for writing.
-    writes : set of WriteOption
-        Write options that have an effect on the format.
-    """
-
-    extension: str
-    title: str
     files: Callable[[Path, WriteOptions], list[Path]]
+    """Returns the files that will be written; raises an error for invalid options."""
     write: Callable[[Path, str, FrameStream, WriteOptions], None]
-    extra: Extra
-    writes: frozenset[WriteOption] = frozenset()
+    """Writes these files, with the same names, into the folder."""
+
+    holds_segments = False

@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source
@@ -29,7 +28,7 @@ def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None)
         found.extra
         for found in formats
         if found is not None and found.extra is not None
-        if not (isinstance(found, SequenceFormat) and found.reads_without_extra)
+        if not found.reads_without_extra
     ]
     return [*extras, *(REGISTRATION if options and options.register is not None else ())]
 

@@ -1,11 +1,18 @@
-"""Options for reading and writing files."""
+"""Options for reading and writing files, each declared once, as a field.
+
+`meshreel.load`, `meshreel.save` and the command line derive from the fields.
+"""
 
 import math
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
-from meshreel.model.surface_selection import ALL, Names
+from meshreel.codec.option import Option, Range
+from meshreel.codec.targets import ABOVE_ZERO, DIAGONAL_OF_ALL, QUALITIES
+from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -15,69 +22,187 @@ if TYPE_CHECKING:
 
     AnySource = MeshSequence | ReelFile
 
+MAX_FPS = 1e6
+"""A larger rate on the command line is a mistake; files may have any."""
 
-@dataclass(frozen=True)
-class ReadOptions:
-    """Options for reading a file: those of `meshreel.load`, and others.
+READING = "Input"
+GLTF = "glTF output"
+GLTF_AND_TEXTURES = "glTF and .vat output"
+BOUNDS = "Error bounds of glTF, .vat and rigs"
+RIGS = "Rigs (glTF and USD output)"
+TEXTURES = "Vertex animation textures (.vat output)"
+"""Groups of options."""
 
-    Parameters
-    ----------
-    max_loaded_bytes : int, optional
-        Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
-        are loaded.
-    matches_frames : bool, default True
-        Whether frames that differ only in the order of vertices and faces become one segment.
-    register : float or str, optional
-        Tolerance of the registration of frames whose faces change, as in `meshreel.register`.
-    displace : str, optional
-        Track that moves the vertices, as in `meshreel.load`.
-    resample : float, optional
-        Frames per second to interpolate at, as in `meshreel.load`.
-    keep_deleted : bool, default False
-        Whether elements stay in the mesh after they are deleted, as in `meshreel.load`.
-    registrations : list of Registration
-        Receives the registration, which can be compared with decoded frames.
-    referenced : set of Path
-        Receives the files that read files refer to, as far as they are resolved.
-    """
+REGISTER = Option(
+    "Follow the surface of a raw capture, which has a new mesh in every frame, with few meshes, up "
+    "to this distance: 0.2% of the diagonal, or 0.5u in model units (needs [register]; see "
+    "`meshreel register`).",
+    name="register",
+    annotation=str,
+    group=READING,
+    metavar="TOLERANCE",
+)
+"""The option of the command line for `ReadOptions.register`."""
 
-    fps: float | None = None
-    object: str | None = None
-    merge: bool = False
-    topology: Path | None = None
-    dataset: str | None = None
-    max_loaded_bytes: int | None = None
+
+@dataclass(frozen=True, kw_only=True)
+class LoadOptions:
+    """Options of `meshreel.load` other than the source."""
+
+    fps: Annotated[
+        float | None,
+        Option(
+            "Frames per second, as in 25 or 30000/1001. Default: that of the input.",
+            range=Range(0.0, MAX_FPS),
+            group=READING,
+            more="Frame files have none, which is 0. For a glTF file, or a USD file with keyed "
+            "transforms or skins, the sampling rate of its motion.",
+        ),
+    ] = None
+    object: Annotated[
+        str | None,
+        Option(
+            "The mesh to read from a file with several (without this option, the error lists "
+            "them).",
+            metavar="PATH",
+            group=READING,
+            more="Its path, or the last part of it.",
+        ),
+    ] = None
+    merge: Annotated[
+        bool,
+        Option(
+            "Read all meshes of a file as one; they are separated again on output.",
+            group=READING,
+            more="They are the parts of the surface.",
+        ),
+    ] = False
+    topology: Annotated[
+        str | os.PathLike[str] | None,
+        Option(
+            "Mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh file of the "
+            "same name in its folder.",
+            metavar="MESH",
+            group=READING,
+        ),
+    ] = None
+    dataset: Annotated[
+        str | None,
+        Option(
+            "Dataset with the positions (.h5, .npz). Default: vertices.",
+            metavar="NAME",
+            group=READING,
+        ),
+    ] = None
+    attributes: Annotated[
+        str | Sequence[str],
+        Option(
+            "Attributes and groups to read, by name or kind: uv, color, material, ... Polygons and "
+            "parts are always read.",
+            metavar="all|none|NAME,...",
+            group=READING,
+            more='A list, or text such as "uv,color"; a kind selects all of that kind.',
+        ),
+    ] = "all"
+    skip_bad: Annotated[
+        bool,
+        Option(
+            "Skip meshes of a file that cannot be read.",
+            group=READING,
+            more="Also steps of a ``.pvd`` without faces; a note lists them.",
+        ),
+    ] = False
+    allow_outside: Annotated[
+        bool,
+        Option(
+            "Read referenced files outside the folder of the input: USD layers, glTF buffers, "
+            "files of a .pvd or .xdmf.",
+            group=READING,
+        ),
+    ] = False
+    animation: Annotated[
+        str | int | None,
+        Option(
+            "Animation to read from a glTF file with several: its name or its number from 0 "
+            "(`meshreel info` lists them). Default: the first that moves a mesh.",
+            metavar="NAME",
+            group=READING,
+            more="A note lists the others.",
+        ),
+    ] = None
+    displace: Annotated[
+        str | None,
+        Option(
+            "Move the vertices by a result of three numbers per vertex, such as displacement of a "
+            "simulation; a factor enlarges it. The result itself is not kept.",
+            metavar="NAME[:FACTOR]",
+            group=READING,
+            more='``"name:10"`` adds ten times its values.',
+        ),
+    ] = None
+    resample: Annotated[
+        float | None,
+        Option(
+            "Interpolate new frames at this rate, evenly spaced. Default: frames stay at their "
+            "times.",
+            range=Range(0.0, MAX_FPS, is_open=True),
+            metavar="RATE",
+            group=READING,
+            more="Positions and values of floats are interpolated linearly; integers are those of "
+            "the frame before.",
+        ),
+    ] = None
+    keep_deleted: Annotated[
+        bool,
+        Option(
+            "Keep elements that a simulation deletes in the mesh, with a track alive, 1 while they "
+            "exist. Default: the mesh changes when elements are deleted.",
+            group=READING,
+        ),
+    ] = False
+    memory: Annotated[
+        float | str | None,
+        Option(
+            "Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), "
+            "such as 500MB or 20GiB; a larger file is rejected before decoding.",
+            default_text="8GiB",
+            metavar="SIZE",
+            group=READING,
+        ),
+    ] = None
     progress: Progress = silent
+    notes: list[str] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions(LoadOptions):
+    """Options for reading a file: those of `meshreel.load`, and others."""
+
+    topology: Path | None = None
     notes: list[str] = field(default_factory=list)
-    attributes: Names = ALL
-    skip_bad: bool = False
-    allow_outside: bool = False
-    animation: str | int | None = None
-    memory: float | str | None = None
+    max_loaded_bytes: int | None = None
+    """Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
+    are loaded.
+    """
     matches_frames: bool = True
+    """Whether frames that differ only in the order of vertices and faces become one segment."""
     register: float | str | None = None
+    """Tolerance of the registration of frames whose faces change, as in `meshreel.register`."""
     registrations: "list[Registration]" = field(default_factory=list)
-    displace: str | None = None
-    resample: float | None = None
-    keep_deleted: bool = False
+    """Receives the registration, which can be compared with decoded frames."""
     referenced: set[Path] = field(default_factory=set)
+    """Receives the files that read files refer to, as far as they are resolved."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Error bound and size of the animation that frames were decoded from.
-
-    Parameters
-    ----------
-    error : float
-        Largest distance of a vertex from its original position, in model units; infinite if
-        unknown.
-    diagonal : float
-        Diagonal of the bounding box of all frames, in model units.
-    """
+    """Error bound and size of the animation that frames were decoded from."""
 
     error: float
+    """Largest distance of a vertex from its original position, in model units; infinite if unknown.
+    """
     diagonal: float
+    """Diagonal of the bounding box of all frames, in model units."""
 
 
 def origin_of(sequence: "AnySource") -> Origin | None:
@@ -94,60 +219,112 @@ def origin_of(sequence: "AnySource") -> Origin | None:
 
 @dataclass(frozen=True)
 class WriteOptions:
-    """Options for writing a file; each applies to the listed formats only.
+    """Options for writing a file; each applies to the listed formats only."""
 
-    Parameters
-    ----------
-    targets : int, optional
-        glTF: number of morph targets of the animation.
-    max_error : float or str, optional
-        glTF, ``.vat`` and ``.reel``: largest vertex error, in percent of the diagonal of the
-        bounding box of all frames, or as text that `meshreel.codec.error_bounds.bound_of` parses,
-        such as "0.5u" for model units. It is measured against the original, if the origin gives
-        the error of the frames.
-    normals : bool, optional
-        glTF: whether normals are written, animated by all morph targets. Default: smooth surfaces
-        have normals, animated by as many targets as their error requires. ``.vat``: whether a
-        texture of normals is written (default).
-    compression : bool, default True
-        glTF: whether the buffer is compressed (`EXT_meshopt_compression`), which reorders vertices
-        and triangles. False for programs without the extension.
-    meshopt : str, optional
-        glTF: extension for the compression, "ext" (default), or "khr" for its draft successor,
-        which makes files smaller, but few programs support.
-    lossless : bool, default False
-        ``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`.
-    layout : str, optional
-        ``.vat``: layout of the textures for a shader, one of
-        `meshreel.formats.vat.folder.LAYOUTS`; default "openvat".
-    textures : str, optional
-        ``.vat``: "exr" (default) for half floats, or full floats if the error requires them; "png"
-        for 8 bits, or 16 if the error requires them.
-    rig : bool or int, optional
-        glTF and USD: whether the mesh is moved by bones, at most this many (True: 256), and by
-        corrective morph targets where bones do not suffice, within `max_error` (default 1 percent)
-        and `kg`. See `meshreel.rig`.
-    kg : float, optional
-        With `rig`: largest KG error, in percent; default 0.5.
-    quality : float, optional
-        With `rig`, in place of `kg` and `max_error`: errors of positions are at most those of a
-        ``.reel`` of this quality, 1 to 100.
-    force : bool, default False
-        With `rig`: whether a rig that exceeds its error bounds is written.
-    origin : Origin, optional
-        Origin of decoded frames; None for original frames.
-    """
-
-    targets: int | None = None
-    max_error: float | str | None = None
-    normals: bool | None = None
-    compression: bool = True
-    meshopt: str | None = None
+    targets: Annotated[
+        int | None,
+        Option(
+            "Number of morph targets. Default: as many as the error bound needs.",
+            group=GLTF,
+            more="For glTF.",
+        ),
+    ] = None
+    normals: Annotated[
+        bool | None,
+        Option(
+            "glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
+            "shade faces flat. Default: smooth meshes have normals, changed by enough targets for "
+            "a mean error of about 3.5 degrees. .vat: write the normals of every frame (default) "
+            "or none.",
+            flag="--normals/--no-normals",
+            group=GLTF_AND_TEXTURES,
+        ),
+    ] = None
+    compression: Annotated[
+        bool,
+        Option(
+            "Compress the file (default), which reorders vertices and triangles; or write plain "
+            "buffers, for programs without the extension.",
+            flag="--compression/--no-compression",
+            group=GLTF,
+            more="For glTF.",
+        ),
+    ] = True
+    meshopt: Annotated[
+        str | None,
+        Option(
+            "Extension for compression: ext, EXT_meshopt_compression; or khr, "
+            "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
+            metavar="NAME",
+            group=GLTF,
+        ),
+    ] = None
+    rig: Annotated[
+        bool | int | None,
+        Option(
+            "Move the mesh by at most this many bones, and by corrective morph targets where bones "
+            f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
+            f"{{kg}} hold. Without a number: {MAX_BONES}.",
+            range=Range(1, MAX_BONES, is_whole=True),
+            implied=MAX_BONES,
+            metavar="[BONES]",
+            group=RIGS,
+            more="True: as without a number. For glTF and USD; see `meshreel.rig`.",
+        ),
+    ] = None
+    kg: Annotated[
+        float | None,
+        Option(
+            f"Largest KG error of a rig. Default: {DEFAULT_KG_PERCENT:g}.",
+            range=ABOVE_ZERO,
+            unit="in percent",
+            metavar="PERCENT",
+            group=RIGS,
+        ),
+    ] = None
+    quality: Annotated[
+        float | None,
+        Option(
+            "Position errors of a rig at most those of a .reel of this quality, in place of "
+            "{max_error} and {kg}. Its normals are worse.",
+            range=QUALITIES,
+            group=RIGS,
+        ),
+    ] = None
+    layout: Annotated[
+        str | None,
+        Option(
+            "Layout for the shaders that play the textures: openvat or openvat-unity. Default: "
+            "openvat.",
+            metavar="NAME",
+            group=TEXTURES,
+            more="For ``.vat``.",
+        ),
+    ] = None
+    textures: Annotated[
+        str | None,
+        Option(
+            "exr: 16-bit floats, or 32-bit if {max_error} needs them; png: 8 or 16 bits. Default: "
+            "exr, which engines read directly.",
+            metavar="KIND",
+            group=TEXTURES,
+            more="For ``.vat``.",
+        ),
+    ] = None
+    max_error: Annotated[
+        float | str | None,
+        Option(
+            "Error bound relative to the original if the .reel has an error bound itself; else "
+            "bound of the error that morph targets, bones or textures add. 0.1 or 0.1%: percent "
+            f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see {{unit}}.",
+            metavar="BOUND",
+            group=BOUNDS,
+            more="Of a ``.reel``: error bound of every vertex in every frame.",
+        ),
+    ] = None
     lossless: bool = False
-    layout: str | None = None
-    textures: str | None = None
-    rig: bool | int | None = None
-    kg: float | None = None
-    quality: float | None = None
+    """``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`."""
     force: bool = False
+    """With `rig`: whether a rig that exceeds its error bounds is written."""
     origin: Origin | None = None
+    """Origin of decoded frames; None for original frames."""

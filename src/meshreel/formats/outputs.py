@@ -72,7 +72,7 @@ def check_output(
     paths = _files_of(path, n_frames, start_number)
     check_write_options(chosen := format_of(path), options)
     inputs = list(inputs)
-    if isinstance(chosen, SequenceFormat) and chosen.data_files is not None:
+    if chosen.data_files is not None:
         check_output_paths([path], overwrite=overwrite, inputs=inputs)
         data_files = chosen.data_files(path, n_frames or 1)
         check_output_paths(data_files, overwrite=overwrite, inputs=inputs, makes_folder=True)
@@ -117,7 +117,8 @@ def _check_folder(
             f"give a name such as {path.with_name(f'frames{path.suffix}')}"
         )
     check_write_options(found, options)
-    found.extra.load()
+    if found.extra is not None:
+        found.extra.load()
     paths = found.files(path, options)
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
     extensions = {one.suffix for one in paths} | {".png", ".exr"}

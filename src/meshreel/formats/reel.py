@@ -180,25 +180,18 @@ class StoredSegment(Timed):
 
     Nothing decoded is kept here: the file keeps the last segments that were read, so that a
     sequence of many segments takes little memory.
-
-    Parameters
-    ----------
-    number : int
-        Number of the segment.
-    path : Path
-        Path of the file, for errors.
-    name, timing
-        As in `MeshSequence`.
-    change : function of a surface, optional
-        Returns the surface to show instead.
     """
 
     whole: ReelFile
     number: int
+    """Number of the segment."""
     path: Path
+    """Path of the file, for errors."""
     name: str
     timing: Timing
+    """As in `MeshSequence`."""
     change: Callable[[Surface], Surface] = lambda surface: surface
+    """Returns the surface to show instead."""
 
     def replace(self, **changes: Any) -> "StoredSegment":
         """Return the segment with another timing, name or surface."""

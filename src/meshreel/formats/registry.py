@@ -178,13 +178,6 @@ def is_written(found: FrameFormat | SequenceFormat) -> bool:
     return (found.encoder if isinstance(found, FrameFormat) else found.write) is not None
 
 
-def holds_segments(found: FrameFormat | SequenceFormat | FolderFormat) -> bool:
-    """Whether frames with different faces can be written in a format."""
-    if isinstance(found, FrameFormat):
-        return found.encoder is not None
-    return isinstance(found, SequenceFormat) and found.holds_segments
-
-
 def described_formats() -> list[dict[str, Any]]:
     """Return all formats in plain types: capabilities and required extra, for JSON."""
     return [
@@ -194,11 +187,10 @@ def described_formats() -> list[dict[str, Any]]:
             "holds": "one frame" if isinstance(one, FrameFormat) else "all frames",
             "reads": not isinstance(one, FolderFormat),
             "writes": isinstance(one, FolderFormat) or is_written(one),
-            "writes_changing_faces": holds_segments(one),
+            "writes_changing_faces": one.holds_segments,
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
-            "reads_without_extra": extra is None
-            or (isinstance(one, SequenceFormat) and one.reads_without_extra),
+            "reads_without_extra": extra is None or one.reads_without_extra,
             "is_installed": extra is None or extra.is_installed,
         }
         for one in (*FORMATS.values(), *FOLDER_FORMATS.values())

@@ -17,7 +17,6 @@ from typing import cast
 
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.file_references import DOWNLOADED, download_sibling
-from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.outputs import is_pattern
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
@@ -81,16 +80,11 @@ def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[P
 
 @dataclass(frozen=True)
 class Output:
-    """The requested output, and the local path to write.
-
-    Attributes
-    ----------
-    local : str or path
-        The same for a local output; a path in a temporary folder for a remote one.
-    """
+    """The requested output, and the local path to write."""
 
     requested: AnyPath
     local: AnyPath
+    """str or path. The same for a local output; a path in a temporary folder for a remote one."""
 
     @property
     def is_remote(self) -> bool:
@@ -217,7 +211,7 @@ def _has_magic(text: str) -> bool:
 def _fetch_companion(path: Path) -> None:
     """Download the mesh next to a point cache, if there is one."""
     found = FORMATS[extension_of(path)]
-    if isinstance(found, SequenceFormat) and found.companion:
+    if found.companion:
         download_sibling(path.with_suffix(found.companion))
 
 

@@ -6,11 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
 from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.kinds import NO_TRACKS, Encode, FolderFormat, FrameFormat, SequenceFormat
+from meshreel.formats.kinds import Encode, FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.notes import (
     note_unwritten_cells,
     note_unwritten_materials,
@@ -21,7 +22,6 @@ from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, 
 from meshreel.formats.registry import (
     FRAME_FORMATS,
     SEQUENCE_FORMATS,
-    holds_segments,
     output_format_of,
 )
 from meshreel.formats.remote import uploaded
@@ -43,6 +43,7 @@ ATTRIBUTE_KINDS = {TrackKind.UV: Kind.UV, TrackKind.COLOR: Kind.COLOR}
 """Kinds of tracks that become attributes of the surface where they never change."""
 
 
+@lists_fields(WriteOptions)
 def save(
     sequence: "AnySource",
     output: AnyPath,
@@ -82,7 +83,9 @@ def save(
         Receives a sentence for each thing that the format cannot store exactly, and the error of
         lossy formats.
     **settings
-        Fields of `options` by name, such as ``max_error=0.1``.
+        Fields of `options` by name, such as ``max_error=0.1``:
+    options
+        The fields of `WriteOptions`.
 
     Notes
     -----
@@ -170,8 +173,8 @@ def _checked_paths(
     """Return the files to write; checks as `check_output`, and whether faces may change."""
     paths = check_output(output, n_frames, **checked)
     output_format = output_format_of(Path(output))
-    if n_segments > 1 and not holds_segments(output_format):
-        others = ", ".join(one for one, row in SEQUENCE_FORMATS.items() if holds_segments(row))
+    if n_segments > 1 and not output_format.holds_segments:
+        others = ", ".join(one for one, row in SEQUENCE_FORMATS.items() if row.holds_segments)
         raise ConnectivityChangeError(
             f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
             f"{output_format.extension} stores the same faces in every frame; write one output per "
@@ -192,7 +195,7 @@ def _save(
 ) -> list[Path]:
     """Write a stream to checked paths, which appear together; return them and those of images."""
     output_format = output_format_of(Path(output))
-    if isinstance(output_format, SequenceFormat) and output_format.has_image_folder:
+    if output_format.has_image_folder:
         stream, _ = sharing_materials(stream)
     images = _image_files(output_format, paths[0], stream)
     with replace_all_when_done(
@@ -224,7 +227,7 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
     of its surface instead.
     """
     output_format = output_format_of(Path(output))
-    domains = NO_TRACKS if isinstance(output_format, FolderFormat) else output_format.holds_tracks
+    domains = output_format.holds_tracks
     if Domain.CELL not in domains:
         mesh = _without_cells(mesh, output_format.extension)
     elif mesh.surface.cells is not None and Domain.CORNER not in domains:
@@ -279,9 +282,7 @@ def _image_files(
     found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: SegmentedStream
 ) -> dict[Path, Image]:
     """Return images that are stored as separate files; sets the stream's image folder."""
-    if not (isinstance(found, SequenceFormat) and found.has_image_folder):
-        return {}
-    images = next(stream.meshes()).surface.images
+    images = next(stream.meshes()).surface.images if found.has_image_folder else ()
     if not images:
         return {}
     folder = image_folder(path)

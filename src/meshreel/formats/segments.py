@@ -7,7 +7,7 @@ from meshreel.formats.displacement import displaced, note_displacement
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import NoteKind, add_note, combined, listed, note_left_out
+from meshreel.formats.notes import NoteKind, add_note, combined
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import open_mesh, select_frames, select_mesh
 from meshreel.formats.sources import SourceFiles
@@ -35,7 +35,7 @@ def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
     check_read_options(found.format, options)
-    reading = replace(_at_rate(found, options), notes=[])
+    reading = replace(options, notes=[])
     if options.register is not None:
         reading = replace(reading, matches_frames=False)
     opened = _open(found, reading)
@@ -69,17 +69,6 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     options.registrations.append(registration)
     options.notes.extend(registration.notes())
     return registration.sequence
-
-
-def _at_rate(found: SourceFiles, options: ReadOptions) -> ReadOptions:
-    """Return the options with the frame rate of a manifest, unless they have one.
-
-    Their notes gain a sentence on what the manifest names besides frames.
-    """
-    if found.left_out:
-        note_left_out(options.notes, f"{listed(found.left_out)} of the manifest")
-    is_unset = found.fps and options.fps is None
-    return replace(options, fps=found.fps) if is_unset else options
 
 
 def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:

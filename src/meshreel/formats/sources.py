@@ -5,13 +5,12 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import refuse_pipe
-from meshreel.formats.frames.uvol import read_manifest
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
@@ -19,42 +18,24 @@ from meshreel.runtime.stores.address import refuse_address
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]
 
-MANIFESTS = (".manifest", ".json")
-"""File extensions of UVOL manifests."""
-
 MIN_SIMILARITY = 0.8
 """Similarity from which a name is suggested for one that does not exist."""
 
 
 @dataclass(frozen=True)
 class SourceFiles:
-    """The files of a source, all of one format, in frame order.
-
-    Parameters
-    ----------
-    paths : tuple of Path
-        At least one; several of a format that stores whole sequences have one frame each.
-    format : FrameFormat or SequenceFormat
-        Format of all files.
-    name : str
-        Name for the sequence: the stem of a single file, otherwise the name of the folder.
-    fps : float, default 0
-        Frame rate of frame files that a manifest names; 0 = unknown.
-    left_out : tuple of str
-        What else the manifest names, which is not read.
-    """
+    """The files of a source, all of one format, in frame order."""
 
     paths: tuple[Path, ...]
+    """At least one; several of a format that stores whole sequences have one frame each."""
     format: FrameFormat | SequenceFormat
+    """Format of all files."""
     name: str
-    fps: float = 0.0
-    left_out: tuple[str, ...] = ()
+    """Name for the sequence: the stem of a single file, otherwise the name of the folder."""
 
     @property
     def other_files(self) -> list[Path]:
         """The files that continue a file of a whole sequence."""
-        if not isinstance(self.format, SequenceFormat):
-            return []
         return self.format.other_files(self.paths[0])
 
 
@@ -64,10 +45,9 @@ def find_files(source: Source) -> SourceFiles:
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        A file; a UVOL manifest, which names frame files; a folder, which means all its frames; a
-        pattern such as ``dir/*.obj``; or a list of frame files. Folders and patterns are sorted in
-        natural order, ignoring files that are not meshes; a list keeps its order. A list with one
-        item means that item.
+        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or a list of
+        frame files. Folders and patterns are sorted in natural order, ignoring files that are not
+        meshes; a list keeps its order. A list with one item means that item.
 
     Raises
     ------
@@ -87,8 +67,6 @@ def find_files(source: Source) -> SourceFiles:
     if path.is_dir():
         return _from_folder(path)
     refuse_pipe(path)
-    if path.suffix.lower() in MANIFESTS and path.exists():
-        return _from_manifest(path)
     if path.exists():
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
@@ -133,7 +111,7 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
     files = list(found.paths)
     if topology is not None:
         files.append(Path(topology))
-    elif isinstance(found.format, SequenceFormat) and found.format.companion:
+    elif found.format.companion:
         files += [path.with_suffix(found.format.companion) for path in found.paths]
     return files + found.other_files
 
@@ -164,13 +142,6 @@ def _from_list(paths: list[Path]) -> SourceFiles:
             )
         format_of(path)
     return _of_one_format(paths, "the list")
-
-
-def _from_manifest(path: Path) -> SourceFiles:
-    manifest = read_manifest(path)
-    found = _of_one_format(list(manifest.paths), str(path))
-    name = path.name.partition(".")[0]
-    return replace(found, name=name, fps=manifest.fps, left_out=manifest.left_out)
 
 
 def _from_folder(folder: Path) -> SourceFiles:

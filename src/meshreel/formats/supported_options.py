@@ -21,7 +21,7 @@ from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
     """Whether a read option has an effect on a path, judging by its extension."""
     found = FORMATS.get(extension_of(path))
-    return found is not None and option in _supported(found)
+    return found is not None and option in found.options
 
 
 def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOptions) -> None:
@@ -93,22 +93,15 @@ def check_write_options(
 
 def _check(found: FrameFormat | SequenceFormat | FolderFormat, requested: Iterable[str]) -> None:
     for option in requested:
-        if option not in _supported(found):
+        if option not in found.options:
             kind = "folder" if isinstance(found, FolderFormat) else "file"
             raise _no_effect(option, f"a {found.extension} {kind}")
-
-
-def _supported(found: FrameFormat | SequenceFormat | FolderFormat) -> frozenset[str]:
-    """Return the read and write options that a format supports."""
-    if isinstance(found, FolderFormat):
-        return found.writes
-    return found.options if isinstance(found, SequenceFormat) else frozenset()
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
     """Error for an option that a format does not support."""
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
-    allowed = [one.extension for one in every if option in _supported(one)]
+    allowed = [one.extension for one in every if option in one.options]
     return InvalidInputError(
         Keyword(option), f" has no effect on {inputs}; it is for {', '.join(allowed)}"
     )

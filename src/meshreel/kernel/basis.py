@@ -29,18 +29,14 @@ COARSEST = 4
 
 @dataclass(frozen=True)
 class Rests:
-    """Times of a block with little or no motion.
-
-    Attributes
-    ----------
-    runs : tuple of (int, int)
-        Start and end of each run of resting times, ascending; a moving time precedes each run.
-    bits : int
-        Integers of resting times are divided by 2 to this power, at most `MAX_REST_BITS`.
-    """
+    """Times of a block with little or no motion."""
 
     runs: tuple[tuple[int, int], ...] = ()
+    """tuple of (int, int). Start and end of each run of resting times, ascending; a moving time
+    precedes each run.
+    """
     bits: int = 0
+    """Integers of resting times are divided by 2 to this power, at most `MAX_REST_BITS`."""
 
     def flags(self, n_frames: int) -> npt.NDArray[np.uint8] | None:
         """Array of shape (n_frames,) with 1 for each resting time; None without rests."""
@@ -57,22 +53,16 @@ NO_REST = Rests()
 
 @dataclass(frozen=True)
 class BasisCoding:
-    """How the basis vectors of a block become integers.
-
-    Attributes
-    ----------
-    rests : Rests
-        Times predicted from the previous time; none with cosines.
-    has_cosines : bool
-        Integers are coefficients of an orthonormal discrete cosine transform over time (DCT-II),
-        low frequencies first, instead of values.
-    is_adaptive : bool
-        The prediction weights of moving times adapt to decoded values; not with cosines.
-    """
+    """How the basis vectors of a block become integers."""
 
     rests: Rests = NO_REST
+    """Times predicted from the previous time; none with cosines."""
     has_cosines: bool = False
+    """Integers are coefficients of an orthonormal discrete cosine transform over time (DCT-II), low
+    frequencies first, instead of values.
+    """
     is_adaptive: bool = False
+    """The prediction weights of moving times adapt to decoded values; not with cosines."""
 
 
 BY_TIMES = BasisCoding()
@@ -136,7 +126,6 @@ def basis_vectors(
     ----------
     coded : integer array of shape (K, C, T)
         As in the stream.
-    coding : BasisCoding
     lengths : float64 array of shape (n,), optional
         Divisors of the first n vectors, instead of their lengths.
 
@@ -180,7 +169,6 @@ def quantized_bases(
         The basis vectors, in quantization steps.
     rate_weight : float
         Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    codings : sequence of BasisCoding
     lengths : float64 array of shape (n,), optional
         As in `basis_vectors`.
 

@@ -21,41 +21,27 @@ NODE_BYTES, MORE_BYTES = 16, 64
 
 
 class CellSurface(NamedTuple):
-    """The polygons of the surface of cells, in the order of the cells.
-
-    Attributes
-    ----------
-    triangles : int32 array of shape (M, 3)
-        A fan for each polygon.
-    sizes, owners : int32 arrays of shape (P,)
-        Corners of each polygon, and its cell.
-    """
+    """The polygons of the surface of cells, in the order of the cells."""
 
     triangles: Int32s
+    """int32 array of shape (M, 3). A fan for each polygon."""
     sizes: Int32s
     owners: Int32s
+    """int32 arrays of shape (P,). Corners of each polygon, and its cell."""
 
 
 class EncodedCells(NamedTuple):
-    """Cells in internal order.
-
-    Attributes
-    ----------
-    data : bytes
-    types : uint8 array of shape (N,)
-    nodes : int32 array
-        As the decoder restores them.
-    given_cells : int32 array of shape (N,)
-        Input cell of each internal one.
-    internal_to_given : int64 array of shape (V,)
-        Input vertex of each internal one.
-    """
+    """Cells in internal order."""
 
     data: bytes
     types: Types
+    """uint8 array of shape (N,)."""
     nodes: Int32s
+    """int32 array. As the decoder restores them."""
     given_cells: Int32s
+    """int32 array of shape (N,). Input cell of each internal one."""
     internal_to_given: Integers
+    """int64 array of shape (V,). Input vertex of each internal one."""
 
 
 @cache

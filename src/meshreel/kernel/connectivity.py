@@ -18,23 +18,17 @@ MORE_BYTES = 1024
 
 
 class EncodedFaces(NamedTuple):
-    """A face list in internal order.
-
-    Attributes
-    ----------
-    data : bytes
-    internal_to_given : int64 array of shape (V,)
-        Input vertex of each internal one.
-    faces : int32 array of shape (M, 3)
-        As the decoder restores them.
-    twins : int32 array of shape (3 M,)
-        The other side at the edge of each internal side, or the side itself.
-    """
+    """A face list in internal order."""
 
     data: bytes
     internal_to_given: Integers
+    """int64 array of shape (V,). Input vertex of each internal one."""
     faces: Faces
+    """int32 array of shape (M, 3). As the decoder restores them."""
     twins: npt.NDArray[np.int32]
+    """int32 array of shape (3 M,). The other side at the edge of each internal side, or the side
+    itself.
+    """
 
 
 def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:

@@ -22,22 +22,18 @@ BYTES_EACH, BYTES_AT_FIRST = 16, 1 << 16
 
 
 class CodingOrder(NamedTuple):
-    """Coding order of the columns of a row, as in `core/reel.h`.
-
-    Attributes
-    ----------
-    columns : int32 array of shape (n_columns,)
-    pass_starts : int64 array of shape (n_passes + 1,)
-    near_starts : int64 array of shape (n_columns + 1,)
-    near : int32 array
-    """
+    """Coding order of the columns of a row, as in `core/reel.h`."""
 
     n_columns: int
     columns: npt.NDArray[np.int32]
+    """int32 array of shape (n_columns,)."""
     pass_starts: Integers
+    """int64 array of shape (n_passes + 1,)."""
     n_passes: int
     near_starts: Integers
+    """int64 array of shape (n_columns + 1,)."""
     near: npt.NDArray[np.int32]
+    """int32 array."""
 
     @property
     def memory_of(self) -> tuple[str, int, int, int]:

@@ -54,38 +54,19 @@ NumberType = Annotated[np.dtype[Any], _U32]
 class FileInfo:
     """Contents of the header and the index of a file or a segment, `meshreel_info`.
 
-    Attributes
-    ----------
-    error_bound_percent : float
-        Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none.
-    center : tuple of 3 floats
-    diagonal : float
-        Of the bounding box of all frames, in model units.
-    size_bytes : int
-        Up to the end of the file, or of the last complete block.
-    n_frames, n_verts, n_triangles, n_faces, n_corners, n_blocks, n_tracks : int
-        The positions are among the tracks.
-    longest_block : int
-        Frames of the longest block.
-    number_bytes, method, laplacian, order : int
-        As in the header.
-    is_whole : bool
-        Whether the end of the file is there.
-    n_cells : int
-        0: the mesh has faces only.
-    n_segments : int
-        Of a file of several, `error_bound_percent` and all counts but `n_frames` are 0.
-    damage : Exception or None
-        Why it is not whole.
+    Of a file of several segments, `error_bound_percent` and all counts but `n_frames` are 0.
     """
 
     name: String
     fps: Double
     start_s: Double
     error_bound_percent: Double
+    """Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none."""
     center: Vector
     diagonal: Double
+    """Of the bounding box of all frames, in model units."""
     size_bytes: U64
+    """Up to the end of the file, or of the last complete block."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
@@ -93,36 +74,35 @@ class FileInfo:
     n_corners: U32
     n_blocks: U32
     longest_block: U32
+    """Frames of the longest block."""
     n_tracks: U32
+    """Number of tracks with the positions."""
     number_bytes: U32
     method: U32
     laplacian: U32
     order: U32
     is_whole: Flag
+    """Whether the end of the file is there."""
     n_segments: U32
     n_cells: U32
+    """0: the mesh has faces only."""
     reserved: U32
     damage: Damage
+    """Why it is not whole."""
 
 
 @dataclass(frozen=True)
 class FileSegment:
-    """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`.
-
-    Attributes
-    ----------
-    first_frame : int
-        Its number in the file.
-    offset, size_bytes : int
-        Of its bytes, without the header of the file.
-    """
+    """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`."""
 
     first_frame: U32
+    """Its number in the file."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
     offset: U64
     size_bytes: U64
+    """Of its bytes, without the header of the file."""
 
 
 @dataclass(frozen=True)
@@ -149,22 +129,15 @@ class FileBlock:
 
 @dataclass(frozen=True)
 class FileGroup:
-    """Header of a track in a block: `meshreel_group`.
-
-    Attributes
-    ----------
-    key_block : int
-        The block whose fields it refers to, or itself.
-    n_modes : int
-        0: values are stored exactly.
-    step : float
-        Quantization step of the fields, in diagonals.
-    """
+    """Header of a track in a block: `meshreel_group`."""
 
     key_block: U32
+    """The block whose fields it refers to, or itself."""
     n_modes: U32
+    """0: values are stored exactly."""
     n_corrections: U64
     step: Double
+    """Quantization step of the fields, in diagonals."""
 
 
 @dataclass(frozen=True)
@@ -196,27 +169,22 @@ class FileModes:
     The values of frame t of the block, of shape (N, C), are ``origin + fields @ basis[t]`` plus
     corrections of single values. Computed in any order and precision, they differ from decoded
     values by rounding errors only.
-
-    Attributes
-    ----------
-    fields : float array of shape (N, K)
-        In quantization steps; vertices in output order.
-    basis : float array of shape (T_b, K, C)
-        Includes step and scale.
-    origin : float array of shape (C,)
-    correction_starts : int array of shape (T_b + 1,)
-        Frame t has the corrections correction_starts[t]..correction_starts[t + 1] - 1.
-    corrected : int array of shape (n,)
-        Corrected vertex of each.
-    corrections : float array of shape (n, C)
     """
 
     fields: npt.NDArray[np.float64]
+    """float array of shape (N, K). In quantization steps; vertices in output order."""
     basis: npt.NDArray[np.float64]
+    """float array of shape (T_b, K, C). Includes step and scale."""
     origin: npt.NDArray[np.float64]
+    """float array of shape (C,)."""
     correction_starts: npt.NDArray[np.int64]
+    """int array of shape (T_b + 1,). Frame t has the corrections
+    correction_starts[t]..correction_starts[t + 1] - 1.
+    """
     corrected: npt.NDArray[np.int32]
+    """int array of shape (n,). Corrected vertex of each."""
     corrections: npt.NDArray[np.float64]
+    """float array of shape (n, C)."""
 
 
 def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_tasks: int) -> None:

@@ -28,20 +28,16 @@ VERTICES_AT_ONCE = 1 << 12
 
 @dataclass(frozen=True)
 class Moves:
-    """Displacements of single positions, in diagonals.
-
-    Attributes
-    ----------
-    starts : int64 array of shape (n + 1,)
-        Frame i has the entries starts[i] : starts[i + 1] of the other arrays.
-    vertices : int32 array of shape (N,)
-        Ascending in each frame.
-    displacements : float64 array of shape (N, C)
-    """
+    """Displacements of single positions, in diagonals."""
 
     starts: npt.NDArray[np.int64]
+    """int64 array of shape (n + 1,). Frame i has the entries starts[i] : starts[i + 1] of the other
+    arrays.
+    """
     vertices: npt.NDArray[np.int32]
+    """int32 array of shape (N,). Ascending in each frame."""
     displacements: Floats
+    """float64 array of shape (N, C)."""
 
     def of_frames(self, frames: range) -> "Moves":
         """The displacements of a range of frames."""
@@ -54,18 +50,6 @@ class JointFrames:
 
     Results are bit-identical on every machine.
 
-    Attributes
-    ----------
-    basis : float64 array of shape (C, T, K)
-        C columns; positions have x, y and z.
-    values : float64 array of shape (V, K)
-        Fields in steps; may be a transposed view.
-    step : float, default 1
-    order : integer array of shape (V,), optional
-        Row of `values` of each vertex of the frames. Default: the same.
-    is_single : bool, default False
-        Round fields and basis vectors to IEEE single precision, and sum products in it.
-
     Raises
     ------
     InvalidInputError
@@ -74,10 +58,15 @@ class JointFrames:
     """
 
     basis: Floats
+    """float64 array of shape (C, T, K). C columns; positions have x, y and z."""
     values: Floats
+    """float64 array of shape (V, K). Fields in steps; may be a transposed view."""
     step: float = 1.0
     order: Integers | None = None
+    """Integer array of shape (V,). Row of `values` of each vertex of the frames. Default: the same.
+    """
     is_single: bool = False
+    """Round fields and basis vectors to IEEE single precision, and sum products in it."""
 
     def __call__(self, frames: slice) -> Floats:
         """Return coordinate matrices of shape (C, frames, V) of a range of frames."""

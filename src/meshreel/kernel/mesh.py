@@ -31,17 +31,12 @@ MIN_PARALLEL_VERTICES = 4096
 
 @dataclass(frozen=True)
 class Neighbors:
-    """Adjacency lists of a mesh.
-
-    Attributes
-    ----------
-    starts : int32 array of shape (V + 1,)
-    near : int32 array
-        The neighbors of v are near[starts[v] : starts[v + 1]], ascending and unique.
-    """
+    """Adjacency lists of a mesh."""
 
     starts: Integers
+    """int32 array of shape (V + 1,)."""
     near: Integers
+    """int32 array. The neighbors of v are near[starts[v] : starts[v + 1]], ascending and unique."""
 
 
 @dataclass(frozen=True)
@@ -50,34 +45,29 @@ class Hierarchy:
 
     Vertices are numbered in coding order, level by level from the coarsest resolution, except in
     the values of `order`.
-
-    Attributes
-    ----------
-    order : int32 array of shape (V,)
-        Vertex index in the faces for each number; ascending in each level.
-    level_starts : int32 array of shape (L + 1,)
-        First number of each level, then V.
-    level_resolutions : int32 array of shape (L,)
-        Resolution of each level; 0 is the coarsest.
-    smooth_starts : int64 array of shape (L,)
-        The smooth fields of vertex v for each level are in row start + v.
-    stencil : int32 array of shape (V, S)
-        Lower numbers, nearest first, padded with -1. Level 0 has none.
-    hops : uint8 array of shape (V, S)
-        Distances to them, in edges of the resolution, padded with 0.
-    contexts : int32 array of shape (V, N_NEIGHBORS)
-        Context neighbors, with lower numbers, padded with -1.
-    smooth_future : Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)
     """
 
     order: Integers
+    """int32 array of shape (V,). Vertex index in the faces for each number; ascending in each
+    level.
+    """
     level_starts: Integers
+    """int32 array of shape (L + 1,). First number of each level, then V."""
     level_resolutions: Integers
+    """int32 array of shape (L,). Resolution of each level; 0 is the coarsest."""
     smooth_starts: npt.NDArray[np.int64]
+    """int64 array of shape (L,). The smooth fields of vertex v for each level are in row start + v.
+    """
     stencil: Integers
+    """int32 array of shape (V, S). Lower numbers, nearest first, padded with -1. Level 0 has none.
+    """
     hops: Hops
+    """uint8 array of shape (V, S). Distances to them, in edges of the resolution, padded with 0."""
     contexts: Integers
+    """int32 array of shape (V, N_NEIGHBORS). Context neighbors, with lower numbers, padded with -1.
+    """
     smooth_future: Future[Smooth]
+    """Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)."""
 
     @property
     def n_verts(self) -> int:
@@ -129,7 +119,6 @@ def item_faces(
     Parameters
     ----------
     faces : integer array of shape (M, 3)
-    n_verts : int
     items : integer array of shape (M, 3)
         The item at each corner of a face.
     """

@@ -26,26 +26,19 @@ class _Part(ctypes.Structure):
 
 @dataclass(frozen=True)
 class SegmentFrames:
-    """Frames of an open segment.
-
-    Attributes
-    ----------
-    file : OpenFile
-        With one segment; nothing else may use it meanwhile.
-    first : int
-    values : list of arrays of shape (T, N, C)
-        One for each track, contiguous and of its number type; receives frames first..first+T-1.
-    n_modes : int
-        As of `FrameDecoder`.
-    with_surface : bool
-        Whether to decode the surface too.
-    """
+    """Frames of an open segment."""
 
     file: OpenFile
+    """With one segment; nothing else may use it meanwhile."""
     first: int
     values: list[npt.NDArray[Any]]
+    """list of arrays of shape (T, N, C). One for each track, contiguous and of its number type;
+    receives frames first..first+T-1.
+    """
     n_modes: int
+    """As of `FrameDecoder`."""
     with_surface: bool
+    """Whether to decode the surface too."""
 
 
 def decode_together(segments: Sequence[SegmentFrames]) -> None:

@@ -16,21 +16,17 @@ BYTES_EACH, BYTES_A_ROW = 24, 32
 
 @dataclass(frozen=True)
 class Expected:
-    """Coding order and predictors of the rows of a table.
-
-    Attributes
-    ----------
-    order : int32 array of shape (N,)
-        A permutation of 0..N-1.
-    starts : int64 array of shape (N + 1,)
-    triples : int32 array of shape (*, 3)
-        The prediction of row ``order[i]`` is the mean of ``a + b - c`` over the triples
-        ``starts[i]:starts[i + 1]``, or row ``a`` if c is -1. All are rows coded before it.
-    """
+    """Coding order and predictors of the rows of a table."""
 
     order: npt.NDArray[np.int32]
+    """int32 array of shape (N,). A permutation of 0..N-1."""
     starts: npt.NDArray[np.int64]
+    """int64 array of shape (N + 1,)."""
     triples: npt.NDArray[np.int32]
+    """int32 array of shape (*, 3). The prediction of row ``order[i]`` is the mean of ``a + b - c``
+    over the triples ``starts[i]:starts[i + 1]``, or row ``a`` if c is -1. All are rows coded before
+    it.
+    """
 
 
 def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:

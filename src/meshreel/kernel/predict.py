@@ -56,21 +56,14 @@ class _Choice(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Choice:
-    """Parameters of the encoder's choices.
-
-    Attributes
-    ----------
-    first_shaped : int
-        First level with noise shaping.
-    gain : float
-        Gain of noise shaping.
-    rate_weight : float
-        Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    """
+    """Parameters of the encoder's choices."""
 
     first_shaped: int
+    """First level with noise shaping."""
     gain: float
+    """Gain of noise shaping."""
     rate_weight: float
+    """Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest."""
 
 
 def decode_values(

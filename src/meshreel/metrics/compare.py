@@ -103,15 +103,7 @@ class Quality:
 def compare(
     original: MeshSequence, decoded: MeshSequence, *, progress: Progress = silent
 ) -> Quality:
-    """All quality metrics of a decoded sequence, computed in float64.
-
-    Parameters
-    ----------
-    original, decoded : MeshSequence
-        With equal frame and vertex counts and the same oriented triangles; the order of triangles
-        and the first vertex of each may differ.
-    progress : callable, optional
-        Called as ``progress("comparing", fraction)``.
+    """All quality metrics of a decoded sequence of the same mesh, as of `meshreel.compare`.
 
     Raises
     ------
@@ -161,27 +153,8 @@ def measure_quality(
 ) -> "Quality | SurfaceQuality":
     """Compare vertices if both sequences have the same mesh, and surfaces otherwise.
 
-    Parameters
-    ----------
-    original, decoded : MeshSequence
-        Of equal frame counts.
-    surface : bool, optional
-        True compares surfaces, False vertices. Default: vertices if the meshes are the same.
-    n_samples : int, optional
-        As in `compare_surfaces`.
-    progress : callable, optional
-        Called as ``progress("comparing", fraction)``.
-
-    Returns
-    -------
-    Quality or SurfaceQuality
-        The latter has the errors of vertices too, if the meshes of all segments are the same.
-
-    Raises
-    ------
-    InvalidInputError
-        If `compare` or `compare_surfaces` cannot compare the sequences, or `n_samples` is given
-        and vertices are compared.
+    Parameters and errors are those of `meshreel.compare`, without files and dropped orders. A
+    `SurfaceQuality` has the errors of vertices too, if the meshes of all segments are the same.
     """
     difference = connectivity_difference(original, decoded)
     if surface or (surface is None and difference):
@@ -321,19 +294,15 @@ class RestMotion:
 
     Percentages refer to the mean diagonal of the bounding boxes of single frames, so that a large
     overall path of the model does not hide its local motion.
-
-    Attributes
-    ----------
-    n_pairs : int
-        Pairs of a vertex and a frame after the first in which the original moves by less than
-        `REST_PERCENT` since the previous frame.
-    median_percent, p99_percent : float
-        Median and 99th percentile of the decoded motion over these pairs; 0 if there are none.
     """
 
     n_pairs: int
+    """Pairs of a vertex and a frame after the first in which the original moves by less than
+    `REST_PERCENT` since the previous frame.
+    """
     median_percent: float
     p99_percent: float
+    """Median and 99th percentile of the decoded motion over these pairs; 0 if there are none."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -23,23 +23,16 @@ MIN_VERTS_PER_TASK = 1 << 17
 
 @dataclass(frozen=True, eq=False)
 class FrameSums:
-    """Sums over a set of vertices of one frame, in scaled units.
-
-    Attributes
-    ----------
-    error, largest : float
-        Sum and maximum of the squared displacements.
-    spread : float
-        Sum of the squared distances from the mean.
-    mean : float64 array of shape (3,)
-        Relative to the first vertex of the frame.
-    """
+    """Sums over a set of vertices of one frame, in scaled units."""
 
     n_verts: int
     error: float
     largest: float
+    """Sum and maximum of the squared displacements."""
     spread: float
+    """Sum of the squared distances from the mean."""
     mean: Floats
+    """float64 array of shape (3,). Relative to the first vertex of the frame."""
 
 
 def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) -> list[FrameSums]:

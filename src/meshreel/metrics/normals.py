@@ -16,19 +16,13 @@ DEGENERATE_AREA = 1e-14
 
 @dataclass(frozen=True)
 class NormalAngles:
-    """Angles between face normals over all frames.
-
-    Attributes
-    ----------
-    mean_deg, p95_deg : float
-        Mean and 95th percentile over all faces and frames; 0 if all are degenerate.
-    n_degenerate_face_frames : int
-        Excluded faces, summed over the frames: the original or the decoded face has no area.
-    """
+    """Angles between face normals over all frames."""
 
     mean_deg: float
     p95_deg: float
+    """Mean and 95th percentile over all faces and frames; 0 if all are degenerate."""
     n_degenerate_face_frames: int
+    """Excluded faces, summed over the frames: the original or the decoded face has no area."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -19,20 +19,14 @@ _LARGEST_EXPONENT = 1000  # both 2**1000 and 2**-1000 are normal float64 numbers
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Centre and power-of-two scale of the bounding box of a whole sequence.
-
-    Attributes
-    ----------
-    center : float64 array of shape (3,), in model units
-    scale : float
-        Factor from model units to scaled units, in which the size of the box is about 1.
-    diagonal_scaled : float
-        Diagonal of the box in scaled units; 0 if all vertices of all frames coincide.
-    """
+    """Centre and power-of-two scale of the bounding box of a whole sequence."""
 
     center: Floats
+    """float64 array of shape (3,), in model units."""
     scale: float
+    """Factor from model units to scaled units, in which the size of the box is about 1."""
     diagonal_scaled: float
+    """Diagonal of the box in scaled units; 0 if all vertices of all frames coincide."""
 
     @property
     def diagonal(self) -> float:

@@ -29,21 +29,14 @@ _BLOCK_VALUES = 1 << 18
 
 @dataclass(frozen=True)
 class Sted:
-    """STED and its two parts, all without unit; 0 for equal sequences.
-
-    Attributes
-    ----------
-    spatial : float
-        S, the mean local standard deviation of relative edge lengths.
-    temporal : float
-        T, the mean relative error of the speeds; 0 for a single frame.
-    sted : float
-        ``sqrt(S^2 + c^2 T^2)`` with c = 9.144e-5: T has little influence.
-    """
+    """STED and its two parts, all without unit; 0 for equal sequences."""
 
     spatial: float
+    """S, the mean local standard deviation of relative edge lengths."""
     temporal: float
+    """T, the mean relative error of the speeds; 0 for a single frame."""
     sted: float
+    """``sqrt(S^2 + c^2 T^2)`` with c = 9.144e-5: T has little influence."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

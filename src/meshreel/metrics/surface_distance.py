@@ -186,8 +186,6 @@ def compare_surfaces(
 
     Parameters
     ----------
-    original, decoded : SurfaceFrames
-        Of equal frame counts.
     n_samples : int, default 50,000
         Samples per frame and direction.
     reason : str, optional

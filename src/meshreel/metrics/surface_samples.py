@@ -24,25 +24,18 @@ MERGE_BITS = 21
 
 @dataclass(frozen=True, eq=False)
 class TriangleSet:
-    """The triangles of a frame that have an area.
-
-    Attributes
-    ----------
-    vertices : float64 array of shape (N, 3)
-        Their corners, each once.
-    corners : float64 array of shape (M, 3, 3)
-    normals : float64 array of shape (M, 3)
-        Of length 1.
-    areas : float64 array of shape (M,)
-    n_degenerate : int
-        Number of triangles that were left out.
-    """
+    """The triangles of a frame that have an area."""
 
     vertices: Floats
+    """float64 array of shape (N, 3). Their corners, each once."""
     corners: Floats
+    """float64 array of shape (M, 3, 3)."""
     normals: Floats
+    """float64 array of shape (M, 3). Of length 1."""
     areas: Floats
+    """float64 array of shape (M,)."""
     n_degenerate: int
+    """Number of triangles that were left out."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,19 +13,13 @@ ROW_VERTICES = 128
 
 @dataclass(frozen=True, eq=False)
 class Extent:
-    """The extent of positions, in model units.
-
-    Attributes
-    ----------
-    low, high : float64 arrays of shape (3,)
-        Corners of the bounding box of all frames.
-    mean_diagonal : float
-        Mean of the diagonals of the bounding boxes of all frames.
-    """
+    """The extent of positions, in model units."""
 
     low: npt.NDArray[np.float64]
     high: npt.NDArray[np.float64]
+    """float64 arrays of shape (3,). Corners of the bounding box of all frames."""
     mean_diagonal: float
+    """Mean of the diagonals of the bounding boxes of all frames."""
 
 
 def extent_of(vertices: Vertices) -> Extent:

@@ -24,12 +24,7 @@ def install_viewer(load: Callable[[], Viewer]) -> None:
 
 
 def notebook_html(sequence: Any) -> str:
-    """HTML for a notebook: properties, with the player of a small one.
-
-    Parameters
-    ----------
-    sequence : MeshSequence or ReelFile
-    """
+    """HTML for a notebook: properties, with the player of a small one."""
     return _load_viewer().html_of(sequence)
 
 

@@ -29,21 +29,16 @@ DUE_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """When the frames of a sequence are shown.
-
-    Attributes
-    ----------
-    fps : float
-        Frames per second, the mean rate if `times` are given; 0 = unknown.
-    start_s : float
-        Time of the first frame, in seconds.
-    times : float64 array of shape (T,), or None
-        Time of each frame in seconds, ascending, if the frames are not evenly spaced.
-    """
+    """When the frames of a sequence are shown."""
 
     fps: float = 0.0
+    """Frames per second, the mean rate if `times` are given; 0 = unknown."""
     start_s: float = 0.0
+    """Time of the first frame, in seconds."""
     times: Floats | None = None
+    """float64 array of shape (T,), or None. Time of each frame in seconds, ascending, if the frames
+    are not evenly spaced.
+    """
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing):

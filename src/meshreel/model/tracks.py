@@ -181,7 +181,6 @@ class TrackPart(DerivedTrack):
 
     Parameters
     ----------
-    whole : TrackSource
     frames : range
         Consecutive frame numbers.
     """

@@ -85,27 +85,22 @@ def exchange_anchors(mesh: MeshModel, delta_errors: Iterable[Floats]) -> Integer
 
 @dataclass(frozen=True)
 class _State:
-    """Errors at C candidates, and how they respond to anchors there.
-
-    Attributes
-    ----------
-    responses : float64 array of shape (C, C)
-        Rows and columns of ``R = (L^T L + S^T S)^-1`` at the candidates.
-    products : float64 array of shape (C, C)
-        Inner products of the columns of R over all vertices.
-    errors : float64 array of shape (C, N)
-        The errors e at the candidates.
-    correlations : float64 array of shape (C, N)
-        Inner products of the columns of R with those of e over all vertices.
-    squared_error : float
-        Over all vertices and columns.
-    """
+    """Errors at C candidates, and how they respond to anchors there."""
 
     responses: Floats
+    """float64 array of shape (C, C). Rows and columns of ``R = (L^T L + S^T S)^-1`` at the
+    candidates.
+    """
     products: Floats
+    """float64 array of shape (C, C). Inner products of the columns of R over all vertices."""
     errors: Floats
+    """float64 array of shape (C, N). The errors e at the candidates."""
     correlations: Floats
+    """float64 array of shape (C, N). Inner products of the columns of R with those of e over all
+    vertices.
+    """
     squared_error: float
+    """Over all vertices and columns."""
 
     def reductions(self, sign: int) -> Floats:
         """Reduction of the squared error by an anchor at each candidate, or by its removal.

@@ -23,27 +23,22 @@ FramesOf = Callable[[slice], Floats]
 
 @dataclass(frozen=True)
 class DecodedBlock:
-    """A decoded block, whose frames are products of a basis and coefficients.
-
-    Attributes
-    ----------
-    start, n_frames : int
-        Number of the first frame, and number of frames.
-    frames_of : FramesOf
-        Coordinate matrices of a slice of the frames, in output order of vertices, without exact
-        positions.
-    exact : float array of shape (T_b, N, 3), or None
-        Positions of some vertices that replace the computed ones.
-    exact_places : integer array of shape (N,), or None
-        These vertices, in output order.
-    """
+    """A decoded block, whose frames are products of a basis and coefficients."""
 
     start: int
     n_frames: int
+    """Number of the first frame, and number of frames."""
     frames_of: FramesOf
+    """Coordinate matrices of a slice of the frames, in output order of vertices, without exact
+    positions.
+    """
     frame: BoundingFrame
     exact: Vertices | None = None
+    """float array of shape (T_b, N, 3), or None. Positions of some vertices that replace the
+    computed ones.
+    """
     exact_places: Integers | None = None
+    """Integer array of shape (N,), or None. These vertices, in output order."""
 
     def fill(self, out: Vertices, first: int) -> None:
         """Fill an array of shape (T, V, 3) with frames of this block, on all cores.

@@ -18,30 +18,24 @@ from meshreel.runtime.progress import Progress, silent
 
 @dataclass(frozen=True)
 class MeshModel:
-    """Connectivity and anchors, with the matrices and systems derived from them.
-
-    Attributes
-    ----------
-    faces : integer array of shape (M, 3)
-        In internal order, like all indices here.
-    anchors : integer array of shape (A,)
-        Ascending; at least one in each component that has an edge.
-    shape : float64 array of shape (V, 3), or None
-        Decoded positions from which cotangent weights are computed.
-    n_frames : int
-        Frames of the whole stream, which can share anchor responses; 0 if unknown.
-    basis_memory : float or None
-        Memory limit in bytes of a graph Fourier basis that may take any time. None: the size of the
-        basis is limited by `check_basis_size`.
-    """
+    """Connectivity and anchors, with the matrices and systems derived from them."""
 
     faces: Faces
+    """Integer array of shape (M, 3). In internal order, like all indices here."""
     n_verts: int
     anchors: Integers
+    """Integer array of shape (A,). Ascending; at least one in each component that has an edge."""
     laplacian_choice: Laplacian
     shape: Floats | None = None
+    """float64 array of shape (V, 3), or None. Decoded positions from which cotangent weights are
+    computed.
+    """
     n_frames: int = 0
+    """Frames of the whole stream, which can share anchor responses; 0 if unknown."""
     basis_memory: float | None = None
+    """Memory limit in bytes of a graph Fourier basis that may take any time. None: the size of the
+    basis is limited by `check_basis_size`.
+    """
 
     @cached_property
     def isolated(self) -> Integers:

@@ -43,16 +43,12 @@ PREDICTION_STEP_RATIO = 8
 
 @dataclass(frozen=True)
 class Quantized:
-    """Integers of shape (3, rows, columns), and their quantization steps.
-
-    Attributes
-    ----------
-    integers : int64 array of shape (3, rows, columns)
-    steps : float32 array of shape (1,) or (rows,)
-    """
+    """Integers of shape (3, rows, columns), and their quantization steps."""
 
     integers: Integers
+    """int64 array of shape (3, rows, columns)."""
     steps: Steps
+    """float32 array of shape (1,) or (rows,)."""
 
     @classmethod
     def of(cls, values: Floats, steps: Steps) -> "Quantized":
@@ -72,37 +68,33 @@ class Anchors:
     Positions are the product of basis and coefficients plus the residuals. One of the two may be
     missing: without residuals only motion within the span of the modes is coded; on graph
     frequencies (`gft`) the positions are not predicted.
-
-    Attributes
-    ----------
-    coefficients : Quantized of shape (3, K, A), or None
-    residuals : Quantized of shape (3, A, T), or None
     """
 
     coefficients: Quantized | None
+    """Quantized of shape (3, K, A), or None."""
     residuals: Quantized | None
+    """Quantized of shape (3, A, T), or None."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlockValues:
-    """Dequantized values of a block of frames.
-
-    Attributes
-    ----------
-    basis : float64 array of shape (3, T, K), or None
-        Eigen-trajectories of each axis as columns. None on graph frequencies (`gft`).
-    coefficients : float64 array of shape (3, K, V), or (3, K, T) on graph frequencies
-        Possibly fewer rows than the basis has columns (`truncated`).
-    anchor_coefficients : float64 array of shape (3, K, A), or None
-        Coefficients of the anchors on the leading modes.
-    anchor_residuals : float64 array of shape (3, A, T), or None
-        Anchor positions less their prediction from the coefficients.
-    """
+    """Dequantized values of a block of frames."""
 
     basis: Floats | None
+    """float64 array of shape (3, T, K), or None. Eigen-trajectories of each axis as columns. None
+    on graph frequencies (`gft`).
+    """
     coefficients: Floats
+    """float64 array of shape (3, K, V), or (3, K, T) on graph frequencies. Possibly fewer rows than
+    the basis has columns (`truncated`).
+    """
     anchor_coefficients: Floats | None
+    """float64 array of shape (3, K, A), or None. Coefficients of the anchors on the leading modes.
+    """
     anchor_residuals: Floats | None
+    """float64 array of shape (3, A, T), or None. Anchor positions less their prediction from the
+    coefficients.
+    """
 
     @property
     def n_modes(self) -> int:
@@ -143,17 +135,15 @@ class CodedBlock:
 
     On eigen-trajectories a row belongs to a mode. On graph frequencies (`gft`) a row of
     coefficients is a frequency over time.
-
-    Attributes
-    ----------
-    basis : Quantized of shape (3, K, T), or None
-        The dictionary: a row for each eigen-trajectory of each axis. None on graph frequencies.
-    coefficients : Quantized of shape (3, K, V), or (3, K, T) on graph frequencies
     """
 
     basis: Quantized | None
+    """Quantized of shape (3, K, T), or None. The dictionary: a row for each eigen-trajectory of
+    each axis. None on graph frequencies.
+    """
     anchors: Anchors | None
     coefficients: Quantized
+    """Quantized of shape (3, K, V), or (3, K, T) on graph frequencies."""
 
     @property
     def n_modes(self) -> int:

@@ -59,33 +59,23 @@ _USUAL = tuple(_DEFAULTS.values())
 
 @dataclass(frozen=True)
 class Setting:
-    """A variant with its options.
-
-    Attributes
-    ----------
-    n_modes : int or None
-        Modes of each axis (graph frequencies for `gft`); None is the default of the method.
-    anchors : float
-        Fraction of the vertices; 0 for methods without anchors.
-    block_frames : int or None
-        None codes all frames together.
-    choices : str
-        As for `meshreel.encode`; empty for the defaults.
-    shared : str
-        Choices common to all streams of a report; `choices` takes precedence.
-    allocation : str
-        How bits are distributed over the rows, as for `meshreel.encode`.
-    """
+    """A variant with its options."""
 
     method: str
     n_modes: int | None = MODES
+    """Modes of each axis (graph frequencies for `gft`); None is the default of the method."""
     bits: int = BITS
     anchors: float = 0.0
+    """Fraction of the vertices; 0 for methods without anchors."""
     block_frames: int | None = None
+    """None codes all frames together."""
     choices: str = ""
+    """As for `meshreel.encode`; empty for the defaults."""
     laplacian: str = "normalized"
     shared: str = ""
+    """Choices common to all streams of a report; `choices` takes precedence."""
     allocation: str = Allocation.ENERGY.value
+    """How bits are distributed over the rows, as for `meshreel.encode`."""
 
     @property
     def key(self) -> str:
@@ -127,34 +117,24 @@ class Setting:
 
 @dataclass(frozen=True)
 class TableSettings:
-    """Modes, bits and anchors of the streams in Tables I and II.
-
-    Attributes
-    ----------
-    modes : int
-        Rows of coefficients of each axis, the paper's k_l.
-    bits : int
-        Bits of quantized coefficients; `pca` has 16.
-    vertex_bits : int
-        Bits of `v2v`, which codes vertices instead of deltas.
-    block_modes : int
-        Rows in each block of `blocks`.
-    anchors : float
-        Fraction of the vertices.
-    choices : str
-        Applied to every variant on which it has an effect.
-    allocation : str
-        "energy": one step for all rows; "constant": the given bits in every row. `gft`, which has
-        one step, ignores it.
-    """
+    """Modes, bits and anchors of the streams in Tables I and II."""
 
     modes: int = MODES
+    """Rows of coefficients of each axis, the paper's k_l."""
     bits: int = BITS
+    """Bits of quantized coefficients; `pca` has 16."""
     vertex_bits: int = VERTEX_BITS
+    """Bits of `v2v`, which codes vertices instead of deltas."""
     block_modes: int = BLOCK_MODES
+    """Rows in each block of `blocks`."""
     anchors: float = ANCHORS
+    """Fraction of the vertices."""
     choices: str = ""
+    """Applied to every variant on which it has an effect."""
     allocation: str = Allocation.ENERGY.value
+    """"energy": one step for all rows; "constant": the given bits in every row. `gft`, which has
+    one step, ignores it.
+    """
 
     def setting(self, method: str) -> Setting:
         """The setting of a variant for a long sequence."""

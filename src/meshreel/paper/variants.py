@@ -37,28 +37,21 @@ class Decoding(Enum):
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant of the paper.
-
-    Attributes
-    ----------
-    name : str
-        Name for users.
-    is_serial : bool
-        Whether the decoder factors and solves a system for each frame, like the paper's serial
-        variants, instead of one for all.
-    bits : int
-        Default bits of the largest coefficient.
-    block_frames : int or None
-        Default number of frames per block; None is all.
-    """
+    """A variant of the paper."""
 
     name: str
+    """Name for users."""
     signal: Signal
     basis: Basis
     decoding: Decoding
     is_serial: bool = False
+    """Whether the decoder factors and solves a system for each frame, like the paper's serial
+    variants, instead of one for all.
+    """
     bits: int = DEFAULT_BITS
+    """Default bits of the largest coefficient."""
     block_frames: int | None = None
+    """Default number of frames per block; None is all."""
 
     @property
     def has_anchors(self) -> bool:

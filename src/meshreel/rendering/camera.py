@@ -23,17 +23,6 @@ _UP_AND_RIGHT = {
 class Camera:
     """A pinhole camera with square pixels that looks along the third row of ``axes``.
 
-    Parameters
-    ----------
-    eye : float array of shape (3,)
-        Center of projection, in model units.
-    axes : float array of shape (3, 3)
-        Unit rows: to the right of the picture, down the picture, into the scene.
-    focal_px : float
-        Distance of the image plane, in pixels.
-    width, height : int
-        Size of the picture, in pixels.
-
     Raises
     ------
     InvalidInputError
@@ -41,10 +30,16 @@ class Camera:
     """
 
     eye: Floats
+    """float array of shape (3,). Center of projection, in model units."""
     axes: Floats
+    """float array of shape (3, 3). Unit rows: to the right of the picture, down the picture, into
+    the scene.
+    """
     focal_px: float
+    """Distance of the image plane, in pixels."""
     width: int
     height: int
+    """Size of the picture, in pixels."""
 
     def __post_init__(self) -> None:
         _check_size(self.width, self.height)

@@ -19,22 +19,14 @@ _TEXT = re.compile(r"(-?)([xyz])(?:=([+-]?[0-9.]+(?:e[+-]?[0-9]+)?)(%?))?", re.I
 
 @dataclass(frozen=True)
 class Cut:
-    """A plane perpendicular to an axis.
-
-    Parameters
-    ----------
-    axis : int
-    position : float
-        In model units, or in percent of the bounding box of the first frame.
-    is_percent : bool
-    keeps_high : bool, default False
-        Whether the cells above the plane stay, and not those below.
-    """
+    """A plane perpendicular to an axis."""
 
     axis: int
     position: float
+    """In model units, or in percent of the bounding box of the first frame."""
     is_percent: bool
     keeps_high: bool = False
+    """Whether the cells above the plane stay, and not those below."""
 
     def kept(self, cells: Cells, points: npt.NDArray[np.floating]) -> Integers:
         """Return the cells whose center, the mean of their nodes, is on the kept side.

@@ -55,7 +55,6 @@ def save_mp4(
         Its width and height must be even.
     overwrite : bool
         Whether an existing file may be replaced.
-    progress : Progress, default silent
 
     Raises
     ------
@@ -129,7 +128,6 @@ def save_gif(
     ----------
     overwrite : bool
         Whether an existing file may be replaced.
-    progress : Progress, default silent
 
     Raises
     ------

@@ -31,21 +31,15 @@ UNKNOWN_FPS = 24.0
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A film whose pictures are drawn during iteration.
-
-    Attributes
-    ----------
-    shots : sequence of Shot
-        One for each picture.
-    fps : float
-        Pictures per second.
-    """
+    """A film whose pictures are drawn during iteration."""
 
     scene: Scene
     scales: Scales
     sheet: Sheet
     shots: Sequence[Shot]
+    """One for each picture."""
     fps: float
+    """Pictures per second."""
 
     @property
     def n_pictures(self) -> int:

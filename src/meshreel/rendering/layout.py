@@ -18,28 +18,21 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of a sheet.
-
-    Parameters
-    ----------
-    n_rows, n_columns : int
-        Rows and columns of views.
-    n_title_lines : int
-        Above the columns; 0 without titles.
-    n_label_lines : int
-        Below each view.
-    bars : tuple of (column, width in pixels)
-        Color bars, each to the right of a column of views, by ascending columns.
-    n_caption_lines : int
-        At the bottom.
-    """
+    """The parts of a sheet."""
 
     n_rows: int
     n_columns: int
+    """Rows and columns of views."""
     n_title_lines: int = 0
+    """Above the columns; 0 without titles."""
     n_label_lines: int = 0
+    """Below each view."""
     bars: tuple[tuple[int, int], ...] = ()
+    """tuple of (column, width in pixels). Color bars, each to the right of a column of views, by
+    ascending columns.
+    """
     n_caption_lines: int = 0
+    """At the bottom."""
 
     @property
     def is_bare(self) -> bool:
@@ -50,33 +43,23 @@ class Parts:
 
 @dataclass(frozen=True)
 class Layout:
-    """Positions of all parts of a sheet, in pixels.
-
-    Attributes
-    ----------
-    size, view_size : tuple of 2 ints
-        Width and height, of the sheet and of each view.
-    columns, rows : tuple of int
-        Left edge of each column and top edge of each row of views.
-    bars : tuple of int
-        Left edge of each color bar.
-    foot : int
-        Top of the caption.
-    font : Font
-        Font of titles and labels.
-    line, gap : int
-        Height of a line of text, and the distance between parts.
-    """
+    """Positions of all parts of a sheet, in pixels."""
 
     size: Size
     view_size: Size
+    """tuple of 2 ints. Width and height, of the sheet and of each view."""
     columns: tuple[int, ...]
     rows: tuple[int, ...]
+    """Left edge of each column and top edge of each row of views."""
     bars: tuple[int, ...]
+    """Left edge of each color bar."""
     foot: int
+    """Top of the caption."""
     font: Font
+    """Font of titles and labels."""
     line: int
     gap: int
+    """Height of a line of text, and the distance between parts."""
 
     @property
     def body_height(self) -> int:

@@ -50,21 +50,14 @@ WHITE: Color = (255, 255, 255)
 
 @dataclass(frozen=True)
 class HeatRange:
-    """The color range of a heat map, the same for all frames.
-
-    Attributes
-    ----------
-    high : float
-        End of the range, a round number; it begins at 0.
-    largest : float
-        Largest of all values, which may exceed `high`.
-    frame : int
-        Frame of the largest value.
-    """
+    """The color range of a heat map, the same for all frames."""
 
     high: float
+    """End of the range, a round number; it begins at 0."""
     largest: float
+    """Largest of all values, which may exceed `high`."""
     frame: int
+    """Frame of the largest value."""
 
 
 Frame = npt.NDArray[np.floating]
@@ -83,46 +76,33 @@ NO_SCALES = Scales()
 
 @dataclass(frozen=True, eq=False)
 class MeshLook:
-    """What the frames of a segment share.
-
-    Attributes
-    ----------
-    colors : array
-        As for `render`.
-    shading : RowNormals or None
-        Normals of a mesh with hard edges; None for a smooth mesh.
-    owners : integer array of shape (P,), or None
-        Cell of each polygon of a volume mesh.
-    is_cut : bool
-        Whether some cells are hidden; then faces are flat.
-    """
+    """What the frames of a segment share."""
 
     faces: Faces
     surface: Surface
     colors: npt.ArrayLike
+    """As for `render`."""
     shading: RowNormals | None
+    """Normals of a mesh with hard edges; None for a smooth mesh."""
     owners: Integers | None
+    """Integer array of shape (P,), or None. Cell of each polygon of a volume mesh."""
     is_cut: bool
+    """Whether some cells are hidden; then faces are flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A frame of each sequence of a scene, the original first.
-
-    Attributes
-    ----------
-    positions : list of float arrays of shape (V, 3)
-    looks : list of MeshLook
-    values : list of arrays of shape (N, C)
-        Track values, NaN in a segment without the track; empty without a track.
-    field : Field or None
-        Error of the decoded positions; None without such a heat map.
-    """
+    """A frame of each sequence of a scene, the original first."""
 
     positions: list[Frame]
+    """list of float arrays of shape (V, 3)."""
     looks: list[MeshLook]
     values: list[Values]
+    """list of arrays of shape (N, C). Track values, NaN in a segment without the track; empty
+    without a track.
+    """
     field: Field | None
+    """Error of the decoded positions; None without such a heat map."""
 
 
 class Scene:
@@ -130,7 +110,6 @@ class Scene:
 
     Parameters
     ----------
-    sequence : FrameSource or MeshSequence
     original : FrameSource or MeshSequence, optional
         With as many frames.
     heat : str, optional
@@ -403,17 +382,12 @@ def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrames:
-    """Positions of selected frames, read during iteration.
-
-    Attributes
-    ----------
-    faces_of : callable, optional
-        Returns the faces of a segment whose vertices are included. Default: all vertices are.
-    """
+    """Positions of selected frames, read during iteration."""
 
     source: MeshSequence
     numbers: Sequence[int]
     faces_of: Callable[[int], Faces] | None = None
+    """Returns the faces of a segment whose vertices are included. Default: all vertices are."""
 
     def __iter__(self) -> Iterator[Frame]:
         return (frame for frame, _ in self._read())

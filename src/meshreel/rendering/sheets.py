@@ -18,45 +18,30 @@ MAX_BAR_HEIGHT_PX = 560
 
 @dataclass(frozen=True)
 class Bar:
-    """A color bar.
-
-    Parameters
-    ----------
-    low, high : float
-        Numbers at its ends.
-    column : int, optional
-        The bar is to the right of this column of views. Default: the last.
-    colormap : str, optional
-        As for `colorize`.
-    """
+    """A color bar."""
 
     low: float
     high: float
+    """Numbers at its ends."""
     unit: str = ""
     column: int = -1
+    """The bar is to the right of this column of views. Default: the last."""
     colormap: str | None = None
+    """As for `colorize`."""
 
 
 @dataclass(frozen=True)
 class Words:
-    """Text and color bars of a sheet.
-
-    Parameters
-    ----------
-    titles : tuple of str
-        Titles of the columns; one empty title for a grid of views without titles.
-    caption : str
-        At the bottom.
-    widest_label : str
-        The widest label below a view; empty without labels.
-    bars : tuple of Bar
-        By ascending columns.
-    """
+    """Text and color bars of a sheet."""
 
     titles: tuple[str, ...] = ("",)
+    """Titles of the columns; one empty title for a grid of views without titles."""
     caption: str = ""
+    """At the bottom."""
     widest_label: str = ""
+    """The widest label below a view; empty without labels."""
     bars: tuple[Bar, ...] = ()
+    """By ascending columns."""
 
 
 def plan_sheet(

@@ -36,7 +36,6 @@ def draw_shots(
 
     Parameters
     ----------
-    shots : sequence of Shot
     scales : Scales, optional
         Needed if colors represent numbers.
     """

@@ -46,7 +46,6 @@ def still(
         At the bottom.
     is_followed : bool, optional
         Whether the camera follows the mesh. Default: if it would otherwise be small or off-center.
-    progress : Progress, default silent
 
     Raises
     ------

@@ -34,47 +34,35 @@ _N_QUANTILES = 1000
 
 @dataclass(frozen=True)
 class TrackLook:
-    """How to show a track.
-
-    Parameters
-    ----------
-    name : str
-    component : str, optional
-        "x", "y", "z", a column number from 0, or "magnitude" of up to three columns. Default: the
-        only column; "x" of normals; colors directly; else the magnitude.
-    range : str, optional
-        Color range "LOW:HIGH", each a number or a percentile such as "2%". Default:
-        `DEFAULT_RANGE`, or `NORMAL_RANGE` for normals.
-    colormap : str, optional
-        One of `meshreel.rendering.colormap.COLORMAPS`. Default: "diverging" if 0 is inside the
-        range, else "sequential".
-    """
+    """How to show a track."""
 
     name: str
     component: str | None = None
+    """"x", "y", "z", a column number from 0, or "magnitude" of up to three columns. Default: the
+    only column; "x" of normals; colors directly; else the magnitude.
+    """
     range: str | None = None
+    """Color range "LOW:HIGH", each a number or a percentile such as "2%". Default: `DEFAULT_RANGE`,
+    or `NORMAL_RANGE` for normals.
+    """
     colormap: str | None = None
+    """One of `meshreel.rendering.colormap.COLORMAPS`. Default: "diverging" if 0 is inside the
+    range, else "sequential".
+    """
 
 
 @dataclass(frozen=True)
 class TrackScale:
-    """Color range, and the extremes of all values.
-
-    Attributes
-    ----------
-    low, high : float
-        Ends of the color range; symmetric about 0 if both are percentiles of opposite sign.
-    smallest, largest : float
-        Extremes of all values; NaN without values.
-    has_missing : bool
-        Whether some values are missing (NaN or infinite).
-    """
+    """Color range, and the extremes of all values."""
 
     low: float
     high: float
+    """Ends of the color range; symmetric about 0 if both are percentiles of opposite sign."""
     smallest: float
     largest: float
+    """Extremes of all values; NaN without values."""
     has_missing: bool
+    """Whether some values are missing (NaN or infinite)."""
 
 
 class TrackColors:

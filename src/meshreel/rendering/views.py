@@ -24,19 +24,13 @@ Frames = Iterable[npt.NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class View:
-    """A viewing direction.
-
-    Parameters
-    ----------
-    up : {"y", "z", "x"}
-        The axis that points up in the picture.
-    azimuth_deg, elevation_deg : float
-        As in `meshreel.rendering.camera.fit_camera`.
-    """
+    """A viewing direction."""
 
     up: str = "y"
+    """{"y", "z", "x"}. The axis that points up in the picture."""
     azimuth_deg: float = 30.0
     elevation_deg: float = 12.0
+    """As in `meshreel.rendering.camera.fit_camera`."""
 
     def camera(self, frames: Frames, width: int, height: int) -> Camera:
         """Return the nearest camera in this direction that sees every vertex of every frame.

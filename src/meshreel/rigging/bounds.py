@@ -14,13 +14,6 @@ DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT = 0.5, 1.0
 class Bounds:
     """What the errors of a rig must not exceed, in percent.
 
-    Attributes
-    ----------
-    kg : float
-        KG error.
-    largest : float
-        Largest error of a vertex, of the diagonal of the box of all frames.
-
     Raises
     ------
     InvalidInputError
@@ -28,7 +21,9 @@ class Bounds:
     """
 
     kg: float = DEFAULT_KG_PERCENT
+    """KG error."""
     largest: float = DEFAULT_LARGEST_PERCENT
+    """Largest error of a vertex, of the diagonal of the box of all frames."""
 
     def __post_init__(self) -> None:
         if not (self.kg > 0 and self.largest > 0):

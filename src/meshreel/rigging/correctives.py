@@ -25,17 +25,12 @@ MIN_LEVELS = 3
 
 @dataclass(frozen=True, eq=False)
 class Correctives:
-    """Morph targets.
-
-    Attributes
-    ----------
-    targets : int8 array of shape (K, V, 3)
-        Displacements in the rest pose; 127 is 1 unit.
-    weights : float32 array of shape (T, K)
-    """
+    """Morph targets."""
 
     targets: npt.NDArray[np.int8]
+    """int8 array of shape (K, V, 3). Displacements in the rest pose; 127 is 1 unit."""
     weights: Singles
+    """float32 array of shape (T, K)."""
 
     @classmethod
     def none(cls, n_frames: int, n_verts: int) -> "Correctives":

@@ -41,23 +41,18 @@ MONOMIALS = np.triu_indices(4)
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A skinned animation without quantization.
-
-    Attributes
-    ----------
-    rest : float64 array of shape (V, 3)
-    bones : int64 array of shape (V, 4)
-        Bones of each vertex.
-    weights : float64 array of shape (V, 4)
-        Not negative, with sum 1.
-    transforms : float64 array of shape (T, B, 3, 4)
-        Rotation and translation of each bone in each frame, from the rest pose.
-    """
+    """A skinned animation without quantization."""
 
     rest: Floats
+    """float64 array of shape (V, 3)."""
     bones: Integers
+    """int64 array of shape (V, 4). Bones of each vertex."""
     weights: Floats
+    """float64 array of shape (V, 4). Not negative, with sum 1."""
     transforms: Floats
+    """float64 array of shape (T, B, 3, 4). Rotation and translation of each bone in each frame,
+    from the rest pose.
+    """
 
     @property
     def n_bones(self) -> int:

@@ -22,37 +22,25 @@ more, the times and larger differences take more bytes than the keys save."""
 
 @dataclass(frozen=True)
 class Steps:
-    """Quantization of keys.
-
-    Attributes
-    ----------
-    bits : int
-        Of each of the three smaller components of a quaternion, `MIN_BITS` to `MAX_BITS`.
-    exponent : int
-        Translations are multiples of 2 to this power, in model units.
-    """
+    """Quantization of keys."""
 
     bits: int
+    """Of each of the three smaller components of a quaternion, `MIN_BITS` to `MAX_BITS`."""
     exponent: int
+    """Translations are multiples of 2 to this power, in model units."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoneTrack:
-    """Keys of a bone relative to its parent, of linear and spherical interpolation.
-
-    Attributes
-    ----------
-    frames : int64 array of shape (N,)
-        Frames that have a key, ascending; a single one if the bone rests.
-    codes : int16 array of shape (N, 4)
-        Rotations, as `encode_rotations` returns them.
-    translations : float32 array of shape (N, 3)
-        In model units.
-    """
+    """Keys of a bone relative to its parent, of linear and spherical interpolation."""
 
     frames: Integers
+    """int64 array of shape (N,). Frames that have a key, ascending; a single one if the bone rests.
+    """
     codes: Shorts
+    """int16 array of shape (N, 4). Rotations, as `encode_rotations` returns them."""
     translations: Singles
+    """float32 array of shape (N, 3). In model units."""
 
     @property
     def rotations(self) -> Shorts:

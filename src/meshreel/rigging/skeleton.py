@@ -17,18 +17,14 @@ UNRELATED_FACTOR = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Skeleton:
-    """Bones in an order with parents first.
-
-    Attributes
-    ----------
-    parents : int64 array of shape (B,)
-        -1 for roots.
-    joints : float64 array of shape (B, 3)
-        Position of the joint of each bone with its parent, in the rest pose.
-    """
+    """Bones in an order with parents first."""
 
     parents: Integers
+    """int64 array of shape (B,). -1 for roots."""
     joints: Floats
+    """float64 array of shape (B, 3). Position of the joint of each bone with its parent, in the
+    rest pose.
+    """
 
     @property
     def names(self) -> list[str]:

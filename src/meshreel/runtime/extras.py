@@ -11,24 +11,16 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 
 @dataclass(frozen=True)
 class Extra:
-    """An optional library that some features need.
-
-    Parameters
-    ----------
-    name : str
-        Name of the extra: ``pip install 'meshreel[name]'`` installs the library.
-    library : str
-        Name of the distribution on PyPI.
-    module : str
-        Name of the module to import.
-    error : subclass of MeshReelError, default FormatError
-        Raised if the library is not installed.
-    """
+    """An optional library that some features need."""
 
     name: str
+    """Name of the extra: ``pip install 'meshreel[name]'`` installs the library."""
     library: str
+    """Name of the distribution on PyPI."""
     module: str
+    """Name of the module to import."""
     error: type[MeshReelError] = FormatError
+    """Raised if the library is not installed."""
 
     @property
     def is_installed(self) -> bool:

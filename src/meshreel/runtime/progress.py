@@ -10,19 +10,13 @@ The fraction may be a `Count`.
 
 
 class Count(float):
-    """A completed fraction, 0..1, with the number of items done and their total.
-
-    Parameters
-    ----------
-    done, total : int
-        At least 0; the fraction of 0 items is 1.
-    unit : str
-        Name of the items, in the plural.
-    """
+    """A completed fraction, 0..1, with the number of items done and their total."""
 
     done: int
     total: int
+    """At least 0; the fraction of 0 items is 1."""
     unit: str
+    """Name of the items, in the plural."""
 
     def __new__(cls, done: int, total: int, unit: str) -> "Count":
         """The fraction `done` / `total`."""

@@ -19,22 +19,15 @@ Point = tuple[float, float]  # rate, error
 
 @dataclass(frozen=True)
 class RateDifference:
-    """Rate of a codec relative to another at equal error.
-
-    Attributes
-    ----------
-    percent : float or None
-        -50 is half the rate; None if they are not comparable.
-    low_error, high_error : float
-        The common range of errors; 0 if they are not comparable.
-    reason : str
-        Why they are not comparable, or empty.
-    """
+    """Rate of a codec relative to another at equal error."""
 
     percent: float | None
+    """-50 is half the rate; None if they are not comparable."""
     low_error: float = 0.0
     high_error: float = 0.0
+    """The common range of errors; 0 if they are not comparable."""
     reason: str = ""
+    """Why they are not comparable, or empty."""
 
 
 def lower_envelope(points: Sequence[Point]) -> list[Point]:

@@ -42,33 +42,22 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Run:
-    """One measurement on a sequence.
-
-    Attributes
-    ----------
-    name : str
-        Name in progress reports.
-    key : str
-        Stem of its files.
-    setting : dict of plain types
-        Everything that the result depends on besides the sequence.
-    measure : callable
-        Takes a progress callback and returns the outcome.
-    facts : dict of plain types
-        Stored with the figures or the refusal.
-    needs : tuple of str
-        Extensions of the files without which a stored result is invalid.
-    is_foreign : bool
-        Whether it calls third-party packages; then any exception is stored as a refusal.
-    """
+    """One measurement on a sequence."""
 
     name: str
+    """Name in progress reports."""
     key: str
+    """Stem of its files."""
     setting: dict[str, Any]
+    """dict of plain types. Everything that the result depends on besides the sequence."""
     measure: Callable[[Progress], Outcome]
+    """Takes a progress callback and returns the outcome."""
     facts: dict[str, Any] = field(default_factory=dict)
+    """dict of plain types. Stored with the figures or the refusal."""
     needs: tuple[str, ...] = ()
+    """Extensions of the files without which a stored result is invalid."""
     is_foreign: bool = False
+    """Whether it calls third-party packages; then any exception is stored as a refusal."""
 
 
 @dataclass(frozen=True)

@@ -52,20 +52,13 @@ R = TypeVar("R", bound=Results)
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A sequence under evaluation.
-
-    Attributes
-    ----------
-    sequence : MeshSequence
-    slug : str
-        Prefix of the names of its pictures.
-    store : Store
-        Its results on disk.
-    """
+    """A sequence under evaluation."""
 
     sequence: Any
     slug: str
+    """Prefix of the names of its pictures."""
     store: Store
+    """Its results on disk."""
 
 
 class Study(Protocol[R]):
@@ -110,21 +103,15 @@ class Study(Protocol[R]):
 
 @dataclass(frozen=True)
 class Evaluation(Generic[R]):
-    """A finished evaluation.
-
-    Attributes
-    ----------
-    markdown, html : Path
-        The report.
-    measured : list of (results, list of Picture)
-    notes : list of str
-        Lines about missing results.
-    """
+    """A finished evaluation."""
 
     markdown: Path
     html: Path
+    """The report."""
     measured: list[tuple[R, list[Picture]]]
+    """list of (results, list of Picture)."""
     notes: list[str]
+    """Lines about missing results."""
 
     def as_dict(self) -> dict[str, Any]:
         """Paths, notes and results, in plain types."""
@@ -156,7 +143,6 @@ def evaluate(
         A new or empty folder, or one of an earlier run.
     command : str
         The command line for the report. Default: that of the study without options.
-    progress : callable
 
     Raises
     ------

@@ -3,7 +3,9 @@ from itertools import combinations
 import pytest
 
 from meshreel.codec.config import MAX_BLOCK_POSITIONS
+from meshreel.codec.memory import bytes_of
 from meshreel.codec.options import config_of
+from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
 
 TARGETS = {
@@ -144,3 +146,70 @@ def test_long_sequences_of_many_vertices_have_blocks_of_equal_length():
     assert config_of().frames_in_block(1024, 10_000, 4) == 1024
     assert config_of().frames_in_block(1025, 10_000, 4) == 342
     assert config_of().frames_in_block(1025, 1 << 12, 4) == 1025
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "ratio"),
+    [
+        ("mm", "m", 1e-3),
+        ("in", "mm", 25.4),
+        ("ft", "in", 12),
+        ("MPa", "Pa", 1e6),
+        ("N/mm^2", "MPa", 1),
+        ("psi", "kPa", 6.894757293168361),
+        ("km/h", "m/s", 1 / 3.6),
+        ("kg*m^2", "g.cm^2", 1e7),
+        ("m*s^-2", "mm/s^2", 1e3),
+        ("J/kg/K", "m^2/s^2/K", 1),
+        ("kW", "J/s", 1e3),
+        ("degC", "K", 1),
+        ("deg", "rad", 0.017453292519943295),
+        ("min", "ms", 60_000),
+        ("m3/s", "m^3/s", 1),
+    ],
+)
+def test_units_of_one_quantity_convert(unit, other, ratio):
+    assert unit_ratio(unit, other) == pytest.approx(ratio, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "other"),
+    [("mm", "s"), ("MPa", "N"), ("m", "m^2"), ("foo", "m"), ("m", ""), ("kft", "m"), ("m//s", "m"),
+     ("m^", "m"), ("3m", "m"), ("m/", "m"), ("mkm", "m"), ("%", "m")],
+)  # fmt: skip
+def test_others_do_not(unit, other):
+    assert unit_ratio(unit, other) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (100000, 100000),
+        ("100000", 100000),
+        ("100kB", 100000),
+        ("100 KB", 100000),
+        ("1MiB", 1 << 20),
+        ("1.5mb", 1.5e6),
+        (".5GiB", 1 << 29),
+        ("1e5", 100000),
+        ("12B", 12),
+        ("15k", 15000),
+        ("2M", 2e6),
+    ],
+)
+def test_sizes_are_parsed_to_bytes(given, expected):
+    assert bytes_of(given, "size") == expected
+
+
+@pytest.mark.parametrize(
+    "given", ["", "kB", "100 apples", "-5kB", "1..2", "nan", "0x10", "10kb2", "10K3"]
+)
+def test_text_that_is_not_a_size_is_refused(given):
+    with pytest.raises(InvalidInputError, match="size takes a size such as 100kB or 1GiB"):
+        bytes_of(given, "size")
+
+
+@pytest.mark.parametrize("given", [0, "0kB", -1, float("nan"), float("inf"), "1e999"])
+def test_size_not_above_0_is_refused(given):
+    with pytest.raises(InvalidInputError, match="memory must be above 0"):
+        bytes_of(given, "memory")

@@ -1,6 +1,7 @@
-"""Streams of `reel` meet their targets."""
+"""Streams of `reel` meet their targets, also those given as text with units."""
 
 import re
+from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.effort import (
     DEFAULT_QUALITY_STEP,
     EFFORTS,
@@ -15,13 +17,14 @@ from meshreel.codec.reel.encoding.effort import (
     quality_step,
     tune_named,
 )
-from meshreel.codec.reel_options import Tune
+from meshreel.codec.reel_options import ReelOptions, Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.mesh import MAX_STENCIL
 from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 from samples.orders import shuffled
+from samples.streams import recorded
 
 SEQUENCES = {
     "grid": waving_grid(),
@@ -322,3 +325,74 @@ def test_error_target_of_coincident_vertices_is_met_or_refused():
         assert "cannot be met" in message
         return
     np.testing.assert_array_equal(meshreel.decode(data).vertices, sequence.vertices)
+
+
+def heard(**target):
+    results = []
+    meshreel.encode(
+        waving_grid(), **target, progress=lambda stage, share: results.append((stage, share))
+    )
+    return results
+
+
+@pytest.mark.parametrize("target", [{"kg": 0.5}, {"size": 1500}, {"max_error": 0.05}])
+@pytest.mark.parametrize("block_frames", [None, 4])
+def test_search_never_reports_completion_of_a_trial(target, block_frames):
+    result = heard(**target, block_frames=block_frames)
+    tries = {stage for stage, _ in result if stage.startswith("encoding, try")}
+    assert len(tries) > 1
+    assert all(share < 1 for stage, share in result if stage in tries)
+    assert all((stage, 0.0) in result for stage in tries)
+
+
+def test_single_trial_reports_completion():
+    assert heard(quality=60)[-1] == ("encoding", 1.0)
+
+
+def distances(sequence, decoded):
+    return np.linalg.norm(decoded.vertices.astype(float) - sequence.vertices, axis=2)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [({"max_error": "0.05%"}, {"max_error": 0.05}), ({"size": "1kB"}, {"size": 1000})],
+    ids=str,
+)
+def test_target_as_text_gives_the_same_stream(text, number):
+    assert meshreel.encode(waving_grid(), **text) == meshreel.encode(waving_grid(), **number)
+
+
+@pytest.mark.parametrize(
+    ("max_error", "unit", "in_units"),
+    [("0.002u", None, 0.002), ("2mm", "m", 0.002), ("0.02mm", "cm", 0.002)],
+)
+def test_every_vertex_is_within_a_bound_in_length_units(max_error, unit, in_units):
+    sequence = waving_grid()
+    data = meshreel.encode(sequence, max_error=max_error, unit=unit)
+    farthest = distances(sequence, meshreel.decode(data)).max()
+    assert in_units / 20 < farthest <= in_units
+    stream = meshreel.info(data)
+    bound = stream.error_bound_percent / 100 * stream.diagonal
+    assert bound == pytest.approx(in_units, rel=1e-12)
+
+
+def test_every_vertex_of_live_frames_is_within_a_bound_in_length_units():
+    data = recorded(waving_grid(), block_frames=5, max_error="0.002u")
+    assert distances(waving_grid(), meshreel.decode(data)).max() <= 0.002
+
+
+def test_options_given_as_text_are_numbers():
+    config = config_of(max_error="0.5mm", unit="cm", memory="1kB")
+    assert config == ReelOptions(max_error="0.05u", memory=1000.0)
+    assert config_of(**asdict(config)) == config
+
+
+def test_refused_bound_is_reported_in_the_unit_of_the_request():
+    words = r"1e-12 model units are .* % of the diagonal: max_error .* cannot be guaranteed"
+    with pytest.raises(InvalidInputError, match=words):
+        meshreel.encode(waving_grid(), max_error="1e-12u")
+
+
+def test_unit_without_a_number_is_refused():
+    with pytest.raises(InvalidInputError, match="unit applies to a length in max_error"):
+        config_of(unit="mm")

@@ -1,5 +1,6 @@
-"""Times of frames in streams."""
+"""Times of frames in streams, and notes about tracks of solver state."""
 
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import meshreel
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.joining import join_streams
+from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.times import write_times
 from meshreel.errors import InvalidInputError
 from samples.meshes import quad_sheet, waving_grid
@@ -129,3 +131,27 @@ def test_times_of_a_recording_are_found_without_the_index():
 def test_invalid_times_of_a_recording_are_refused(times, options, message):
     with pytest.raises(InvalidInputError, match=message):
         recorded(times, **options)
+
+
+SMALL_GRID = waving_grid(6)
+NAMES = ("pprevious", "oldP", "previous")
+
+
+def tracks_of(*names):
+    tracks = {name: meshreel.Track(SMALL_GRID.vertices, kind="vector") for name in names}
+    sequence = meshreel.MeshSequence(SMALL_GRID.vertices, SMALL_GRID.faces, 25, tracks=tracks)
+    return meshreel.info(meshreel.encode(sequence)).tracks
+
+
+def test_tracks_of_solver_state_are_noted_with_all_sizes():
+    tracks = tracks_of(*NAMES)
+    heavy, light = replace(tracks[2], size_bytes=182_091), replace(tracks[0], size_bytes=1_200)
+    note = solver_state_note([light, replace(tracks[1], size_bytes=26_694), heavy], ())
+    assert ": pprevious, oldP; tracks by size: " in note
+    assert "previous (182 kB), oldP (26.7 kB), pprevious (1.2 kB);" in note
+    assert note.endswith("drop these tracks")
+
+
+def test_requested_tracks_are_not_noted():
+    assert "oldP" not in solver_state_note(tracks_of(*NAMES), {"oldP"})
+    assert solver_state_note(tracks_of("previous"), ()) is None

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import inspect_source
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save

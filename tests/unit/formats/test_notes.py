@@ -1,6 +1,10 @@
 import pickle
 
+import numpy as np
+import pytest
+
 from meshreel.errors import Keyword, Message
+from meshreel.formats.load import load
 from meshreel.formats.notes import (
     Note,
     NoteKind,
@@ -13,6 +17,9 @@ from meshreel.formats.notes import (
     note_kinds,
     note_left_out,
 )
+from meshreel.formats.save import save
+from samples.gltf import TRIANGLE, Gltf
+from samples.meshes import two_sheets, waving_grid
 
 
 def test_note_on_something_left_out_is_added_once():
@@ -61,3 +68,288 @@ def test_notes_of_several_segments_become_one_when_only_details_differ(notes):
         "left out: normals",
         "plain",
     ]
+
+
+OBJ = "v 0 0 0{a}\nv 1 0 0{a}\nv 0 1 0{a}\nvt {u} 0\nvt 1 0\nf 1/1 2/2 3/1\n"
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+{properties}element face 1
+property list uchar int vertex_indices
+{face_properties}{elements}end_header
+"""
+LEGACY = """# vtk DataFile Version 3.0
+a title
+ASCII
+DATASET POLYDATA
+POINTS 3 float
+0 0 0 1 0 0 0 1 0
+POLYGONS 1 4
+3 0 1 2
+{data}"""
+XML = """<VTKFile type="PolyData" version="1.0"><PolyData>{field}
+<Piece NumberOfPoints="3" NumberOfPolys="1">{data}
+<Points><DataArray type="Float32" NumberOfComponents="3">0 0 0 1 0 0 0 1 0</DataArray></Points>
+<Polys><DataArray type="Int64" Name="connectivity">0 1 2</DataArray>
+<DataArray type="Int64" Name="offsets">3</DataArray></Polys></Piece></PolyData></VTKFile>"""
+
+
+def left_out(source, **options):
+    """Load a file; return its notes on omitted data, without their common prefix."""
+    notes = []
+    load(source, notes=notes, **options)
+    return [note.removeprefix("left out: ") for note in notes if note.startswith("left out: ")]
+
+
+def stored(folder, name, text):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+def changing_frames(folder, extension, texts):
+    for number, text in enumerate(texts):
+        stored(folder, f"f_{number}{extension}", text)
+    return folder
+
+
+@pytest.mark.parametrize("stretched", [False, True])
+def test_other_npz_arrays_are_noted(tmp_path, stretched):
+    grid = waving_grid()
+    arrays = {"vertices": grid.vertices, "faces": grid.faces, "fps": 24.0}
+    write = np.savez_compressed if stretched else np.savez
+    write(tmp_path / "a.npz", **arrays, pressure=np.zeros(9), labels=np.zeros(3))
+    assert left_out(tmp_path / "a.npz") == [
+        "arrays: pressure, labels; tracks are numbers of shape (12, N) or (12, N, C), C up to 256, "
+        "for 99 vertices, 160 faces and 480 corners"
+    ]
+
+
+def test_files_of_meshreel_leave_nothing_out(tmp_path):
+    for extension in (".npz", ".h5", ".vtkhdf", ".reel"):
+        save(two_sheets(), tmp_path / f"a{extension}")
+        assert left_out(tmp_path / f"a{extension}") == []
+
+
+def test_other_hdf_datasets_are_noted(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["faces"] = waving_grid().faces
+        file["scans/one"] = waving_grid().vertices
+        file["scans/two"] = waving_grid().vertices
+        file["weights"] = np.zeros(4)
+    said = left_out(tmp_path / "a.h5", dataset="scans/one")
+    assert said == ["datasets: weights"]
+
+
+def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    save(waving_grid(), tmp_path / "a.vtkhdf")
+    with h5py.File(tmp_path / "a.vtkhdf", "a") as file:
+        file["VTKHDF/FieldData/mass"] = np.zeros(2)
+        file["VTKHDF/PointData/heat"] = np.zeros(99)
+        file.create_group("notes of the lab")
+    assert left_out(tmp_path / "a.vtkhdf") == [
+        "groups: notes of the lab",
+        "arrays: heat of 99 rows; step 1 needs 99 from row 99 on",
+        "field data: mass",
+    ]
+
+
+PLAIN_OBJ = OBJ.format(a="", u=0)
+NORMALS = "normals, which programs compute"
+XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize(
+    ("name", "text", "noted"),
+    [
+        ("a.obj", PLAIN_OBJ, []),
+        ("a.obj", f"{PLAIN_OBJ}l 0 1\n", ["lines"]),
+        (
+            "a.obj",
+            f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
+            [NORMALS, "points", "the material library"],
+        ),
+        (
+            "a.ply",
+            PLY.format(
+                properties="property float nx\n",
+                face_properties="property list uchar int flags\n",
+                elements="element edge 1\nproperty int a\n",
+            )
+            + "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2 1 7\n5\n",
+            [NORMALS, "lists: face.flags", "elements: edge"],
+        ),
+        (
+            "a.off",
+            "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n",
+            [NORMALS, "face colors, which not all faces have as three or four numbers"],
+        ),
+        (
+            "a.vtk",
+            LEGACY.format(
+                data="FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
+                "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
+            ),
+            ["field data: mass", "color tables: jet"],
+        ),
+        (
+            "a.vtp",
+            XML.format(
+                field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
+                f"{XML_ARRAY.format('mass', 4)}</FieldData>",
+                data='<PointData><Array type="String" Name="tag">65 0</Array>'
+                f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
+            ),
+            ["field data: mass", "arrays of text: tag"],
+        ),
+    ],
+)
+def test_other_contents_of_text_files_are_noted(tmp_path, name, text, noted):
+    assert left_out(stored(tmp_path, name, text)) == noted
+
+
+def test_stl_spare_bytes_are_noted(tmp_path):
+    save(waving_grid(1), tmp_path / "a.stl")
+    data = bytearray((tmp_path / "a.stl").read_bytes())
+    data[80 + 4 + 48] = 31
+    (tmp_path / "a.stl").write_bytes(data)
+    assert left_out(tmp_path / "a.stl") == ["spare bytes of triangles, such as colors"]
+
+
+def test_changing_materials_are_noted(tmp_path):
+    texts = [OBJ.format(a="", u=0).replace("f 1/1", f"usemtl m{i}\nf 1/1") for i in range(3)]
+    changing_frames(tmp_path, ".obj", texts)
+    assert left_out(tmp_path) == ["changes over time, kept as in the first frame: material"]
+
+
+def test_changing_off_colors_are_noted(tmp_path):
+    rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
+    texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(3)]
+    changing_frames(tmp_path, ".off", texts)
+    assert left_out(tmp_path) == ["changes over time, kept as in the first frame: color"]
+
+
+def test_constant_attributes_are_not_noted(tmp_path):
+    changing_frames(tmp_path, ".obj", [OBJ.format(a=" 0 0 1", u=0)] * 4)
+    assert left_out(tmp_path) == []
+
+
+def test_wide_arrays_of_a_collection_are_noted(tmp_path):
+    wide = " ".join(["1"] * 51)
+    data = f'<PointData><DataArray type="Int32" Name="wide" NumberOfComponents="17">{wide}'
+    data += "</DataArray></PointData>"
+    stored(tmp_path, "a.vtp", XML.format(field="", data=data))
+    row = '<DataSet timestep="0" file="a.vtp"/>'
+    text = f'<VTKFile type="Collection"><Collection>{row}</Collection></VTKFile>'
+    said = left_out(stored(tmp_path, "a.pvd", text))
+    assert said == ["arrays of text, or with more than 16 components: wide"]
+
+
+def test_arrays_of_only_some_pieces_are_noted(tmp_path):
+    data = '<PointData><DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
+    one = XML.format(field="", data=data)
+    piece = one[one.index("<Piece") : one.index("</Piece>") + 8].replace(data, "")
+    text = one.replace("</Piece>", f"</Piece>{piece}")
+    said = left_out(stored(tmp_path, "a.vtp", text))
+    assert said == ["arrays that differ between pieces: heat"]
+
+
+def test_xdmf_grid_data_and_sets_are_noted(tmp_path):
+    pytest.importorskip("h5py")
+    text = """<Xdmf><Domain><Grid>
+    <Topology TopologyType="Triangle" NumberOfElements="1"><DataItem Dimensions="1 3"
+    NumberType="Int">0 1 2</DataItem></Topology>
+    <Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">0 0 0 1 0 0 0 1 0</DataItem></Geometry>
+    <Attribute Name="total" Center="Grid"><DataItem Dimensions="1">4</DataItem></Attribute>
+    <Set Name="wall"/></Grid></Domain></Xdmf>"""
+    said = left_out(stored(tmp_path, "a.xdmf", text))
+    assert said == ["data of neither nodes nor cells: total", "sets: wall"]
+
+
+def test_gltf_cameras_lights_and_attributes_are_noted(tmp_path):
+    file = Gltf()
+    values = {"NORMAL": file.accessor(TRIANGLE), "CUSTOM": file.accessor(TRIANGLE)}
+    file.node(mesh=file.mesh(TRIANGLE, attributes=values))
+    file.node(camera=0)
+    file.node(extensions={"KHR_lights_punctual": {"light": 0}})
+    assert left_out(file.save(tmp_path / "a.glb")) == [
+        "attributes that glTF does not define: CUSTOM",
+        "cameras (1)",
+        "lights (1)",
+        "normals, which programs compute",
+    ]
+
+
+USD = """#usda 1.0
+def Xform "w" {
+def Mesh "m" {
+  point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+  uniform token subdivisionScheme = "none"
+  int[] faceVertexCounts = [3]
+  int[] faceVertexIndices = [0, 1, 2]
+  normal3f[] normals = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]
+  vector3f[] velocities = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]
+  string primvars:tag = "hero" (interpolation = "constant")
+  string[] primvars:part = ["a", "b", "c"] (interpolation = "vertex")
+}
+def Camera "eye" { }
+def DistantLight "sun" { }
+}
+"""
+
+
+def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
+    pytest.importorskip("pxr")
+    assert left_out(stored(tmp_path, "a.usda", USD)) == [
+        "1 Camera, 1 DistantLight",
+        "primvars for a whole mesh: tag",
+        "data with a single sample, which cannot be a track: velocities",
+        "primvars that do not fit their faces: part",
+        "normals, which programs compute",
+    ]
+
+
+def test_other_alembic_objects_are_noted(tmp_path):
+    from samples import alembic as sample  # skips the test if the library is not installed
+
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    sample.add_mesh(top, "m", [sample.POINTS])
+    sample.AbcGeom.OCamera(top, "eye")
+    del top
+    assert left_out(tmp_path / "a.abc") == ["cameras (1)"]
+
+
+def test_normals_of_a_topology_file_are_noted(tmp_path):
+    save(waving_grid(), tmp_path / "a.pc2")
+    with (tmp_path / "a.obj").open("a") as file:
+        file.write("vn 0 0 1\n")
+    assert left_out(tmp_path / "a.pc2") == ["normals, which programs compute"]
+
+
+def test_changing_usd_visibility_is_noted(tmp_path):
+    pytest.importorskip("pxr")
+    samples = '  token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n}\n'
+    text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + samples
+    assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes over time: /m"]
+
+
+def test_alembic_visibility_is_noted(tmp_path):
+    from samples import alembic as sample  # skips the test if the library is not installed
+
+    top = sample.archive(tmp_path / "a.abc").getTop()
+    mesh = sample.add_mesh(top, "m", [sample.POINTS])
+    sample.AbcGeom.CreateVisibilityProperty(mesh, 0)
+    del mesh, top
+    assert left_out(tmp_path / "a.abc") == ["visibility of /m"]
+
+
+def test_fields_of_a_topology_file_are_noted(tmp_path):
+    data = "POINT_DATA 3\nSCALARS heat float 1\nLOOKUP_TABLE default\n0 1 2\n"
+    mesh = stored(tmp_path, "a.vtk", LEGACY.format(data=data))
+    [cache, _] = save(load(mesh), tmp_path / "a.pc2")
+    assert left_out(cache, topology=mesh) == ["fields: heat"]

@@ -1,4 +1,4 @@
-"""The registry: its functions exist, have the right signature, and are imported lazily."""
+"""The registry: its functions exist and are imported lazily; options that formats support."""
 
 import ast
 import inspect
@@ -12,8 +12,10 @@ import pytest
 
 import meshreel.formats
 from meshreel.formats.kinds import FolderFormat
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 from meshreel.formats.save import save
+from meshreel.formats.supported_options import supported_only
 from samples.costs import slow_but
 from samples.meshes import waving_grid
 from samples.programs import output_of
@@ -89,7 +91,7 @@ def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):
     folders = {name.split(".")[2] for name in result if name.startswith("meshreel.formats.")}
     assert folders & FOLDERS == own
     assert not {"scipy", "DracoPy", "h5py", "pxr"} & set(result)
-    assert sum(name.split(".")[0] == "meshreel" for name in result) < 88
+    assert sum(name.split(".")[0] == "meshreel" for name in result) < 92
 
 
 def test_formats_are_imported_through_the_registry_only():
@@ -102,3 +104,19 @@ def test_formats_are_imported_through_the_registry_only():
                 if other in FOLDERS - {room}:
                     result.add((room, other))
     assert result == ALLOWED
+
+
+GIVEN = ReadOptions(
+    fps=24.0, object="body", merge=True, skip_bad=True, allow_outside=True, animation="run"
+)
+KEPT = {
+    "a.npz": ReadOptions(fps=24.0, merge=True),
+    "a.h5": ReadOptions(fps=24.0, object="body", merge=True, skip_bad=True),
+    "a.glb": GIVEN,
+}
+
+
+@pytest.mark.parametrize("source", KEPT)
+@pytest.mark.parametrize("kind", [str, Path])
+def test_options_without_effect_are_left_out(source, kind):
+    assert supported_only(GIVEN, kind(source)) == KEPT[source]

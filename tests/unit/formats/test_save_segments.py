@@ -60,7 +60,6 @@ def textured_grid(n_frames, *size):
 
 
 def inner_edges(faces):
-    """Return the edges with two faces."""
     sides = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
     edges, counts = np.unique(sides, axis=0, return_counts=True)
     return edges[counts == 2]

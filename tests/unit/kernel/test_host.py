@@ -20,7 +20,6 @@ MAX_BYTES = 10**6
 
 @pytest.fixture
 def store():
-    """Return an empty store of blocks."""
     original = block_store()
     return BlockStore(original.allocate, original.release, MAX_BYTES)
 

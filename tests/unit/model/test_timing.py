@@ -1,7 +1,13 @@
+from io import BytesIO
+
 import numpy as np
 import pytest
 
+import meshreel
+from meshreel.codec.encoder import encode
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
+from meshreel.model.frame_choice import chosen_frames, consecutive_runs
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.timing import Timing
 from samples.meshes import waving_grid
@@ -119,3 +125,136 @@ def test_segments_of_a_sequence_keep_its_times():
     again = MeshSequence.of_segments([several])
     assert again.times.tolist() == times
     assert again.n_segments == 2
+
+
+DATA = encode(waving_grid(9), block_frames=4)
+WHOLE = meshreel.decode(DATA)
+EVEN = np.arange(9) % 2 == 0
+
+
+@pytest.fixture(params=["sequence", "file"])
+def frames(request):
+    """A sequence of nine frames, in memory and in a file."""
+    if request.param == "sequence":
+        yield WHOLE
+        return
+    with ReelFile(BytesIO(DATA)) as reel:
+        yield reel
+
+
+@pytest.mark.parametrize("number", [0, 3, -1, -9, np.int32(4), np.uint8(8), np.array(5)])
+def test_integer_index_returns_one_frame(frames, number):
+    vertices, faces = frames[number]
+    np.testing.assert_allclose(vertices, WHOLE.vertices[number], atol=1e-6)
+    np.testing.assert_array_equal(faces, WHOLE.faces)
+
+
+def test_slice_returns_a_sequence_with_its_start(frames):
+    part = frames[2:7]
+    assert (len(part), part.start_s) == (5, WHOLE.start_s + 2 / WHOLE.fps)
+    np.testing.assert_allclose(part.vertices, WHOLE.vertices[2:7], atol=1e-6)
+    np.testing.assert_allclose(frames[-3:99].vertices, WHOLE.vertices[-3:], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "chosen", [slice(5, 5), slice(7, 2), slice(1, 9, 3), slice(None, None, -1)]
+)
+def test_slices_that_are_empty_or_have_a_step_are_rejected(frames, chosen):
+    with pytest.raises(InvalidInputError, match=r"select no frame|must have no step"):
+        frames[chosen]
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        slice(2, 7),
+        slice(None),
+        slice(-3, None),
+        slice(5, 5),
+        slice(7, 2),
+        slice(1, 9, 3),
+        slice(None, None, -1),
+        slice(2, 99),
+        [0, 8, 4, 4],
+        [-1, 0],
+        [],
+        range(2, 5),
+        np.array([7, 1], np.uint16),
+        np.array([], np.int64),
+        EVEN,
+        EVEN.tolist(),
+    ],
+    ids=repr,
+)
+def test_chosen_frames_equal_numpy_indexing(chosen):
+    by_numpy = (
+        chosen if isinstance(chosen, slice) else np.asarray(chosen, None if len(chosen) else int)
+    )
+    selected = WHOLE.vertices[np.asarray(chosen_frames(chosen, 9), int)]
+    np.testing.assert_array_equal(selected, WHOLE.vertices[by_numpy])
+
+
+@pytest.mark.parametrize(
+    "number", [9, -10, np.int64(9), 10**30, [0, 9], [-10], np.array([3, 200], np.uint8)], ids=repr
+)
+def test_index_error_states_the_valid_frames(number):
+    with pytest.raises(IndexError, match=r"no frame (9|-10|200|10+); there are 9, from 0 to 8"):
+        chosen_frames(number, 9)
+
+
+def test_missing_frames_are_an_index_error(frames):
+    with pytest.raises(IndexError, match=r"no frame 9; there are 9, from 0 to 8"):
+        frames[9]
+
+
+@pytest.mark.parametrize("mask", [EVEN[:5], [True], np.ones(10, bool)], ids=len)
+def test_mask_must_cover_all_frames(mask):
+    with pytest.raises(IndexError, match=f"{len(mask)} Booleans for 9 frames"):
+        chosen_frames(mask, 9)
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    ["3", b"3", 1.0, None, True, np.True_, (1, 2), [1.5], [[1]], [[1], [2, 3]], np.float32(1), {1}],
+    ids=repr,
+)
+def test_type_error_states_the_valid_indices(chosen):
+    with pytest.raises(TypeError, match="must be a number, a slice, or a list or array"):
+        chosen_frames(chosen, 9)
+
+
+@pytest.mark.parametrize("chosen", ["3", 1.0, None, True, (1, 2), [1, 2]], ids=repr)
+def test_index_of_another_type_is_a_type_error(frames, chosen):
+    with pytest.raises(TypeError, match="a frame is chosen by a number, or several by a slice"):
+        frames[chosen]
+
+
+@pytest.mark.parametrize("chosen", [5, 0, (0, 5), [0, 5], range(5), "0:5", slice(0.5, 3), ()])
+def test_decode_accepts_only_slices_of_frames(chosen):
+    data = meshreel.encode(waving_grid(4))
+    with pytest.raises(InvalidInputError, match=r"frames must be a slice such as slice\(0, 10\)"):
+        meshreel.decode(data, frames=chosen)
+
+
+def test_length_iteration_and_reversal_cover_the_frames(frames):
+    assert len(frames) == 9
+    forward, backward = ([frame.vertices for frame in each] for each in (frames, reversed(frames)))
+    np.testing.assert_allclose(np.stack(forward), WHOLE.vertices, atol=1e-6)
+    np.testing.assert_allclose(np.stack(backward), WHOLE.vertices[::-1], atol=1e-6)
+
+
+def test_frames_of_a_sequence_are_read_only():
+    for vertices in (WHOLE[0].vertices, WHOLE[1:3].vertices):
+        with pytest.raises(ValueError, match="read-only"):
+            vertices[...] = 0
+
+
+def test_chosen_frames_of_a_slice_is_a_range():
+    assert chosen_frames(slice(None, None, -2), 5) == range(4, -1, -2)
+
+
+def test_consecutive_runs_are_sorted_by_their_first_number():
+    numbers = np.array([7, 8, 9, 2, 3, 3, 0])
+    runs = [(6, range(1)), (3, range(2, 4)), (5, range(3, 4)), (0, range(7, 10))]
+    assert list(consecutive_runs(numbers)) == runs
+    assert list(consecutive_runs(numbers[:0])) == []

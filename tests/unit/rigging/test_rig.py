@@ -3,9 +3,23 @@ import pytest
 
 import meshreel
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
+from meshreel.formats.gltf.meshopt import FILTERS
 from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
+from meshreel.rigging.correctives import CorrectiveSearch
+from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_rigid
 from meshreel.rigging.fitting import byte_weights
+from meshreel.rigging.keys import (
+    Steps,
+    composed,
+    decode_rotations,
+    encode_rotations,
+    fit_tracks,
+    to_matrices,
+    to_quaternions,
+    unit,
+)
+from meshreel.rigging.skeleton import Skeleton
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
 EXACT = {"max_error": 0.01, "kg": 0.01}
@@ -139,3 +153,200 @@ def test_quality_bounds_positions_as_in_a_stream():
     errors = meshreel.rig(tube, quality=40).errors
     assert 0 < errors.kg_percent <= stored.kg_error_percent
     assert errors.largest_percent <= stored.max_error_percent
+
+
+def search(rank=3, n_frames=20, n_verts=30):
+    rng = np.random.default_rng(7)
+    fields = rng.normal(size=(rank, n_verts, 3))
+    weights = rng.normal(size=(n_frames, rank))
+    rotation = turn(1.0) @ turn(0.5, 0)
+    blended = np.tile(rotation, (n_frames, n_verts, 1, 1)).astype(np.float32)
+    residuals = np.einsum("ab,tk,kvb->tva", rotation, weights, fields).astype(np.float32)
+    return CorrectiveSearch(residuals, blended, 1.0, 1e-4), residuals
+
+
+def test_residual_of_few_modes_needs_as_many_targets():
+    correctives, residuals = search()
+    spread = float(np.sqrt(np.square(residuals).sum(axis=2).mean()))
+    assert correctives.count_for(1e-6) == 3
+    found, mean, _ = correctives.round(3, np.inf)
+    assert found.targets.shape == (3, 30, 3)
+    assert mean < 0.03 * spread
+
+
+def test_further_rounds_reduce_the_largest_error():
+    correctives, _ = search(rank=8)
+    bound = 0.8 * correctives.round(4, np.inf)[2]
+    largest = [correctives.round(4, bound)[2] for _ in range(8)]
+    assert largest[-1] < largest[0]
+
+
+def test_weights_can_be_made_nonnegative_without_changing_the_motion():
+    correctives, _ = search()
+    found, _, _ = correctives.round(3, np.inf)
+    moved, positive = found.nonnegative()
+    assert found.weights.min() < 0 <= positive.weights.min()
+    before = np.tensordot(found.weights, found.targets / 127, 1)
+    after = moved + np.tensordot(positive.weights, found.targets / 127, 1)
+    np.testing.assert_allclose(after, before, atol=1e-5 * np.abs(before).max())
+
+
+TIMES_S = np.arange(40) / 25
+
+
+def quaternions(n=200):
+    return unit(np.random.default_rng(4).normal(size=(n, 4)))
+
+
+def moving(matrices, offsets):
+    return np.concatenate([np.stack(matrices), np.stack(offsets)[..., np.newaxis]], axis=2)
+
+
+def test_quaternions_of_matrices_are_those_of_the_matrices():
+    given = quaternions()
+    found = to_quaternions(to_matrices(given, np.zeros((len(given), 3)))[:, :, :3])
+    np.testing.assert_allclose(np.abs((found * given).sum(axis=1)), 1)
+
+
+@pytest.mark.parametrize("bits", [6, 11, 16])
+def test_rotations_are_decoded_as_by_the_filter(bits):
+    codes = encode_rotations(quaternions(), bits)
+    filtered = FILTERS["QUATERNION"](codes.view(np.uint8)).view("<i2")
+    np.testing.assert_array_equal(decode_rotations(codes), filtered)
+    cosine = np.abs((unit(decode_rotations(codes).astype(float)) * quaternions()).sum(axis=1))
+    assert 2 * np.arccos(cosine.min().clip(0, 1)) < 5.5 / 2**bits
+
+
+def placed(tracks, skeleton):
+    world = []
+    for track, parent in zip(tracks, skeleton.parents, strict=True):
+        local = track.matrices(TIMES_S)
+        world.append(local if parent < 0 else composed(world[parent], local))
+    return world
+
+
+def test_rounding_errors_do_not_add_up_along_a_chain():
+    n_bones = 12
+    angles = 0.05 * np.sin(np.arange(40) / 7)
+    joints = np.column_stack([np.arange(n_bones), np.zeros((n_bones, 2))]).astype(float)
+    transforms, above = [], np.tile(np.eye(3, 4), (40, 1, 1))
+    for joint in joints:
+        local = moving([turn(angle) for angle in angles], [joint - turn(a) @ joint for a in angles])
+        above = composed(above, local)
+        transforms.append(above)
+    skeleton = Skeleton(np.arange(n_bones) - 1, joints)
+    steps = Steps(bits=10, exponent=-10)
+    tracks = fit_tracks(
+        np.stack(transforms, axis=1), skeleton, np.ones(n_bones), TIMES_S, steps, 0.0
+    )
+    for bone, matrices in enumerate(placed(tracks, skeleton)):
+        errors = matrices[:, :, 3] - transforms[bone][:, :, :3] @ joints[bone]
+        errors = errors - transforms[bone][:, :, 3]
+        assert np.abs(errors).max() <= 2.0**-11 + 1e-5
+
+
+def test_straight_motion_needs_few_keys_and_bends_have_one():
+    corner = np.minimum(np.arange(40), 25) * 0.01
+    offsets = np.column_stack([corner, np.zeros((40, 2))])
+    still = np.tile(np.eye(3, 4), (40, 1, 1))
+    transforms = np.stack([still, moving([np.eye(3)] * 40, offsets)], axis=1)
+    skeleton = Skeleton(np.array([-1, 0]), np.zeros((2, 3)))
+    root, child = fit_tracks(transforms, skeleton, np.ones(2), TIMES_S, Steps(12, -20), 1e-5)
+    assert len(root.frames) == 40  # tells readers the times of all frames
+    assert child.frames.tolist() == [0, 25, 39]
+    assert np.abs(child.matrices(TIMES_S)[:, 0, 3] - corner).max() <= 1e-5
+
+
+def test_bone_that_rests_has_one_key():
+    transforms = np.tile(np.eye(3, 4), (40, 2, 1, 1))
+    skeleton = Skeleton(np.array([-1, 0]), np.zeros((2, 3)))
+    _, child = fit_tracks(transforms, skeleton, np.ones(2), TIMES_S, Steps(12, -10), 1e-3)
+    assert child.frames.tolist() == [0]
+    assert child.matrices(TIMES_S).shape == (40, 3, 4)
+
+
+def test_equal_first_and_last_frames_have_equal_keys():
+    angles = 0.3 * np.sin(np.linspace(0, 2 * np.pi, 40))
+    angles[-1] = angles[0]
+    transforms = moving([turn(angle) for angle in angles], np.zeros((40, 3)))[:, np.newaxis]
+    [track] = fit_tracks(
+        transforms, Skeleton(np.array([-1]), np.zeros((1, 3))), np.ones(1), TIMES_S,
+        Steps(10, -10), 1e-3,
+    )  # fmt: skip
+    np.testing.assert_array_equal(track.codes[0], track.codes[-1])
+    np.testing.assert_array_equal(track.translations[0], track.translations[-1])
+
+
+def moments_of(points, targets, weights):
+    lifted = np.column_stack([points, np.ones(len(points))]) * weights[:, np.newaxis]
+    return np.einsum("tva,vb->tab", targets, lifted), lifted.T @ lifted
+
+
+def test_rigid_motion_is_found_exactly():
+    rng = np.random.default_rng(1)
+    points, weights = rng.normal(size=(20, 3)), rng.uniform(0.2, 1, 20)
+    rotation, offset = turn(1.0) @ turn(-0.6, 0), rng.normal(size=3)
+    targets = ((points @ rotation.T + offset) * weights[:, np.newaxis])[np.newaxis]
+    moments, gram = moments_of(points, targets, weights)
+    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
+    np.testing.assert_allclose(found[0, :, :3], rotation, atol=1e-5)
+    np.testing.assert_allclose(found[0, :, 3], offset, atol=1e-5)
+
+
+def test_mirrored_points_get_a_rotation():
+    points = np.random.default_rng(2).normal(size=(20, 3))
+    targets = (points * [1, 1, -1])[np.newaxis]
+    moments, gram = moments_of(points, targets, np.ones(20))
+    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
+    assert np.linalg.det(found[0, :, :3]) == pytest.approx(1)
+
+
+def test_collinear_points_keep_the_free_rotation():
+    points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.0]])
+    former = np.column_stack([turn(0.5, 0), np.zeros(3)])[np.newaxis]
+    moments, gram = moments_of(points, points[np.newaxis], np.ones(3))
+    found = fit_rigid(moments, gram, former)
+    np.testing.assert_allclose(found[0, :, :3], former[0, :, :3], atol=1e-3)
+
+
+def test_weights_are_convex_and_few():
+    rng = np.random.default_rng(3)
+    places = rng.normal(size=(50, 9, 12))
+    truth = np.zeros((50, 9))
+    truth[:, [1, 4, 7]] = [0.5, 0.3, 0.2]
+    target = np.einsum("vi,vid->vd", truth, places)
+    gram = np.einsum("vid,vjd->vij", places, places)
+    weights = convex_weights(gram, np.einsum("vid,vd->vi", places, target))
+    np.testing.assert_allclose(weights, truth, atol=1e-4)
+    matches = rng.normal(size=(50, 9))
+    noisy = convex_weights(gram, matches)
+    assert (noisy >= 0).all()
+    assert (np.count_nonzero(noisy, axis=1) <= 4).all()
+    np.testing.assert_allclose(noisy.sum(axis=1), 1)
+    # At the minimum on the sum 1, the gradient is the same for all candidates that are left.
+    gradients = np.einsum("vij,vj->vi", gram, noisy) - matches
+    for gradient, own in zip(gradients, noisy > 0, strict=True):
+        np.testing.assert_allclose(gradient[own], gradient[own][0], atol=1e-6)
+
+
+def test_influences_that_hardly_count_are_left_out():
+    gram = np.array([[[1.0, 0.999], [0.999, 1.0]]])
+    matches = np.array([[0.9996, 0.9994]])
+    assert np.count_nonzero(convex_weights(gram, matches)) == 2
+    assert np.count_nonzero(convex_weights(gram, matches, cost=1e-3)) == 1
+
+
+def test_rounds_reduce_the_error():
+    vertices = bending_tube().vertices.astype(np.float64)
+    frames = vertices.transpose(0, 2, 1).reshape(-1, vertices.shape[1])
+    fit = Decomposition(frames, frames[:3].T, np.zeros(vertices.shape[1], np.int64))
+    fit.add_bones(fit.component_seeds(1, 0.0))
+    errors = []
+    for _ in range(3):
+        fit.round(fits_rest=False)
+        errors.append(float(np.square(fit.residuals()).sum()))
+        fit.add_bones(fit.seeds(fit.residuals(), 1))
+    fit.round()
+    errors.append(float(np.square(fit.residuals()).sum()))
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.05 * errors[0]

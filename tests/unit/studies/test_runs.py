@@ -1,18 +1,30 @@
 import json
+import os
 from typing import Any
 
+import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
+from meshreel.rendering.documents import Table, to_html
+from meshreel.studies import timing
 from meshreel.studies.runs import (
     Outcome,
     Run,
     Store,
+    file_name,
     finite,
     result_of,
     run_all,
     sequence_identity,
+)
+from meshreel.studies.study import checked_names, claim_folder, to_markdown
+from meshreel.studies.timing import (
+    cpu_model,
+    machine_facts,
+    machine_line,
+    machines_text,
 )
 from samples.meshes import waving_grid
 
@@ -115,3 +127,104 @@ def test_result_of_another_version_is_computed_again(store, monkeypatch):
     result_of(stub_run("a"), store)
     monkeypatch.setattr("meshreel.studies.runs.__version__", "99")
     assert store.find(stub_run("a")) is None
+
+
+KNOWN = ("pca", "v2v", "gft")
+PROGRAM, MARKER = "meshreel paper", "meshreel-paper.json"
+
+
+def test_names_are_returned_in_the_order_of_known_names():
+    assert checked_names(["gft", "pca", "gft"], KNOWN, "method") == ("pca", "gft")
+
+
+@pytest.mark.parametrize(
+    ("names", "problem"),
+    [(["pcaqp"], "method 'pcaqp' is unknown"), ([], "name at least one method")],
+)
+def test_error_for_an_unknown_or_missing_name_lists_the_names(names, problem):
+    with pytest.raises(InvalidInputError, match=f"{problem}; choose from pca, v2v, gft"):
+        checked_names(names, KNOWN, "method")
+
+
+def test_new_folder_is_created_and_marked(tmp_path):
+    claim_folder(tmp_path / "a" / "b", PROGRAM, "meshreel paper")
+    facts = json.loads((tmp_path / "a" / "b" / MARKER).read_text())
+    assert facts["command"] == "meshreel paper"
+
+
+def test_marked_folder_is_reused(tmp_path):
+    claim_folder(tmp_path, PROGRAM, "first")
+    (tmp_path / "report.md").write_text("old")
+    claim_folder(tmp_path, PROGRAM, "second")
+    assert json.loads((tmp_path / MARKER).read_text())["command"] == "second"
+
+
+@pytest.mark.parametrize("marker", [None, "", "[]", '{"made_by": "another"}'])
+def test_folder_with_foreign_files_is_rejected_and_unchanged(tmp_path, marker):
+    (tmp_path / "thesis.txt").write_text("mine")
+    if marker is not None:
+        (tmp_path / MARKER).write_text(marker)
+    before = sorted(path.name for path in tmp_path.iterdir())
+    with pytest.raises(InvalidInputError, match=str(tmp_path)):
+        claim_folder(tmp_path, PROGRAM, "meshreel paper x.npz")
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_error_names_a_file_given_as_folder(tmp_path):
+    (tmp_path / "report").write_text("")
+    with pytest.raises(InvalidInputError, match="report is a file; name a folder"):
+        claim_folder(tmp_path / "report", PROGRAM, "meshreel paper")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("samba", "samba"), ("a/../b c", "a-..-b-c"), ("../", "sequence")]
+)
+def test_special_characters_of_names_are_replaced_in_file_names(name, expected):
+    assert file_name(name) == expected
+
+
+def test_tables_are_the_same_in_markdown_and_html(tmp_path):
+    table = Table("T", ("a", "b|c"), (("x", "1 < 2"),))
+    markdown = to_markdown([table], tmp_path)
+    assert "| a | b\\|c |\n| --- | ---: |\n| x | 1 < 2 |" in markdown
+    assert "<tr><td>x</td><td>1 &lt; 2</td></tr>" in to_html([table], "t")
+
+
+def test_short_work_is_timed_repeatedly_on_request():
+    value, seconds = timing.timed(lambda: 5, 3)
+    assert value == 5
+    assert seconds.shape == (3, 2)
+
+
+def test_long_work_is_timed_once(monkeypatch):
+    monkeypatch.setattr(timing, "REPEAT_BELOW_S", 0.0)
+    assert len(timing.timed(lambda: 5, 3)[1]) == 1
+
+
+def test_facts_are_those_of_this_machine(monkeypatch):
+    assert machine_facts()["cores"] == os.cpu_count()
+    assert f", {os.cpu_count()} cores, " in machine_line(machine_facts())
+    monkeypatch.setattr("os.cpu_count", lambda: None)
+    assert machine_facts()["cores"] == 1
+
+
+def test_each_machine_is_named_once():
+    one, other = machine_facts(), {**machine_facts(), "cpu": "another"}
+    text = machines_text([{"machine": facts} for facts in (one, other, one)])
+    assert text.count(machine_line(one)) == text.count(machine_line(other)) == 1
+
+
+def test_architecture_replaces_an_unknown_processor_name(monkeypatch):
+    monkeypatch.setattr("pathlib.Path.read_text", lambda path: "flags: fast")
+    monkeypatch.setattr("platform.processor", lambda: "")
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    assert cpu_model() == "riscv64"
+    monkeypatch.setattr("pathlib.Path.read_text", lambda path: "x: 1\nmodel name\t: A Chip\n")
+    assert cpu_model() == "A Chip"
+
+
+def test_seconds_are_medians_on_both_clocks():
+    runs = np.array([[3.0, 1.0], [1.0, 2.0], [2.0, 6.0]])
+    seconds = timing.seconds_of(runs, runs[:1])
+    assert (seconds["encode"], seconds["encode_processor"]) == (2.0, 2.0)
+    assert (seconds["decode"], seconds["decode_runs"]) == (3.0, [3.0])

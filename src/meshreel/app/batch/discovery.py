@@ -19,31 +19,24 @@ WHOLE_SEQUENCES = tuple(
 
 @dataclass(frozen=True)
 class BatchInput:
-    """One sequence to encode.
-
-    Attributes
-    ----------
-    name : str
-        Path relative to the input folder, with slashes; "." is that folder itself. For one of
-        several animations of a file, followed by "#" and its name.
-    source : Path, or str if remote
-        Absolute path of a file with a whole sequence, or of a folder of frames.
-    files : tuple of Path
-        Its files, if they are local.
-    output : str
-        Path of the stream relative to the output folder, with slashes.
-    remote_files : tuple of RemoteFile
-        Its files, if they are remote.
-    animation : str, optional
-        The animation to read from a file with several; default: as `meshreel.load` selects.
-    """
+    """One sequence to encode."""
 
     name: str
+    """Path relative to the input folder, with slashes; "." is that folder itself. For one of
+    several animations of a file, followed by "#" and its name.
+    """
     source: Path | str
+    """Path, or str if remote. Absolute path of a file with a whole sequence, or of a folder of
+    frames.
+    """
     files: tuple[Path, ...]
+    """Its files, if they are local."""
     output: str
+    """Path of the stream relative to the output folder, with slashes."""
     remote_files: tuple[RemoteFile, ...] = ()
+    """Its files, if they are remote."""
     animation: str | None = None
+    """The animation to read from a file with several; default: as `meshreel.load` selects."""
 
     @property
     def path(self) -> str:

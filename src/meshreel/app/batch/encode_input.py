@@ -35,24 +35,19 @@ READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "anim
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Options for every input of a batch.
-
-    Attributes
-    ----------
-    reading : ReadOptions
-        Options that do not apply to the format of an input are ignored; an input without a selected
-        attribute gets a note.
-    tracks : dict of str to str, or None
-        Error bounds of tracks. An input without one of them gets a note.
-    block_share : float
-        Fraction of the config's frames per block; below 1 after memory ran out. Positions are then
-        read from their files on demand, with a note.
-    """
+    """Options for every input of a batch."""
 
     config: EncoderConfig
     reading: ReadOptions = field(default_factory=ReadOptions)
+    """Options that do not apply to the format of an input are ignored; an input without a selected
+    attribute gets a note.
+    """
     tracks: dict[str, float | str] | None = None
+    """Error bounds of tracks. An input without one of them gets a note."""
     block_share: float = 1.0
+    """Fraction of the config's frames per block; below 1 after memory ran out. Positions are then
+    read from their files on demand, with a note.
+    """
 
     def smaller(self, error: BaseException) -> "EncodeOptions | None":
         """The options with smaller blocks after an error; None if that cannot help.
@@ -83,16 +78,11 @@ class EncodeOptions:
 
 @dataclass(frozen=True)
 class EncodedInput:
-    """A stream and its measurements.
-
-    Attributes
-    ----------
-    figures : dict
-        The fields of a `Record` that encoding determines.
-    """
+    """A stream and its measurements."""
 
     data: bytes
     figures: dict[str, Any]
+    """The fields of a `Record` that encoding determines."""
 
 
 def encode_input(

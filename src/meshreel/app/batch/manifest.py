@@ -90,19 +90,13 @@ def summary_of(records: Collection[Record]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The records of an output folder.
-
-    Attributes
-    ----------
-    input_dir : str
-        Path of the input folder relative to the output folder.
-    records : dict of str to Record
-        By the name of the input; includes removed inputs.
-    """
+    """The records of an output folder."""
 
     folder: OutFolder
     input_dir: str
+    """Path of the input folder relative to the output folder."""
     records: dict[str, Record]
+    """By the name of the input; includes removed inputs."""
     _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
 
     def write(self) -> None:

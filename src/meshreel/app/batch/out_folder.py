@@ -13,15 +13,10 @@ from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload
 
 
 class OutFolder:
-    """A local output folder; names are relative paths with slashes.
-
-    Attributes
-    ----------
-    n_writers : int
-        Number of files to write at the same time.
-    """
+    """A local output folder; names are relative paths with slashes."""
 
     n_writers: int = 1
+    """Number of files to write at the same time."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -11,8 +11,8 @@ from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.app.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import InvalidInputError, Keyword, MeshReelError, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.inspection import animations_of
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import find_files
@@ -27,35 +27,24 @@ MAX_NAME = 80
 
 @dataclass(frozen=True)
 class Plan:
-    """The inputs of a run: up to date, refused, or to be encoded.
-
-    Attributes
-    ----------
-    folder : OutFolder
-        The output folder.
-    manifest : Manifest
-        Records of earlier runs.
-    up_to_date : list of str
-        Names of inputs whose streams are up to date.
-    refused : dict of str to Record
-        Inputs that cannot be encoded, with the reason.
-    to_encode : dict of BatchInput to Record
-        The other inputs, with pending records.
-    replaced : set of BatchInput
-        Inputs to encode whose outputs exist.
-    notes : list of str
-        Notes on omitted animations, and on outputs with changed names.
-    """
+    """The inputs of a run: up to date, refused, or to be encoded."""
 
     input_dir: Path | str
     folder: OutFolder
+    """The output folder."""
     options: EncodeOptions
     manifest: Manifest
+    """Records of earlier runs."""
     up_to_date: list[str]
+    """Names of inputs whose streams are up to date."""
     refused: dict[str, Record]
+    """Inputs that cannot be encoded, with the reason."""
     to_encode: dict[BatchInput, Record]
+    """The other inputs, with pending records."""
     replaced: set[BatchInput]
+    """Inputs to encode whose outputs exist."""
     notes: list[str] = field(default_factory=list)
+    """Notes on omitted animations, and on outputs with changed names."""
 
     def options_of(self, batch_input: BatchInput) -> EncodeOptions:
         """The options for an input."""
@@ -186,7 +175,6 @@ def every_animation(
 
     Parameters
     ----------
-    inputs : iterable of BatchInput
     notes : list of str
         Receives notes on omitted animations, and on outputs with changed names.
     allow_outside : bool

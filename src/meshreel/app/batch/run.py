@@ -34,17 +34,12 @@ inputs it is large.
 
 @dataclass(frozen=True)
 class BatchReport:
-    """The outcome of a run.
-
-    Attributes
-    ----------
-    up_to_date, encoded, failed : dict of str to Record
-        Records by input name.
-    """
+    """The outcome of a run."""
 
     up_to_date: dict[str, Record]
     encoded: dict[str, Record]
     failed: dict[str, Record]
+    """Records by input name."""
 
     @property
     def summary(self) -> str:

@@ -10,6 +10,9 @@ from meshreel.codec.option import COUNT, Option
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
+MAX_CODING_PERCENT = 10.0
+"""Larger differences, in percent of the diagonal, are no coding errors."""
+
 
 @command
 def compare_command(
@@ -65,9 +68,7 @@ def compare_command(
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
-    from meshreel.metrics.alignment import find_alignment
     from meshreel.metrics.compare import Quality, measure_quality
-    from meshreel.model.sequence import single_segment
     from meshreel.runtime.extras import require
     from meshreel.runtime.stores.address import is_remote
 
@@ -87,10 +88,11 @@ def compare_command(
         quality = measure_quality(
             first, second, surface=surface or None, n_samples=samples, progress=progress
         )
-        if isinstance(quality, Quality):
-            aligned = (single_segment(sequence, "alignment") for sequence in (first, second))
-            if alignment := find_alignment(*aligned):
-                notes.append(str(alignment))
+        if isinstance(quality, Quality) and quality.max_error_percent > MAX_CODING_PERCENT:
+            notes.append(
+                f"vertices differ by up to {quality.max_error_percent:.3g} % of the diagonal, more "
+                "than coding explains; check that axes (y-up, z-up), unit and position are equal"
+            )
     print_notes(notes)
     if as_json:
         figures = {"original": original, "decoded": decoded, **quality.as_dict()}

@@ -23,32 +23,23 @@ if TYPE_CHECKING:
 
 @dataclass
 class Conversion:
-    """Writes sequences and collects figures of the written files.
-
-    Parameters
-    ----------
-    target : Output
-        Names of the outputs.
-    inputs : sequence of Path
-        Files that are never replaced.
-    config : EncoderConfig
-        Options of streams.
-    tracks : mapping of str to str, or None
-        Error bounds of the tracks of streams.
-    reading : ReadOptions
-        Options with which the inputs are read.
-    """
+    """Writes sequences and collects figures of the written files."""
 
     target: "Output"
+    """Names of the outputs."""
     inputs: Sequence[Path]
+    """Files that are never replaced."""
     options: WriteOptions
     reading: "ReadOptions"
+    """Options with which the inputs are read."""
     config: EncoderConfig
+    """Options of streams."""
     start_number: int | None
     force: bool
     progress: Progress
     notes: list[str]
     tracks: Mapping[str, float | str] | None = None
+    """Error bounds of the tracks of streams."""
     figures: list[dict[str, Any]] = field(default_factory=list)
     streams: list["EncodedFile"] = field(default_factory=list)
 

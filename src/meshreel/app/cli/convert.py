@@ -1,6 +1,6 @@
 """`meshreel convert`: write an animation in another format."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import click
 
@@ -19,9 +19,7 @@ from meshreel.app.cli.write_options import (
     OverwriteOption,
     StartNumberOption,
 )
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import ReadOptions, WriteOptions
 
 GENERAL_OPTIONS = ("max_error", "unit", "kg", "quality")
 """Options for encoding that also apply to other outputs than .reel."""
@@ -38,10 +36,7 @@ def convert_command(
         ),
     ],
     output: OutputOption,
-    reading: Annotated[
-        "ReadOptions",
-        reading(*WHOLE_SEQUENCES),
-    ],
+    reading: Annotated[ReadOptions, reading(*WHOLE_SEQUENCES)],
     writing: Annotated[dict[str, Any], WRITING],
     encoding: Annotated[
         Encoding, encoding(max_error=OUTPUT_ERROR, kg=OUTPUT_KG, quality=OUTPUT_QUALITY)
@@ -94,7 +89,6 @@ def convert_command(
     from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for
     from meshreel.formats.needed_extras import extras_to_read, extras_to_write
-    from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import origin_of_file
     from meshreel.formats.remote import local_copy, uploaded
     from meshreel.formats.segments import open_any

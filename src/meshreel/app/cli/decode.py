@@ -8,23 +8,17 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
-    BOUNDS,
-    RIG_KG,
-    RIG_QUALITY,
-    RIGS,
-    WRITING,
+    WRITING_DECODED,
     FramesOption,
-    GltfErrorOption,
     OutputOption,
     OverwriteOption,
     StartNumberOption,
 )
 from meshreel.codec.option import Option
 from meshreel.codec.options import option_named
+from meshreel.formats.options import BOUNDS, WriteOptions
 
 UNIT = replace(option_named("unit"), group=BOUNDS)
-KG = replace(option_named("kg"), group=RIGS, help=RIG_KG)
-QUALITY = replace(option_named("quality"), group=RIGS, help=RIG_QUALITY)
 
 
 @command
@@ -38,7 +32,7 @@ def decode_command(
         ),
     ],
     output: OutputOption,
-    writing: Annotated[dict[str, Any], WRITING],
+    writing: Annotated[dict[str, Any], WRITING_DECODED],
     frames: FramesOption = None,
     start_number: StartNumberOption = None,
     modes: Annotated[
@@ -50,10 +44,7 @@ def decode_command(
     ] = None,
     segment: SegmentOption = None,
     memory: MemoryOption = None,
-    max_error: GltfErrorOption = None,
     unit: Annotated[str | None, UNIT] = None,
-    kg: Annotated[float | None, KG] = None,
-    quality: Annotated[float | None, QUALITY] = None,
     force: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -91,7 +82,6 @@ def decode_command(
         written_figures,
     )
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.options import WriteOptions
     from meshreel.formats.outputs import check_output
     from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_file, uploaded
@@ -99,9 +89,9 @@ def decode_command(
     from meshreel.runtime.stores.address import is_remote
 
     chosen = frame_slice(frames)
-    bound = checked_bound(max_error, unit)
+    writing["max_error"] = checked_bound(writing["max_error"], unit)
     refuse_stream(output)
-    options = WriteOptions(max_error=bound, kg=kg, quality=quality, force=force, **writing)
+    options = WriteOptions(force=force, **writing)
     notes: list[str] = []
     with (
         uploaded(output, overwrite=force) as target,

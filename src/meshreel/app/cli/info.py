@@ -14,8 +14,8 @@ from meshreel.runtime.counting import counted, size_text
 
 if TYPE_CHECKING:
     from meshreel.app.figures import Cell
-    from meshreel.formats.animations import AnimationInfo
     from meshreel.formats.inspection import MeshInfo, SourceInfo
+    from meshreel.formats.kinds import AnimationInfo
     from meshreel.formats.options import ReadOptions
 
 

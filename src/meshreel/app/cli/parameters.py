@@ -36,21 +36,16 @@ class Argument:
 
 @dataclass(frozen=True)
 class Group:
-    """Options that a command receives as one value.
-
-    Attributes
-    ----------
-    options : sequence of Option
-        With their names, annotations and defaults.
-    record : callable
-        Makes the value from a dictionary of those of the options.
-    common : collection of str, optional
-        Names of the options that `--help` shows; `--help-all` shows all. Default: all.
-    """
+    """Options that a command receives as one value."""
 
     options: Sequence[Option]
+    """With their names, annotations and defaults."""
     record: Callable[[dict[str, Any]], Any]
+    """Makes the value from a dictionary of those of the options."""
     common: Collection[str] | None = None
+    """Collection of str. Names of the options that `--help` shows; `--help-all` shows all. Default:
+    all.
+    """
 
 
 ForceOption = Annotated[bool, Option("Replace existing outputs.", flag="--force -f")]

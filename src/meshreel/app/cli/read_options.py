@@ -3,26 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from meshreel.app.cli.parameters import Group
-from meshreel.codec.option import Option, Range
+from meshreel.codec.option import Option, options_of_fields
+from meshreel.formats.options import READING, REGISTER, LoadOptions, ReadOptions
 from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
-if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
-
-READING = "Input"
-
-MEMORY = Option(
-    "Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), such as "
-    "500MB or 20GiB; a larger file is rejected before decoding.",
-    default_text="8GiB",
-    metavar="SIZE",
-    annotation=str,
-    group=READING,
-)
-MemoryOption = Annotated[str | None, MEMORY]
 SegmentOption = Annotated[
     int | None,
     Option(
@@ -39,9 +26,6 @@ SplitOption = Annotated[
     ),
 ]
 
-MAX_FPS = 1e6
-"""A larger rate on the command line is a mistake; files may have any."""
-
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
@@ -52,82 +36,11 @@ WHOLE_SEQUENCES = (
 """All options of commands that read a sequence to write it."""
 
 
-def _option(annotation: Any, help: str, metavar: str = "", **settings: Any) -> Option:
-    return Option(help, metavar=metavar, annotation=annotation, group=READING, **settings)
-
-
-_OPTIONS = {
-    "fps": _option(
-        float,
-        "Frames per second, as in 25 or 30000/1001. Default: that of the input.",
-        range=Range(0.0, MAX_FPS),
-    ),
-    "object": _option(
-        str,
-        "The mesh to read from a file with several (without this option, the error lists them).",
-        "PATH",
-    ),
-    "merge": _option(
-        bool,
-        "Read all meshes of a file as one; they are separated again on output.",
-        default=False,
-    ),
-    "skip_bad": _option(bool, "Skip meshes of a file that cannot be read.", default=False),
-    "allow_outside": _option(
-        bool,
-        "Read referenced files outside the folder of the input: USD layers, glTF buffers, files of "
-        "a .pvd or .xdmf.",
-        default=False,
-    ),
-    "animation": _option(
-        str,
-        "Animation to read from a glTF file with several: its name or its number from 0 (`meshreel "
-        "info` lists them). Default: the first that moves a mesh.",
-        "NAME",
-    ),
-    "displace": _option(
-        str,
-        "Move the vertices by a result of three numbers per vertex, such as displacement of a "
-        "simulation; a factor enlarges it. The result itself is not kept.",
-        "NAME[:FACTOR]",
-    ),
-    "resample": _option(
-        float,
-        "Interpolate new frames at this rate, evenly spaced. Default: frames stay at their times.",
-        "RATE",
-        range=Range(0.0, MAX_FPS, is_open=True),
-    ),
-    "keep_deleted": _option(
-        bool,
-        "Keep elements that a simulation deletes in the mesh, with a track alive, 1 while they "
-        "exist. Default: the mesh changes when elements are deleted.",
-        default=False,
-    ),
-    "memory": MEMORY,
-    "topology": _option(
-        Path,
-        "Mesh file with the faces of a point cache (.pc2, .mdd). Default: the mesh file of the "
-        "same name in its folder.",
-        "MESH",
-    ),
-    "dataset": _option(str, "Dataset with the positions (.h5, .npz). Default: vertices.", "NAME"),
-    "register": _option(
-        str,
-        "Follow the surface of a raw capture, which has a new mesh in every frame, with few "
-        "meshes, up to this distance: 0.2% of the diagonal, or 0.5u in model units (needs "
-        "[register]; see `meshreel register`).",
-        "TOLERANCE",
-    ),
-    "attributes": _option(
-        str,
-        "Attributes and groups to read, by name or kind: uv, color, material, ... Polygons and "
-        "parts are always read.",
-        "all|none|NAME,...",
-        default="all",
-    ),
-}
+_OPTIONS = {option.name: option for option in (*options_of_fields(LoadOptions), REGISTER)}
 """By name in `ReadOptions`."""
+_OPTIONS["topology"] = replace(_OPTIONS["topology"], annotation=Path)
 
+MemoryOption = Annotated[str | None, _OPTIONS["memory"]]
 
 COMMON = ("fps", "object", "merge", "attributes", "memory")
 """Options that `--help` shows."""
@@ -141,16 +54,8 @@ def reading(*names: str) -> Group:
     *names
         Fields of `ReadOptions`.
     """
-    options = [
-        replace(_OPTIONS[name], name=name, flag=f"--{name.replace('_', '-')}") for name in names
-    ]
-    return Group(options, _read_options, COMMON)
-
-
-def _read_options(values: dict[str, Any]) -> "ReadOptions":
-    from meshreel.formats.options import ReadOptions
-
-    return ReadOptions(**values)
+    options = [replace(_OPTIONS[name], flag=f"--{name.replace('_', '-')}") for name in names]
+    return Group(options, lambda values: ReadOptions(**values), COMMON)
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":

@@ -2,25 +2,21 @@
 
 import os
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 
 from meshreel.app.cli.parameters import File, Group
-from meshreel.codec.option import Option, Range
+from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.targets import DIAGONAL_OF_ALL
-from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
+from meshreel.formats.options import WriteOptions
+from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
     from meshreel.formats.remote import Output
-
-GLTF = "glTF output"
-GLTF_AND_TEXTURES = "glTF and .vat output"
-BOUNDS = "Error bounds of glTF, .vat and rigs"
-RIGS = "Rigs (glTF and USD output)"
-TEXTURES = "Vertex animation textures (.vat output)"
 
 OutputOption = Annotated[
     File,
@@ -45,16 +41,6 @@ StartNumberOption = Annotated[
     int | None,
     Option("Number of the first file of a pattern. Default: number of its frame.", metavar="N"),
 ]
-GltfErrorOption = Annotated[
-    str | None,
-    Option(
-        "Error bound relative to the original if the .reel has an error bound itself; else bound "
-        "of the error that morph targets, bones or textures add. 0.1 or 0.1%: percent "
-        f"{DIAGONAL_OF_ALL}; 0.5u: model units; 0.5mm: a length, see --unit.",
-        metavar="BOUND",
-        group=BOUNDS,
-    ),
-]
 OverwriteOption = Annotated[
     bool,
     Option(
@@ -62,16 +48,11 @@ OverwriteOption = Annotated[
         flag="--force -f",
     ),
 ]
-RIG_KG = f"Largest KG error of a rig. Default: {DEFAULT_KG_PERCENT:g}."
 OUTPUT_KG = (
     "Smallest .reel of at most this KG error, relative to the shape's extent. With {rig}: largest "
     f"KG error of the rig. Default: {DEFAULT_KG_PERCENT:g}."
 )
 """Help of `--kg` for all outputs."""
-RIG_QUALITY = (
-    "Position errors of a rig at most those of a .reel of this quality, in place of {max_error} "
-    "and {kg}. Its normals are worse."
-)
 OUTPUT_QUALITY = (
     "Visual quality of a .reel. With {rig}: position errors at most those of such a .reel, in "
     "place of {max_error} and {kg}; normals are worse."
@@ -85,78 +66,16 @@ OUTPUT_ERROR = (
 """Help of `--max-error` for all outputs."""
 
 
-def _option(name: str, kind: type, group: str, help: str, **details: Any) -> Option:
-    details = {"default": False if kind is bool else None, "flag": f"--{name}", **details}
-    return Option(help, name=name, annotation=kind, group=group, **details)
+_OPTIONS = {option.name: option for option in options_of_fields(WriteOptions)}
+"""By name in `WriteOptions`."""
+_OPTIONS["rig"] = replace(_OPTIONS["rig"], annotation=int)
 
+WRITING_DECODED = Group(tuple(_OPTIONS.values()), dict)
+"""Options for other formats than `.reel`."""
 
-WRITING = Group(
-    (
-        _option(
-            "targets",
-            int,
-            GLTF,
-            "Number of morph targets. Default: as many as the error bound needs.",
-        ),
-        _option(
-            "normals",
-            bool,
-            GLTF_AND_TEXTURES,
-            "glTF: write normals of all meshes, changed by all targets; or none, so that viewers "
-            "shade faces flat. Default: smooth meshes have normals, changed by enough targets for "
-            "a mean error of about 3.5 degrees. .vat: write the normals of every frame (default) "
-            "or none.",
-            flag="--normals/--no-normals",
-            default=None,
-        ),
-        _option(
-            "compression",
-            bool,
-            GLTF,
-            "Compress the file (default), which reorders vertices and triangles; or write plain "
-            "buffers, for programs without the extension.",
-            flag="--compression/--no-compression",
-            default=True,
-        ),
-        _option(
-            "meshopt",
-            str,
-            GLTF,
-            "Extension for compression: ext, EXT_meshopt_compression; or khr, "
-            "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
-            metavar="NAME",
-        ),
-        _option(
-            "rig",
-            int,
-            RIGS,
-            "Move the mesh by at most this many bones, and by corrective morph targets where bones "
-            f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
-            f"{{kg}} hold. Without a number: {MAX_BONES}.",
-            range=Range(1, MAX_BONES, is_whole=True),
-            implied=MAX_BONES,
-            metavar="[BONES]",
-        ),
-        _option(
-            "layout",
-            str,
-            TEXTURES,
-            "Layout for the shaders that play the textures: openvat or openvat-unity. "
-            "Default: openvat.",
-            metavar="NAME",
-        ),
-        _option(
-            "textures",
-            str,
-            TEXTURES,
-            "exr: 16-bit floats, or 32-bit if --max-error needs them; png: 8 or 16 bits. Default: "
-            "exr, which engines read directly.",
-            metavar="KIND",
-        ),
-    ),
-    dict,
-)
-"""Options for other formats, by field of `WriteOptions`."""
+ENCODING_TOO = ("max_error", "kg", "quality")
+WRITING = Group([option for option in _OPTIONS.values() if option.name not in ENCODING_TOO], dict)
+"""As `WRITING_DECODED`, without those that options for encoding include."""
 
 
 def checked_bound(text: str | None, unit: str | None) -> float | str | None:

@@ -38,23 +38,16 @@ MAX_ORIGINAL_BYTES = 1 << 30
 
 @dataclass(frozen=True)
 class OriginalStream:
-    """The original, encoded for the page.
-
-    Attributes
-    ----------
-    tracks_bytes : int
-        Size of the tracks in `data`.
-    names : list of str
-        Tracks of the original that the page can show. Those missing in `data` are equal in the
-        file.
-    left_out : list of str
-        Tracks that exceeded the memory limit.
-    """
+    """The original, encoded for the page."""
 
     data: bytes
     tracks_bytes: int
+    """Size of the tracks in `data`."""
     names: list[str]
+    """Tracks of the original that the page can show. Those missing in `data` are equal in the file.
+    """
     left_out: list[str]
+    """Tracks that exceeded the memory limit."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +83,6 @@ def export_page(
     split : bool, default False
         Whether script, stream, original and texture are separate files. Existing files with
         identical contents are not rewritten.
-    overwrite : bool, default False
-    progress : callable, optional
     notes : list of str, optional
         Receives notes, such as omitted tracks.
 

@@ -63,17 +63,12 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Measured:
-    """Errors of all frames.
-
-    Attributes
-    ----------
-    sted_spatial : float
-        The spatial part of STED, close to STED; the temporal part would need all frames at once.
-    """
+    """Errors of all frames."""
 
     errors: PositionErrors
     nmsve_mean: float
     sted_spatial: float
+    """The spatial part of STED, close to STED; the temporal part would need all frames at once."""
 
 
 class Figures:
@@ -185,10 +180,6 @@ class Measuring:
 
     def run(self, progress: Progress = silent) -> None:
         """Measure all frames in the calling thread.
-
-        Parameters
-        ----------
-        progress : callable, optional
 
         Raises
         ------

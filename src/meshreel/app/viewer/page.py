@@ -45,18 +45,12 @@ UNPACKING = (
 
 @dataclass(frozen=True)
 class Page:
-    """The built player.
-
-    Attributes
-    ----------
-    html : str
-        Contains `DATA` and `SCRIPT`.
-    script : str
-        ECMAScript module that starts the player.
-    """
+    """The built player."""
 
     html: str
+    """Contains `DATA` and `SCRIPT`."""
     script: str
+    """ECMAScript module that starts the player."""
 
     def __post_init__(self) -> None:
         if DATA not in self.html or SCRIPT not in self.html:

@@ -30,10 +30,6 @@ MAX_ERROR_PERCENT = 1e-3
 def playable(reel: ReelFile, progress: Progress = silent) -> ReelFile:
     """The file, if the player supports its method; otherwise re-encoded in memory.
 
-    Parameters
-    ----------
-    progress : callable, optional
-
     Raises
     ------
     CorruptStreamError

@@ -119,44 +119,31 @@ def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a stream, or of the first of its segments.
-
-    Attributes
-    ----------
-    n_frames : int
-        Total over all segments; 0 if it was unknown when the header was written. The index then
-        has the number of frames of each block.
-    n_verts, n_faces : int
-        At least 1 each.
-    fps : float
-        Frames per second; 0 if unknown.
-    vertex_type : VertexType
-        Number type of the positions, in the input and in the decoded output.
-    method : int
-        Code of the method (`codec.methods`).
-    laplacian : int
-        A `layout.Laplacian`.
-    order : int
-        A `layout.Order`.
-    origin : tuple of 3 floats
-        Center of the model, in model units.
-    scale : float
-        Diagonal of the bounding box in model units, the unit of all other lengths in the stream.
-    name : str
-        At most `MAX_NAME_BYTES` in UTF-8.
-    """
+    """The header of a stream, or of the first of its segments."""
 
     n_frames: int
+    """Total over all segments; 0 if it was unknown when the header was written. The index then has
+    the number of frames of each block.
+    """
     n_verts: int
     n_faces: int
+    """At least 1 each."""
     fps: float
+    """Frames per second; 0 if unknown."""
     vertex_type: VertexType
+    """Number type of the positions, in the input and in the decoded output."""
     method: int
+    """Code of the method (`codec.methods`)."""
     laplacian: int
+    """A `layout.Laplacian`."""
     order: int
+    """A `layout.Order`."""
     origin: tuple[float, ...]
+    """tuple of 3 floats. Center of the model, in model units."""
     scale: float
+    """Diagonal of the bounding box in model units, the unit of all other lengths in the stream."""
     name: str = ""
+    """At most `MAX_NAME_BYTES` in UTF-8."""
 
 
 def write_header(header: Header) -> bytes:
@@ -223,7 +210,6 @@ class StoredMeshes:
         ----------
         number : int
             Of the segment, from 0; numbers ascend from call to call.
-        header : Header
         leading : iterable of (Section, bytes)
             The sections before its first block.
         """
@@ -302,40 +288,26 @@ def _digest_of(sections: Sections) -> bytes:
 
 @dataclass(frozen=True)
 class BlockPlace:
-    """Position and size of a block of frames in a stream.
-
-    Attributes
-    ----------
-    n_frames : int
-        At least 1.
-    position : int
-        Byte offset of its first section in the stream.
-    sizes : tuple of int
-        Size in bytes of the sections of each track, starting with the positions; at least 1 each.
-    """
+    """Position and size of a block of frames in a stream."""
 
     n_frames: int
+    """At least 1."""
     position: int
+    """Byte offset of its first section in the stream."""
     sizes: tuple[int, ...]
+    """Size in bytes of the sections of each track, starting with the positions; at least 1 each."""
 
 
 @dataclass(frozen=True)
 class SegmentPlace:
-    """Position of a segment after the first, and its blocks.
-
-    Attributes
-    ----------
-    n_verts, n_faces : int
-    position : int
-        Byte offset of its section SEGMENT, which is the end of the previous segment.
-    places : sequence of BlockPlace
-        At least 1.
-    """
+    """Position of a segment after the first, and its blocks."""
 
     n_verts: int
     n_faces: int
     position: int
+    """Byte offset of its section SEGMENT, which is the end of the previous segment."""
     places: Sequence[BlockPlace]
+    """At least 1."""
 
 
 def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = ()) -> bytes:
@@ -414,7 +386,6 @@ class StreamWriter:
 
         Parameters
         ----------
-        n_frames : int
         sections : iterable of (Section, bytes)
             BLOCK first and COEFFICIENTS last, so that a block is complete if its last section is.
             Each TRACK_BLOCK starts the sections of a further track.

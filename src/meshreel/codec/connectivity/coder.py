@@ -29,40 +29,34 @@ GOOD_WALK_BYTES = 0.5
 
 @dataclass(frozen=True)
 class CodedConnectivity:
-    """A coded face list, and the internal vertex order.
-
-    Attributes
-    ----------
-    payload : bytes
-        Describes `internal_faces`.
-    order_payload : bytes
-        Describes the given order of vertices and faces; empty if it is the internal one or was
-        dropped.
-    internal_to_given : int64 array of shape (V,)
-        Vertex i of the internal order is vertex ``internal_to_given[i]`` of the input.
-    internal_faces : int32 array of shape (M, 3)
-        The faces that a reader decodes.
-    internal_twins : int32 array of shape (3 M,)
-        The other side at the edge of each internal side, or the side itself.
-    counts : tuple of int
-        Of cells, of their nodes and of the faces of their surface, which precede the payload.
-    internal_cells : Cells, optional
-        Cells of a volume mesh in internal order, with internal vertices.
-    cells_to_internal : int64 array of shape (N,), optional
-        Internal number of each given cell.
-    cell_links : int32 array of shape (n, 3), optional
-        Edges of the cells, as `meshreel.kernel.cells.cell_links` returns them.
-    """
+    """A coded face list, and the internal vertex order."""
 
     payload: bytes
+    """Describes `internal_faces`."""
     order_payload: bytes
+    """Describes the given order of vertices and faces; empty if it is the internal one or was
+    dropped.
+    """
     internal_to_given: Integers
+    """int64 array of shape (V,). Vertex i of the internal order is vertex ``internal_to_given[i]``
+    of the input.
+    """
     internal_faces: Faces
+    """int32 array of shape (M, 3). The faces that a reader decodes."""
     internal_twins: npt.NDArray[np.int32]
+    """int32 array of shape (3 M,). The other side at the edge of each internal side, or the side
+    itself.
+    """
     counts: tuple[int, ...] = ()
+    """Of cells, of their nodes and of the faces of their surface, which precede the payload."""
     internal_cells: Cells | None = None
+    """Cells of a volume mesh in internal order, with internal vertices."""
     cells_to_internal: Integers | None = None
+    """int64 array of shape (N,). Internal number of each given cell."""
     cell_links: npt.NDArray[np.int32] | None = None
+    """int32 array of shape (n, 3). Edges of the cells, as `meshreel.kernel.cells.cell_links`
+    returns them.
+    """
 
     @property
     def links(self) -> npt.NDArray[np.int32]:

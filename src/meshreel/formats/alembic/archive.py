@@ -108,18 +108,14 @@ class Records:
 
 @dataclass(frozen=True, eq=False)
 class TimeSampling:
-    """The times of samples: uniform, cyclic or acyclic.
-
-    Parameters
-    ----------
-    stored_s : float64 array of shape (N,)
-        Times of the first cycle, or of all samples if acyclic, in seconds.
-    cycle_s : float, optional
-        Length of a cycle; None if acyclic.
-    """
+    """The times of samples: uniform, cyclic or acyclic."""
 
     stored_s: Floats
+    """float64 array of shape (N,). Times of the first cycle, or of all samples if acyclic, in
+    seconds.
+    """
     cycle_s: float | None
+    """Length of a cycle; None if acyclic."""
 
     @property
     def is_uniform(self) -> bool:
@@ -336,19 +332,13 @@ def _check_count(headers: list[Any], count: int, what: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class AbcObject:
-    """An object of the hierarchy: a transform, a mesh, a camera or a face set.
-
-    Attributes
-    ----------
-    reference : int
-        Reference to its Ogawa group.
-    name : str
-        Its own name, without the path.
-    """
+    """An object of the hierarchy: a transform, a mesh, a camera or a face set."""
 
     archive: Archive
     reference: int
+    """Reference to its Ogawa group."""
     name: str
+    """Its own name, without the path."""
     metadata: Metadata
 
     @property
@@ -378,37 +368,28 @@ class AbcObject:
 
 @dataclass(frozen=True, eq=False)
 class Property:
-    """A named property of an object: samples of values, or a compound of other properties.
-
-    Attributes
-    ----------
-    reference : int
-        Reference to its Ogawa group.
-    is_compound, is_array : bool
-        Whether it contains other properties; whether a sample is an array, not a single value.
-    dtype : dtype, optional
-        Type of the components of a value; None for text.
-    extent : int
-        Number of components of a value.
-    first_changed, last_changed : int
-        The first sample that differs from sample 0, and the last from the one before it; both
-        are 0 if all samples are the same.
-    sampling_index : int
-        Index of its time sampling.
-    """
+    """A named property of an object: samples of values, or a compound of other properties."""
 
     archive: Archive
     reference: int
+    """Reference to its Ogawa group."""
     name: str
     is_compound: bool
     is_array: bool
+    """Whether it contains other properties; whether a sample is an array, not a single value."""
     dtype: np.dtype[Any] | None
+    """Type of the components of a value; None for text."""
     is_text: bool
     extent: int
+    """Number of components of a value."""
     n_samples: int
     first_changed: int
     last_changed: int
+    """The first sample that differs from sample 0, and the last from the one before it; both are 0
+    if all samples are the same.
+    """
     sampling_index: int
+    """Index of its time sampling."""
     metadata: Metadata
 
     @cached_property

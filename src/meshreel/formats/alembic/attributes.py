@@ -50,15 +50,10 @@ Properties = Mapping[str, Property]
 
 @dataclass(frozen=True, eq=False)
 class GeometryParam:
-    """A geometry parameter: values, possibly indexed.
-
-    Parameters
-    ----------
-    source : Property
-        The values, or a compound of values and indices.
-    """
+    """A geometry parameter: values, possibly indexed."""
 
     source: Property
+    """The values, or a compound of values and indices."""
 
     @property
     def values(self) -> Property:

@@ -46,15 +46,10 @@ N_CHANNELS = {
 
 @dataclass(frozen=True, eq=False)
 class Transform:
-    """A transform of the hierarchy, possibly animated.
-
-    Parameters
-    ----------
-    properties : dict
-        Contents of its compound ``.xform``: operations, channels, and the inheritance flag.
-    """
+    """A transform of the hierarchy, possibly animated."""
 
     properties: dict[str, Property]
+    """Contents of its compound ``.xform``: operations, channels, and the inheritance flag."""
 
     @property
     def times_s(self) -> list[Floats]:
@@ -190,19 +185,13 @@ OTHER_SCHEMAS = {
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """An object at a path of the hierarchy; several nodes may be instances of one object.
-
-    Attributes
-    ----------
-    path : str
-        Names from the root, such as "/root/body".
-    chain : tuple of Transform
-        The transforms above it, outermost first.
-    """
+    """An object at a path of the hierarchy; several nodes may be instances of one object."""
 
     path: str
+    """Names from the root, such as "/root/body"."""
     object: AbcObject
     chain: tuple[Transform, ...]
+    """The transforms above it, outermost first."""
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:

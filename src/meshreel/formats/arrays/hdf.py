@@ -294,7 +294,7 @@ FORMATS = tuple(
         "HDF5 datasets",
         open_hdf_sequence,
         write_hdf,
-        HDF,
+        extra=HDF,
         reads=frozenset({"dataset", "object", "merge", "skip_bad"}),
         holds_tracks=EVERY_DOMAIN,
     )

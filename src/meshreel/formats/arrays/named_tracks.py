@@ -43,50 +43,35 @@ ReadNumbers = Callable[[int, int], npt.NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An array of a file that may be a track.
-
-    Parameters
-    ----------
-    place : str
-        Path in the file.
-    name : str
-        Name of the track.
-    dtype : dtype
-        Type in the file, in any byte order.
-    domain, kind, unit : str, default ""
-        Description in the file, if any.
-    """
+    """An array of a file that may be a track."""
 
     place: str
+    """Path in the file."""
     name: str
+    """Name of the track."""
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    """Type in the file, in any byte order."""
     domain: str = ""
     kind: str = ""
     unit: str = ""
+    """Description in the file, if any."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedTrack:
-    """An array of a file that is a track.
-
-    Attributes
-    ----------
-    name, place : str
-        Name of the track, and path of its array in the file.
-    dtype : dtype
-        Of the track.
-    shape : tuple of int
-        (T, N, C).
-    """
+    """An array of a file that is a track."""
 
     name: str
     place: str
+    """Name of the track, and path of its array in the file."""
     domain: Domain
     kind: TrackKind
     unit: str
     dtype: np.dtype[Any]
+    """Of the track."""
     shape: tuple[int, int, int]
+    """(T, N, C)."""
 
     @property
     def size_bytes(self) -> int:

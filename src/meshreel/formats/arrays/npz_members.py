@@ -97,18 +97,13 @@ def archive_errors(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class ArrayHeader:
-    """The npy header of an array in an archive.
-
-    Attributes
-    ----------
-    size_bytes : int
-        Size of the header itself; the data follows it.
-    """
+    """The npy header of an array in an archive."""
 
     shape: tuple[int, ...]
     is_fortran_ordered: bool
     dtype: np.dtype[Any]
     size_bytes: int
+    """Size of the header itself; the data follows it."""
 
 
 def read_array_header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> ArrayHeader:

@@ -35,26 +35,18 @@ UNIT_LENGTH = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Description of an array of a frame, without its values.
-
-    Parameters
-    ----------
-    n_columns : int
-        Number of components.
-    role : str, default ""
-        The active attribute of VTK that it is: "TCoords", "Normals" or another.
-    kind, unit : str, default ""
-        Track kind and unit that the file declares.
-    is_track : bool, default False
-        Whether the file declares it a track, even if its values never change.
-    """
+    """Description of an array of a frame, without its values."""
 
     dtype: np.dtype[Any]
     n_columns: int
+    """Number of components."""
     role: str = ""
+    """The active attribute of VTK that it is: "TCoords", "Normals" or another."""
     kind: str = ""
     unit: str = ""
+    """Track kind and unit that the file declares."""
     is_track: bool = False
+    """Whether the file declares it a track, even if its values never change."""
 
 
 Fields = Mapping[Key, tuple[Values, Field]]

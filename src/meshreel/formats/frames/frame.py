@@ -24,26 +24,19 @@ def fields_of(attributes: Iterable[Attribute]) -> dict[Key, tuple[Values, Field]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The contents of the file of a frame.
-
-    Parameters
-    ----------
-    surface : Surface
-        Attributes, groups and parts, without face sizes and hard edges.
-    fields : mapping
-        Vertex, face and corner data that become tracks if they change between files, or if the file
-        declares them tracks; otherwise those in `surface` are attributes.
-    notes : list of str
-        What reading changes or leaves out.
-    find_hard_edges : function
-        Returns the hard edges with figures on the normals, or None; slower than all the rest.
-    """
+    """The contents of the file of a frame."""
 
     mesh: PolygonMesh
     surface: Surface = PLAIN
+    """Attributes, groups and parts, without face sizes and hard edges."""
     fields: Fields = field(default_factory=dict)
+    """Vertex, face and corner data that become tracks if they change between files, or if the file
+    declares them tracks; otherwise those in `surface` are attributes.
+    """
     notes: list[str] = field(default_factory=list)
+    """What reading changes or leaves out."""
     find_hard_edges: Callable[[], HardEdges | None] = lambda: None
+    """Returns the hard edges with figures on the normals, or None; slower than all the rest."""
 
     def surface_with_edges(self, notes: list[str]) -> Surface:
         """Return the surface with its hard edges; notes receive figures on the normals."""

@@ -31,34 +31,24 @@ positions and tracks are always read again."""
 
 @dataclass(frozen=True, eq=False)
 class FrameStream:
-    """Consecutive frames with the same faces; positions and values are read when asked for.
-
-    Parameters
-    ----------
-    source : FrameSource or ReelFile
-        A segment of the sequence.
-    numbers : range
-        Frames of the segment.
-    faces : int32 array of shape (M, 3)
-    tracks : mapping of str to TrackSource
-        Those that the format supports.
-    name, timing
-        As in `MeshSequence`.
-    progress : Progress
-        Called after every frame.
-    notes : list of str
-        Receives a sentence for each thing that a format cannot store exactly.
-    """
+    """Consecutive frames with the same faces; positions and values are read when asked for."""
 
     source: Any
+    """A segment of the sequence."""
     numbers: range
+    """Frames of the segment."""
     faces: Faces
+    """int32 array of shape (M, 3)."""
     surface: Surface
     tracks: Tracks
+    """Those that the format supports."""
     name: str
     timing: Timing
+    """As in `MeshSequence`."""
     progress: Progress
+    """Called after every frame."""
     notes: list[str]
+    """Receives a sentence for each thing that a format cannot store exactly."""
 
     @property
     def n_frames(self) -> int:

@@ -22,32 +22,23 @@ class SharedData:
 
     Attributes are the same if they agree in name, kind, domain, width and number type; tracks also
     in their unit, and groups in their name.
-
-    Attributes
-    ----------
-    attributes, groups, tracks : tuple of tuple
-        Keys of the data of all segments, in the order of the first segment.
-    indexed : set of tuple
-        Keys of attributes that have indices in the first segment, and get them in the others.
-    labels : dict of tuple to tuple of str
-        Labels of all segments, by key of the groups.
-    parts : tuple of str
-        Names of the parts, if they are the same in all segments, with faces in each.
-    has_hard_edges : bool
-        Whether a segment has hard edges.
-    other_data, other_tracks : tuple of str
-        Names of data that only some segments have.
     """
 
     attributes: tuple[Key, ...]
     groups: tuple[Key, ...]
     tracks: tuple[Key, ...]
+    """Keys of the data of all segments, in the order of the first segment."""
     indexed: frozenset[Key]
+    """Keys of attributes that have indices in the first segment, and get them in the others."""
     labels: Mapping[Key, tuple[str, ...]]
+    """Labels of all segments, by key of the groups."""
     parts: tuple[str, ...]
+    """Names of the parts, if they are the same in all segments, with faces in each."""
     has_hard_edges: bool
+    """Whether a segment has hard edges."""
     other_data: tuple[str, ...]
     other_tracks: tuple[str, ...]
+    """Names of data that only some segments have."""
 
     @classmethod
     def of(cls, meshes: Iterable[FrameStream]) -> "SharedData":

@@ -42,37 +42,25 @@ TIMES = ("TimeValue", "TIME", "CYCLE")
 
 @dataclass(frozen=True, eq=False)
 class DataArray:
-    """An array with values at all points or cells of a step, which is read on demand.
-
-    Parameters
-    ----------
-    domain : Domain
-        Vertices for points, faces for cells.
-    read : function
-        Returns the values, of shape (N,) or (N, C).
-    identify : function
-        Returns a key that is equal in two steps if the values are equal.
-    describe : function
-        Returns the description, or None if the array cannot be a track.
-    role : str, default ""
-        The active attribute of VTK that it is: "TCoords", "Normals" or another.
-    kind : str, default ""
-        Kind that the file declares, for an attribute or a track.
-    is_track : bool, default False
-        Whether the file declares it a track, even if it never changes.
-    is_attribute : bool, default False
-        Whether the file declares it an attribute, which changes only with the faces.
-    """
+    """An array with values at all points or cells of a step, which is read on demand."""
 
     domain: Domain
+    """Vertices for points, faces for cells."""
     name: str
     read: Callable[[], npt.NDArray[Any]]
+    """Returns the values, of shape (N,) or (N, C)."""
     identify: Callable[[], object]
+    """Returns a key that is equal in two steps if the values are equal."""
     describe: Callable[[], Field | None]
+    """Returns the description, or None if the array cannot be a track."""
     role: str = ""
+    """The active attribute of VTK that it is: "TCoords", "Normals" or another."""
     kind: str = ""
+    """Kind that the file declares, for an attribute or a track."""
     is_track: bool = False
+    """Whether the file declares it a track, even if it never changes."""
     is_attribute: bool = False
+    """Whether the file declares it an attribute, which changes only with the faces."""
 
     @property
     def key(self) -> Key:
@@ -107,26 +95,18 @@ def loaded_array(
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The mesh of a step.
-
-    Parameters
-    ----------
-    surface : CellSurface
-        Of its cells.
-    read_points : function
-        Reads the points.
-    data : sequence of DataArray
-        Arrays of vertices, and those of cells with the domain of faces.
-    left_out : tuple of str
-        Descriptions of what else the file contains, for notes.
-    """
+    """The mesh of a step."""
 
     n_points: int
     n_cells: int
     surface: CellSurface
+    """Of its cells."""
     read_points: Callable[[], Vertices]
+    """Reads the points."""
     data: Sequence[DataArray]
+    """Arrays of vertices, and those of cells with the domain of faces."""
     left_out: tuple[str, ...] = ()
+    """Descriptions of what else the file contains, for notes."""
 
     @cached_property
     def arrays(self) -> list[DataArray]:
@@ -313,14 +293,10 @@ class StepFrames:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Points, cells and loaded data arrays of a file, or of a part of it.
-
-    Parameters
-    ----------
-    points : float array of shape (N, 3)
-    """
+    """Points, cells and loaded data arrays of a file, or of a part of it."""
 
     points: Vertices
+    """float array of shape (N, 3)."""
     cells: Cells
     arrays: tuple[DataArray, ...] = ()
 

@@ -40,19 +40,6 @@ from meshreel.runtime.progress import Count, Progress, silent
 class StoredFrames(Timed):
     """A `FrameSource` whose positions are in files.
 
-    Parameters
-    ----------
-    faces : integer array of shape (M, 3)
-    dtype : float32 or float64
-    extent : Extent
-        Bounding box of all frames, in `dtype`.
-    read_range : function of a start and a stop
-        Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3).
-    files : tuple of Path
-        Files with the positions.
-    is_portable : bool, default False
-        Whether `read_range` can be pickled and used in another process.
-
     Raises
     ------
     InvalidInputError
@@ -62,14 +49,20 @@ class StoredFrames(Timed):
     n_frames: int
     n_verts: int
     faces: Faces
+    """Integer array of shape (M, 3)."""
     name: str
     dtype: np.dtype[np.floating]
+    """float32 or float64."""
     extent: Extent
+    """Bounding box of all frames, in `dtype`."""
     read_range: Callable[[int, int], Vertices]
+    """Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
     timing: Timing = UNTIMED
     surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
+    """Files with the positions."""
     is_portable: bool = False
+    """Whether `read_range` can be pickled and used in another process."""
     tracks: Mapping[str, TrackSource] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -128,15 +121,6 @@ def changed_error(place: str) -> InvalidInputError:
 class StoredTrack:
     """A `TrackSource` whose values are in files.
 
-    Parameters
-    ----------
-    dtype : dtype
-        One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order.
-    shape : tuple of int
-        Frames, places and numbers of each value: (T, N, C).
-    read_range : function of a start and a stop
-        Reads the values of frames start..stop - 1, of shape (stop - start, N, C).
-
     Raises
     ------
     InvalidInputError
@@ -147,8 +131,11 @@ class StoredTrack:
     kind: TrackKind
     unit: str
     dtype: np.dtype[Any]
+    """One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order."""
     shape: tuple[int, int, int]
+    """Frames, places and numbers of each value: (T, N, C)."""
     read_range: Callable[[int, int], Values]
+    """Reads the values of frames start..stop - 1, of shape (stop - start, N, C)."""
 
     def __post_init__(self) -> None:
         check_kind(self.kind, self.shape[2], self.dtype)
@@ -258,20 +245,14 @@ class Description:
 
 @dataclass(frozen=True)
 class RawArray:
-    """An array of numbers in a file, in C order, whose first axis is frames.
-
-    Parameters
-    ----------
-    start_byte : int
-        Offset in the file.
-    dtype : dtype
-        Type in the file, in any byte order.
-    """
+    """An array of numbers in a file, in C order, whose first axis is frames."""
 
     path: Path
     start_byte: int
+    """Offset in the file."""
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    """Type in the file, in any byte order."""
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
         """Read frames start..stop - 1, in native byte order.
@@ -292,28 +273,19 @@ class RawArray:
 
 @dataclass(frozen=True, eq=False)
 class ReadableFrames:
-    """Positions of shape (T, V, 3) that are read from a file, or computed, a range at a time.
-
-    Parameters
-    ----------
-    n_frames, n_verts : int
-        At least 1.
-    dtype : float32 or float64
-        Type of the positions that `read` returns.
-    read : function of a start and a stop
-        Returns the positions of frames start..stop - 1.
-    files : tuple of Path
-        Files with the positions.
-    is_portable : bool, default False
-        Whether `read` can be pickled and used in another process.
-    """
+    """Positions of shape (T, V, 3) that are read from a file, or computed, a range at a time."""
 
     n_frames: int
     n_verts: int
+    """At least 1."""
     dtype: np.dtype[np.floating]
+    """float32 or float64. Type of the positions that `read` returns."""
     read: Callable[[int, int], Vertices]
+    """Returns the positions of frames start..stop - 1."""
     files: tuple[Path, ...] = ()
+    """Files with the positions."""
     is_portable: bool = False
+    """Whether `read` can be pickled and used in another process."""
 
     def open(
         self,

@@ -10,7 +10,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.document import (
     POINTER,
     VISIBILITY,
@@ -19,6 +18,7 @@ from meshreel.formats.gltf.document import (
     unique_names,
 )
 from meshreel.formats.gltf.geometry import Matrices, count_targets
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.notes import listed, note_left_out
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
@@ -192,26 +192,19 @@ class Nodes:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Keyframes of a property.
-
-    Attributes
-    ----------
-    keys_s : float64 array of shape (N,)
-        Key times, ascending, at least one.
-    values : float64 array of shape (N, C)
-    interpolation : str
-        One of `INTERPOLATIONS`.
-    tangents : tuple of two float64 arrays of shape (N, C), optional
-        In-tangents and out-tangents of a cubic spline.
-    is_rotation : bool
-        Whether values are quaternions.
-    """
+    """Keyframes of a property."""
 
     keys_s: Floats
+    """float64 array of shape (N,). Key times, ascending, at least one."""
     values: Floats
+    """float64 array of shape (N, C)."""
     interpolation: str
+    """One of `INTERPOLATIONS`."""
     tangents: tuple[Floats, Floats] | None = None
+    """tuple of two float64 arrays of shape (N, C). In-tangents and out-tangents of a cubic spline.
+    """
     is_rotation: bool = False
+    """Whether values are quaternions."""
 
     def at(self, times_s: Floats) -> Floats:
         """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
@@ -300,18 +293,14 @@ Curves = dict[tuple[int, str], Curve]
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """An animation with its keys and values.
-
-    Attributes
-    ----------
-    keys_s : float64 array of shape (N,)
-        Key times of all channels, ascending; empty if the animation targets no node.
-    curves : Curves
-        Curves of the channels that move a mesh.
-    """
+    """An animation with its keys and values."""
 
     keys_s: Floats
+    """float64 array of shape (N,). Key times of all channels, ascending; empty if the animation
+    targets no node.
+    """
     curves: Curves
+    """Curves of the channels that move a mesh."""
 
     @property
     def is_curved(self) -> bool:
@@ -354,7 +343,6 @@ class Clips:
 
         Parameters
         ----------
-        wanted : str, int or None
         notes : list of str
             Gains sentences on malformed animations, and on those not read by default.
 
@@ -525,16 +513,11 @@ def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The nodes of a file, and the curves that animate some of them.
-
-    Parameters
-    ----------
-    curves : Curves
-        Empty if nothing is animated.
-    """
+    """The nodes of a file, and the curves that animate some of them."""
 
     nodes: Nodes
     curves: Curves
+    """Empty if nothing is animated."""
 
     @cached_property
     def animated(self) -> set[int]:

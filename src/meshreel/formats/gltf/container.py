@@ -95,21 +95,15 @@ def _refuse_constant(name: str) -> NoReturn:
 
 @dataclass(frozen=True, eq=False)
 class VertexValues:
-    """Vertex values in the buffer.
-
-    Attributes
-    ----------
-    view : int
-        Index of the buffer view.
-    offset, stride : int
-        Byte offset in the view, and bytes per vertex.
-    values : array of shape (N, C)
-    """
+    """Vertex values in the buffer."""
 
     view: int
+    """Index of the buffer view."""
     offset: int
     stride: int
+    """Byte offset in the view, and bytes per vertex."""
     values: npt.NDArray[Any]
+    """Array of shape (N, C)."""
 
 
 class BufferWriter:

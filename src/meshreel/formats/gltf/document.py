@@ -83,21 +83,14 @@ NOT_RELATIVE = re.compile(r"[a-z][a-z0-9+.-]*:|//", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class JsonObject:
-    """An object of a JSON file and its location.
-
-    Parameters
-    ----------
-    values : dict
-        Parsed values.
-    place : str
-        Location in the file, such as "accessor 3", with which messages start.
-    lists : dict of tuples of JsonObject, optional
-        The lists of the file to which indices refer, by name.
-    """
+    """An object of a JSON file and its location."""
 
     values: dict[str, Any]
+    """Parsed values."""
     place: str
+    """Location in the file, such as "accessor 3", with which messages start."""
     lists: Mapping[str, tuple["JsonObject", ...]] = field(default_factory=dict)
+    """The lists of the file to which indices refer, by name."""
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -241,18 +234,12 @@ def _is_finite(value: Any) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """The values of an accessor.
-
-    Attributes
-    ----------
-    array : array of shape (N, C)
-        In the component type of the file.
-    is_normalized : bool
-        Whether integers represent -1 to 1, or 0 to 1 if unsigned.
-    """
+    """The values of an accessor."""
 
     array: npt.NDArray[Any]
+    """Array of shape (N, C). In the component type of the file."""
     is_normalized: bool = False
+    """Whether integers represent -1 to 1, or 0 to 1 if unsigned."""
 
     def floats(self) -> npt.NDArray[Any]:
         """Return the represented numbers, as float32 if that is exact, otherwise float64."""

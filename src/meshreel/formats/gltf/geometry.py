@@ -56,18 +56,14 @@ PIECE_FRAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Vertices shared by primitives, split at seams as in the file.
-
-    Attributes
-    ----------
-    values : dict of Values
-        By attribute name, including "POSITION", all with the same number of rows.
-    displacements : tuple of float arrays of shape (N, 3)
-        Displacements by each morph target; None for a target without positions.
-    """
+    """Vertices shared by primitives, split at seams as in the file."""
 
     values: dict[str, Values]
+    """By attribute name, including "POSITION", all with the same number of rows."""
     displacements: tuple[npt.NDArray[Any] | None, ...]
+    """tuple of float arrays of shape (N, 3). Displacements by each morph target; None for a target
+    without positions.
+    """
 
     @property
     def n_verts(self) -> int:
@@ -77,18 +73,12 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """The joints that move each vertex, and their weights.
-
-    Attributes
-    ----------
-    joints : int64 array of shape (V, K)
-        Indices into the joints of a skin; 0 where the weight is 0.
-    weights : float64 array of shape (V, K)
-        Nonnegative, with row sums of 1.
-    """
+    """The joints that move each vertex, and their weights."""
 
     joints: npt.NDArray[np.int64]
+    """int64 array of shape (V, K). Indices into the joints of a skin; 0 where the weight is 0."""
     weights: npt.NDArray[np.float64]
+    """float64 array of shape (V, K). Nonnegative, with row sums of 1."""
 
     def blend(self, matrices: Matrices) -> Matrices:
         """Return the transform of each vertex, of shape (V, 3, 4), given those of the joints."""
@@ -100,34 +90,26 @@ class Influences:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A mesh at rest.
-
-    Attributes
-    ----------
-    positions : float array of shape (V, 3)
-    displacements : tuple of float arrays of shape (V, 3)
-        Displacements by each morph target; None for a target without positions.
-    influences : Influences, optional
-        Influences of joints; None for a mesh without joints.
-    faces : int32 array of shape (M, 3)
-    surface : Surface
-        Attributes, groups and hard edges, without materials.
-    materials : tuple of int
-        Indices of the materials in use.
-    n_split : int
-        Number of vertices in the file, before welding.
-    hard_edges : HardEdges, optional
-        How normals were converted; None for a mesh without normals.
-    """
+    """A mesh at rest."""
 
     positions: npt.NDArray[Any]
+    """float array of shape (V, 3)."""
     displacements: tuple[npt.NDArray[Any] | None, ...]
+    """tuple of float arrays of shape (V, 3). Displacements by each morph target; None for a target
+    without positions.
+    """
     influences: Influences | None
+    """Influences of joints; None for a mesh without joints."""
     faces: Faces
+    """int32 array of shape (M, 3)."""
     surface: Surface
+    """Attributes, groups and hard edges, without materials."""
     materials: tuple[int, ...]
+    """Indices of the materials in use."""
     n_split: int
+    """Number of vertices in the file, before welding."""
     hard_edges: HardEdges | None
+    """How normals were converted; None for a mesh without normals."""
 
     def posed(self, weights: Floats, transforms: Matrices) -> npt.NDArray[np.float32]:
         """Return the positions in several frames, of shape (T, V, 3).

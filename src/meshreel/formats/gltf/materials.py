@@ -7,8 +7,6 @@ from functools import cache, cached_property
 from pathlib import PurePosixPath
 from typing import Any
 
-import numpy as np
-
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.container import BufferWriter, Json
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
@@ -34,17 +32,8 @@ from meshreel.model.materials import (
 )
 from meshreel.model.surface import Kind, Surface
 
-Color = tuple[float, float, float, float]
-
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 SPECULAR_TEXTURE = "specularGlossinessTexture"
-DROPPED_TEXTURE = "specular-glossiness textures, replaced by metalness 0 and half the glossiness"
-DIELECTRIC = 0.04
-"""Specular reflectance of dielectrics at normal incidence."""
-TYPICAL_GLOSSINESS = 0.5
-"""Assumed value of glossiness textures, since images are not decoded."""
-LUMA = np.array([0.299, 0.587, 0.114])
-TINY = 1e-6
 
 UNLIT, STRENGTH = "KHR_materials_unlit", "KHR_materials_emissive_strength"
 TRANSFORM, VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
@@ -81,7 +70,7 @@ IMAGE_EXTENSIONS = {
 }
 """Extensions with images of types other than PNG and JPEG, and their media types."""
 
-CONVERTED = "converted from specular-glossiness to metallic-roughness"
+CONVERTED = "converted from specular-glossiness to metallic-roughness, without specular colors"
 """Subject of the note on materials of an older extension."""
 
 WRAP_CODES = {mode: code for code, mode in WRAPS.items()}
@@ -142,8 +131,6 @@ class MaterialReader:
             if specular is not None:
                 name = material.text("name", "") or material.place
                 list_in_note(self._notes, NoteKind.CHANGED, CONVERTED, [name])
-                if SPECULAR_TEXTURE in specular:
-                    note_kinds(self._notes, DROPPED_TEXTURE, [name])
             parents = (
                 (material.child("pbrMetallicRoughness"), PBR_TEXTURES),
                 (specular, DIFFUSE_TEXTURES),
@@ -259,14 +246,17 @@ def read_look(material: JsonObject) -> Material:
     normal, occlusion = material.child("normalTexture"), material.child("occlusionTexture")
     if specular is None:
         pbr = material.child("pbrMetallicRoughness") or JsonObject({}, material.place)
-        red, green, blue, opacity = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1)).tolist()
-        color: Color = red, green, blue, opacity
+        factor = pbr.numbers("baseColorFactor", 4, (1, 1, 1, 1))
         metallic, roughness = pbr.number("metallicFactor", 1.0), pbr.number("roughnessFactor", 1.0)
     else:
-        color, metallic, roughness = to_metallic_roughness(specular)
+        factor, metallic = specular.numbers("diffuseFactor", 4, (1, 1, 1, 1)), 0.0
+        roughness = 1.0 - specular.number("glossinessFactor", 1.0)
+        if SPECULAR_TEXTURE in specular:
+            roughness = 1.0  # the glossiness is in an image, which is not decoded
+    red, green, blue, opacity = factor.tolist()
     return Material(
         "",
-        base_color=color,
+        base_color=(red, green, blue, opacity),
         metallic=metallic,
         roughness=roughness,
         emissive=_emissive(material),
@@ -311,49 +301,6 @@ def _specular_glossiness(material: JsonObject) -> JsonObject | None:
     if "pbrMetallicRoughness" in material:
         return None
     return material.extension(SPECULAR_GLOSSINESS)
-
-
-def to_metallic_roughness(specular_glossiness: JsonObject) -> tuple[Color, float, float]:
-    """Return base color, metalness and roughness that look like specular and glossiness.
-
-    Textures of specular colors and glossiness are not decoded: such a material is assumed to be
-    dielectric and half as glossy as declared.
-
-    Raises
-    ------
-    FormatError
-        If a factor is outside of 0 to 1.
-    """
-    factors = {}
-    for key, length in (("diffuseFactor", 4), ("specularFactor", 3)):
-        factors[key] = specular_glossiness.numbers(key, length, np.ones(length))
-        if (factors[key] < 0).any() or (factors[key] > 1).any():
-            raise specular_glossiness.error(key, f"a list of {length} numbers from 0 to 1")
-    diffuse, specular = factors["diffuseFactor"][:3], factors["specularFactor"]
-    opacity = float(factors["diffuseFactor"][3])
-    glossiness = specular_glossiness.number("glossinessFactor", 1.0)
-    if not 0 <= glossiness <= 1:
-        raise specular_glossiness.error("glossinessFactor", "a number from 0 to 1")
-    if SPECULAR_TEXTURE in specular_glossiness:
-        red, green, blue = diffuse.tolist()
-        return (red, green, blue, opacity), 0.0, 1 - TYPICAL_GLOSSINESS * glossiness
-    diffuse_share = 1 - float(specular.max())
-    # Perceived brightness. The metalness is the root of the equation that equates both models.
-    bright_diffuse, bright_specular = (
-        float(np.sqrt(LUMA @ color**2)) for color in (diffuse, specular)
-    )
-    metallic = 0.0
-    if bright_specular >= DIELECTRIC:
-        scaled_diffuse = bright_diffuse * diffuse_share / (1 - DIELECTRIC)
-        linear = scaled_diffuse + bright_specular - 2 * DIELECTRIC
-        root = math.sqrt(max(linear**2 - 4 * DIELECTRIC * (DIELECTRIC - bright_specular), 0.0))
-        metallic = min(max((root - linear) / (2 * DIELECTRIC), 0.0), 1.0)
-    from_diffuse = diffuse * diffuse_share / (1 - DIELECTRIC) / max(1 - metallic, TINY)
-    from_specular = (specular - DIELECTRIC * (1 - metallic)) / max(metallic, TINY)
-    weight = metallic**2
-    color = np.clip((1 - weight) * from_diffuse + weight * from_specular, 0, 1)
-    red, green, blue = color.tolist()
-    return (red, green, blue, opacity), metallic, 1 - glossiness
 
 
 class Materials:

@@ -30,40 +30,28 @@ MAX_WIDTH = 4
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """The triangles of one material.
-
-    Attributes
-    ----------
-    material : str, optional
-        None for faces without a material.
-    verts : slice
-        Its vertices among those of the mesh; primitives share no vertices.
-    triangles : int64 array of shape (M, 3)
-        Indices into its own vertices.
-    """
+    """The triangles of one material."""
 
     material: str | None
+    """None for faces without a material."""
     verts: slice
+    """Its vertices among those of the mesh; primitives share no vertices."""
     triangles: Integers
+    """int64 array of shape (M, 3). Indices into its own vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class SplitVertices:
-    """A mesh whose vertices are split where attribute values or materials differ.
-
-    Attributes
-    ----------
-    sources : int64 array of shape (N,)
-        Original vertex of each vertex.
-    rows : int64 array of shape (N,)
-        Row of its normal in `NormalRows`; the original vertex if no edge is hard.
-    attributes : dict of str to array of shape (N, C)
-        By glTF attribute name.
-    """
+    """A mesh whose vertices are split where attribute values or materials differ."""
 
     sources: Integers
+    """int64 array of shape (N,). Original vertex of each vertex."""
     rows: Integers
+    """int64 array of shape (N,). Row of its normal in `NormalRows`; the original vertex if no edge
+    is hard.
+    """
     attributes: dict[str, Rows]
+    """dict of str to array of shape (N, C). By glTF attribute name."""
     primitives: tuple[Primitive, ...]
 
     def with_indices(self, of_vertices: Integers, of_rows: Integers) -> "SplitVertices":

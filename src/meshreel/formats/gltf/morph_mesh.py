@@ -42,23 +42,16 @@ CREASE_DEG = 60.0
 
 @dataclass(frozen=True, eq=False)
 class NormalTargets:
-    """Normals of the base mesh, and displacements of normals by morph targets.
-
-    Attributes
-    ----------
-    base : int8 or float32 array of shape (V, 3)
-        Integers if there are targets.
-    targets : int8 array of shape (N, V, 3)
-    numbers : int64 array of shape (N,)
-        Indices of the morph targets with normals; default: none.
-    angle_deg : float
-        Mean angle between animated and original normals.
-    """
+    """Normals of the base mesh, and displacements of normals by morph targets."""
 
     base: npt.NDArray[Any]
+    """int8 or float32 array of shape (V, 3). Integers if there are targets."""
     targets: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    """int8 array of shape (N, V, 3)."""
     numbers: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    """int64 array of shape (N,). Indices of the morph targets with normals; default: none."""
     angle_deg: float = 0.0
+    """Mean angle between animated and original normals."""
 
 
 def wants_normals(normals: bool | None, frame: Vertices, faces: Faces) -> bool:
@@ -204,37 +197,26 @@ def creased_share(vertices: npt.NDArray[np.floating], faces: Faces) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ShadingMesh:
-    """A mesh with one normal per vertex, whose vertices are split at hard edges.
-
-    Attributes
-    ----------
-    vertices : int64 array of shape (R,)
-        Original vertex of each vertex.
-    faces : int32 array of shape (M, 3)
-    """
+    """A mesh with one normal per vertex, whose vertices are split at hard edges."""
 
     vertices: npt.NDArray[np.int64]
+    """int64 array of shape (R,). Original vertex of each vertex."""
     faces: Faces
+    """int32 array of shape (M, 3)."""
     has_hard_edges: bool
 
 
 @dataclass(frozen=True, eq=False)
 class MorphMesh:
-    """A part as base mesh and morph targets; without targets, it is static.
-
-    Attributes
-    ----------
-    base : int16 or float32 array of shape (V, 3)
-        Integers if there are targets.
-    errors : float array of shape (T,)
-        Largest error of a vertex in each frame, in model units.
-    """
+    """A part as base mesh and morph targets; without targets, it is static."""
 
     placement: Placement
     base: npt.NDArray[Any]
+    """int16 or float32 array of shape (V, 3). Integers if there are targets."""
     morphs: Morphs | None
     normals: NormalTargets | None
     errors: npt.NDArray[np.floating]
+    """float array of shape (T,). Largest error of a vertex in each frame, in model units."""
 
 
 def fit_part(

@@ -35,19 +35,15 @@ PIECE_TARGETS, PIECE_VALUES = 16, 8192
 
 @dataclass(frozen=True, eq=False)
 class IntegerTargets:
-    """Morph targets, each scaled to coordinates from -1 to 1.
-
-    Attributes
-    ----------
-    integers : int16 array of shape (K, N)
-        Coordinates of each target: x of all vertices, then y and z, which makes NumPy three times
-        as fast as vertex by vertex.
-    levels : float32 array of shape (K,)
-        The integer that represents 1 in each target, `BYTE` or `SHORT`.
-    """
+    """Morph targets, each scaled to coordinates from -1 to 1."""
 
     integers: npt.NDArray[np.int16]
+    """int16 array of shape (K, N). Coordinates of each target: x of all vertices, then y and z,
+    which makes NumPy three times as fast as vertex by vertex.
+    """
     levels: Singles
+    """float32 array of shape (K,). The integer that represents 1 in each target, `BYTE` or `SHORT`.
+    """
 
     def __len__(self) -> int:
         return len(self.levels)
@@ -157,18 +153,12 @@ def project(time_vectors: Singles, frames: Singles) -> Singles:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A translation and a uniform scale, for the node of a mesh.
-
-    Attributes
-    ----------
-    offset : float64 array of shape (3,)
-        Center of the box, exact in float32.
-    scale : float
-        Half size of the box, positive and exact in float32.
-    """
+    """A translation and a uniform scale, for the node of a mesh."""
 
     offset: Floats
+    """float64 array of shape (3,). Center of the box, exact in float32."""
     scale: float
+    """Half size of the box, positive and exact in float32."""
 
 
 IDENTITY = Placement(np.zeros(3), 1.0)
@@ -269,18 +259,13 @@ PIECE_FRAMES = 8
 
 @dataclass(frozen=True, eq=False)
 class Morphs:
-    """Morph targets, weights and errors.
-
-    Attributes
-    ----------
-    weights : float32 array of shape (T, K)
-    errors : float32 array of shape (T,)
-        Largest error of a vertex in each frame.
-    """
+    """Morph targets, weights and errors."""
 
     targets: IntegerTargets
     weights: Singles
+    """float32 array of shape (T, K)."""
     errors: Singles
+    """float32 array of shape (T,). Largest error of a vertex in each frame."""
 
     @property
     def error(self) -> float:

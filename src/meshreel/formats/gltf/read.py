@@ -11,7 +11,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, Keyword, Message
-from meshreel.formats.animations import AnimationInfo
 from meshreel.formats.gltf.animation import (
     PATHS,
     STEP,
@@ -38,6 +37,7 @@ from meshreel.formats.gltf.scene import (
     repeat_geometry,
     shown_meshes,
 )
+from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
@@ -75,22 +75,16 @@ SAME_S = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """The times of frames.
-
-    Attributes
-    ----------
-    times_s : float64 array of shape (T,)
-        Nominal times of the frames.
-    curve_times_s : float64 array of shape (T,)
-        Times at which curves are evaluated: key times that differ from frames only by rounding
-        replace the nominal times.
-    fps : float
-        Frames per second; 0 for a single frame.
-    """
+    """The times of frames."""
 
     times_s: Floats
+    """float64 array of shape (T,). Nominal times of the frames."""
     curve_times_s: Floats
+    """float64 array of shape (T,). Times at which curves are evaluated: key times that differ from
+    frames only by rounding replace the nominal times.
+    """
     fps: float
+    """Frames per second; 0 for a single frame."""
 
     def first(self) -> "Sampling":
         """Return a sampling with the first frame only."""
@@ -394,23 +388,16 @@ def _snap_to_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats
 
 @dataclass(frozen=True, eq=False)
 class PosedMesh:
-    """A mesh at a node, animated in world space.
-
-    Parameters
-    ----------
-    weights : float64 array of shape (M,)
-        Default weights of the morph targets.
-    times_s : float64 array of shape (T,)
-        Times at which curves are evaluated for the frames.
-    read : function
-        Returns the mesh at rest.
-    """
+    """A mesh at a node, animated in world space."""
 
     mesh: ShownMesh
     weights: Floats
+    """float64 array of shape (M,). Default weights of the morph targets."""
     motion: Motion
     times_s: Floats
+    """float64 array of shape (T,). Times at which curves are evaluated for the frames."""
     read: Callable[[], Geometry]
+    """Returns the mesh at rest."""
     _blocks: dict[int, Vertices] = field(default_factory=dict)
 
     def positions(self, start: int, stop: int) -> Vertices:

@@ -36,36 +36,26 @@ INSTANCE_BYTES = 512
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The joints to which a mesh is bound.
-
-    Attributes
-    ----------
-    joints : list of int
-        Nodes of the joints.
-    inverse_binds : float64 array of shape (J, 4, 4)
-        Transforms from the bind pose to each joint.
-    """
+    """The joints to which a mesh is bound."""
 
     joints: list[int]
+    """Nodes of the joints."""
     inverse_binds: Matrices
+    """float64 array of shape (J, 4, 4). Transforms from the bind pose to each joint."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShownMesh:
-    """A mesh at a node.
-
-    Attributes
-    ----------
-    skin : Skin, optional
-        Joints that move the mesh instead of the node.
-    instances : float64 array of shape (I, 4, 4), optional
-        Transforms of instances, relative to the node; None for a single mesh.
-    """
+    """A mesh at a node."""
 
     node: int
     mesh: JsonObject
     skin: Skin | None
+    """Joints that move the mesh instead of the node."""
     instances: Matrices | None
+    """float64 array of shape (I, 4, 4). Transforms of instances, relative to the node; None for a
+    single mesh.
+    """
 
     @property
     def carriers(self) -> list[int]:

@@ -19,21 +19,14 @@ TYPE_CODES = {
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A column of an element: one number per row, or a list preceded by its length.
-
-    Parameters
-    ----------
-    name : str
-        Name in the file.
-    code : str
-        Numpy type code of the numbers, without byte order.
-    count_code : str, default ""
-        Numpy type code of the length of a list; empty for a single number per row.
-    """
+    """A column of an element: one number per row, or a list preceded by its length."""
 
     name: str
+    """Name in the file."""
     code: str
+    """Numpy type code of the numbers, without byte order."""
     count_code: str = ""
+    """Numpy type code of the length of a list; empty for a single number per row."""
 
 
 @dataclass(frozen=True)

@@ -21,21 +21,14 @@ Offsets = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PlyBody:
-    """The numbers of a file after the header.
-
-    Parameters
-    ----------
-    data : bytes
-        In the declared types, or float64 for all numbers of an ASCII file.
-    order : {"<", ">", "="}
-        Byte order.
-    place : function of the offset of a number, optional
-        For an ASCII file: describes the location in messages, such as "line 7".
-    """
+    """The numbers of a file after the header."""
 
     data: bytes
+    """In the declared types, or float64 for all numbers of an ASCII file."""
     order: str
+    """{"<", ">", "="}. Byte order."""
     place: Callable[[int], str] | None = None
+    """For an ASCII file: describes the location in messages, such as "line 7"."""
 
     def code(self, declared: str) -> str:
         """Return the type code of numbers in the body, given the declared one."""
@@ -86,20 +79,16 @@ def _stride(offsets: Integers) -> int:
 
 @dataclass(frozen=True, eq=False)
 class PlyTable:
-    """The rows of an element.
-
-    Parameters
-    ----------
-    offsets : dict of str to int64 array of shape (number of rows,)
-        Byte offset of each property in each row; for a list, that of its length.
-    end : int
-        First byte after the element.
-    """
+    """The rows of an element."""
 
     element: PlyElement
     body: PlyBody
     offsets: dict[str, Offsets]
+    """dict of str to int64 array of shape (number of rows,). Byte offset of each property in each
+    row; for a list, that of its length.
+    """
     end: int
+    """First byte after the element."""
 
     def numbers(self, column: PlyProperty) -> npt.NDArray[Any]:
         """Return the number of each row, in the declared type."""

@@ -175,22 +175,15 @@ def _code(values: npt.NDArray[Any]) -> str:
 
 @dataclass(frozen=True)
 class PlyTrack:
-    """How a track is stored in a PLY file.
-
-    Attributes
-    ----------
-    name : str
-        Name of the track.
-    properties : tuple of str
-        One for each component; empty for corner tracks, which are stored as a list.
-    dtype : dtype
-        Type of the numbers in the file.
-    """
+    """How a track is stored in a PLY file."""
 
     name: str
+    """Name of the track."""
     domain: Domain
     properties: tuple[str, ...]
+    """One for each component; empty for corner tracks, which are stored as a list."""
     dtype: np.dtype[Any]
+    """Type of the numbers in the file."""
 
     def columns(self, values: Values) -> list[tuple[str, Values]]:
         """Return the property columns of a frame, given values of shape (N, C)."""

@@ -25,29 +25,20 @@ from meshreel.model.tracks import TrackKind, TrackSource
 
 @dataclass(frozen=True, eq=False)
 class PartMesh:
-    """A part of a mesh as a separate mesh.
-
-    Attributes
-    ----------
-    verts : slice
-        Range of its vertices in the whole mesh.
-    counts, corners : integer arrays
-        Its faces as in `PolygonMesh`, indexing its own vertices.
-    faces : int32 array of shape (M, 3)
-        Their triangles.
-    surface : Surface
-        Its attributes, groups and hard edges, without parts and unused group labels.
-    items : mapping of Domain to slice
-        Ranges of its vertices, faces and corners in the whole mesh.
-    """
+    """A part of a mesh as a separate mesh."""
 
     name: str
     verts: slice
+    """Range of its vertices in the whole mesh."""
     counts: npt.NDArray[np.int32]
     corners: npt.NDArray[np.int32]
+    """Integer arrays. Its faces as in `PolygonMesh`, indexing its own vertices."""
     faces: Faces
+    """int32 array of shape (M, 3). Their triangles."""
     surface: Surface
+    """Its attributes, groups and hard edges, without parts and unused group labels."""
     items: Mapping[Domain, slice]
+    """Mapping of Domain to slice. Ranges of its vertices, faces and corners in the whole mesh."""
 
     def writes_edge_normals(
         self, tracks: Mapping[str, TrackSource], changing: SharedData | None

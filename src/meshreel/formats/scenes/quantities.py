@@ -18,35 +18,24 @@ from meshreel.model.surface import Domain
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """Numbers of the vertices, faces or corners of a mesh at any time.
-
-    Parameters
-    ----------
-    name : str
-        Name in the file.
-    domain : Domain or None
-        None if it is not declared.
-    values : function of a time
-        Returns the numbers in file order, of shape (N, C), or None if it has none.
-    times : function
-        Returns the times of its samples, ascending.
-    kind, role, unit : str, default ""
-        As in a `Field`.
-    is_constant : bool, default False
-        Whether a single value applies to all items.
-    to_world : function of values and a matrix, optional
-        Transforms the values with the mesh.
-    """
+    """Numbers of the vertices, faces or corners of a mesh at any time."""
 
     name: str
+    """Name in the file."""
     domain: Domain | None
+    """None if it is not declared."""
     values: Callable[[float], Values | None]
+    """Returns the numbers in file order, of shape (N, C), or None if it has none."""
     times: Callable[[], Floats]
+    """Returns the times of its samples, ascending."""
     kind: str = ""
     role: str = ""
     unit: str = ""
+    """As in a `Field`."""
     is_constant: bool = False
+    """Whether a single value applies to all items."""
     to_world: Callable[[Values, Floats], Values] | None = None
+    """Transforms the values with the mesh."""
 
     def of_items(self, time: float, n_items: int) -> Values | None:
         """Return its values at a time, of shape (n_items, C); None if missing or miscounted."""

@@ -21,37 +21,30 @@ BLOCK_BYTES = 1 << 22
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """An animated mesh of a file, whose frames are read on demand.
-
-    Parameters
-    ----------
-    name : str
-        Its path in the file, such as "/root/body"; unique in the file.
-    times_s : float64 array of shape (T,)
-        Ascending times of its frames in seconds; one for a static mesh. There is a frame at each
-        sample of the positions or of a transform above the mesh.
-    frame : function of a frame number
-        Returns the mesh in world space. Its faces may differ between frames; callers check that.
-    surface : function of a frame number, optional
-        Returns attributes and groups for the faces of that frame, without face sizes. Called only
-        for the first frame of a sequence.
-    fps : float, optional
-        Frames per second that the file declares; None to infer it from the times, 0 if unknown.
-    tracks : function of a range of frame numbers, optional
-        Returns the tracks of these frames, which share their faces and have all been read before.
-        Frame 0 of a track is the first frame of the range.
-    positions : function of a start and a stop, optional
-        Returns the positions of frames start..stop - 1, of shape (stop - start, V, 3), for a mesh
-        whose faces are those of frame 0 in all frames.
-    """
+    """An animated mesh of a file, whose frames are read on demand."""
 
     name: str
+    """Its path in the file, such as "/root/body"; unique in the file."""
     times_s: npt.NDArray[np.float64]
+    """float64 array of shape (T,). Ascending times of its frames in seconds; one for a static mesh.
+    There is a frame at each sample of the positions or of a transform above the mesh.
+    """
     frame: Callable[[int], PolygonMesh]
+    """Returns the mesh in world space. Its faces may differ between frames; callers check that."""
     surface: Callable[[int], Surface] = lambda frame: PLAIN
+    """Returns attributes and groups for the faces of a frame, without face sizes. Called only
+    for the first frame of a sequence.
+    """
     fps: float | None = None
+    """Frames per second that the file declares; None to infer it from the times, 0 if unknown."""
     tracks: Callable[[range], Mapping[str, TrackSource]] = lambda frames: {}
+    """Returns the tracks of these frames, which share their faces and have all been read before.
+    Frame 0 of a track is the first frame of the range.
+    """
     positions: Callable[[int, int], Vertices] | None = None
+    """Returns the positions of frames start..stop - 1, of shape (stop - start, V, 3), for a mesh
+    whose faces are those of frame 0 in all frames.
+    """
 
 
 def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

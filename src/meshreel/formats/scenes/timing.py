@@ -70,19 +70,13 @@ def ascending_times(times_s: Floats, what: str, options: ReadOptions) -> Floats:
 
 
 class Neighbours(NamedTuple):
-    """The frames at or around a time.
-
-    Attributes
-    ----------
-    before, after : int
-        Frame numbers; equal if the time is at a frame, before the first or after the last.
-    share : float
-        Fraction of the way from `before` to `after`.
-    """
+    """The frames at or around a time."""
 
     before: int
     after: int
+    """Frame numbers; equal if the time is at a frame, before the first or after the last."""
     share: float = 0.0
+    """Fraction of the way from `before` to `after`."""
 
 
 def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:

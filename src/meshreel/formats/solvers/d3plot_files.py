@@ -223,36 +223,24 @@ TRIANGLE, QUAD = 5, 9
 
 @dataclass(frozen=True)
 class Section:
-    """A table in each state.
-
-    Parameters
-    ----------
-    start : int
-        First word, counted from the first of the state.
-    """
+    """A table in each state."""
 
     start: int
+    """First word, counted from the first of the state."""
     n_rows: int
     n_columns: int
 
 
 @dataclass(frozen=True)
 class ElementColumns:
-    """Place of a result in the rows of a section of elements.
-
-    Parameters
-    ----------
-    n_points : int
-        Number of integration points.
-    width : int
-        Columns of each.
-    first : int
-        First column of the result.
-    """
+    """Place of a result in the rows of a section of elements."""
 
     n_points: int
+    """Number of integration points."""
     width: int
+    """Columns of each."""
     first: int
+    """First column of the result."""
 
 
 class D3plotLayout:

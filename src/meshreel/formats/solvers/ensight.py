@@ -49,33 +49,22 @@ MAX_STEPS = 1 << 24
 
 @dataclass(frozen=True, eq=False)
 class TimeSet:
-    """Times, and the numbers in the names of the files of each.
-
-    Parameters
-    ----------
-    times_s : float64 array of shape (T,)
-    numbers : tuple of int
-        Empty if file names have no numbers.
-    """
+    """Times, and the numbers in the names of the files of each."""
 
     times_s: Floats
+    """float64 array of shape (T,)."""
     numbers: tuple[int, ...] = ()
+    """Empty if file names have no numbers."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileSeries:
-    """A file for each step of a time set, or one for all.
-
-    Parameters
-    ----------
-    pattern : str
-        File name, in which asterisks are replaced by a number.
-    times : TimeSet or None
-        None if there is one file.
-    """
+    """A file for each step of a time set, or one for all."""
 
     pattern: str
+    """File name, in which asterisks are replaced by a number."""
     times: TimeSet | None
+    """None if there is one file."""
 
     def name(self, step: int) -> str:
         """Return the file name of a step of the time set."""
@@ -87,19 +76,13 @@ class FileSeries:
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A variable of nodes or elements.
-
-    Parameters
-    ----------
-    domain : Domain
-        Of vertices or faces.
-    width : int
-        Number of components.
-    """
+    """A variable of nodes or elements."""
 
     name: str
     domain: Domain
+    """Of vertices or faces."""
     width: int
+    """Number of components."""
     files: FileSeries
 
 

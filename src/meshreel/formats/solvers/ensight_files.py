@@ -172,19 +172,13 @@ GIVEN = ("given", "ignore")
 
 @dataclass(frozen=True)
 class Block:
-    """The elements of a type in a part.
-
-    Parameters
-    ----------
-    kind : str
-        As in the file, such as "hexa8" or "g_hexa8".
-    position : int
-        Of the nodes in the file.
-    """
+    """The elements of a type in a part."""
 
     kind: str
+    """As in the file, such as "hexa8" or "g_hexa8"."""
     count: int
     position: int
+    """Of the nodes in the file."""
 
     @property
     def has_faces(self) -> bool:
@@ -194,18 +188,13 @@ class Block:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a geometry.
-
-    Parameters
-    ----------
-    position : int
-        Of the coordinates in the file.
-    """
+    """A part of a geometry."""
 
     number: int
     name: str
     n_nodes: int
     position: int
+    """Of the coordinates in the file."""
     blocks: tuple[Block, ...]
 
 

@@ -71,21 +71,14 @@ VTK_POLYHEDRON = 42
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """VTK cells of any type.
-
-    Parameters
-    ----------
-    types : integer array of shape (N,)
-        VTK cell types, or `POLYHEDRON`.
-    counts : int64 array of shape (N,)
-        Number of points of each cell.
-    points : int64 array of shape (sum of counts,)
-        Point indices of all cells, concatenated.
-    """
+    """VTK cells of any type."""
 
     types: npt.NDArray[Any]
+    """Integer array of shape (N,). VTK cell types, or `POLYHEDRON`."""
     counts: npt.NDArray[np.int64]
+    """int64 array of shape (N,). Number of points of each cell."""
     points: npt.NDArray[np.int64]
+    """int64 array of shape (sum of counts,). Point indices of all cells, concatenated."""
 
     @classmethod
     def join(cls, groups: Iterable["Cells"]) -> "Cells":
@@ -177,38 +170,28 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
-    """The polygons of a set of cells, and the cells and points that they come from.
-
-    Attributes
-    ----------
-    counts, corners : integer arrays
-        Polygons as in `PolygonMesh`; corners index the kept vertices.
-    cells : int64 array of shape (P,)
-        The source cell of each polygon.
-    kept : int64 array or slice
-        Points that become vertices, in order: all, or the boundary points of solid cells.
-    n_solids, n_lost : int
-        Numbers of solid cells, and of points that do not become vertices.
-    volume : model.Cells, optional
-        The cells, if they are kept; then all their points are vertices.
-    volume_rows : int64 array, optional
-        Rows of the cell data that belong to these cells. Default: all.
-    changes : tuple of str
-        What was changed in them, for notes.
-    unstored : tuple of str
-        Types of cells that cannot be stored, if solids are reduced to their surface, for notes.
-    """
+    """The polygons of a set of cells, and the cells and points that they come from."""
 
     counts: npt.NDArray[np.int64]
     corners: npt.NDArray[np.int32]
+    """Integer arrays. Polygons as in `PolygonMesh`; corners index the kept vertices."""
     cells: npt.NDArray[np.int64]
+    """int64 array of shape (P,). The source cell of each polygon."""
     kept: npt.NDArray[np.int64] | slice
+    """int64 array or slice. Points that become vertices, in order: all, or the boundary points of
+    solid cells.
+    """
     n_solids: int = 0
     n_lost: int = 0
+    """Numbers of solid cells, and of points that do not become vertices."""
     volume: VolumeCells | None = None
+    """Model.Cells. The cells, if they are kept; then all their points are vertices."""
     volume_rows: npt.NDArray[np.int64] | None = None
+    """int64 array. Rows of the cell data that belong to these cells. Default: all."""
     changes: tuple[str, ...] = ()
+    """What was changed in them, for notes."""
     unstored: tuple[str, ...] = ()
+    """Types of cells that cannot be stored, if solids are reduced to their surface, for notes."""
 
     def note_interior(self, notes: list[str]) -> None:
         """Note what is not kept of cells: mostly the inside of solids, unless they all are."""

@@ -33,21 +33,15 @@ GAIN = 0.99
 
 @dataclass(frozen=True, eq=False)
 class HardEdges:
-    """Hard edges, and the error of the normals computed with them.
-
-    Attributes
-    ----------
-    edges : int32 array of shape (H, 2) or None
-    n_shared : int
-        Number of edges between faces.
-    n_far, n_corners : int
-        Number of corners whose normal error exceeds `NEAR_DEG`, and of all corners with a normal.
-    """
+    """Hard edges, and the error of the normals computed with them."""
 
     edges: Int32s | None
+    """int32 array of shape (H, 2) or None."""
     n_shared: int
+    """Number of edges between faces."""
     n_far: int
     n_corners: int
+    """Number of corners whose normal error exceeds `NEAR_DEG`, and of all corners with a normal."""
 
 
 def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:

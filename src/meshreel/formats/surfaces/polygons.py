@@ -23,24 +23,18 @@ class EmptyMeshError(FormatError):
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """One frame of a file: vertices in file order, faces of any size.
-
-    Parameters
-    ----------
-    vertices : float32 or float64 array of shape (V, 3)
-        Positions in model units; not checked to be finite.
-    counts : int64 array of shape (N,)
-        Number of corners of each face, at least 3.
-    corners : int32 array of shape (sum of counts,)
-        Vertex indices of all faces, concatenated, in 0..V-1.
-    cells : Cells, optional
-        Cells of a volume mesh, whose surface are the faces. Default: none.
-    """
+    """One frame of a file: vertices in file order, faces of any size."""
 
     vertices: Vertices
+    """float32 or float64 array of shape (V, 3). Positions in model units; not checked to be finite.
+    """
     counts: npt.NDArray[np.int64]
+    """int64 array of shape (N,). Number of corners of each face, at least 3."""
     corners: npt.NDArray[np.int32]
+    """int32 array of shape (sum of counts,). Vertex indices of all faces, concatenated, in 0..V-1.
+    """
     cells: Cells | None = None
+    """Cells of a volume mesh, whose surface are the faces. Default: none."""
 
     @property
     def n_items(self) -> dict[Domain, int]:

@@ -16,21 +16,14 @@ Numbers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class SplitMesh:
-    """Vertices as in the file, and the welded vertices that they belong to.
-
-    Attributes
-    ----------
-    vertex_of : int64 array of shape (N,)
-        The welded vertex of each vertex of the file.
-    first : int64 array of shape (V,)
-        The first vertex of the file of each welded vertex.
-    corners : int64 array of shape (3 M,)
-        The vertex of the file at each corner of the triangles.
-    """
+    """Vertices as in the file, and the welded vertices that they belong to."""
 
     vertex_of: Numbers
+    """int64 array of shape (N,). The welded vertex of each vertex of the file."""
     first: Numbers
+    """int64 array of shape (V,). The first vertex of the file of each welded vertex."""
     corners: Numbers
+    """int64 array of shape (3 M,). The vertex of the file at each corner of the triangles."""
 
     def attribute(self, name: str, kind: Kind, rows: npt.NDArray[Any]) -> Attribute:
         """Return values of shape (N, C) as an attribute of vertices or corners.

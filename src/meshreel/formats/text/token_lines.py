@@ -35,26 +35,18 @@ Codes = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class TokenLines:
-    """The words of a text grouped by line; empty lines are omitted.
-
-    Parameters
-    ----------
-    text : bytes
-        The text that contains the words, extension with a line feed.
-    physical : bytes
-        Text of the same length with the line ends of the file; only for line numbers.
-    starts, ends : int64 arrays of shape (number of words,)
-        Byte range of each word.
-    first, counts : int64 arrays of shape (number of lines,)
-        First word and number of words of each line.
-    """
+    """The words of a text grouped by line; empty lines are omitted."""
 
     text: bytes
+    """The text that contains the words, extension with a line feed."""
     physical: bytes
+    """Text of the same length with the line ends of the file; only for line numbers."""
     starts: npt.NDArray[np.int64]
     ends: npt.NDArray[np.int64]
+    """int64 arrays of shape (number of words,). Byte range of each word."""
     first: npt.NDArray[np.int64]
     counts: npt.NDArray[np.int64]
+    """int64 arrays of shape (number of lines,). First word and number of words of each line."""
 
     @property
     def n_lines(self) -> int:

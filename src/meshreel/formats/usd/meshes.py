@@ -199,19 +199,14 @@ class MeshShape:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The deformation of a mesh by a skeleton.
-
-    Attributes
-    ----------
-    skeleton_prim : Usd.Prim
-        The skeleton in the stage; for an instance, the query has only its prototype.
-    shapes : UsdSkel.BlendShapeQuery or None
-    """
+    """The deformation of a mesh by a skeleton."""
 
     skeleton_prim: Any
+    """Usd.Prim. The skeleton in the stage; for an instance, the query has only its prototype."""
     skeleton: Any
     skinning: Any
     shapes: Any
+    """UsdSkel.BlendShapeQuery or None."""
 
     @property
     def space(self) -> Any:
@@ -290,29 +285,20 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
 
 @dataclass(frozen=True, eq=False)
 class StageMesh:
-    """A mesh of a stage.
-
-    Parameters
-    ----------
-    stage : Usd.Stage
-        Kept alive, since its prims become invalid with it.
-    skin : Skin or None
-        The skinning by a skeleton.
-    materials : StageMaterials
-        Materials of the stage.
-    notes : list of str
-        Gains a sentence for everything that is not read.
-    normal_notes : NormalNotes
-        Collects meshes with normals.
-    """
+    """A mesh of a stage."""
 
     stage: Any
+    """Usd.Stage. Kept alive, since its prims become invalid with it."""
     prim: Any
     transforms: Transforms
     skin: Skin | None
+    """The skinning by a skeleton."""
     materials: StageMaterials
+    """Materials of the stage."""
     notes: list[str]
+    """Gains a sentence for everything that is not read."""
     normal_notes: NormalNotes
+    """Collects meshes with normals."""
 
     @property
     def path(self) -> str:

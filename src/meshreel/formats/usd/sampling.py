@@ -88,18 +88,12 @@ def even_interval(codes: Codes) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Time codes of the samples that determine the positions of a mesh.
-
-    Attributes
-    ----------
-    stored : Codes
-        Samples of points and faces.
-    keys : Codes
-        Samples of transforms, joints and blend shapes, which move points between their samples.
-    """
+    """Time codes of the samples that determine the positions of a mesh."""
 
     stored: Codes
+    """Samples of points and faces."""
     keys: Codes
+    """Samples of transforms, joints and blend shapes, which move points between their samples."""
 
     @cached_property
     def all(self) -> Codes:

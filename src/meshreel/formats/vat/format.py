@@ -10,7 +10,7 @@ FORMATS = (
         "vertex animation textures",
         vat_files,
         write_vat,
-        OPEN_EXR,
-        frozenset({"layout", "textures", "max_error", "normals"}),
+        extra=OPEN_EXR,
+        writes=frozenset({"layout", "textures", "max_error", "normals"}),
     ),
 )

@@ -33,19 +33,14 @@ def from_blender(vectors: npt.NDArray[Number]) -> npt.NDArray[Number]:
 
 @dataclass(frozen=True)
 class MeshSpace:
-    """The axes and units of the vertices in a mesh file, as the shader expects them.
-
-    Attributes
-    ----------
-    scale : float, default 1
-        Units of the file per glTF unit.
-    rotation : tuple of float, optional
-        The quaternion x y z w of the node, which rotates vertices in Blender's axes to those of
-        glTF; None if they are in glTF's axes.
-    """
+    """The axes and units of the vertices in a mesh file, as the shader expects them."""
 
     scale: float = 1.0
+    """Units of the file per glTF unit."""
     rotation: tuple[float, float, float, float] | None = None
+    """The quaternion x y z w of the node, which rotates vertices in Blender's axes to those of
+    glTF; None if they are in glTF's axes.
+    """
 
 
 GLTF_SPACE = MeshSpace()
@@ -64,19 +59,14 @@ class TexelGrid:
     """Arrangement of the texels of all vertices and frames in a texture.
 
     The frames of a row of vertices are adjacent.
-
-    Attributes
-    ----------
-    width : int
-        Texels per row; a frame with more vertices takes several rows.
-    n_halves : int, default 1
-        Number of such grids in the texture, stacked vertically.
     """
 
     n_verts: int
     n_frames: int
     width: int
+    """Texels per row; a frame with more vertices takes several rows."""
     n_halves: int = 1
+    """Number of such grids in the texture, stacked vertically."""
 
     @property
     def n_rows(self) -> int:
@@ -140,16 +130,11 @@ N_CHANNELS = 3
 
 @dataclass(frozen=True, eq=False)
 class Remap:
-    """The mapping between offsets and texel values.
-
-    Attributes
-    ----------
-    low, high : float32 arrays of shape (3,)
-        Offsets at values 0 and 1, in Blender's axes.
-    """
+    """The mapping between offsets and texel values."""
 
     low: Singles
     high: Singles
+    """float32 arrays of shape (3,). Offsets at values 0 and 1, in Blender's axes."""
 
     @classmethod
     def of(cls, offset_box: tuple[Floats, Floats]) -> "Remap":

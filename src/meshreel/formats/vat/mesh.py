@@ -31,26 +31,18 @@ UP = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Frames of the vertices that faces use, as offsets from the first frame.
-
-    Attributes
-    ----------
-    frames : float array of shape (T, V, 3)
-        Positions in model units.
-    faces : int32 array of shape (M, 3)
-    fps : float
-        Above 0.
-    placement : Placement
-        Translation of the mesh in the model; its scale is 1.
-    mesh_scale : float
-        Units of the mesh file per model unit.
-    """
+    """Frames of the vertices that faces use, as offsets from the first frame."""
 
     frames: Vertices
+    """float array of shape (T, V, 3). Positions in model units."""
     faces: Faces
+    """int32 array of shape (M, 3)."""
     fps: float
+    """Above 0."""
     placement: Placement
+    """Translation of the mesh in the model; its scale is 1."""
     mesh_scale: float = 1.0
+    """Units of the mesh file per model unit."""
 
     @property
     def n_frames(self) -> int:

@@ -20,32 +20,22 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @dataclass(frozen=True, eq=False)
 class OutputArray:
-    """A point or cell array of an output file.
-
-    Parameters
-    ----------
-    name : str
-        Name in the file, unique among point arrays and among cell arrays.
-    domain : Domain
-        Vertices; or faces, or the cells whose surface they are.
-    dtype : dtype
-    role : str
-        The active attribute of VTK that it is: "TCoords", "Normals" or empty.
-    values : array of shape (N, C), optional
-        Values for all frames; None for a track.
-    track : str, default ""
-        Name of the track that the array stores; empty for attributes and groups.
-    """
+    """A point or cell array of an output file."""
 
     name: str
+    """Name in the file, unique among point arrays and among cell arrays."""
     domain: Domain
+    """Vertices; or faces, or the cells whose surface they are."""
     dtype: np.dtype[Any]
     n_columns: int
     kind: str
     unit: str = ""
     role: str = ""
+    """The active attribute of VTK that it is: "TCoords", "Normals" or empty."""
     values: Values | None = None
+    """Array of shape (N, C). Values for all frames; None for a track."""
     track: str = ""
+    """Name of the track that the array stores; empty for attributes and groups."""
 
 
 def output_arrays(

@@ -261,23 +261,16 @@ class VtkSteps:
 
 @dataclass(frozen=True, eq=False)
 class StoredArray:
-    """Values at the points or cells of all steps, concatenated in one dataset.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Numeric.
-    starts : int64 array of shape (T,)
-        The first row of each step.
-    notes : list of str
-        Receives a sentence if it has too few rows for a step.
-    """
+    """Values at the points or cells of all steps, concatenated in one dataset."""
 
     name: str
     domain: Domain
     dataset: Dataset
+    """Numeric."""
     starts: Integers
+    """int64 array of shape (T,). The first row of each step."""
     notes: list[str]
+    """Receives a sentence if it has too few rows for a step."""
 
     def _fits(self, index: int, count: int) -> bool:
         """Whether the dataset has the rows of a step."""

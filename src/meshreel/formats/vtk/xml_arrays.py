@@ -105,27 +105,18 @@ UNPACKERS: dict[str, Unpack] = {
 
 @dataclass(frozen=True)
 class ArrayCoding:
-    """How a file encodes its arrays.
-
-    Parameters
-    ----------
-    order : {"<", ">"}
-        Byte order: little or big endian.
-    header : {"u4", "u8"}
-        Type of the sizes in front of the data.
-    unpack : function of a packed block and its size, or None
-        Decompressor, for files with compressed arrays.
-    appended : bytes
-        Content of AppendedData.
-    is_raw : bool
-        Whether the appended data is raw bytes rather than base64.
-    """
+    """How a file encodes its arrays."""
 
     order: str
+    """{"<", ">"}. Byte order: little or big endian."""
     header: str
+    """{"u4", "u8"}. Type of the sizes in front of the data."""
     unpack: Unpack | None
+    """Decompressor, for files with compressed arrays."""
     appended: bytes = b""
+    """Content of AppendedData."""
     is_raw: bool = False
+    """Whether the appended data is raw bytes rather than base64."""
 
     def read(self, element: Element) -> npt.NDArray[Any]:
         """Decode a DataArray, of shape (N,) or (N, C), in native byte order.

@@ -25,34 +25,24 @@ Int32s = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class SharedEdges:
-    """Edges with at least two face sides, in the order of their first sides.
-
-    Attributes
-    ----------
-    ends : int64 array of shape (E, 2)
-        Vertices of each edge, the lower first.
-    of_side : int64 array of shape (C,)
-        The edge from each corner to the next corner of its face; -1 if it is not shared.
-    """
+    """Edges with at least two face sides, in the order of their first sides."""
 
     ends: Int64s
+    """int64 array of shape (E, 2). Vertices of each edge, the lower first."""
     of_side: Int64s
+    """int64 array of shape (C,). The edge from each corner to the next corner of its face; -1 if it
+    is not shared.
+    """
 
 
 @dataclass(frozen=True, eq=False)
 class NormalRows:
-    """Sharing of normals by face corners: each row is one normal.
-
-    Attributes
-    ----------
-    of_corner : int32 array of shape (C,)
-        The row of each corner. The first corner of vertex v has row v.
-    vertices : int32 array of shape (R,)
-        The vertex of each row; R is V without hard edges.
-    """
+    """Sharing of normals by face corners: each row is one normal."""
 
     of_corner: Int32s
+    """int32 array of shape (C,). The row of each corner. The first corner of vertex v has row v."""
     vertices: Int32s
+    """int32 array of shape (R,). The vertex of each row; R is V without hard edges."""
 
 
 def next_corners(counts: Integers) -> Int64s:

@@ -24,27 +24,21 @@ MISSING_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Corners:
-    """The corners of a segment's triangles, identified by values that do not change over time.
-
-    Attributes
-    ----------
-    segment : MeshSequence
-    values : array
-        Distinct values of all corners as bytes, ascending.
-    faces : int32 array of shape (M, 3)
-        Numbers of the values at the corners of each face, which begins with the corner that makes
-        them lowest.
-    opposite : int32 array of shape (M, 3)
-        Number of the value opposite to the side after each corner, in the face across it.
-    corners : int32 array of shape (M, 3)
-        Number of each of these corners in the segment.
-    """
+    """The corners of a segment's triangles, identified by values that do not change over time."""
 
     segment: MeshSequence
     values: Rows
+    """Distinct values of all corners as bytes, ascending."""
     faces: Integers
+    """int32 array of shape (M, 3). Numbers of the values at the corners of each face, which begins
+    with the corner that makes them lowest.
+    """
     opposite: Integers
+    """int32 array of shape (M, 3). Number of the value opposite to the side after each corner, in
+    the face across it.
+    """
     corners: Integers
+    """int32 array of shape (M, 3). Number of each of these corners in the segment."""
 
     def has_faces_of(self, other: "Corners") -> bool:
         """Whether both segments may have the same mesh: most faces have the values of others."""

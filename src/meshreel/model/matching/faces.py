@@ -58,12 +58,7 @@ def aligned_faces(run: list[Corners]) -> tuple[Integers, Integers] | None:
 
 
 class _AlikeFaces:
-    """Faces with the values of others, aligned from segment to segment.
-
-    Parameters
-    ----------
-    n_segments : int
-    """
+    """Faces with the values of others, aligned from segment to segment."""
 
     def __init__(self, n_segments: int) -> None:
         self._n_segments = n_segments

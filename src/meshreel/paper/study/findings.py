@@ -49,44 +49,30 @@ PRINTED_DICTIONARY_BITS = (8.5, 10.6)
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the results of a sequence say about a claim.
-
-    Attributes
-    ----------
-    value : float or None
-        The claim's measure; None if the results do not allow a verdict.
-    text : str
-        The measured values, in a sentence or two.
-    figure : str
-        The deciding values, for a table.
-    """
+    """What the results of a sequence say about a claim."""
 
     value: float | None
+    """The claim's measure; None if the results do not allow a verdict."""
     text: str
+    """The measured values, in a sentence or two."""
     figure: str
+    """The deciding values, for a table."""
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, or one of ours on what it leaves open, with its thresholds.
-
-    Attributes
-    ----------
-    text : str
-    measure : str
-        The number that decides, in words.
-    yes, weakly : float
-        The verdict is "yes" if the measure is at most `yes`, "weakly" if it is below `weakly`, else
-        "no". If `yes` exceeds `weakly`: at least `yes`, above `weakly`.
-    evidence : callable
-        Returns the evidence of a sequence's results; None if they do not contain it.
-    """
+    """A claim of the paper, or one of ours on what it leaves open, with its thresholds."""
 
     text: str
     measure: str
+    """The number that decides, in words."""
     yes: float
     weakly: float
+    """The verdict is "yes" if the measure is at most `yes`, "weakly" if it is below `weakly`, else
+    "no". If `yes` exceeds `weakly`: at least `yes`, above `weakly`.
+    """
     evidence: Callable[[PaperResults], Evidence | None]
+    """Returns the evidence of a sequence's results; None if they do not contain it."""
 
     @property
     def threshold(self) -> str:

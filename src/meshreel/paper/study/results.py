@@ -15,35 +15,30 @@ zero-order entropy."""
 
 @dataclass(frozen=True)
 class PaperResults:
-    """All measurements of one sequence.
-
-    Attributes
-    ----------
-    slug : str
-        Prefix of the names of its figures.
-    sequence : dict
-        Name, shape and hash.
-    variants, rows, sweep : list of results
-        For the tables, for Fig. 3, and for the rate-distortion plots.
-    alternatives : list of results
-        Variants that change one choice that the paper leaves open.
-    claims : dict of str to result
-        Finished runs in `claims`: "sparsity", "dictionaries", "quiet blocks", "long sequence".
-    decompositions : result or None
-        Seconds of an eigen-decomposition with the frequencies of `gft`, if it was run.
-    full_decomposition : result or None
-        Seconds and memory of one with all frequencies, if `gft` was run; or its refusal.
-    """
+    """All measurements of one sequence."""
 
     slug: str
+    """Prefix of the names of its figures."""
     sequence: dict[str, Any]
+    """Name, shape and hash."""
     variants: list[Result] = field(default_factory=list)
     rows: list[Result] = field(default_factory=list)
     sweep: list[Result] = field(default_factory=list)
+    """For the tables, for Fig. 3, and for the rate-distortion plots."""
     alternatives: list[Result] = field(default_factory=list)
+    """Variants that change one choice that the paper leaves open."""
     claims: dict[str, Result] = field(default_factory=dict)
+    """Finished runs in `claims`: "sparsity", "dictionaries", "quiet blocks",
+    "long sequence".
+    """
     decompositions: Result | None = None
+    """Result or None. Seconds of an eigen-decomposition with the frequencies of `gft`, if it was
+    run.
+    """
     full_decomposition: Result | None = None
+    """Result or None. Seconds and memory of one with all frequencies, if `gft` was run; or its
+    refusal.
+    """
 
     @property
     def name(self) -> str:
@@ -91,25 +86,17 @@ class PaperResults:
 
 @dataclass(frozen=True)
 class FullBasis:
-    """Cost of `gft` with all frequencies and a decomposition for each frame, as in the paper.
-
-    Attributes
-    ----------
-    n_verts, n_frames : int
-        Size of the sequence.
-    seconds_each, processor_seconds_each : float
-        Of one decomposition.
-    memory_bytes : float
-    source : str
-        What it is extrapolated from.
-    """
+    """Cost of `gft` with all frequencies and a decomposition for each frame, as in the paper."""
 
     n_verts: int
     n_frames: int
+    """Size of the sequence."""
     seconds_each: float
     processor_seconds_each: float
+    """Of one decomposition."""
     memory_bytes: float
     source: str
+    """What it is extrapolated from."""
 
     @property
     def seconds(self) -> float:

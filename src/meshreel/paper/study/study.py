@@ -147,21 +147,14 @@ def _seconds_note(results: PaperResults) -> str:
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """Evaluate the variants of the paper on any sequences.
-
-    Attributes
-    ----------
-    methods : sequence of str
-        From `sweeps.METHOD_NAMES`.
-    quick : bool
-        Use few points in the rate-distortion plots, no alternatives, and no long sequences.
-    table : TableSettings
-        Modes, bits and anchors of the streams in the tables.
-    """
+    """Evaluate the variants of the paper on any sequences."""
 
     methods: Sequence[str] = METHOD_NAMES
+    """From `sweeps.METHOD_NAMES`."""
     quick: bool = False
+    """Use few points in the rate-distortion plots, no alternatives, and no long sequences."""
     table: TableSettings = DEFAULTS
+    """Modes, bits and anchors of the streams in the tables."""
     program: str = "meshreel paper"
     title: str = "Fast Spatio-temporal Compression of Dynamic 3D Meshes: the evaluation reproduced"
     introduction: str = (

@@ -35,7 +35,6 @@ def replace_all_when_done(
 
     Parameters
     ----------
-    paths : sequence of Path
     overwrite : bool, default False
         Whether existing files may be replaced.
     makes_folder : bool, default False

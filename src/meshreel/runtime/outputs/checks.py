@@ -38,7 +38,6 @@ def check_output_paths(
 
     Parameters
     ----------
-    paths : sequence of Path
     overwrite, inputs
         As in `check_output_path`.
     makes_folder : bool, default False

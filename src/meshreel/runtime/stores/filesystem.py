@@ -94,20 +94,14 @@ def _one_line(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class RemoteFile:
-    """A file in a store.
-
-    Attributes
-    ----------
-    name : str
-        Path relative to the listed folder, with slashes.
-    version : str
-        A string that changes with the file; empty if the store provides none.
-    """
+    """A file in a store."""
 
     name: str
+    """Path relative to the listed folder, with slashes."""
     address: str
     size_bytes: int
     version: str
+    """A string that changes with the file; empty if the store provides none."""
 
 
 def files_below(folder: str) -> list[RemoteFile]:

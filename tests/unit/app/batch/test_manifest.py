@@ -1,10 +1,12 @@
-"""The manifest on disk."""
+"""The manifest on disk, and the output folder."""
 
 import json
+from pathlib import Path
 
 import pytest
 
 from meshreel.app.batch.manifest import MANIFEST_NAME, Record, read_manifest
+from meshreel.app.batch.out_folder import OutFolder
 from meshreel.errors import InvalidInputError
 
 RECORD = Record("done", "walk.reel", True, "abc", {"kg": 0.5}, seconds=1.5, notes=["cut"])
@@ -78,3 +80,29 @@ def test_other_files_are_rejected_as_manifest(folders, text, force):
     with pytest.raises(InvalidInputError, match="is not a manifest"):
         read_manifest(*folders, force=force)
     assert (folders[1] / MANIFEST_NAME).read_text() == text
+
+
+def test_write_creates_the_folders_of_a_file(tmp_path):
+    folder = OutFolder(tmp_path / "out")
+    folder.write("deep/er/x.reel", b"12", overwrite=False)
+    assert (folder.has("deep/er"), folder.size_bytes("deep/er/x.reel")) == (True, 2)
+    assert (folder.size_bytes("deep"), folder.has("y")) == (None, False)
+    assert folder.read("deep/er/x.reel") == b"12"
+    assert [path.name for path in (tmp_path / "out/deep/er").iterdir()] == ["x.reel"]
+
+
+def test_file_is_replaced_only_with_overwrite(tmp_path):
+    folder = OutFolder(tmp_path)
+    folder.write("x.reel", b"old", overwrite=False)
+    with pytest.raises(InvalidInputError, match="exists"):
+        folder.write("x.reel", b"new", overwrite=False)
+    assert folder.read("x.reel") == b"old"
+    folder.write("x.reel", b"new", overwrite=True)
+    assert folder.read("x.reel") == b"new"
+
+
+def test_input_paths_are_relative_to_the_folder(tmp_path):
+    folder = OutFolder(tmp_path / "out")
+    assert folder.relative_path_to(tmp_path / "in" / "a") == "../in/a"
+    assert folder.relative_path_to("s3://bucket/in") == "s3://bucket/in"
+    assert Path(folder.called("x.reel")) == tmp_path / "out" / "x.reel"

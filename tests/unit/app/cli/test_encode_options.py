@@ -1,4 +1,4 @@
-"""Options for encoding on the command line."""
+"""Options for encoding and writing on the command line."""
 
 import json
 import re
@@ -14,6 +14,8 @@ from meshreel.app.cli.parameters import with_parameters
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
 from meshreel.errors import InvalidInputError
+from meshreel.formats.options import BOUNDS, GLTF, GLTF_AND_TEXTURES, RIGS, TEXTURES
+from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 
 OPTIONS = {option.name: option for option in all_options()}
 COMMANDS = ("encode", "convert", "batch")
@@ -97,3 +99,49 @@ def test_option_is_rejected_when_it_is_not_a_number_in_its_range(flag, typed, me
 
 def test_help_contains_flags_instead_of_keywords():
     assert "if --max-error is a length" in params("encode")["unit"].help
+
+
+USD = (".usd", ".usda", ".usdc", ".usdz")
+PANELS = {
+    frozenset({".glb", ".gltf"}): GLTF,
+    frozenset({".glb", ".gltf", ".vat"}): GLTF_AND_TEXTURES,
+    frozenset({".vat"}): TEXTURES,
+    frozenset({".glb", ".gltf", *USD}): RIGS,
+    frozenset({".glb", ".gltf", ".vat", *USD}): BOUNDS,
+}
+"""Panels by the extensions of outputs to which an option applies, except .reel."""
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("decode", "max_error"),
+        ("decode", "kg"),
+        *(
+            (command, name)
+            for command in ("decode", "convert")
+            for name in (
+                "targets",
+                "normals",
+                "compression",
+                "meshopt",
+                "layout",
+                "textures",
+                "rig",
+            )
+        ),
+    ],
+)
+def test_option_is_in_the_panel_of_its_outputs(command, name):
+    panels = {param.name: getattr(param, "panel", "") for param in command_named(command).params}
+    every = (*FORMATS.values(), *FOLDER_FORMATS.values())
+    extensions = {one.extension for one in every if name in getattr(one, "writes", ())} - {".reel"}
+    assert panels[name] == PANELS[frozenset(extensions)]
+
+
+def test_unit_is_in_the_panel_of_the_error_bound():
+    for command in ("encode", "decode", "convert", "batch"):
+        panels = {
+            param.name: getattr(param, "panel", "") for param in command_named(command).params
+        }
+        assert panels["unit"] == panels["max_error"]

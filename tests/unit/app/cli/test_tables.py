@@ -1,5 +1,10 @@
+from types import SimpleNamespace
+
 import pytest
 
+from meshreel.app.batch.manifest import DONE, Record
+from meshreel.app.cli.batch import _row
+from meshreel.app.cli.info import MAX_MESHES, mesh_columns
 from meshreel.app.cli.tables import table_lines, text_bar
 
 ROWS = [[["format"], ["Alembic"]], [["meshes"], ["/root/body", "/root/cloth"]]]
@@ -37,3 +42,29 @@ def test_text_bar_has_a_resolution_of_one_eighth(share, width, bar):
 @pytest.mark.parametrize(("share", "bar"), [(1.0, "####"), (0.4, "##"), (1e-9, "#"), (0.0, "")])
 def test_text_bar_is_ascii_on_ascii_terminals(share, bar):
     assert text_bar(share, 4, ascii_only=True) == bar
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({}, ("0 B", "0 B", "-", "-", "-", "-")),
+        (
+            {"raw_size_bytes": 2000, "size_bytes": 400, "ratio": 5.0, "kg_error_percent": 0.12345,
+             "max_error_percent": 0.5, "seconds": 1.25},
+            ("2 kB", "400 B", "5.0 x", "0.1235", "0.5000", "1.2"),
+        ),
+    ],
+)  # fmt: skip
+def test_rows_have_a_dash_for_unknown_figures(figures, words):
+    assert _row("walk", Record(DONE, "x.reel", True, "", {}, **figures)) == ("walk", *words)
+
+
+@pytest.mark.parametrize(("n_more", "last"), [(0, "mesh"), (1, "and 1 more"), (7, "and 7 more")])
+def test_table_counts_meshes_beyond_the_maximum(n_more, last):
+    mesh = SimpleNamespace(
+        name="mesh", n_frames=2, n_verts=3, n_polygons=1, fps=0.0, attributes=(), problem=None,
+        parts=(), low=(0, 0, 0), high=(1, 1, 1), tracks=(), materials=(), images=(),
+    )  # fmt: skip
+    rows = mesh_columns(SimpleNamespace(meshes=[mesh] * (MAX_MESHES + n_more)))
+    assert len(rows) == MAX_MESHES + (n_more > 0)
+    assert rows[-1][0].startswith(last)

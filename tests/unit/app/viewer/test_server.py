@@ -51,7 +51,6 @@ def ask(server, path, method="GET", body=None, **headers):
 
 
 def send(server, data, n_bytes=1 << 16):
-    """Send bytes, and return all bytes received."""
     with socket.create_connection(("127.0.0.1", server.server_port), timeout=10) as client:
         client.sendall(data)
         client.shutdown(socket.SHUT_WR)

@@ -9,12 +9,20 @@ from meshreel.codec.bitstream.container import (
     BlockPlace,
     Header,
     StreamWriter,
+    read_varint,
     write_header,
     write_index,
     write_sections,
     write_stream,
+    write_varint,
 )
-from meshreel.codec.bitstream.layout import INDEX_POSITION, OPTIONAL, Section, VertexType
+from meshreel.codec.bitstream.layout import (
+    INDEX_POSITION,
+    MAX_NAME_BYTES,
+    OPTIONAL,
+    Section,
+    VertexType,
+)
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
 from samples.streams import Stream, parts_of, raw_stream
 
@@ -214,3 +222,89 @@ def test_large_counts_take_few_bytes(counts):
     data = write_stream((many, LEADING, [(10**6, sections)]))
     assert len(data) < 300
     assert Stream(data).header == many
+
+
+FULL_HEADER = Header(
+    175, 9971, 19938, 29.97, VertexType.FLOAT32, 0, 1, 2, (1.0, -2.0, 3e6), 0.5, "änne"
+)
+
+
+def stream_of(header):
+    block = [(Section.BLOCK, b"\xaf\1\1"), (Section.COEFFICIENTS, b"")]
+    return write_stream((header, [], [(175, block)]))
+
+
+BEHIND = stream_of(FULL_HEADER)[len(write_header(FULL_HEADER)) :]
+
+
+def with_byte(position, value):
+    """A stream with a changed byte in its header and a valid checksum."""
+    header = bytearray(write_header(FULL_HEADER)[:-4])
+    header[position] = value
+    return bytes(header) + struct.pack("<I", zlib.crc32(header)) + BEHIND
+
+
+def test_header_round_trips():
+    assert Stream(stream_of(FULL_HEADER)).header == FULL_HEADER
+
+
+@pytest.mark.parametrize("start", ["", "x"])
+def test_long_name_is_truncated_between_characters(start):
+    long = replace(FULL_HEADER, name=start + "ä" * MAX_NAME_BYTES)
+    kept = "ä" * ((MAX_NAME_BYTES - len(start)) // 2)
+    assert Stream(stream_of(long)).header.name == start + kept
+
+
+def test_truncated_header_is_refused():
+    data = write_header(FULL_HEADER)
+    for size in range(len(data)):
+        with pytest.raises(TruncatedStreamError):
+            Stream(data[:size])
+
+
+OLDER = "older than the first release; encode the original again"
+NEWER = "format version is not 3; update meshreel"
+INVALID = [
+    *(("n_verts", 0), ("n_faces", 0), ("fps", float("nan")), ("fps", -1.0), ("scale", 0.0)),
+    *(("scale", float("inf")), ("origin", (0.0, float("nan"), 0.0))),
+]
+REFUSED = {
+    "another program": (b"PK\x03\x04" + bytes(100), CorruptStreamError, r"not a \.reel stream"),
+    "version 1": (with_byte(8, 1), UnsupportedVersionError, OLDER),
+    "version 2": (with_byte(8, 2), UnsupportedVersionError, OLDER),
+    "version 4": (with_byte(8, 4), UnsupportedVersionError, NEWER),
+    "version 0": (with_byte(8, 0), UnsupportedVersionError, NEWER),
+    "vertex type": (with_byte(30, 5), CorruptStreamError, "vertex type"),
+    **{
+        f"{name} {value}": (
+            stream_of(replace(FULL_HEADER, **{name: value})),
+            CorruptStreamError,
+            None,
+        )
+        for name, value in INVALID
+    },
+}
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("name", REFUSED)
+def test_invalid_header_is_refused_with_a_remedy(name):
+    data, error, words = REFUSED[name]
+    with pytest.raises(error, match=words):
+        Stream(data)
+
+
+@pytest.mark.parametrize("value", [0, 1, 127, 128, 300, 2**32, 2**63 - 1])
+def test_varints_round_trip(value):
+    data = b"x" + write_varint(value) + b"y"
+    assert read_varint(data, 1) == (value, len(data) - 1)
+
+
+def test_truncated_varint_is_refused():
+    with pytest.raises(TruncatedStreamError):
+        read_varint(write_varint(2**40)[:-1], 0)
+
+
+def test_too_long_varint_is_refused():
+    with pytest.raises(CorruptStreamError, match="longer than 9 bytes"):
+        read_varint(b"\xff" * 20, 0)

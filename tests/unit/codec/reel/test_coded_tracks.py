@@ -1,4 +1,4 @@
-"""Round trips of tracks, each within its bound."""
+"""Tracks: within their bounds, live, lossless, and with missing values."""
 
 from io import BytesIO
 
@@ -11,6 +11,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.errors import InvalidInputError
+from meshreel.model.tracks import TrackKind
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.tracks import given_places, quad_sheet_with
 
@@ -202,3 +203,128 @@ def test_bounds_hold_for_any_values_on_any_mesh():
     first = {name: values[:1] for name, values in tracks.items()}
     one = meshreel.MeshSequence(odd.vertices[:1], odd.faces, tracks=first)
     assert meshreel.compare(one, meshreel.encode(one)).tracks["far"].largest <= 0.01
+
+
+GRID = waving_grid(11)
+HEAT = (300 + 20 * np.sin(np.arange(11)[:, None] / 3 + np.arange(GRID.n_verts) / 20)).astype("f4")
+
+
+def recorded(frames, bounds=None, **options):
+    """Encode frames with tracks in chunks."""
+    file = BytesIO()
+    with meshreel.Encoder(GRID.faces, file, fps=25, tracks=bounds, **options) as encoder:
+        for frame, tracks in frames:
+            encoder.push(frame, tracks)
+    return file.getvalue()
+
+
+def test_tracks_of_pushed_frames_are_within_their_bounds():
+    frames = [
+        (frame, {"heat": meshreel.Track(HEAT[number][None], unit="K"), "again": HEAT[number]})
+        for number, frame in enumerate(GRID.vertices)
+    ]
+    data = recorded(frames, {"heat": "0.5K"}, block_frames=4)
+    result = meshreel.decode(data).tracks
+    assert (result["heat"].unit, result["again"].kind) == ("K", TrackKind.SCALAR)
+    assert 0.1 < np.abs(result["heat"].values[..., 0] - HEAT).max() <= 0.5
+    first_range = np.ptp(HEAT[:4])
+    assert np.abs(result["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
+    alone = meshreel.decode(recorded([(frame, None) for frame in GRID.vertices], block_frames=4))
+    np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
+
+
+def test_frame_with_other_tracks_than_the_first_is_refused():
+    with meshreel.Encoder(GRID.faces, BytesIO()) as encoder:
+        encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
+        with pytest.raises(InvalidInputError, match="frame 1 has the tracks none; frame 0 has"):
+            encoder.push(GRID[1].vertices)
+        with pytest.raises(InvalidInputError, match="float64"):
+            encoder.push(GRID[1].vertices, {"heat": HEAT[1].astype(float)})
+        with pytest.raises(InvalidInputError, match="track 'heat': values of shape"):
+            encoder.push(GRID[1].vertices, {"heat": HEAT[1][:-1]})
+        encoder.push(GRID[1].vertices, {"heat": HEAT[1]})
+        assert encoder.n_frames == 2
+
+
+def test_bounds_of_unknown_tracks_are_refused_at_the_first_frame():
+    encoder = meshreel.Encoder(GRID.faces, BytesIO(), tracks={"heap": 1})
+    with pytest.raises(InvalidInputError, match="did you mean 'heat'"):
+        encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
+    with meshreel.Encoder(GRID.faces, BytesIO(), method="pca-qp") as encoder:
+        with pytest.raises(InvalidInputError, match="codes positions only"):
+            encoder.push(GRID[0].vertices, {"heat": HEAT[0]})
+        encoder.push(GRID[0].vertices)
+
+
+INTEGERS = np.random.default_rng(5)
+TYPES = ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"]
+
+
+def n_items(domain):
+    moving = quad_sheet(1)
+    return moving.surface.n_items(meshreel.Domain(domain), moving.n_verts, moving.n_faces)
+
+
+def assert_same_bits(found, expected):
+    assert found.dtype == expected.dtype
+    assert found.tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("dtype", TYPES)
+@pytest.mark.parametrize("domain", ["vertex", "face", "corner"])
+def test_exact_tracks_are_lossless(dtype, domain):
+    values = INTEGERS.integers(0, 100, (12, n_items(domain), 2)).astype(dtype)
+    if dtype[0] == "f":
+        values[3, 1] = [np.nan, -np.inf]
+        values[4, 2] = [-0.0, 1e-300 if dtype == "f8" else 1e-40]
+    track = meshreel.Track(values, domain, "other")
+    data = meshreel.encode(quad_sheet_with(x=track), tracks={"x": "exact"}, block_frames=5)
+    assert_same_bits(meshreel.decode(data).tracks["x"].values, values)
+    [stored] = meshreel.info(data).tracks
+    assert (stored.is_exact, stored.bound) == (True, 0)
+    assert "exact" in str(stored)
+
+
+@pytest.mark.parametrize("order", ["vertices", "drop"])
+def test_exact_tracks_follow_the_order_of_vertices(order):
+    ids = np.tile(np.arange(n_items("vertex"), dtype=np.int32), (12, 1))
+    original = quad_sheet_with(id=ids)
+    decoded = meshreel.decode(meshreel.encode(original, order=order))
+    result = decoded.tracks["id"].values[0, :, 0]
+    assert sorted(result) == list(range(len(result)))
+    step = np.linalg.norm(np.ptp(original.vertices, axis=(0, 1))) / 100
+    assert np.abs(decoded.vertices - original.vertices[:, result]).max() < step
+
+
+def test_constant_integers_are_lossless_and_cost_almost_nothing():
+    ids = np.tile(np.arange(n_items("face")) // 7, (12, 1)).astype(np.int32)
+    ids[6:, :3] += 1
+    data = meshreel.encode(quad_sheet_with(part=meshreel.Track(ids, "face")))
+    np.testing.assert_array_equal(meshreel.decode(data).tracks["part"].values[..., 0], ids)
+    assert meshreel.info(data).tracks[0].size_bytes < ids.nbytes / 12
+
+
+@pytest.mark.slow
+def test_missing_values_stay_missing_and_others_keep_their_bound():
+    n_verts = n_items("vertex")
+    heat = (300 + 20 * np.sin(np.arange(12)[:, None] / 3 + np.arange(n_verts) / 9)).astype("f4")
+    heat[2:5, :7] = np.nan
+    heat[:, 9] = np.nan
+    for order in ("keep", "vertices"):
+        data = meshreel.encode(
+            quad_sheet_with(heat=heat), tracks={"heat": 0.5}, order=order, block_frames=7
+        )
+        result = meshreel.decode(data).tracks["heat"].values[..., 0]
+        np.testing.assert_array_equal(np.isnan(result), np.isnan(heat))
+        assert np.nanmax(np.abs(result - heat)) <= 0.5
+    nothing = np.full((12, n_verts), np.nan, np.float32)
+    data = meshreel.encode(quad_sheet_with(heat=nothing), tracks={"heat": "1%"})
+    assert np.isnan(meshreel.decode(data).tracks["heat"].values).all()
+
+
+def test_track_is_coded_exactly_when_that_is_smaller():
+    noise = INTEGERS.integers(0, 3, (12, n_items("vertex"))).astype(np.float64)
+    data = meshreel.encode(quad_sheet_with(noise=noise), tracks={"noise": 1e-9})
+    [track] = meshreel.info(data).tracks
+    assert track.is_exact
+    np.testing.assert_array_equal(meshreel.decode(data).tracks["noise"].values[..., 0], noise)

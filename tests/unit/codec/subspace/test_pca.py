@@ -1,8 +1,9 @@
-"""Eq. 5 and Eq. 7 of the paper."""
+"""Eq. 5 and Eq. 7 of the paper, and least squares by Gram matrices."""
 
 import numpy as np
 import pytest
 
+from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.codec.subspace.pca import (
     autocorrelation,
     eigen_trajectories,
@@ -10,6 +11,13 @@ from meshreel.codec.subspace.pca import (
     joint_trajectories,
     truncated_pca,
 )
+from meshreel.codec.subspace.trajectories import (
+    BoundingFrame,
+    bounding_frame,
+    from_matrices,
+    to_matrices,
+)
+from meshreel.model.extent import extent_of
 
 
 def frames(n_frames=9, n_verts=40):
@@ -96,3 +104,55 @@ def test_number_of_weak_modes_is_at_most_the_rank():
 def test_zero_matrix_has_one_mode():
     values, _ = truncated_pca(lambda _: np.zeros((4, 9)), np.zeros((4, 4)), 9, 1e-9)
     assert values.tolist() == [0.0]
+
+
+RNG = np.random.default_rng(3)
+ROWS, GOALS = RNG.normal(size=(5, 40)), RNG.normal(size=(7, 40))
+
+
+def solution(rows):
+    return solve_gram(rows @ rows.T, rows @ GOALS.T)
+
+
+def test_weights_equal_those_of_lstsq():
+    expected = np.linalg.lstsq(ROWS.T, GOALS.T, rcond=None)[0]
+    np.testing.assert_allclose(solution(ROWS), expected, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("more", [ROWS[:1], 0 * ROWS[:1], ROWS[:1] + 1e-9 * ROWS[1:2]])
+def test_weights_of_dependent_rows_have_minimum_norm(more):
+    rows = np.concatenate([ROWS, more])
+    weights = solution(rows)
+    np.testing.assert_allclose(weights.T @ rows, solution(ROWS).T @ ROWS, atol=1e-6)
+    assert np.abs(weights).max() < 10 * np.abs(solution(ROWS)).max()
+
+
+@pytest.mark.parametrize("shape", [(0, 7), (0, 0)])
+def test_no_rows_give_no_weights(shape):
+    assert solve_gram(np.zeros((0, 0)), np.zeros(shape)).shape == shape
+
+
+@pytest.mark.parametrize(("offset", "size"), [(0.0, 1.0), (1e6, 1.0), (0.0, 1e-6), (-5e8, 1e3)])
+def test_matrices_are_invariant_to_translation_and_scale(offset, size):
+    shape = np.random.default_rng(1).uniform(size=(4, 10, 3))
+    here = to_matrices(shape, bounding_frame(extent_of(shape)))
+    moved = shape * size + offset
+    there = to_matrices(moved, bounding_frame(extent_of(moved)))
+    np.testing.assert_allclose(there, here, atol=4 * np.finfo(float).eps * (1 + abs(offset) / size))
+
+
+def test_positions_are_restored_from_matrices():
+    shape = np.random.default_rng(1).uniform(size=(4, 10, 3)) + 100
+    frame = bounding_frame(extent_of(shape))
+    back = from_matrices(to_matrices(shape, frame), frame, np.float64)
+    np.testing.assert_allclose(back, shape, atol=1e-13)
+
+
+def test_scale_of_coincident_vertices_is_one():
+    assert bounding_frame(extent_of(np.full((2, 3, 3), 7.0))).scale == 1.0
+
+
+def test_to_matrices_does_not_modify_its_input():
+    vertices = np.array([[[1.0, 2.0, 4.0]]])
+    to_matrices(vertices, BoundingFrame((1.0, 1.0, 1.0), 2.0))
+    np.testing.assert_array_equal(vertices, [[[1.0, 2.0, 4.0]]])

@@ -2,10 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import meshreel
 from conformance.bits import DamagedError
-from conformance.surface import Polygons, read_hard_edges
+from conformance.surface import CornerReferences, Polygons, read_hard_edges, read_references
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Order, Section
 from meshreel.codec.connectivity.coder import encode_connectivity
@@ -15,13 +18,14 @@ from meshreel.codec.surface.payloads import (
     surface_sections,
     write_material,
 )
+from meshreel.codec.surface.rows import encode_corner_references, encode_references
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
     TruncatedStreamError,
 )
 from meshreel.kernel.integers import encode_integers
-from meshreel.kernel.polygons import triangle_corners
+from meshreel.kernel.polygons import triangle_corners, triangulate
 from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.materials import Image, Material, Texture
@@ -401,3 +405,52 @@ def test_note_on_an_order_that_the_user_has_not_chosen():
     assert order_notes([PLAIN], "keep", is_chosen=False) == []
     assert order_notes([PLAIN] * 2, "keep, drop", is_chosen=False) == [note]
     assert len(order_notes([two_sheets().surface] * 2, "drop", is_chosen=True)) == 1
+
+
+ROWS = st.integers(0, 80).flatmap(lambda size: arrays(np.int32, size, elements=st.integers(0, 20)))
+
+
+@given(ROWS)
+def test_references_of_vertices_round_trip(rows):
+    assert read_references(encode_references(rows), len(rows)) == rows.tolist()
+
+
+@st.composite
+def polygon_rows(draw):
+    """Sizes and corners of polygons on a few vertices, and a row of each corner."""
+    sizes = np.array(draw(st.lists(st.integers(3, 6), min_size=1, max_size=12)))
+    n_corners = int(sizes.sum())
+    corners = draw(arrays(np.int64, n_corners, elements=st.integers(0, 6)))
+    return sizes, corners, draw(arrays(np.int32, n_corners, elements=st.integers(0, 9)))
+
+
+@given(polygon_rows())
+def test_references_of_corners_of_any_polygons_round_trip(case):
+    sizes, corners, rows = case
+    faces, _ = triangulate(sizes, corners, np.random.default_rng(0).random((7, 3)))
+    surface = Surface(face_sizes=sizes.astype(np.int32))
+    polygons = Polygons(None, [tuple(face) for face in faces.tolist()])
+    polygons.sizes = sizes.tolist()
+    coded = encode_corner_references(rows, surface, faces)
+    assert CornerReferences(coded, polygons).read() == rows.tolist()
+
+
+def test_corners_that_share_the_row_of_their_vertex_take_few_bytes():
+    faces = waving_grid(1, 40, 40).faces
+    assert len(encode_corner_references(faces.ravel(), PLAIN, faces)) < 200
+
+
+def test_a_seam_costs_little_more_than_its_vertices():
+    sheet = waving_grid(1, 40, 40)
+    is_right = sheet.vertices[0][sheet.faces].mean(axis=1)[:, 0] > sheet.vertices[0][:, 0].mean()
+    keys = (2 * sheet.faces + is_right[:, None]).ravel()
+    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
+    rows = np.argsort(np.argsort(first))[number]  # numbered by first use
+    n_split = len(first) - sheet.n_verts
+    assert n_split > 40
+    assert len(encode_corner_references(rows, PLAIN, sheet.faces)) < 100 + 2 * n_split
+
+
+def test_negative_rows_are_refused():
+    with pytest.raises(InvalidInputError, match="rows of corners"):
+        encode_corner_references(np.array([0, -1, 2]), PLAIN, np.array([[0, 1, 2]], np.int32))

@@ -1,8 +1,19 @@
+from functools import partial
+
+import DracoPy
 import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
+from meshreel.formats.gltf import morphs
 from meshreel.formats.gltf.geometry import FAN, STRIP, TRIANGLES, assemble_triangles
+from meshreel.formats.gltf.morphs import (
+    BYTE,
+    SHORT,
+    best_weights,
+    project,
+)
+from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
 
@@ -269,3 +280,159 @@ def test_load_rejects_primitives_that_differ_in_morph_targets(read, n_targets):
     file.node(mesh=0)
     with pytest.raises(FormatError, match=r"primitives have [01] or [12] morph targets; expected"):
         read(file)
+
+
+integer_targets = partial(morphs.integer_targets, is_compressed=False)
+
+RNG = np.random.default_rng(5)
+
+
+def fields(n_targets=6, size=900):
+    return RNG.uniform(-1, 1, (n_targets, size)).astype(np.float32)
+
+
+def test_integer_targets_are_int16_without_allowed_noise():
+    assert integer_targets(fields(), np.ones(6), 0.0).levels.tolist() == [SHORT] * 6
+
+
+def test_small_targets_are_int8_within_the_allowed_noise():
+    max_weights = np.array([1.0, 1e-3, 0.5, 2e-3, 1e-3, 0.1])
+    result = integer_targets(fields(), max_weights, 3.5e-4)
+    assert result.levels.tolist() == [SHORT, BYTE, SHORT, BYTE, BYTE, SHORT]
+
+
+def test_rounding_error_of_targets_stays_below_the_noise():
+    exact, max_weights = 0.3 * fields(), np.full(6, 0.7)
+    noise = 0.7 * 0.3 * 1.5 / BYTE
+    result = integer_targets(exact.copy(), max_weights, noise)
+    assert (result.levels == BYTE).any()
+    largest = np.abs(exact).max(axis=1)
+    errors = (result.values * largest[:, None] - exact) * max_weights[:, None]
+    distances = np.linalg.norm(errors.sum(axis=0).reshape(-1, 3), axis=1)
+    assert np.sqrt((distances**2).mean()) < noise
+
+
+def test_integer_targets_of_a_zero_field_are_zero():
+    result = integer_targets(np.zeros((2, 9), np.float32), np.ones(2), 0.1)
+    assert not result.values.any()
+
+
+def test_best_weights_recover_the_weights_of_frames():
+    targets = integer_targets(fields(), np.ones(6), 0.0)
+    weights = RNG.standard_normal((20, 6)).astype(np.float32)
+    np.testing.assert_allclose(best_weights(targets, weights @ targets.values), weights, atol=1e-5)
+
+
+def test_best_weights_are_finite_for_equal_targets():
+    targets = integer_targets(np.ones((2, 30), np.float32), np.ones(2), 0.0)
+    weights = best_weights(targets, np.full((4, 30), 3, np.float32))
+    np.testing.assert_allclose(weights @ targets.values, 3, rtol=1e-5)
+
+
+def test_project_multiplies_matrices_in_pieces():
+    vectors, frames = RNG.random((5, 3), np.float32), RNG.random((5, 20_000), np.float32)
+    np.testing.assert_allclose(project(vectors, frames), vectors.T @ frames, rtol=1e-5)
+
+
+POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
+FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 4], [1, 2, 4]])
+UV = np.array([[0, 0], [0.5, 0], [0.5, 0.5], [0, 0.5], [0.25, 0.25]], np.float32)
+
+
+def packed(**options):
+    """Return a glTF file with one Draco-compressed mesh, and its extension for modification."""
+    data = DracoPy.encode(
+        POSITIONS.astype(np.float32), FACES, quantization_bits=16, generic_attributes={7: UV},
+        **options,
+    )  # fmt: skip
+    decoded = DracoPy.decode(data)
+    [position_id] = [
+        attribute["unique_id"]
+        for attribute in decoded.attributes
+        if attribute["attribute_type"] == 0
+    ]
+    file, n_verts = Gltf(), len(decoded.points)
+    attributes = {
+        "POSITION": file.add("accessors", componentType=5126, count=n_verts, type="VEC3"),
+        "TEXCOORD_0": file.add("accessors", componentType=5126, count=n_verts, type="VEC2"),
+    }
+    extension = {
+        "bufferView": file.view(data),
+        "attributes": {"POSITION": position_id, "TEXCOORD_0": 7},
+    }
+    primitive = {
+        "attributes": attributes,
+        "indices": file.add("accessors", componentType=5125, count=FACES.size, type="SCALAR"),
+        "extensions": {"KHR_draco_mesh_compression": extension},
+    }
+    file.node(mesh=file.add("meshes", primitives=[primitive]))
+    file.json["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    return file, extension
+
+
+def corner_values(sequence):
+    """Return positions and UVs of all corners, independent of the order of faces and corners."""
+    [uv] = sequence.surface.attributes
+    positions = sequence.vertices[0][sequence.faces]
+    values = uv.per_item()
+    of_corners = values[sequence.faces] if uv.domain == "vertex" else values.reshape(-1, 3, 2)
+    rows = np.concatenate([positions, of_corners], axis=2)
+    sorted_corners = [np.roll(row, -np.lexsort(row.T[::-1])[0], axis=0) for row in rows]
+    return np.array(sorted(np.round(row, 3).ravel().tolist() for row in sorted_corners))
+
+
+@pytest.mark.parametrize("options", [{}, {"preserve_order": True}, {"compression_level": 10}])
+def test_load_reads_a_draco_mesh(tmp_path, options):
+    file, _ = packed(**options)
+    loaded = load(file.save(tmp_path / "a.glb"))
+    plain = Gltf()
+    uv = plain.accessor(UV)
+    plain.node(mesh=plain.mesh(POSITIONS, FACES, attributes={"TEXCOORD_0": uv}))
+    expected = load(plain.save(tmp_path / "b.glb"))
+    assert (loaded.n_verts, loaded.n_faces) == (5, 4)
+    np.testing.assert_allclose(corner_values(loaded), corner_values(expected), rtol=0, atol=1e-4)
+
+
+def announce(key, index, count):
+    def change(file, extension):
+        file.json["accessors"][index][key] = count
+
+    return change
+
+
+def cut(file, extension):
+    file.json["bufferViews"][0]["byteLength"] = 30
+
+
+def other_id(file, extension):
+    extension["attributes"]["TEXCOORD_0"] = 9
+
+
+def no_mesh(file, extension):
+    file.data[0] ^= 1
+
+
+def ends_in_head(file, extension):
+    file.json["bufferViews"][0]["byteLength"] = 12
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (announce("count", 0, 3), "the file declares 3 and 4"),
+        (announce("count", 2, 9), "the file declares .* and 3"),
+        (
+            announce("type", 1, "VEC3"),
+            r"the Draco stream has values of shape \(\d+, 2\) for accessor 1",
+        ),
+        (cut, "Draco cannot decode it"),
+        (other_id, "the Draco stream has no values for accessor 1"),
+        (no_mesh, "is not a triangle mesh of Draco"),
+        (ends_in_head, "ends within the header of its Draco stream"),
+    ],
+)
+def test_load_describes_what_is_wrong_with_a_draco_stream(tmp_path, change, message):
+    file, extension = packed()
+    change(file, extension)
+    with pytest.raises(FormatError, match=rf"mesh 0, primitive 0, .*{message}"):
+        load(file.save(tmp_path / "a.glb"))

@@ -2,8 +2,20 @@ import numpy as np
 import pytest
 
 from meshreel.codec.subspace.pca import joint_trajectories
+from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams
+from meshreel.formats.gltf.morph_mesh import (
+    fit_part,
+    select_normal_targets,
+    static_normals,
+)
 from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_morphs, measure
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.flag import simulate_flag
+from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from samples.meshes import octahedron_faces, waving_grid
+from samples.surfaces import rich_cube
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +85,222 @@ def test_measure_returns_the_errors_of_changed_weights(flag):
     assert errors[3] == pytest.approx(longest, rel=1e-6)
     others, before = np.delete(errors, 3), np.delete(result.errors, 3)
     np.testing.assert_allclose(others, before, rtol=1e-4, atol=1e-6 * longest)
+
+
+def angles_deg(fitted, vertices, faces):
+    """Return the angles between animated and original normals of every vertex and frame."""
+    displacements = np.tensordot(
+        fitted.morphs.weights[:, fitted.normals.numbers], fitted.normals.targets / 127, 1
+    )
+    normals = fitted.normals.base / 127 + displacements
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    expected = np.stack([vertex_normals(frame, faces) for frame in vertices])
+    return np.degrees(np.arccos(np.clip((normals * expected).sum(axis=2), -1, 1)))
+
+
+@pytest.mark.slow
+def test_normals_follow_a_fluttering_flag():
+    flag = simulate_flag(30, n_rows=16, n_columns=16)
+    options = WriteOptions(normals=True, compression=False)
+    fitted = fit_part(flag.vertices, flag.faces, 0.002, options)
+    angles = angles_deg(fitted, flag.vertices, flag.faces)
+    assert (angles.mean() < 1, angles.max() < 10, fitted.errors.max() <= 0.002) == (True,) * 3
+
+
+def test_normals_follow_a_rotating_body():
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    body = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
+    rotations = np.stack(
+        [[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in angles]
+    )
+    vertices = (body @ rotations.reshape(-1, 3, 3)).astype(np.float32)
+    options = WriteOptions(normals=True, compression=False)
+    fitted = fit_part(vertices, octahedron_faces(), 0.002, options)
+    assert angles_deg(fitted, vertices, octahedron_faces()).max() < 2
+
+
+def test_fixed_number_of_targets_includes_those_of_normals():
+    grid = waving_grid(20)
+    fitted = fit_part(
+        grid.vertices, grid.faces, 0.0, WriteOptions(targets=6, normals=True, compression=False)
+    )
+    assert len(fitted.morphs.targets) == len(fitted.normals.targets) == 6
+
+
+def test_normals_of_degenerate_faces_point_along_z():
+    result = static_normals(np.zeros((3, 3), np.float32), np.array([[0, 1, 2]], np.int32))
+    np.testing.assert_array_equal(result.base, np.tile(np.float32([0, 0, 1]), (3, 1)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("choice", [None, True])
+def test_stated_angle_is_that_of_the_stored_normals(choice):
+    flag = simulate_flag(24, n_rows=12, n_columns=12)
+    fitted = fit_part(
+        flag.vertices, flag.faces, 0.002, WriteOptions(normals=choice, compression=False)
+    )
+    measured = angles_deg(fitted, flag.vertices, flag.faces).mean()
+    assert fitted.normals.angle_deg == pytest.approx(measured, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_smooth_normals_need_fewer_targets_than_exact_ones():
+    flag = simulate_flag(60, n_rows=20, n_columns=20)
+    near, exact = (
+        fit_part(flag.vertices, flag.faces, 0.0005, WriteOptions(normals=choice, compression=False))
+        for choice in (None, True)
+    )
+    assert len(near.normals.numbers) < 0.7 * len(exact.normals.numbers)
+    assert near.normals.angle_deg < 5
+    assert near.errors.max() <= 0.0005
+
+
+def test_creased_mesh_has_normals_only_on_request():
+    box = rich_cube(4)
+    results = [
+        fit_part(box.vertices, box.faces, 0.001, WriteOptions(normals=one, compression=False))
+        for one in (None, True, False)
+    ]
+    assert [result.normals is not None for result in results] == [False, True, False]
+
+
+@pytest.mark.parametrize(("error_share", "n_targets"), [(1.01, 1), (0.99, 2), (0.2, 3)])
+def test_fewest_targets_that_reach_the_error_of_normals_are_selected(error_share, n_targets):
+    """Of three targets that change normals by 3, 2 and 1, the last two have a squared sum of 5."""
+    rng = np.random.default_rng(4)
+    basis, _ = np.linalg.qr(np.column_stack([np.ones(7), rng.standard_normal((7, 3))]))
+    fields, _ = np.linalg.qr(rng.standard_normal((30, 3)))
+    amounts = np.array([3.0, 2.0, 1.0])
+    offsets = (basis[:, 1:] * amounts) @ fields.T
+    weights = (basis[:, 1:] * amounts).astype(np.float32)
+    length_error = error_share * np.sqrt(5 / (offsets.size / 3))
+    result = select_normal_targets(weights, offsets.astype(np.float32), length_error)
+    assert result.tolist() == list(range(n_targets))
+
+
+QUADS = np.array([[0, 1, 2, 3], [1, 4, 5, 2]], np.int32)
+CORNERS = QUADS.ravel()
+
+
+def two_quads(*attributes, groups=(), n_verts=6):
+    """Return two adjacent squares with corners 0 to 7."""
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], np.int32)
+    surface = Surface(np.array([4, 4], np.int32), attributes, groups)
+    (part,) = split_parts(faces, surface.validated(n_verts, faces), n_verts, "squares")
+    assert isinstance(part, PartMesh)
+    return part
+
+
+def attribute(kind, domain, values, dtype=np.float32, name="a"):
+    return Attribute(name, kind, domain, np.asarray(values, dtype))
+
+
+def uv(domain, values):
+    return attribute(Kind.UV, domain, values)
+
+
+def triangles(split):
+    """Return the corners of all triangles as original vertices."""
+    return np.concatenate(
+        [split.sources[primitive.verts][primitive.triangles] for primitive in split.primitives]
+    )
+
+
+def test_vertices_without_seams_are_not_split():
+    split = split_at_seams(two_quads())
+    assert split.sources.tolist() == list(range(6))
+    assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+
+
+def test_vertices_without_faces_are_left_out():
+    assert split_at_seams(two_quads(n_verts=9)).sources.tolist() == list(range(6))
+
+
+def test_vertices_are_split_where_uvs_differ():
+    values = np.zeros((8, 2))
+    values[4] = 0.5, 0.25  # vertex 1, in the second square only
+    split = split_at_seams(two_quads(uv(Domain.CORNER, values)))
+    assert split.sources.tolist() == [0, 1, 1, 2, 3, 4, 5]
+    written = split.attributes["TEXCOORD_0"]
+    corner = np.flatnonzero((written == [0.5, 0.75]).all(axis=1))
+    assert split.sources[corner].tolist() == [1]
+    assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
+
+
+@pytest.mark.parametrize("kind", [Kind.OTHER, Kind.COLOR])
+def test_vertices_are_not_split_for_the_sign_of_zero(kind):
+    values = np.zeros((8, 3))
+    values[4:] = -0.0
+    split = split_at_seams(two_quads(attribute(kind, Domain.CORNER, values)))
+    assert split.sources.tolist() == list(range(6))
+
+
+def test_vertices_are_not_split_where_uvs_agree():
+    values = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, -0.0], [1, 0], [0, 0], [1, 1]])
+    split = split_at_seams(two_quads(uv(Domain.CORNER, values[CORNERS])))
+    assert split.sources.tolist() == list(range(6))
+    expected = np.stack([values[:, 0], 1 - values[:, 1]], axis=1).astype(np.float32)
+    np.testing.assert_array_equal(split.attributes["TEXCOORD_0"], expected)
+
+
+def test_vertex_attributes_split_nothing():
+    colors = np.arange(24).reshape(6, 4)
+    split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.VERTEX, colors, np.uint8)))
+    assert split.sources.tolist() == list(range(6))
+    np.testing.assert_array_equal(split.attributes["COLOR_0"], colors)
+
+
+def test_vertices_are_split_along_edges_where_face_colors_differ():
+    colors = [[255, 0, 0], [0, 255, 0]]
+    split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.FACE, colors, np.uint8)))
+    assert split.sources.tolist() == [0, 1, 1, 2, 2, 3, 4, 5]
+    corners = split.primitives[0].triangles
+    expected = np.repeat(np.array(colors), 2, axis=0)[:, None].repeat(3, axis=1)
+    np.testing.assert_array_equal(split.attributes["COLOR_0"][corners], expected)
+
+
+def test_each_used_material_has_a_primitive():
+    groups = (FaceGroups("material", ("unused", "red"), np.array([1, -1], np.int32)),)
+    split = split_at_seams(two_quads(groups=groups))
+    assert [primitive.material for primitive in split.primitives] == ["red", None]
+    assert [split.sources[primitive.verts].tolist() for primitive in split.primitives] == [
+        [0, 1, 2, 3],
+        [1, 2, 4, 5],
+    ]
+    assert split.primitives[1].triangles.tolist() == [[0, 2, 3], [0, 3, 1]]
+
+
+def test_attributes_of_the_same_kind_are_numbered():
+    zeros = np.zeros((6, 2))
+    own = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), name="heat")
+    split = split_at_seams(two_quads(uv(Domain.VERTEX, zeros), own, uv(Domain.VERTEX, zeros + 1)))
+    assert list(split.attributes) == ["TEXCOORD_0", "_heat", "TEXCOORD_1"]
+
+
+@pytest.mark.parametrize(
+    ("values", "dtype", "expected"),
+    [
+        ([-1, 0, 1.5], np.float64, np.array([0, 0, 1], np.float32)),
+        ([0, 255, 7], np.uint8, np.array([0, 255, 7], np.uint8)),
+        ([-4, 300, 7], np.int32, np.array([0, 255, 7], np.uint8)),
+    ],
+)
+def test_colors_are_clipped_to_the_valid_range(values, dtype, expected):
+    colors = attribute(Kind.COLOR, Domain.VERTEX, np.tile(values, (6, 1)), dtype)
+    result = split_at_seams(two_quads(colors)).attributes["COLOR_0"]
+    assert result.dtype == expected.dtype
+    np.testing.assert_array_equal(result, np.tile(expected, (6, 1)))
+
+
+def test_describe_losses_names_what_gltf_cannot_store():
+    wide = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 5)), name="wide")
+    integer = attribute(Kind.OTHER, Domain.VERTEX, np.zeros((6, 1)), np.int32, "id")
+    bright = attribute(Kind.COLOR, Domain.VERTEX, np.full((6, 3), 2.0), name="hot")
+    groups = (FaceGroups("group", ("left",), np.zeros(2, np.int32)),)
+    surface = two_quads(wide, integer, bright, groups=groups).surface  # of triangles
+    assert list(describe_losses(surface, 4)) == [
+        "clipped colors 'hot' to 0..1",
+        "left out attribute 'wide': glTF does not support 5 components of float32",
+        "left out attribute 'id': glTF does not support 1 components of int32",
+        "left out face groups 'group': glTF supports only materials",
+    ]

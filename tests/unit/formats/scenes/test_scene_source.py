@@ -4,23 +4,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_scene
+from meshreel.formats.scenes.timing import neighbours
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Part, Surface
 from samples.materials import look
-from samples.meshes import assert_same_surface, quad_sheet, two_sheets
+from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
 
 PATH = Path("scene.abc")
 
 
 def scene_mesh(sequence, name, times_s=None):
-    """A scene mesh with the frames of a sequence."""
     sizes = sequence.surface.sizes(len(sequence.faces))
     corners = join_triangles(sizes, sequence.faces)
     times = sequence.start_s + np.arange(sequence.n_frames) / 24 if times_s is None else times_s
@@ -271,3 +273,46 @@ def test_ambiguous_parent_name_lists_the_meshes(wanted, which):
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/a", "/Bone/b")]
     with pytest.raises(InvalidInputError, match=rf"{which} named '{wanted}'; it holds 2 meshes"):
         opened(meshes, object=wanted)
+
+
+def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):
+    sequence = waving_grid(5)
+    for number in range(5):
+        meshreel.save(
+            sequence[number : number + 1], tmp_path / f"f_{number}.glb", compression=False
+        )
+    loaded = meshreel.load(str(tmp_path / "f_*.glb"), fps=12)
+    assert (loaded.n_frames, loaded.fps, loaded.name) == (5, 12, tmp_path.name)
+    np.testing.assert_allclose(loaded.vertices, sequence.vertices, atol=1e-4)
+    assert meshreel.load(str(tmp_path / "f_*.glb")).fps == 0
+    info = inspect_source(str(tmp_path / "f_*.glb"), ReadOptions())
+    assert (info.n_files, [mesh.n_frames for mesh in info.meshes]) == (5, [5])
+
+
+def test_faces_may_differ_between_files(tmp_path):
+    meshreel.save(waving_grid(1), tmp_path / "f_0.glb")
+    meshreel.save(meshreel.simulate_flag(1, n_rows=4, n_columns=5), tmp_path / "f_1.glb")
+    loaded = meshreel.load([tmp_path / "f_0.glb", tmp_path / "f_1.glb"])
+    assert [segment.n_frames for segment in loaded.segments] == [1, 1]
+
+
+def test_files_of_several_frames_are_refused_by_name(tmp_path):
+    meshreel.save(waving_grid(1), tmp_path / "a.glb")
+    meshreel.save(waving_grid(3).replace(fps=24.0), tmp_path / "b.glb")
+    with pytest.raises(FormatError, match=r"b\.glb has 3 frames; files that are read together"):
+        meshreel.load([tmp_path / "a.glb", tmp_path / "b.glb"])
+
+
+@pytest.mark.parametrize(
+    ("time_s", "expected"),
+    [
+        (0.0, (0, 0, 0.0)),
+        (1.0, (0, 0, 0.0)),
+        (1.0005, (0, 0, 0.0)),
+        (1.9995, (1, 1, 0.0)),
+        (3.0, (1, 2, 0.5)),
+        (9.0, (2, 2, 0.0)),
+    ],
+)
+def test_neighbours_snaps_to_a_frame_when_the_time_is_close(time_s, expected):
+    assert neighbours(np.array([1.0, 2.0, 4.0]), time_s) == expected

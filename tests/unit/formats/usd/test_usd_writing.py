@@ -1,4 +1,4 @@
-"""Round trips of sequences through USD files."""
+"""Round trips of sequences through USD files, and the names in them."""
 
 import zipfile
 
@@ -10,6 +10,9 @@ import meshreel
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
+from meshreel.formats.scenes.parts import unique_name
+from meshreel.formats.usd.material_writing import prim_name
+from meshreel.formats.usd.writing import mesh_paths
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
@@ -215,3 +218,38 @@ def test_errors_of_usd_name_the_file(tmp_path, monkeypatch, capfd):
         save(sheets(), tmp_path / "x.usdc")
     assert capfd.readouterr().err == ""
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("body", "body"), ("arm.L", "arm_L"), ("3d", "_3d"), ("", "mesh"), ("a b:c", "a_b_c")],
+)
+def test_prim_name_replaces_forbidden_characters(name, expected):
+    assert prim_name(name) == expected
+
+
+def test_unique_name_appends_numbers():
+    used = set()
+    assert [unique_name(name, used) for name in ("a", "a", "a_2", "a")] == [
+        "a",
+        "a_2",
+        "a_2_2",
+        "a_3",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["grid"], ["/scene/grid"]),
+        (["/root/a", "/root/b/c"], ["/root/a", "/root/b/c"]),
+        (["/a/x", "/b/x"], ["/scene/a/x", "/scene/b/x"]),
+        (["a", "a"], ["/scene/a", "/scene/a_2"]),
+        (["/r/a", "/r/a/b", "/r/a"], ["/r/a/a", "/r/a/b", "/r/a/a_2"]),
+        (["/r/a/a", "/r/a"], ["/r/a/a", "/r/a/a_2"]),
+        (["/r/a b", "/r/a_b"], ["/r/a_b", "/r/a_b_2"]),
+        (["", "/"], ["/scene/mesh", "/scene/mesh_2"]),
+    ],
+)
+def test_mesh_paths_are_unique_and_below_one_root(names, expected):
+    assert mesh_paths(names, "scene") == expected

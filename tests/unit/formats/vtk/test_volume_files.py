@@ -117,7 +117,6 @@ def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path, notes):
 
 
 def with_values(points, cells):
-    """Return a grid with the number of each cell as its value."""
     mesh = grid(points, cells)
     numbers = numpy_to_vtk(np.arange(len(cells)) + 0.5, deep=True)
     numbers.SetName("number")

@@ -1,4 +1,4 @@
-"""Files read from and written to stores."""
+"""Files and folders of stores: listed, read and written."""
 
 import sys
 from pathlib import Path
@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.errors import StoreError
 from meshreel.runtime.stores import transfer
+from meshreel.runtime.stores.filesystem import files_below, files_in, matches
 from samples.captures import capture
 from samples.commands import assert_fails, run, run_json
 from samples.materials import dressed_sheet
@@ -256,3 +258,80 @@ def test_texture_folder_in_a_store_is_not_mixed_with_other_files(memory):
     memory.pipe("/bucket/walk.vat/other.png", b"mine")
     with pytest.raises(meshreel.InvalidInputError, match="must not be mixed with the output"):
         meshreel.save(waving_grid(4), "memory://bucket/walk.vat/", overwrite=True)
+
+
+FILES = {"/bucket/a/1.obj": b"1", "/bucket/a/b/22.obj": b"22", "/bucket/a/b/3.ply": b"333",
+         "/bucket/ab/4.obj": b"4"}  # fmt: skip
+
+
+@pytest.fixture
+def memory_store():
+    store = fsspec.filesystem("memory")
+    store.store.clear()
+    for path, data in FILES.items():
+        store.pipe(path, data)
+    yield store
+    store.store.clear()
+
+
+@pytest.mark.parametrize("extension", ["", "/"])
+def test_files_below_lists_the_folder_recursively(memory_store, extension):
+    files = files_below(f"memory://bucket/a{extension}")
+    assert sorted((file.name, file.address, file.size_bytes) for file in files) == [
+        ("1.obj", "memory:///bucket/a/1.obj", 1),
+        ("b/22.obj", "memory:///bucket/a/b/22.obj", 2),
+        ("b/3.ply", "memory:///bucket/a/b/3.ply", 3),
+    ]
+
+
+@pytest.mark.parametrize("folder", ["none", "a/1.obj"])
+def test_listing_is_empty_when_the_folder_does_not_exist(memory_store, folder):
+    assert files_below(f"memory://bucket/{folder}") == []
+    assert files_in(f"memory://bucket/{folder}") == []
+
+
+def test_files_in_lists_only_the_folder_itself(memory_store):
+    assert files_in("memory://bucket/a") == ["memory:///bucket/a/1.obj"]
+
+
+def test_matches_lists_the_files_of_a_pattern(memory_store):
+    assert matches("memory://bucket/*/*.obj") == [
+        "memory:///bucket/a/1.obj", "memory:///bucket/ab/4.obj",
+    ]  # fmt: skip
+    assert matches("memory://bucket/a/b/?.*") == ["memory:///bucket/a/b/3.ply"]
+
+
+def version_of(name):
+    [version] = [one.version for one in files_below("memory://bucket/a") if one.name == name]
+    return version
+
+
+def test_version_changes_only_with_its_file(memory_store):
+    before = version_of("1.obj"), version_of("b/22.obj")
+    memory_store.pipe("/bucket/a/1.obj", b"0")
+    assert version_of("1.obj") not in ("", before[0])
+    assert version_of("b/22.obj") == before[1]
+
+
+@pytest.mark.parametrize(
+    ("facts", "version"),
+    [
+        ({"ETag": "e", "LastModified": "l"}, "e"),
+        ({"ETag": "", "LastModified": "l", "size": None}, "l"),
+        ({"mtime": 1.5}, "1.5"),
+        ({}, ""),
+    ],
+)
+def test_version_is_the_first_available_property(memory_store, monkeypatch, facts, version):
+    monkeypatch.setattr(
+        type(memory_store), "find", lambda store, path, detail: {"/bucket/a/1.obj": facts}
+    )
+    assert [(one.version, one.size_bytes) for one in files_below("memory://bucket/a")] == [
+        (version, 0)
+    ]
+
+
+@pytest.mark.parametrize("function", [files_below, files_in, matches])
+def test_web_server_lists_no_folders(function):
+    with pytest.raises(StoreError, match="lists no folders"):
+        function("https://example.invalid/frames/")

@@ -47,64 +47,48 @@ MAX_NEW_RATIO = 0.25
 
 @dataclass(frozen=True)
 class FieldChoices:
-    """Encoder parameters.
-
-    Attributes
-    ----------
-    position_step : float
-        Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times
-        this step.
-    n_modes : int or None
-        Largest number of modes; None for all that quantization does not zero.
-    basis_step : float
-        Step of the temporal basis divided by that of the fields, both as they act on positions.
-    least_rms : float
-        A mode is kept if its field's root mean square exceeds this share of a step.
-    rate_weight : float
-        Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest.
-    feedback_gain : float
-        Gain of noise shaping: the share of the prediction error that the predicted value keeps
-        instead of correcting it. Errors then vary smoothly over the mesh, which saves bits.
-    n_shaped_resolutions : int
-        Number of resolutions with shaped noise, starting with the finest: from coarser ones it
-        would spread far.
-    stencil_size, n_learned
-        As in `Layout`.
-    """
+    """Encoder parameters."""
 
     position_step: float
+    """Step as it acts on a position, in diagonals; coefficients of T frames have sqrt(T) times this
+    step.
+    """
     n_modes: int | None = None
+    """Largest number of modes; None for all that quantization does not zero."""
     basis_step: float = 3.0
+    """Step of the temporal basis divided by that of the fields, both as they act on positions."""
     least_rms: float = 0.6
+    """A mode is kept if its field's root mean square exceeds this share of a step."""
     rate_weight: float = LAGRANGE_MULTIPLIER
+    """Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest."""
     feedback_gain: float = 0.6
+    """Gain of noise shaping: the share of the prediction error that the predicted value keeps
+    instead of correcting it. Errors then vary smoothly over the mesh, which saves bits.
+    """
     n_shaped_resolutions: int = 2
+    """Number of resolutions with shaped noise, starting with the finest: from coarser ones it would
+    spread far.
+    """
     stencil_size: int = 16
     n_learned: int = 32
+    """As in `Layout`."""
 
 
 @dataclass(frozen=True)
 class AnalyzedFields:
-    """A block of frames as integers.
-
-    Attributes
-    ----------
-    block : FieldBlock
-    decoded : JointFrames
-        The frames that they decode to, in internal order.
-    new_fields : KeyFields
-        Fields that are not reused, for blocks that refer to this one.
-    target : float64 array of shape (V, K - n_reused)
-        The new fields before quantization, in the same order.
-    remainder : BlockFrames
-        Residual frames after subtracting reused fields.
-    """
+    """A block of frames as integers."""
 
     block: FieldBlock
     decoded: JointFrames
+    """The frames that they decode to, in internal order."""
     new_fields: KeyFields
+    """Fields that are not reused, for blocks that refer to this one."""
     target: Floats
+    """float64 array of shape (V, K - n_reused). The new fields before quantization, in the same
+    order.
+    """
     remainder: BlockFrames
+    """Residual frames after subtracting reused fields."""
 
     @property
     def squared_error(self) -> float:
@@ -155,9 +139,6 @@ def analyze_fields(
 
     Parameters
     ----------
-    frames : BlockFrames
-    mesh : FieldMesh
-    choices : FieldChoices
     key : KeyFields, optional
         Fields of the block that this one refers to. They are reused if that takes fewer bits;
         modes are then found for the remainder.
@@ -338,21 +319,14 @@ def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
 
 @dataclass(frozen=True)
 class ReusedFields:
-    """Basis vectors with which a block reuses fields of its key block.
-
-    Attributes
-    ----------
-    integers : int32 array of shape (R, C, T)
-        Residuals of the basis vectors.
-    coding : BasisCoding
-        Coding of all basis vectors of the block.
-    remainder : BlockFrames
-        The frames minus the reused modes.
-    """
+    """Basis vectors with which a block reuses fields of its key block."""
 
     integers: npt.NDArray[np.int32]
+    """int32 array of shape (R, C, T). Residuals of the basis vectors."""
     coding: BasisCoding
+    """Coding of all basis vectors of the block."""
     remainder: BlockFrames
+    """The frames minus the reused modes."""
 
 
 def reuse_fields(
@@ -367,7 +341,6 @@ def reuse_fields(
 
     Parameters
     ----------
-    frames : BlockFrames
     values : float64 array of shape (V, K)
         Fields of the key block, in coding order.
     number : integer array of shape (V,)

@@ -147,7 +147,6 @@ def find_rests(
 
     Parameters
     ----------
-    frames : BlockFrames
     targets : float64 array of shape (K, C, T)
         Basis vectors of the block, in steps.
     step : float

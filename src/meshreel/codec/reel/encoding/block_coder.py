@@ -47,27 +47,17 @@ errors, and this share of all squared coordinates."""
 
 @dataclass(frozen=True)
 class FieldBlockCoder:
-    """Codes blocks of frames; each depends on at most one other, its key block.
-
-    Attributes
-    ----------
-    mesh : FieldMesh
-    frame : BoundingFrame
-    choices : FieldChoices
-    bound : float or None
-        Largest error of a position, in diagonals of the frame; None guarantees nothing.
-    sections_of : callable
-        Encodes a block of positions or of another track, given its mesh and corrections.
-    each_column : bool, default False
-        As in `find_corrections`.
-    """
+    """Codes blocks of frames; each depends on at most one other, its key block."""
 
     mesh: FieldMesh
     frame: BoundingFrame
     choices: FieldChoices
     bound: float | None = None
+    """Largest error of a position, in diagonals of the frame; None guarantees nothing."""
     sections_of: SectionsOf = write_field_block
+    """Encodes a block of positions or of another track, given its mesh and corrections."""
     each_column: bool = False
+    """As in `find_corrections`."""
 
     def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
         """Return the coder with another step, as in `FieldChoices`, and bound."""
@@ -93,7 +83,6 @@ class FieldBlockCoder:
 
         Parameters
         ----------
-        frames : BlockFrames
         key : KeyBlock, optional
             The block that this one refers to.
         reference : int, default 0
@@ -136,42 +125,27 @@ class FieldBlockCoder:
 
 @dataclass(frozen=True)
 class CodedPiece:
-    """An encoded block, which can be sent to another process.
-
-    Attributes
-    ----------
-    n_frames : int
-    sections : list of (Section, bytes)
-    key : KeyBlock or None
-        The block if it is a new key block, to which the following blocks refer.
-    """
+    """An encoded block, which can be sent to another process."""
 
     n_frames: int
     sections: list[tuple[Section, bytes]]
+    """list of (Section, bytes)."""
     key: "KeyBlock | None"
+    """The block if it is a new key block, to which the following blocks refer."""
 
 
 @dataclass(frozen=True)
 class CodedFrames:
-    """A block of frames as integers.
-
-    Attributes
-    ----------
-    sections : iterator of (Section, bytes)
-        Entropy coded while iterated, which is possible once.
-    analyzed : AnalyzedFields
-    corrections : Corrections or None
-    key : KeyBlock
-        The block as a key block.
-    is_key : bool
-        Whether it refers to no block, so that others may refer to it.
-    """
+    """A block of frames as integers."""
 
     sections: Iterator[tuple[Section, bytes]]
+    """Iterator of (Section, bytes). Entropy coded while iterated, which is possible once."""
     analyzed: AnalyzedFields
     corrections: Corrections | None
     key: "KeyBlock"
+    """The block as a key block."""
     is_key: bool
+    """Whether it refers to no block, so that others may refer to it."""
 
     def decoded(self, frames: BlockFrames) -> Vertices:
         """Decoded positions of these frames, in internal order."""
@@ -211,20 +185,13 @@ class KeyBlock:
     """A block that others refer to.
 
     Only its coded fields are pickled: the core of another process decodes them.
-
-    Attributes
-    ----------
-    mesh : FieldMesh
-    residuals : int32 array of shape (K, V)
-        As in `FieldBlock`.
-    n_learned : int
-        As in `Layout`.
-    fields : KeyFields
     """
 
     mesh: FieldMesh
     residuals: npt.NDArray[np.int32]
+    """int32 array of shape (K, V). As in `FieldBlock`."""
     n_learned: int
+    """As in `Layout`."""
     fields: KeyFields
 
     @property
@@ -256,10 +223,6 @@ class KeyedBlocks:
     """Codes consecutive blocks; each refers to the last key block.
 
     The first block is a key block, and so are those that gain nothing from the last one.
-
-    Parameters
-    ----------
-    coder : FieldBlockCoder
     """
 
     def __init__(self, coder: FieldBlockCoder) -> None:

@@ -34,33 +34,27 @@ K / columns, which is less than 1 / 64."""
 
 @dataclass
 class BlockFrames:
-    """A block of frames with its trajectories, which do not change with the step.
-
-    Attributes
-    ----------
-    vertices : float array of shape (T, V, C)
-        Positions, or values of another track; contiguous.
-    frame : BoundingFrame
-        Origin and scale of coordinates.
-    order : int32 array of shape (V,), or None
-        Number of each vertex in the internal order; None: they are in it.
-    subtracted : tuple of float64 arrays of shapes (C, T, R) and (V, R), or None
-        Vectors and fields, in internal order, whose product is subtracted.
-    n_frames, n_verts, n_columns : int
-        T, V and C.
-    is_analyzed : bool
-        Whether trajectories were computed before.
-    """
+    """A block of frames with its trajectories, which do not change with the step."""
 
     vertices: npt.NDArray[np.floating]
+    """float array of shape (T, V, C). Positions, or values of another track; contiguous."""
     frame: BoundingFrame
+    """Origin and scale of coordinates."""
     order: npt.NDArray[np.int32] | None = None
+    """int32 array of shape (V,), or None. Number of each vertex in the internal order; None: they
+    are in it.
+    """
     subtracted: tuple[Floats, Floats] | None = None
+    """tuple of float64 arrays of shapes (C, T, R) and (V, R), or None. Vectors and fields, in
+    internal order, whose product is subtracted.
+    """
     _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)
     n_columns: int = field(init=False)
+    """T, V and C."""
     is_analyzed: bool = field(init=False, default=False)
+    """Whether trajectories were computed before."""
 
     def __post_init__(self) -> None:
         self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)

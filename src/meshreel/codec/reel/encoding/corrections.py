@@ -68,7 +68,6 @@ def corrections_of_block(
 
     Parameters
     ----------
-    block : BlockFrames
     decoded : JointFrames
         The frames that its fields decode to.
     bound, rounding, each_column

@@ -28,18 +28,12 @@ def quality_step(quality: float) -> float:
 
 @dataclass(frozen=True)
 class Effort:
-    """Encoder parameters of an effort; decoding takes longer with higher efforts too.
-
-    Attributes
-    ----------
-    stencil_size : int
-        Number of vertices that predict one.
-    n_learned : int
-        Number of modes that prediction weights adapt to.
-    """
+    """Encoder parameters of an effort; decoding takes longer with higher efforts too."""
 
     stencil_size: int
+    """Number of vertices that predict one."""
     n_learned: int
+    """Number of modes that prediction weights adapt to."""
 
 
 def tune_named(name: str | None, target: Target) -> Tune:

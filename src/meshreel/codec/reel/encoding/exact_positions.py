@@ -39,16 +39,10 @@ MAX_PARALLEL_BLOCKS = 4
 
 @dataclass(frozen=True)
 class PositionCoder(ABC):
-    """Encodes independent blocks of positions.
-
-    Attributes
-    ----------
-    links : int32 array of shape (n, 3)
-        The graph of internal vertices as triangles.
-    n_verts : int
-    """
+    """Encodes independent blocks of positions."""
 
     links: Faces
+    """int32 array of shape (n, 3). The graph of internal vertices as triangles."""
     n_verts: int
 
     @cached_property
@@ -80,19 +74,14 @@ class PositionCoder(ABC):
 
 @dataclass(frozen=True)
 class ExactPositionCoder(PositionCoder):
-    """Encodes blocks of positions losslessly.
-
-    Attributes
-    ----------
-    sides : tuple of int32 arrays of shape (M, 3) and (3 M,), optional
-        Internal faces, and the other side at the edge of each side, or the side itself. Needed
-        with `grid`.
-    grid : PositionGrid, optional
-        The grid on which a quantizer left the only frame.
-    """
+    """Encodes blocks of positions losslessly."""
 
     sides: Sides | None = None
+    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the other side at the
+    edge of each side, or the side itself. Needed with `grid`.
+    """
     grid: PositionGrid | None = None
+    """The grid on which a quantizer left the only frame."""
 
     @property
     def is_exact(self) -> bool:
@@ -165,8 +154,6 @@ def stream_of(
 
     Parameters
     ----------
-    source : Source
-    coder : PositionCoder
     progress, engine
         As in `encode`.
     """
@@ -211,11 +198,6 @@ def _with_progress(
 
 class LivePositionCoder:
     """Encodes blocks of live frames.
-
-    Parameters
-    ----------
-    coder : PositionCoder
-    start : LiveStart
 
     Raises
     ------

@@ -42,7 +42,6 @@ class FollowingTracks:
     ----------
     source : Source
         Its tracks are from `encode_tracks`.
-    progress : callable
     """
 
     def __init__(self, source: Source, progress: Progress) -> None:

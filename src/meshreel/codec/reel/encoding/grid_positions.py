@@ -46,23 +46,17 @@ MAX_ROUNDING_BYTES = 1 / 16
 
 @dataclass(frozen=True)
 class GridPositionCoder(PositionCoder):
-    """Codes blocks of positions on a grid, or losslessly.
-
-    Attributes
-    ----------
-    sides : tuple of int32 arrays of shape (M, 3) and (3 M,)
-        Internal faces, and the other side at the edge of each side, or the side itself.
-    grid : PositionGrid
-    bound : float or None
-        Largest error of a position, in diagonals; None guarantees nothing.
-    is_stored : bool
-        Whether a quantizer left the only frame on this grid, so that it may be exact.
-    """
+    """Codes blocks of positions on a grid, or losslessly."""
 
     sides: Sides
+    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the other side at the
+    edge of each side, or the side itself.
+    """
     grid: PositionGrid
     bound: float | None
+    """Largest error of a position, in diagonals; None guarantees nothing."""
     is_stored: bool = False
+    """Whether a quantizer left the only frame on this grid, so that it may be exact."""
 
     @property
     def is_exact(self) -> bool:
@@ -110,8 +104,6 @@ def grid_coder(
 
     Parameters
     ----------
-    mesh : CodedMesh
-    frame : BoundingFrame
     extent : Extent
         Extent of the positions known so far.
     dtype : dtype
@@ -166,8 +158,6 @@ def encode_frame(source: Source, progress: Progress, step: float | None) -> byte
 
     Parameters
     ----------
-    source : Source
-    progress : callable
     step : float or None
         Step in diagonals; None: that of the bound of the source.
 

@@ -35,17 +35,11 @@ Vertices = npt.NDArray[np.floating]
 
 @dataclass(frozen=True)
 class FirstBlock:
-    """The first block of a live sequence, a `RateModel`.
-
-    Attributes
-    ----------
-    coder : FieldBlockCoder
-    vertices : float array of shape (T_b, V, 3)
-        In internal order.
-    """
+    """The first block of a live sequence, a `RateModel`."""
 
     coder: FieldBlockCoder
     vertices: Vertices
+    """float array of shape (T_b, V, 3). In internal order."""
 
     @property
     def diagonal(self) -> float:

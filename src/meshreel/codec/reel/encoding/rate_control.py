@@ -95,7 +95,6 @@ def least_cost(
     ----------
     cost : callable
         Cost of a step, which may be infinite; called once per step.
-    start : float
     n_trials : int, default 6
         Maximum number of steps to try. Strides that lower the cost do not count: more are tried
         where the best step is far from the start, as for few frames.

@@ -141,7 +141,6 @@ def _vertices_of_rows(rows: CornerRows, vertices: Integers, order: Integers) -> 
 
     Parameters
     ----------
-    rows : CornerRows
     vertices : integer array of shape (N,)
         Decoded vertex of each corner.
     order : integer array of shape (V,)

@@ -43,7 +43,6 @@ def step_share(faces: Faces, n_verts: int, frames: Vertices) -> float:
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-    n_verts : int
     frames : float array of shape (T, V, 3)
     """
     twins = twin_sides(faces, n_verts)

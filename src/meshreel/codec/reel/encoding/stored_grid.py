@@ -18,12 +18,7 @@ TEXT_DIGITS = range(4, 8)
 
 
 def on_stored_grid(source: Source) -> tuple[Source, PositionGrid] | None:
-    """Return the grid of a source of one frame, and the source with its origin; None without one.
-
-    Parameters
-    ----------
-    source : Source
-    """
+    """Return a source of one frame with the origin of its grid, and the grid; None without one."""
     found = stored_grid(source.sequence.read(0, 1)[0])
     if found is None:
         return None

@@ -62,8 +62,6 @@ def step_for_target(
 
     Parameters
     ----------
-    config : ReelOptions
-    model : RateModel
     has_tracks : bool
         Whether sizes include those of tracks, which the error then mentions.
 
@@ -93,7 +91,6 @@ def checked_bound(
 
     Parameters
     ----------
-    target : Target
     diagonal : float
         Of the bounding box, in model units.
     rounding : float
@@ -128,7 +125,6 @@ def step_within_limit(
 
     Parameters
     ----------
-    config : ReelOptions
     measure : callable
         Returns the error, bytes or bits that the target limits, for a step in diagonals.
     start : float

@@ -51,24 +51,18 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class ExactTrackCoder:
-    """Codes blocks of a lossless track.
-
-    Attributes
-    ----------
-    header : TrackHeader
-    order : int64 array of shape (N,), or None
-        Given number of each internal item; None means internal order.
-    graph : Neighbors
-        Adjacency of its vertices, faces, corners or rows.
-    surface, keeps_vertex_order
-        As in `TrackCoder`.
-    """
+    """Codes blocks of a lossless track."""
 
     header: TrackHeader
     order: Integers | None
+    """int64 array of shape (N,), or None. Given number of each internal item; None means internal
+    order.
+    """
     graph: Neighbors
+    """Adjacency of its vertices, faces, corners or rows."""
     surface: MovingSurface | None = None
     keeps_vertex_order: bool = True
+    """As in `TrackCoder`."""
 
     def leading_section(self) -> tuple[Section, bytes]:
         """Return the section before the first block."""
@@ -93,46 +87,31 @@ class ExactTrackCoder:
 
 @dataclass(frozen=True)
 class PreparedValues:
-    """A block of values, prepared for encoding with any step.
-
-    Attributes
-    ----------
-    frames : BlockFrames
-    missing : tuple of Section and bytes, or None
-        The section that marks missing values, if any.
-    """
+    """A block of values, prepared for encoding with any step."""
 
     frames: BlockFrames
     missing: tuple[Section, bytes] | None
+    """The section that marks missing values, if any."""
 
 
 @dataclass(frozen=True)
 class TrackCoder:
-    """Codes blocks of a track within a bound.
-
-    Attributes
-    ----------
-    header : TrackHeader
-    order : int64 array of shape (N,), or None
-        Given number of each internal item; None means internal order.
-    share : float
-        The bound, in diagonals of the range.
-    coder : FieldBlockCoder
-    surface : MovingSurface or None
-        The decoded mesh, if its positions predict the track.
-    rounding : float, default 0
-        Largest rounding error of the number type, in units of the track.
-    keeps_vertex_order : bool, default True
-        Whether decoded vertices are in the given order, and not in the internal one.
-    """
+    """Codes blocks of a track within a bound."""
 
     header: TrackHeader
     order: Integers | None
+    """int64 array of shape (N,), or None. Given number of each internal item; None means internal
+    order.
+    """
     share: float
+    """The bound, in diagonals of the range."""
     coder: FieldBlockCoder
     surface: MovingSurface | None = None
+    """The decoded mesh, if its positions predict the track."""
     rounding: float = 0.0
+    """Largest rounding error of the number type, in units of the track."""
     keeps_vertex_order: bool = True
+    """Whether decoded vertices are in the given order, and not in the internal one."""
 
     @cached_property
     def _blocks(self) -> KeyedBlocks:

@@ -108,8 +108,6 @@ def residuals(
 
     Parameters
     ----------
-    header : TrackHeader
-    surface : MovingSurface
     positions : float array of shape (T_b, V, 3)
         Decoded positions in output order.
     values : float array of shape (T_b, N, 3)

@@ -100,10 +100,6 @@ def encode_track(
 
     Parameters
     ----------
-    name : str
-    track : TrackSource
-    bound : TrackBound
-    mesh : CodedMesh
     pieces : sequence of slice
         Frames of each block.
     n_trials : int
@@ -226,8 +222,6 @@ class StepSearch:
 
     Parameters
     ----------
-    coder : TrackCoder
-    track : TrackSource
     pieces : sequence of slice
         Frames of each block.
     decoded : callable, optional

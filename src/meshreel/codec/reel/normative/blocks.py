@@ -70,8 +70,6 @@ def write_grid_positions(
     ----------
     values : array of shape (T_b, V, 3)
         Grid coordinates, or lossless positions if the step is `NO_GRID`; in internal order.
-    step : float
-    graph : Neighbors
     """
     return [
         (Section.BLOCK, write_block_counts(len(values), 0)),

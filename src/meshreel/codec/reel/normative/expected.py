@@ -20,24 +20,20 @@ Values = npt.NDArray[np.floating[Any]]
 
 @dataclass(frozen=True)
 class MovingSurface:
-    """A decoded mesh whose positions predict tracks.
-
-    Attributes
-    ----------
-    summed_faces : int32 array of shape (M, 3)
-        Triangles in internal order, which is the order of summation, of decoded vertices.
-    faces : int32 array of shape (M, 3)
-        Decoded faces.
-    surface : Surface
-        Maps polygons to triangles.
-    vertex_of_row : integer array of shape (N,), optional
-        Vertex of each row that corners share. Default: each corner has a separate value.
-    """
+    """A decoded mesh whose positions predict tracks."""
 
     summed_faces: Faces
+    """int32 array of shape (M, 3). Triangles in internal order, which is the order of summation, of
+    decoded vertices.
+    """
     faces: Faces
+    """int32 array of shape (M, 3). Decoded faces."""
     surface: Surface
+    """Maps polygons to triangles."""
     vertex_of_row: Integers | None = None
+    """Integer array of shape (N,). Vertex of each row that corners share. Default: each corner has
+    a separate value.
+    """
 
     def normals(self, domain: Domain, positions: Values) -> Floats:
         """Normals of vertices, polygons, or the vertices of corners or rows.
@@ -95,8 +91,6 @@ def expected_values(
 
     Parameters
     ----------
-    header : TrackHeader
-    surface : MovingSurface
     positions : float array of shape (T_b, V, 3)
         Decoded positions of the whole block.
     frames : slice

@@ -19,55 +19,43 @@ NONE_REUSED = np.float32(0.0)
 
 @dataclass(frozen=True)
 class Layout:
-    """Parameters of a block that the decoder needs.
-
-    Attributes
-    ----------
-    step : float32
-        Quantization step of the fields.
-    stencil_size : int
-        Number of vertices that predict one.
-    n_learned : int
-        Number of modes, starting with the first, that the prediction weights adapt to.
-    reference : int
-        How many blocks the key block precedes this one by; the weights adapt to its fields first.
-        0: none, so this block can be a key block.
-    is_single : bool
-        Whether frames are summed over the modes in single precision, rather than double.
-    n_reused : int
-        Number of modes, starting with the first, whose fields are those of the key block.
-    finer : float32
-        Step of the vectors of reused modes divided by that of a position; 0 without these modes.
-    coding : BasisCoding
-        Of the temporal basis.
-    """
+    """Parameters of a block that the decoder needs."""
 
     step: np.float32
+    """float32. Quantization step of the fields."""
     stencil_size: int
+    """Number of vertices that predict one."""
     n_learned: int
+    """Number of modes, starting with the first, that the prediction weights adapt to."""
     reference: int = 0
+    """How many blocks the key block precedes this one by; the weights adapt to its fields first. 0:
+    none, so this block can be a key block.
+    """
     is_single: bool = False
+    """Whether frames are summed over the modes in single precision, rather than double."""
     n_reused: int = 0
+    """Number of modes, starting with the first, whose fields are those of the key block."""
     finer: np.float32 = NONE_REUSED
+    """float32. Step of the vectors of reused modes divided by that of a position; 0 without these
+    modes.
+    """
     coding: BasisCoding = BY_TIMES
+    """Of the temporal basis."""
 
 
 @dataclass(frozen=True)
 class FieldBlock:
-    """A block of frames as integers.
-
-    Attributes
-    ----------
-    layout : Layout
-    basis : int32 array of shape (K, C, T)
-        Residuals of the temporal basis, or coefficients of cosines; C columns, such as x, y and z.
-    fields : int32 array of shape (K - n_reused, V)
-        Residuals of the fields that are not reused, in coding order.
-    """
+    """A block of frames as integers."""
 
     layout: Layout
     basis: npt.NDArray[np.int32]
+    """int32 array of shape (K, C, T). Residuals of the temporal basis, or coefficients of cosines;
+    C columns, such as x, y and z.
+    """
     fields: npt.NDArray[np.int32]
+    """int32 array of shape (K - n_reused, V). Residuals of the fields that are not reused, in
+    coding order.
+    """
 
     @property
     def n_modes(self) -> int:
@@ -77,15 +65,12 @@ class FieldBlock:
 
 @dataclass
 class KeyFields:
-    """Fields of a key block.
-
-    Attributes
-    ----------
-    values : float64 array of shape (V, K)
-        In coding order and in steps of the block, which do not depend on its length.
-    """
+    """Fields of a key block."""
 
     values: Floats
+    """float64 array of shape (V, K). In coding order and in steps of the block, which do not depend
+    on its length.
+    """
     _prepared: dict[int, Prepared | None] = field(default_factory=dict)
 
     def is_prepared(self, n_learned: int) -> bool:

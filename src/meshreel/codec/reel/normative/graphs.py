@@ -18,16 +18,10 @@ from meshreel.model.surface import Domain, Surface
 
 
 class ItemGraph(NamedTuple):
-    """A graph of items in the form of a mesh, for `FieldMesh`.
-
-    Attributes
-    ----------
-    faces : int32 array of shape (n, 3)
-        Triples of adjacent items; a pair repeats its second item.
-    n_items : int
-    """
+    """A graph of items in the form of a mesh, for `FieldMesh`."""
 
     faces: Faces
+    """int32 array of shape (n, 3). Triples of adjacent items; a pair repeats its second item."""
     n_items: int
 
 
@@ -38,12 +32,9 @@ def item_graph(
 
     Parameters
     ----------
-    domain : Domain
     faces : int32 array of shape (M, 3)
     surface : Surface
         Maps polygons to triangles.
-    n_verts : int
-    rows : CornerRows, optional
     """
     if domain is Domain.CELL:
         cells = surface.cells

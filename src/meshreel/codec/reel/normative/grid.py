@@ -23,16 +23,10 @@ NO_GRID = 0.0
 
 @dataclass(frozen=True)
 class PositionGrid:
-    """A grid around the center of the bounding box of all frames.
-
-    Attributes
-    ----------
-    step : float
-        Edge of a cube, in diagonals of the box.
-    frame : BoundingFrame
-    """
+    """A grid around the center of the bounding box of all frames."""
 
     step: float
+    """Edge of a cube, in diagonals of the box."""
     frame: BoundingFrame
 
     def coordinates(self, vertices: Vertices) -> Coordinates:

@@ -26,19 +26,13 @@ class FieldMesh:
     """A mesh, with the hierarchy that encoder and decoder derive from its connectivity.
 
     Only connectivity is pickled; a process caches the derived parts of the last meshes.
-
-    Attributes
-    ----------
-    faces : int32 array of shape (M, 3)
-        In internal order, like all vertices here.
-    n_verts : int
-    stencil_size : int
-        Number of vertices that predict one.
     """
 
     faces: Faces
+    """int32 array of shape (M, 3). In internal order, like all vertices here."""
     n_verts: int
     stencil_size: int
+    """Number of vertices that predict one."""
 
     @property
     def connectivity(self) -> Connectivity:
