@@ -45,14 +45,16 @@ class Folds:
     """Finds and repairs folds: faces that oppose both a neighbor and the surface they follow.
 
     Neighbors that oppose each other in the key do not count: creases and errors of the raw mesh.
-    Nor do faces that are farther below a closed surface than their size: they are hidden.
 
     Parameters
     ----------
     key : TriangleMesh
+    max_depth : float
+        Faces farther below a closed surface do not count: they are hidden.
     """
 
-    def __init__(self, key: TriangleMesh) -> None:
+    def __init__(self, key: TriangleMesh, max_depth: float = np.inf) -> None:
+        self._max_depth = max_depth
         self._neighbors = key.neighbors
         cosines = key.cosines_across(key.neighbors)
         self._opposes_in_key = cosines < 0
@@ -76,7 +78,7 @@ class Folds:
         closest = target.closest(centers)
         normals = mesh.face_normals[found], target.face_normals[closest.faces]
         opposes = np.einsum("nc,nc->n", *normals) < 0
-        is_deep = closest.distances > np.sqrt(2 * mesh.areas[found])
+        is_deep = closest.distances > self._max_depth
         return np.asarray(found[opposes & ~(is_deep & target.encloses(centers, closest))])
 
     def flattened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:

@@ -369,7 +369,7 @@ class Follower:
     def __init__(self, key: TriangleMesh, tolerance: Tolerance) -> None:
         self.tracker: Tracker = Tracker(key)
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
-        self._folds = Folds(key)
+        self._folds = Folds(key, tolerance.length)
         self._faces, self._orientation = key.faces, key.orientation
         self._tolerance = tolerance
 

@@ -167,7 +167,7 @@ class Registration:
         n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
         progress("measuring", Count(0, n_frames, "frames"))
         for segment in self.segments:
-            folds = Folds(self._mesh(sequence, segment.key))
+            folds = Folds(self._mesh(sequence, segment.key), self.tolerance.length)
             for number in segment.numbers:
                 mesh, target = self._mesh(sequence, number), self.frames.mesh(number)
                 errors.append(measure(mesh, target, self.tolerance))

@@ -27,6 +27,10 @@ BEYOND_COSINE = 0.8
 """Cosine between the way to a closest point on the boundary and its normal, below which a point is
 beyond the surface: where a curved surface has a hole, the way is not along the rim."""
 
+HIDDEN = 0.004
+"""Depth below a surface, in longest sides of the box, at which faces of another direction are
+hidden."""
+
 CREASE_COSINE = 0.25
 """Cosine between the normals of two faces, below which their common side is a sharp crease."""
 
@@ -176,9 +180,17 @@ class TriangleMesh:
     ) -> tuple[Indices, Closest]:
         """Return samples of another surface with faces of similar normals in reach, and where.
 
-        Of each of these samples, the closest point on such faces.
+        Of each of these samples, the closest point on such faces. What is farther than `HIDDEN`
+        below a face of another direction is hidden, as where bodies touch: it has none.
         """
-        found = self._tree.closest(samples.points, samples.normals / min_cosine, reach)
+        found, directions = self._tree.closest(samples.points), samples.normals / min_cosine
+        disagrees = _dots(self.face_normals[found.faces], directions) < 1
+        is_hidden = disagrees & (found.distances > HIDDEN) & self.encloses(samples.points, found)
+        again = np.flatnonzero(disagrees & ~is_hidden)
+        found.faces[(found.distances > reach) | is_hidden] = -1
+        other = self._tree.closest(samples.points[again], directions[again], reach)
+        for values, others in zip(found, other, strict=True):
+            values[again] = others
         kept = np.flatnonzero(found.faces >= 0)
         return kept, found.at(kept)
 
