@@ -102,6 +102,7 @@ def summary(source: Source, result: Result) -> dict[str, Any]:
     row: dict[str, Any] = {"name": source.name, "kind": source.kind, "repo": source.repo}
     if "refused" in result:
         message = result["refused"].splitlines()[0].rpartition(f"{source.commit[:12]}/")[2]
+        message = message.removeprefix(f"{source.path}: ")
         return {**row, "path": source.path, "refused": message[:MAX_MESSAGE]}
     figures = {key: value for key, value in result.items() if key not in ("identity", "dtype")}
     if figures["n_frames_in_file"] == figures["n_frames"]:

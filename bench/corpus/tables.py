@@ -15,6 +15,7 @@ Row = Mapping[str, Any]
 PEERS = ("draco", "meshopt", "sz3", "zfp")
 PERCENTILES = (5, 25, 50, 75, 95)
 N_WORST = 10
+MIN_TIMED = 50_000
 HEADER_BYTES = 120
 """Of our smallest files with a bound."""
 
@@ -57,8 +58,9 @@ def errors_table(rows: Sequence[Row]) -> Table:
 
 
 def speeds_table(rows: Sequence[Row]) -> Table:
-    """Percentiles of speeds over all sequences."""
+    """Percentiles of speeds over sequences of at least `MIN_TIMED` vertices in all frames."""
     header = ("setting", "direction", *(f"{p} %" for p in PERCENTILES))
+    rows = _measured(rows, MIN_TIMED)
     body = [
         (f"`{name}`", direction, *map(significant, _percentiles(_values(rows, name, speed))))
         for name in SETTINGS
@@ -109,7 +111,8 @@ def worst_table(rows: Sequence[Row]) -> Table:
     }
     cells = []
     for measure, sign in columns.values():
-        values = [(measure(row, row["settings"]["q80"]), row["name"]) for row in done]
+        chosen = _measured(done, MIN_TIMED) if measure in (encode_speed, decode_speed) else done
+        values = [(measure(row, row["settings"]["q80"]), _name(row)) for row in chosen]
         values.sort(key=lambda pair: sign * pair[0])
         cells.append([f"{name}: {significant(value)}" for value, name in values[:N_WORST]])
     body = tuple((str(i + 1), *line) for i, line in enumerate(zip(*cells, strict=True)))
@@ -125,7 +128,7 @@ def losses_table(rows: Sequence[Row]) -> Table:
         if found:
             texts = [f"`{name}` {peer} {mine:,}, {other:,}" for name, peer, mine, other in found]
             body.append(
-                (row["name"], f"{row['n_frames']} x {row['n_verts']:,}", "; ".join(texts),
+                (_name(row), f"{row['n_frames']} x {row['n_verts']:,}", "; ".join(texts),
                  reason_of(row))
             )  # fmt: skip
     return Table("Other codecs are smaller", header, tuple(body))
@@ -208,8 +211,13 @@ def _groups(rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
     yield "all", list(rows)
 
 
-def _measured(rows: Iterable[Row]) -> list[Row]:
-    return [row for row in rows if "refused" not in row]
+def _measured(rows: Iterable[Row], n_positions: int = 0) -> list[Row]:
+    """Rows with results, of at least this many vertices in all frames."""
+    return [row for row in rows if "refused" not in row and row["n_positions"] >= n_positions]
+
+
+def _name(row: Row) -> str:
+    return str(row["name"]).replace("|", "\\|")
 
 
 def _values(rows: Sequence[Row], name: str, measure: Callable[[Row, Row], float]) -> list[float]:

@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from corpus.measure import SETTINGS, Subject, features, measure
 from corpus.sources import KINDS, Files, Source, UnavailableError, first_frames, read_manifest
-from corpus.tables import TABLES, losses_of, n_broken
+from corpus.tables import MIN_TIMED, TABLES, losses_of, n_broken
 from samples.captures import as_frames, capture
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -79,7 +79,7 @@ def test_all_codecs_are_measured_and_tables_made(sequence):
     peers = {"draco", "sz3", "zfp"} if sequence.n_segments == 1 else {"draco"}
     assert peers <= bounded.keys()
     row = {"name": "some", "kind": "cloth", "repo": NAME, **figures}
-    row["features"] = features(sequence)
+    row |= {"features": features(sequence), "n_positions": MIN_TIMED}
     refused = {"name": "other", "kind": "cloth", "repo": NAME, "path": "a.obj", "refused": "no"}
     for make in TABLES.values():
         table = make([row, refused])
