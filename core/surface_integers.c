@@ -9,6 +9,7 @@
 #define ONE 4096.0 /* a weight of 1 in fixed point */
 #define MAX_WEIGHT 32767.0
 #define PRIOR 1e-6                  /* of the weights, relative to the squared differences */
+#define N_FITS 3                    /* of the weights; all but the first favor small residuals */
 #define MAX_PREDICTION 1073741824.0 /* 2^30: residuals of allowed values fit into 31 bits */
 #define MAX_COLUMNS REEL_MAX_SURFACE_COLUMNS
 #define LANES 4      /* columns are processed in groups */
@@ -409,10 +410,29 @@ static void solve(const fit_sums *sums, double weights[2]) {
     weights[1] = to_weight((xx * sums->yz - sums->xy * xz) / determinant);
 }
 
-/* Fit the weights of each class to the table. */
-static void fit_weights(surface_coder *coder, const int32_t *values) {
-    fit_sums sums[N_CLASSES] = {0};
+/* Add the columns of a group of the current row to the sums of a fit. */
+static void add_to_fit(const surface_coder *coder, int64_t row, int64_t group, bool is_robust,
+                       fit_sums *sums) {
+    const double *weights = coder->weights + 2 * class_of(coder);
+    vec4d own = coder->rows[row * coder->n_groups + group].values;
     row_means means;
+    find_means(coder, group, coder->n_groups, &means);
+    for (int k = 0; k < LANES; k++) {
+        double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],
+               z = own[k] - means.near[k];
+        double residual = z - (weights[0] * x + weights[1] * y);
+        double share = is_robust ? 1.0 / (1.0 + (residual < 0 ? -residual : residual)) : 1.0;
+        sums->xx += share * x * x;
+        sums->xy += share * x * y;
+        sums->yy += share * y * y;
+        sums->xz += share * x * z;
+        sums->yz += share * y * z;
+    }
+}
+
+/* Fit the weights of each class to the table: by least squares, then by squares divided by the
+   size of the residuals, which a few large ones do not dominate. */
+static void fit_weights(surface_coder *coder, const int32_t *values) {
     for (int64_t i = 0; i < coder->n_rows * coder->n_groups; i++) {
         int64_t row = i / coder->n_groups, first = LANES * (i % coder->n_groups);
         for (int64_t k = 0; k < LANES; k++) {
@@ -421,26 +441,19 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
                 is_column ? (double)values[row * coder->n_columns + first + k] : 0.0;
         }
     }
-    for (int64_t row = 0; row < coder->n_rows; row++) {
-        find_neighbors(coder, (int32_t)row);
-        int class = class_of(coder);
-        for (int64_t group = 0; class >= 0 && group < coder->n_groups; group++) {
-            vec4d own = coder->rows[row * coder->n_groups + group].values;
-            find_means(coder, group, coder->n_groups, &means);
-            for (int k = 0; k < LANES; k++) {
-                double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],
-                       z = own[k] - means.near[k];
-                sums[class].xx += x * x;
-                sums[class].xy += x * y;
-                sums[class].yy += y * y;
-                sums[class].xz += x * z;
-                sums[class].yz += y * z;
+    for (int n = 0; n < N_FITS; n++) {
+        fit_sums sums[N_CLASSES] = {0};
+        for (int64_t row = 0; row < coder->n_rows; row++) {
+            find_neighbors(coder, (int32_t)row);
+            int class = class_of(coder);
+            for (int64_t group = 0; class >= 0 && group < coder->n_groups; group++) {
+                add_to_fit(coder, row, group, n > 0, &sums[class]);
             }
         }
-    }
-    start_rows(coder);
-    for (int class = 0; class < N_CLASSES; class++) {
-        solve(&sums[class], coder->weights + 2 * class);
+        start_rows(coder);
+        for (int class = 0; class < N_CLASSES; class++) {
+            solve(&sums[class], coder->weights + 2 * class);
+        }
     }
 }
 

@@ -4,8 +4,9 @@
     python docs/result_tables.py --write     brings README and the pages up to date
 
 `python bench/stored_results.py` measures the results in docs/results/; those of `questions` are
-from the searches in bench/questions/. A table is between the lines ``<!-- results: NAME -->`` and
-``<!-- end of results -->``; a test fails if it differs from the results.
+from the searches in bench/questions/, those of `corpus` from bench/corpus_results.py. A table is
+between the lines ``<!-- results: NAME -->`` and ``<!-- end of results -->``; a test fails if it
+differs from the results.
 """
 
 import json
@@ -23,10 +24,12 @@ from meshreel.studies.rate_distortion import bd_rate
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "bench"))
+from corpus.tables import TABLES as CORPUS_TABLES  # noqa: E402
+from corpus.tables import n_broken  # noqa: E402
 from questions.tables import Answers, anchors_table, blocks_table, rows_table  # noqa: E402
 
 RESULTS = ROOT / "docs" / "results"
-FROM_RESULTS = ("paper", "benchmarks", "codec", "equations")
+FROM_RESULTS = ("paper", "benchmarks", "codec", "corpus", "equations")
 PAGES = ("README.md", *(f"docs/{name}.md" for name in FROM_RESULTS))
 REGION = re.compile(
     r"(?<=^<!-- results: )(?P<name>[\w-]+)( -->\n).*?(?=^<!-- end of results -->$)",
@@ -387,6 +390,23 @@ def laplacians() -> str:
     return source("choices", table(header, rows))
 
 
+def corpus_table(make: Callable[[Sequence[dict[str, Any]]], Table]) -> Callable[[], str]:
+    """A function for a table of the corpus, without the commit, which the page states once."""
+
+    def text() -> str:
+        made = make(results("corpus")["sequences"])
+        return table(made.header, made.rows)
+
+    text.__doc__ = make.__doc__
+    return text
+
+
+def corpus_bounds() -> str:
+    """Error bounds of the corpus that were not met, and the commit."""
+    broken, total = n_broken(results("corpus")["sequences"])
+    return source("corpus", f"{total} streams have an error bound; {broken} exceed it.")
+
+
 OTHER_LAPLACIANS = ("combinatorial", "cotangent")
 ANCHOR_SHARES = {"0 (one each component)": 0, "1 %": 2, "3 %": 3}
 """The shares in the table, and their places among those of `stored_results.choice_figures`."""
@@ -434,6 +454,8 @@ TABLES: dict[str, Callable[[], str]] = {
     "bd-rates": bd_rates,
     "laplacians": laplacians,
     "anchor-shares": anchor_shares,
+    "corpus-bounds": corpus_bounds,
+    **{name: corpus_table(make) for name, make in CORPUS_TABLES.items()},
 }
 """Tables of the pages, by name."""
 

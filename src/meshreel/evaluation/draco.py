@@ -16,10 +16,20 @@ LEVEL = 7
 Floats32 = npt.NDArray[np.float32]
 
 
-def encode_frames(frames: Iterable[tuple[Vertices, Faces]], bits: float) -> bytes:
-    """The streams of all frames, each preceded by its length in 4 bytes."""
+def encode_frames(frames: Iterable[tuple[Vertices, Faces]], bits: float, **options: Any) -> bytes:
+    """The streams of all frames, each preceded by its length in 4 bytes.
+
+    Parameters
+    ----------
+    frames : iterable of (vertices, faces)
+    bits : float
+        Bits per coordinate.
+    **options
+        `quantization_range` and `quantization_origin` of DracoPy; by default those of each frame.
+    """
     return pack_frames(
-        _encode(vertices, faces, quantization_bits=int(bits)) for vertices, faces in frames
+        _encode(vertices, faces, quantization_bits=int(bits), **options)
+        for vertices, faces in frames
     )
 
 

@@ -207,13 +207,13 @@ def pcodec_array(data: bytes) -> Array:
     return np.asarray(import_module("pcodec").standalone.simple_decompress(data))
 
 
-def quantized_deltas(vertices: Vertices, bits: int) -> tuple[bytes, Words]:
+def quantized_deltas(vertices: Vertices, bits: float) -> tuple[bytes, Words]:
     """Header, and temporal differences of quantized positions modulo 2^16, shape (T, V, 3).
 
     Parameters
     ----------
     vertices : float array of shape (T, V, 3)
-    bits : int
+    bits : float
         Bits for the longest side of the bounding box of the whole sequence; at most 16.
     """
     corner = vertices.min(axis=(0, 1)).astype(np.float64)
@@ -239,7 +239,7 @@ def _meshopt_encode(sequence: MeshSequence, bits: float) -> bytes:
     """
     meshoptimizer = import_module("meshoptimizer")
     meshoptimizer.encode_vertex_version(1)
-    head, deltas = quantized_deltas(sequence.vertices, int(bits))
+    head, deltas = quantized_deltas(sequence.vertices, bits)
     padded = np.zeros((*deltas.shape[:2], 4), np.uint16)  # vertex sizes: multiples of 4 bytes
     padded[..., :3] = deltas
     frames = (bytes(meshoptimizer.encode_vertex_buffer(frame, len(frame), 8)) for frame in padded)
@@ -257,7 +257,7 @@ def _meshopt_decode(data: bytes, shape: Shape, dtype: npt.DTypeLike) -> Vertices
 
 
 def _pcodec_encode(sequence: MeshSequence, bits: float) -> bytes:
-    head, deltas = quantized_deltas(sequence.vertices, int(bits))
+    head, deltas = quantized_deltas(sequence.vertices, bits)
     return head + pcodec_bytes(np.ascontiguousarray(deltas.transpose(2, 0, 1)).view(np.int16))
 
 

@@ -62,6 +62,17 @@ def test_smooth_surfaces_take_fewer_bits_than_parallelograms_leave():
     assert 8 * len(coded(values, SMOOTH)[0]) < 0.95 * entropy * 2000
 
 
+def test_few_steps_do_not_spoil_the_weights_of_flat_parts():
+    rows, columns = np.divmod(np.arange(2000), 50)
+    across = np.cumsum(np.where(np.arange(50) % 10 == 0, 1000, 90))[columns]
+    along = np.cumsum(np.where(np.arange(40) % 10 == 0, 2000, 130))[rows]
+    values = np.stack([across, along, along // 3], axis=1).astype(np.int32)
+    rng = np.random.default_rng(1)
+    moved = rng.choice(2000, 40, replace=False)
+    values[moved, 2] += rng.integers(-3000, 3000, 40).astype(np.int32)
+    assert len(coded(values, SMOOTH)[0]) < 3300  # least squares alone: 3,657
+
+
 @pytest.mark.parametrize("value", [MAX_VALUE + 1, -MAX_VALUE - 1])
 def test_values_beyond_the_limit_are_refused(value):
     values = np.full((30, 2), value, np.int32)

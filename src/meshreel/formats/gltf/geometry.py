@@ -339,6 +339,7 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
     """Return the influences on the concatenated vertices of all blocks, or None without joints.
 
     Weights are normalized; a vertex without weights follows its first joint, as in other programs.
+    FBX2glTF writes NaN as the weights of such a vertex.
     """
     counts = [_count_joint_sets(block) for block in blocks]
     if not any(counts):
@@ -356,7 +357,9 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
             if own_joints.dtype.kind != "u":
                 raise FormatError(f"JOINTS_{number} must be unsigned integers")
             joints[rows, columns] = own_joints
-            weights[rows, columns] = block.values[f"WEIGHTS_{number}"].floats()
+            own_weights = block.values[f"WEIGHTS_{number}"].floats()
+            is_missing = np.isnan(own_weights).all(axis=1, keepdims=True)
+            weights[rows, columns] = np.where(is_missing, 0.0, own_weights)
     if not (np.isfinite(weights).all() and (weights >= 0).all()):
         raise FormatError(f"{place}: joint weights must be finite and at least 0")
     weights[weights.max(axis=1) == 0, 0] = 1.0

@@ -13,6 +13,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.kernel.integers import encode_integers
 from samples.meshes import irregular_sequence, waving_grid
+from samples.shapes import torus
 from samples.streams import Stream, parts_of, raw_stream, recorded
 
 DOUBLE = np.float64
@@ -92,6 +93,19 @@ def test_options_of_modes_exclude_the_grid(options):
 
 def test_max_error_keeps_modes_when_they_take_fewer_bytes():
     assert meshreel.info(meshreel.encode(waving_grid(60), max_error=0.1)).method == "reel"
+
+
+@pytest.mark.parametrize(("n_rows", "is_on_grid"), [(16, True), (80, False)])
+def test_quality_of_a_single_frame_takes_the_smaller_of_grid_and_modes(n_rows, is_on_grid):
+    vertices, faces = torus(n_rows, 2 * n_rows, bend=0.3)
+    mesh = meshreel.MeshSequence(vertices[None].astype(np.float32), faces)
+    data, modes = meshreel.encode(mesh), meshreel.encode(mesh, tune="visual")
+    assert (meshreel.info(data).method == "grid") == is_on_grid
+    assert len(data) <= len(modes)
+    error = [
+        meshreel.compare(mesh, meshreel.decode(one)).rms_error_percent for one in (data, modes)
+    ]
+    assert error[0] <= error[1]
 
 
 @pytest.mark.slow

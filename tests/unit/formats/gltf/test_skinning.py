@@ -93,8 +93,9 @@ def test_weights_are_normalized(read):
     np.testing.assert_allclose(result.vertices, expected.vertices, rtol=0, atol=1e-6)
 
 
-def test_vertex_without_weights_follows_its_first_joint(read):
-    result = read(skinned([np.ones((3, 4))], [np.zeros((3, 4))]))
+@pytest.mark.parametrize("weight", [0.0, np.nan])  # FBX2glTF writes NaN
+def test_vertex_without_weights_follows_its_first_joint(read, weight):
+    result = read(skinned([np.ones((3, 4))], [np.full((3, 4), weight)]))
     expected = read(skinned([np.ones((3, 4))], [np.tile([1, 0, 0, 0], (3, 1))]))
     assert result.vertices.tobytes() == expected.vertices.tobytes()
 
@@ -165,6 +166,11 @@ def negative_weights(file):
     primitive["attributes"]["WEIGHTS_0"] = file.accessor(-np.ones((3, 4)))
 
 
+def some_weights_nan(file):
+    [primitive] = file.json["meshes"][0]["primitives"]
+    primitive["attributes"]["WEIGHTS_0"] = file.accessor([[1, np.nan, 0, 0]] * 3)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -175,6 +181,7 @@ def negative_weights(file):
         (float_joints, "JOINTS_0 must be unsigned integers"),
         (some_joints, "mesh 0: only some of its primitives have joints"),
         (negative_weights, "mesh 0: joint weights must be finite and at least 0"),
+        (some_weights_nan, "mesh 0: joint weights must be finite and at least 0"),
     ],
 )
 def test_invalid_skins_are_rejected(read, change, message):

@@ -148,7 +148,7 @@ def suits_one_frame(source: Source) -> bool:
     """Return whether a segment has one frame, and no options of modes.
 
     A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
-    single frame has the time.
+    single frame has the time: it is the smaller of both.
     """
     return source.n_frames == 1 and _takes_grid(source.config)
 

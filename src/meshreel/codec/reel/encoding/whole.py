@@ -95,7 +95,7 @@ def encode(
         other = encode_on_grid(source, progress, engine, has_one_shape)
     elif not has_one_shape:
         pass  # modes code motion better
-    elif source.n_frames > 1 and config.target.kind in SINGLE_TRIALS:
+    elif config.target.kind in SINGLE_TRIALS:
         other = encode_still(source, step, progress)
     else:
         other = encode_on_stored_grid(source, progress)
