@@ -185,9 +185,11 @@ class TriangleMesh:
         """
         found, directions = self._tree.closest(samples.points), samples.normals / min_cosine
         disagrees = _dots(self.face_normals[found.faces], directions) < 1
-        is_hidden = disagrees & (found.distances > HIDDEN) & self.encloses(samples.points, found)
-        again = np.flatnonzero(disagrees & ~is_hidden)
-        found.faces[(found.distances > reach) | is_hidden] = -1
+        deep = np.flatnonzero(disagrees & (found.distances > HIDDEN))
+        hidden = deep[self.encloses(samples.points[deep], found.at(deep))]
+        disagrees[hidden] = False
+        again = np.flatnonzero(disagrees)
+        found.faces[found.distances > reach] = found.faces[hidden] = -1
         other = self._tree.closest(samples.points[again], directions[again], reach)
         for values, others in zip(found, other, strict=True):
             values[again] = others

@@ -143,8 +143,9 @@ def _one_way(
     )
     area = areas.sum()
     if may_end:
-        is_hidden = target.encloses(points, found) & (distances > tolerance.length)
-        ends = target.ends_before(points, found) | is_hidden
+        ends = target.ends_before(points, found)
+        beyond = np.flatnonzero(distances > tolerance.length)
+        ends[beyond] |= target.encloses(points[beyond], found.at(beyond))
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return *6 * [0.0], 1.0
