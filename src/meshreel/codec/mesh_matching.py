@@ -305,7 +305,7 @@ def _with_runs(
     before, behind = matched[runs], matched[runs + 1]
     low, high = in_base[runs], in_base[runs + 1]
     lengths, base_lengths = behind - before - 1, high - low - 1
-    reached = np.minimum(np.minimum(lengths, base_lengths) // 4, reach)
+    reached = np.clip(np.minimum(lengths, base_lengths) // 4, 0, reach)  # matches may descend
     is_filled = (lengths == base_lengths) & (lengths <= max_equal_run)
     forward = np.where(is_filled, lengths, reached * at_start)
     backward = np.where(is_filled, 0, reached * at_end)
