@@ -12,7 +12,8 @@ static fuzz_found find(const void *tree, int64_t n_faces, const double *points,
     fuzz_found found = {fuzz_allocate(n, sizeof(double)), fuzz_allocate(3 * n, sizeof(double)),
                         fuzz_allocate(3 * n, sizeof(double)), fuzz_allocate(n, sizeof(int32_t))};
     FUZZ_CHECK(reel_closest(FUZZ_MEMORY(reel_closest_memory(n)), tree, n_faces, points,
-                            directions, reach, n, found.distances, found.faces, found.points, found.weights) == n);
+                            directions, reach, n, found.distances, found.faces, found.points,
+                            found.weights) == n);
     return found;
 }
 

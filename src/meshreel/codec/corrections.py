@@ -17,7 +17,7 @@ class Corrections:
     """Displacements of positions of a block, as multiples of a step."""
 
     step: np.float32
-    """float32. Quantization step of the displacements, in diagonals."""
+    """Quantization step of the displacements, in diagonals."""
     vertices: Integers
     frames: Integers
     """int64 arrays of shape (N,). Internal vertex numbers and frames of the block, ordered by

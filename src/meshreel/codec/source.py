@@ -240,7 +240,7 @@ class Source:
     edit: MeshEdit | None = None
     """See `CodedMesh`."""
     origin: tuple[float, ...] | None = None
-    """tuple of 3 floats. Instead of the center of the bounding box."""
+    """Three numbers, instead of the center of the bounding box."""
 
     @property
     def extent(self) -> Extent:

@@ -37,7 +37,7 @@ class TextureFrames:
     """A video, or an image of each frame."""
     n_frames: int
     size: Size
-    """tuple of 2 ints. Width and height of the first image."""
+    """Width and height of the first image."""
 
     def images(self) -> Iterator[PillowImage.Image]:
         """Yield the image of each frame, in RGB."""

@@ -42,9 +42,7 @@ class MeshInfo:
     """"float32" or "float64"."""
     low: tuple[float, ...] | None = None
     high: tuple[float, ...] | None = None
-    """tuple of 3 floats, or None. Corners of the bounding box of all frames, in model units; None
-    if it has a problem.
-    """
+    """Corners of the bounding box of all frames, in model units; None if it has a problem."""
     cells: tuple[str, ...] = ()
     """As in `meshreel.codec.inspect.StreamInfo`."""
     attributes: tuple[str, ...] = ()

@@ -32,7 +32,7 @@ class Rests:
     """Times of a block with little or no motion."""
 
     runs: tuple[tuple[int, int], ...] = ()
-    """tuple of (int, int). Start and end of each run of resting times, ascending; a moving time
+    """Start and end of each run of resting times, ascending; a moving time
     precedes each run.
     """
     bits: int = 0

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, rows_as_bytes
-from meshreel.model.geometry.connectivity import lowest_connected, undirected_edges
+from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces, MeshFrame
 
@@ -66,7 +66,7 @@ def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
     doubled_areas = np.linalg.norm(face_normals(vertices, faces), axis=1)
     has_area = doubled_areas > 0
     kept = np.flatnonzero(has_area)
-    component = lowest_connected(len(vertices), *undirected_edges(faces[kept]).T)
+    component = component_labels(faces[kept], len(vertices))
     labels, of_faces = np.unique(component[faces[kept, 0]], return_inverse=True)
     areas = np.bincount(of_faces, doubled_areas[kept], len(labels))
     is_large = areas >= min(MIN_COMPONENT_AREA * areas.sum(), max_removed_area)

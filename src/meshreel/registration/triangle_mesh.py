@@ -156,6 +156,8 @@ class TriangleMesh:
 
     def encloses(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
         """Return whether each point is below the closest component, which must be closed."""
+        if not len(points):
+            return np.zeros(0, bool)
         corners = self.faces[found.faces]
         directions = np.einsum("nk,nkc->nc", found.weights, self.vertex_normals[corners])
         is_below = self.orientation * _dots(points - found.points, directions) < 0

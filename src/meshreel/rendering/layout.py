@@ -28,7 +28,7 @@ class Parts:
     n_label_lines: int = 0
     """Below each view."""
     bars: tuple[tuple[int, int], ...] = ()
-    """tuple of (column, width in pixels). Color bars, each to the right of a column of views, by
+    """Column and width in pixels of color bars, each to the right of a column of views, by
     ascending columns.
     """
     n_caption_lines: int = 0
@@ -47,7 +47,7 @@ class Layout:
 
     size: Size
     view_size: Size
-    """tuple of 2 ints. Width and height, of the sheet and of each view."""
+    """Width and height, of the sheet and of each view."""
     columns: tuple[int, ...]
     rows: tuple[int, ...]
     """Left edge of each column and top edge of each row of views."""

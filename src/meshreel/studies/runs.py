@@ -49,11 +49,11 @@ class Run:
     key: str
     """Stem of its files."""
     setting: dict[str, Any]
-    """dict of plain types. Everything that the result depends on besides the sequence."""
+    """Everything, in plain types, that the result depends on besides the sequence."""
     measure: Callable[[Progress], Outcome]
     """Takes a progress callback and returns the outcome."""
     facts: dict[str, Any] = field(default_factory=dict)
-    """dict of plain types. Stored with the figures or the refusal."""
+    """Plain types, stored with the figures or the refusal."""
     needs: tuple[str, ...] = ()
     """Extensions of the files without which a stored result is invalid."""
     is_foreign: bool = False

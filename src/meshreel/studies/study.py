@@ -109,7 +109,6 @@ class Evaluation(Generic[R]):
     html: Path
     """The report."""
     measured: list[tuple[R, list[Picture]]]
-    """list of (results, list of Picture)."""
     notes: list[str]
     """Lines about missing results."""
 

@@ -139,7 +139,7 @@ class Header:
     order: int
     """A `layout.Order`."""
     origin: tuple[float, ...]
-    """tuple of 3 floats. Center of the model, in model units."""
+    """Center of the model, in model units: x, y and z."""
     scale: float
     """Diagonal of the bounding box in model units, the unit of all other lengths in the stream."""
     name: str = ""

@@ -129,7 +129,6 @@ class CodedPiece:
 
     n_frames: int
     sections: list[tuple[Section, bytes]]
-    """list of (Section, bytes)."""
     key: "KeyBlock | None"
     """The block if it is a new key block, to which the following blocks refer."""
 

@@ -22,7 +22,7 @@ class Layout:
     """Parameters of a block that the decoder needs."""
 
     step: np.float32
-    """float32. Quantization step of the fields."""
+    """Quantization step of the fields."""
     stencil_size: int
     """Number of vertices that predict one."""
     n_learned: int
@@ -36,7 +36,7 @@ class Layout:
     n_reused: int = 0
     """Number of modes, starting with the first, whose fields are those of the key block."""
     finer: np.float32 = NONE_REUSED
-    """float32. Step of the vectors of reused modes divided by that of a position; 0 without these
+    """Step of the vectors of reused modes divided by that of a position; 0 without these
     modes.
     """
     coding: BasisCoding = BY_TIMES
