@@ -50,6 +50,7 @@ from conformance.sources import (
     waving,
 )
 from conformance.surface import placed, read_on_surface
+from conformance.surface_integers import COPIES
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
     Header,
@@ -835,6 +836,18 @@ def quantized(faces, dtype=np.float32):
 
 encoded("grid_rounded", lambda: quantized(grid(14, 15)), method="grid", max_error=1, order="drop")
 encoded("lossless_rounded", lambda: quantized(grid(14, 15)), lossless=True, order="keep")
+
+
+@stream
+def grid_copied():
+    """Two equal rough sheets: residuals of the second are copies."""
+    rng, faces = np.random.default_rng(22), together(grid(8, 9), grid(8, 9))
+    part = rng.integers(-400, 400, (72, 3))
+    vertices = np.concatenate([part, part + np.array([0, 5000, 0])]).astype(np.float32)
+    data = meshreel.encode(MeshSequence(vertices[None], faces), method="grid", max_error=0.001)
+    (group,) = read_container(data).blocks[0]
+    assert group["VALUES"][8] >> 5 & COPIES
+    return data
 
 
 @stream

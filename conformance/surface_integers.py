@@ -1,21 +1,21 @@
 """Tables of integers at the corners of triangles: "Integers on a surface" of docs/format.md."""
 
-import struct
-
 from conformance.bits import BitStream, Model, SymbolModel, clip, need, new_symbol_model, stripped
 from conformance.fields import signed
 from conformance.order import rotated
 
-WEIGHT_BYTES, WEIGHT_UNITS = 12, 4096
+FITTED, FIRST_ONLY, COPIES = 1, 2, 4
+N_WEIGHTS, WEIGHT_UNITS = 6, 4096
 MAX_CONTEXTS, MAX_PREDICTION, LARGEST = 4, 2.0**30, 4095
 N_SIZES, LONG = 29, 192
+LONGEST_RUN, MAX_HASH_BITS = 15, 15
 
 
 class Residuals:
     """Reader of residuals by the size that is predicted for them."""
 
-    def __init__(self, data):
-        self.stream = BitStream(stripped(data))
+    def __init__(self, stream):
+        self.stream = stream
         self.tokens = [SymbolModel(first_probabilities(size), 16) for size in range(N_SIZES)]
         self.long = new_symbol_model()
         self.negative = [Model(32768, 8) for _ in range(2 * MAX_CONTEXTS + 1)]
@@ -41,6 +41,28 @@ class Residuals:
         return high * 2**n + self.stream.raw(n) + LONG - 1
 
 
+class Copies:
+    """Reader of whether a residual of a column repeats one that followed the same residuals."""
+
+    def __init__(self, n_rows):
+        self.hash_size = 2 ** min(n_rows.bit_length() + 3, MAX_HASH_BITS)
+        self.hash, self.run, self.source, self.latest = 0, 0, 0, {}
+
+    def read(self, stream, models, before, column):
+        """Return whether the next residual is a copy of `column[self.source]`."""
+        key = before, column[self.source] == 0, self.run
+        return stream.adaptive(models.setdefault(key, Model(60000 if self.run > 1 else 32768, 2)))
+
+    def add(self, row, residual, is_copy):
+        mixed = 2654435761 * residual % 2**32 // 2**17
+        self.hash = (64 * self.hash + mixed) % self.hash_size
+        if is_copy:
+            self.source, self.run = self.source + 1, min(self.run + 1, LONGEST_RUN)
+        else:
+            self.source, self.run = self.latest.get(self.hash, 0), 0
+        self.latest[self.hash] = row + 1
+
+
 def first_probabilities(size):
     """Return the probabilities below each token of a geometric distribution."""
     middle = (80 + 32 * (size % 2)) * 2 ** (size // 2)
@@ -57,34 +79,52 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
 
     `triangles` are the rows at the corners of each triangle, `twins` those of their sides.
     """
-    need(1 <= width <= 16 and len(data) >= WEIGHT_BYTES)
-    weights = [weight / WEIGHT_UNITS for weight in struct.unpack("<6h", data[:WEIGHT_BYTES])]
+    need(1 <= width <= 16)
+    stream = BitStream(stripped(data))
+    choices = stream.raw(3)
+    weights = [1.0, 0.0] * (N_WEIGHTS // 2)
+    if choices & FITTED:
+        weights = [int16_of(stream.raw(16)) / WEIGHT_UNITS for _ in range(N_WEIGHTS)]
     around, parallelograms = find_predictors(triangles, twins, n_rows)
-    residuals = Residuals(data[WEIGHT_BYTES:])
+    residuals = Residuals(stream)
+    copies, copy_models = [Copies(n_rows) for _ in range(width)], {}
     rows, coded, recent = [], [], [48] * width
     for number in range(n_rows):
         near = [coded[one] for one in around[number][:MAX_CONTEXTS]]
-        row, own_residuals, own = [], [], 0
+        row, own_residuals, own, before = [], [], 0, 0
         for k in range(width):
             near_sum = sum(abs(one[k]) for one in near)
             mean = near_sum * (48 // len(near)) if near else recent[k]
             column = [one[k] for one in rows]
-            prediction = predict(column, around[number], parallelograms[number], weights)
+            used = parallelograms[number][: 1 if choices & FIRST_ONLY else None]
+            n_all = len(parallelograms[number])
+            prediction = predict(column, around[number], used, n_all, weights)
             deviation = mean_deviation(column, parallelograms[number], prediction, mean)
             expected = 2 * recent[k] + 72 + 2 * deviation + (mean + 48 * own if k else 2 * mean)
             octave = expected.bit_length() - 1
             size = 2 * (octave - 6) + (expected >> (octave - 1)) % 2
             vote = sum((one[k] > 0) - (one[k] < 0) for one in near)
-            residual = residuals.read(size, vote)
-            limited = min(abs(residual), LARGEST)
-            own = (own + limited) // 2 if k else limited
-            recent[k] += (48 * limited - recent[k]) // 8
-            own_residuals.append(-limited if residual < 0 else limited)
+            is_copy = False
+            if copies[k].source:
+                earlier = [one[k] for one in coded]
+                is_copy = copies[k].read(stream, copy_models, before, earlier)
+                before = 1 if is_copy else 2
+            residual = earlier[copies[k].source] if is_copy else residuals.read(size, vote)
+            limited = clip(residual, -LARGEST, LARGEST)
+            own = (own + abs(limited)) // 2 if k else abs(limited)
+            recent[k] += (48 * abs(limited) - recent[k]) // 8
+            if choices & COPIES:
+                copies[k].add(number, limited, is_copy)
+            own_residuals.append(limited)
             row.append(signed(prediction + residual))
         rows.append(tuple(row))
         coded.append(own_residuals)
-    residuals.stream.end()
+    stream.end()
     return rows
+
+
+def int16_of(bits):
+    return bits - 65536 if bits >= 32768 else bits
 
 
 def find_predictors(triangles, twins, n_rows):
@@ -104,16 +144,15 @@ def find_predictors(triangles, twins, n_rows):
     return around, parallelograms
 
 
-def predict(column, around, parallelograms, weights):
-    """Return the integer predicted from earlier rows of a column."""
-    n = len(parallelograms)
-    if n == 0:
+def predict(column, around, parallelograms, n_all, weights):
+    """Return the integer predicted from earlier rows of a column, and from some parallelograms."""
+    if n_all == 0:
         return column[around[0]] if around else column[-1] if column else 0
-    share, share_around = 1.0 / n, 1.0 / len(around)
+    share, share_around = 1.0 / len(parallelograms), 1.0 / len(around)
     p = float(sum(column[a] + column[b] for a, b, _ in parallelograms)) * (0.5 * share)
     q = float(sum(column[third] for *_, third in parallelograms)) * share
     r = float(sum(column[row] for row in around)) * share_around
-    k = min(n, 3)
+    k = min(n_all, 3)
     f, g = weights[2 * k - 2 : 2 * k]
     value = clip(p + (f * (p - q) + g * (r - p)), -MAX_PREDICTION, MAX_PREDICTION)
     return int(value - 0.5 if value < 0 else value + 0.5)

@@ -439,12 +439,11 @@ REEL_API int64_t reel_predictors_find(void *memory, size_t memory_size, const in
 
 /* Integers on a surface (surface_integers.c): n_rows x n_columns values within
    +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns; `faces` and `twins` as above,
-   which may join other rows. Writes at most REEL_SURFACE_HEAD bytes, 10 for each value, and 64
-   more; REEL_INVALID at the first value that exceeds the limit, or if a face has a row that does
-   not exist. Every row is read or written. */
+   which may join other rows. Writes at most 10 bytes for each value, and 64 more; REEL_INVALID at
+   the first value that exceeds the limit, or if a face has a row that does not exist. Every row is
+   read or written. */
 #define REEL_MAX_SURFACE_VALUE (1 << 29)
 #define REEL_MAX_SURFACE_COLUMNS 16
-#define REEL_SURFACE_HEAD 12
 REEL_API size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns);
 REEL_API int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int32_t *values,
                                      int64_t n_rows, int64_t n_columns, const int32_t *faces,

@@ -1,6 +1,6 @@
 /* Integers on a surface: a table whose rows are the corners of triangles, each row predicted from
-   earlier rows around it by weights that the encoder fits. docs/format.md, "Integers on a
-   surface". */
+   earlier rows around it by weights that the encoder may fit. Residuals of repeated parts are
+   copied. docs/format.md, "Integers on a surface". */
 
 #include "symbols.h"
 
@@ -17,10 +17,19 @@
 #define LARGEST 4095 /* magnitudes saturate here in predictions */
 #define N_SIZES 29   /* half octaves of the predicted magnitude */
 #define N_VOTES (2 * N_CONTEXT + 1)
+#define N_RUNS 16        /* lengths of a run of copies, up to "15 or more" */
+#define N_LIKELY 2       /* from this length on, a further copy is probable at first */
+#define MAX_HASH_BITS 15 /* of the last residuals of a column */
 #define LONG_TOKEN 15 /* of magnitudes of at least LONG */
 #define LONG 192
 
-_Static_assert(sizeof(int16_t) * N_WEIGHTS == REEL_SURFACE_HEAD, "see reel.h");
+/* Choices of the encoder for a table. */
+enum {
+    FITTED = 1,     /* weights are stored; otherwise parallelograms predict alone */
+    FIRST_ONLY = 2, /* the first parallelogram predicts, not the mean of all */
+    COPIES = 4,     /* residuals may be copied */
+    N_CHOICES = 3
+};
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
 typedef int64_t vec4l __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
@@ -41,7 +50,16 @@ typedef struct {
     reel_symbol_model token[N_SIZES]; /* class of a magnitude, by its predicted size */
     reel_symbol_model long_token;     /* length of a magnitude of at least LONG */
     reel_model negative[N_VOTES];     /* by the sum of the signs around the row */
+    /* Is a residual a copy? By that of the column before, whether it would be 0, and the run. */
+    reel_model copy[3][2][N_RUNS];
 } residual_models;
+
+/* What the residuals of a column may copy: those after an earlier occurrence of the last few. */
+typedef struct {
+    uint32_t hash; /* of the last few */
+    int32_t next;  /* the row whose residual comes next, 0 if there is none */
+    int32_t run;   /* copies until now, at most N_RUNS - 1 */
+} copy_source;
 
 typedef struct {
     int64_t n_rows, n_columns, n_groups, n_faces;
@@ -55,6 +73,10 @@ typedef struct {
     residual_models *models;
     int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
     double weights[N_WEIGHTS];
+    uint32_t choices;
+    int hash_bits;
+    int32_t *latest; /* for each column and hash: the row after its latest occurrence */
+    copy_source sources[MAX_COLUMNS];
 } surface_coder;
 
 /* Means of the rows around a row, for each column: at the ends of the sides of its parallelograms,
@@ -150,6 +172,12 @@ static void start_models(residual_models *models) {
     for (int i = 0; i < N_VOTES; i++) {
         models->negative[i] = reel_model_of(32768, 8);
     }
+    for (int run = 0; run < N_RUNS; run++) {
+        reel_model model = reel_model_of(run < N_LIKELY ? 32768 : 60000, 2);
+        for (int before = 0; before < 3; before++) {
+            models->copy[before][0][run] = models->copy[before][1][run] = model;
+        }
+    }
 }
 
 static void allocate_coder(surface_coder *coder, reel_arena *arena) {
@@ -162,6 +190,10 @@ static void allocate_coder(surface_coder *coder, reel_arena *arena) {
     coder->parallelograms = reel_allocate(arena, faces + 1, sizeof *coder->parallelograms);
     coder->rows = reel_allocate(arena, (size_t)coder->n_groups * rows, sizeof *coder->rows);
     coder->models = reel_allocate(arena, 1, sizeof *coder->models);
+    int bits = reel_bit_length((uint32_t)coder->n_rows) + 3;
+    coder->hash_bits = bits < MAX_HASH_BITS ? bits : MAX_HASH_BITS;
+    size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
+    coder->latest = reel_allocate(arena, n_hashes, sizeof *coder->latest);
 }
 
 size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
@@ -178,12 +210,20 @@ static bool prepare(surface_coder *coder, void *memory, size_t memory_size) {
         return false;
     }
     sort_faces(coder);
+    return true;
+}
+
+static void start_table(surface_coder *coder) {
     start_rows(coder);
     start_models(coder->models);
     for (int k = 0; k < MAX_COLUMNS; k++) {
         coder->recent[k] = 48;
+        coder->sources[k] = (copy_source){0};
     }
-    return true;
+    if (coder->choices & COPIES) {
+        size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
+        reel_zero(coder->latest, n_hashes * sizeof *coder->latest);
+    }
 }
 
 /* The class of the current row by its parallelograms, or -1 if it has none. */
@@ -192,12 +232,13 @@ REEL_INLINE int class_of(const surface_coder *coder) {
     return n < N_CLASSES ? n - 1 : N_CLASSES - 1;
 }
 
-/* Find the means of the columns of a group for the current row. */
+/* Find the means of the columns of a group for the current row, which has parallelograms. */
 REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n_groups,
                             row_means *means) {
     const row_group *rows = coder->rows + group;
     vec4d near = {0}, opposite = {0}, around = {0};
-    for (int32_t i = 0; i < coder->n_parallelograms; i++) {
+    int32_t n_used = coder->choices & FIRST_ONLY ? 1 : coder->n_parallelograms;
+    for (int32_t i = 0; i < n_used; i++) {
         const parallelogram *shape = &coder->parallelograms[i];
         near += rows[shape->a * n_groups].values + rows[shape->b * n_groups].values;
         opposite += rows[shape->c * n_groups].values;
@@ -205,7 +246,7 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     for (int32_t i = 0; i < coder->n_around; i++) {
         around += rows[coder->around[i] * n_groups].values;
     }
-    double share = 1.0 / (double)coder->n_parallelograms;
+    double share = 1.0 / (double)n_used;
     means->near = near * (0.5 * share);
     means->opposite = opposite * share;
     means->around = around * (1.0 / (double)coder->n_around);
@@ -297,6 +338,42 @@ REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, residual_models *mo
     return above + (LONG - 1);
 }
 
+/* Code a residual of a predicted size; `votes` is the sum of the signs around it. */
+REEL_INLINE int32_t code_residual(reel_range_coder *coder, residual_models *models, int size,
+                                  int votes, int32_t residual) {
+    uint32_t magnitude = residual < 0 ? 0U - (uint32_t)residual : (uint32_t)residual;
+    magnitude = code_magnitude(coder, models, size, magnitude);
+    uint32_t negative = 0;
+    if (magnitude) {
+        reel_model *model = &models->negative[votes + N_CONTEXT];
+        negative = 0U - (uint32_t)reel_even_bit(coder, model, residual < 0);
+    }
+    return (int32_t)((magnitude ^ negative) - negative);
+}
+
+/* Code whether a residual is a copy, and set it if it is. `before` tells whether that of the
+   column before was one: 0 without an answer, 1 yes, 2 no. */
+REEL_INLINE bool code_copy(reel_range_coder *range_coder, const surface_coder *coder, int32_t source,
+                           int run, int *before, int32_t *residual) {
+    reel_model *model = &coder->models->copy[*before][source == 0][run];
+    bool is_copy = reel_even_bit(range_coder, model, *residual == source);
+    *before = is_copy ? 1 : 2;
+    *residual = is_copy ? source : *residual;
+    return is_copy;
+}
+
+/* Find the row whose residual may be copied after the residual of a row. */
+REEL_INLINE void find_source(surface_coder *coder, int64_t row, int64_t column, int32_t residual,
+                             bool is_copy) {
+    copy_source *source = &coder->sources[column];
+    uint32_t mixed = (uint32_t)residual * 0x9E3779B1U >> (32 - MAX_HASH_BITS);
+    source->hash = (64 * source->hash + mixed) & ((1U << coder->hash_bits) - 1);
+    int32_t *latest = &coder->latest[((uint32_t)column << coder->hash_bits) + source->hash];
+    source->run = is_copy ? source->run + (source->run < N_RUNS - 1) : 0;
+    source->next = is_copy ? source->next + 1 : *latest;
+    *latest = (int32_t)row + 1;
+}
+
 /* Sizes of the residuals at the first rows around a row: sums of their magnitudes, and of their
    signs. */
 typedef struct {
@@ -316,10 +393,10 @@ REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, i
 }
 
 /* Code the columns of a group of a row; the encoder passes their values. `own` is the decaying mean
-   magnitude of the columns before. */
+   magnitude of the columns before, and `before` as in code_copy. */
 REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder, int64_t row,
                             int64_t group, int64_t n_groups, int64_t n_columns,
-                            const int32_t *given, int32_t *decoded, int32_t *own) {
+                            const int32_t *given, int32_t *decoded, int32_t *own, int *before) {
     static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12};
     int32_t value[LANES] = {0}, coded[LANES] = {0};
     vec4i predicted = predict_group(coder, row, group, n_groups);
@@ -342,21 +419,29 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         if (reel_is_encoder(range_coder)) {
             residual = (int32_t)((uint32_t)given[column] - (uint32_t)predicted[k]);
         }
-        uint32_t magnitude = residual < 0 ? 0U - (uint32_t)residual : (uint32_t)residual;
-        magnitude = code_magnitude(range_coder, coder->models, size, magnitude);
-        int32_t limited = magnitude < LARGEST ? (int32_t)magnitude : LARGEST;
-        uint32_t negative = 0;
-        if (magnitude) {
-            reel_model *model = &coder->models->negative[near.signs[k] + N_CONTEXT];
-            negative = 0U - (uint32_t)reel_even_bit(range_coder, model, residual < 0);
+        const copy_source *from = &coder->sources[column];
+        bool is_copy = false;
+        if (from->next) {
+            int32_t source = coder->rows[from->next * n_groups + group].residuals[k];
+            is_copy = code_copy(range_coder, coder, source, from->run, before, &residual);
         }
-        coded[k] = (limited ^ (int32_t)negative) - (int32_t)negative;
-        value[k] = (int32_t)((uint32_t)predicted[k] + ((magnitude ^ negative) - negative));
+        if (!is_copy) {
+            residual =
+                code_residual(range_coder, coder->models, size, near.signs[k], residual);
+        }
+        value[k] = (int32_t)((uint32_t)predicted[k] + (uint32_t)residual);
         if (!reel_is_encoder(range_coder)) {
             decoded[column] = value[k];
         }
-        *recent += (48 * limited - *recent) >> 3;
-        *own = column ? (*own + limited) >> 1 : limited;
+        residual = residual < LARGEST ? residual : LARGEST;
+        residual = residual > -LARGEST ? residual : -LARGEST;
+        coded[k] = residual;
+        if (coder->choices & COPIES) {
+            find_source(coder, row, column, residual, is_copy);
+        }
+        int32_t magnitude = residual < 0 ? -residual : residual;
+        *recent += (48 * magnitude - *recent) >> 3;
+        *own = column ? (*own + magnitude) >> 1 : magnitude;
     }
     row_group *to = &coder->rows[row * n_groups + group];
     to->values = (vec4d){value[0], value[1], value[2], value[3]};
@@ -368,9 +453,11 @@ REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, 
                            int64_t n_columns, const int32_t *given, int32_t *decoded) {
     for (int64_t row = 0; row < coder->n_rows; row++) {
         int32_t own = 0;
+        int before = 0;
         find_neighbors(coder, (int32_t)row);
         for (int64_t group = 0; group < n_groups; group++) {
-            code_group(range_coder, coder, row, group, n_groups, n_columns, given, decoded, &own);
+            code_group(range_coder, coder, row, group, n_groups, n_columns, given, decoded, &own,
+                       &before);
         }
         given += given ? n_columns : 0;
         decoded += decoded ? n_columns : 0;
@@ -443,6 +530,7 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
     }
     for (int n = 0; n < N_FITS; n++) {
         fit_sums sums[N_CLASSES] = {0};
+        start_rows(coder);
         for (int64_t row = 0; row < coder->n_rows; row++) {
             find_neighbors(coder, (int32_t)row);
             int class = class_of(coder);
@@ -450,43 +538,59 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
                 add_to_fit(coder, row, group, n > 0, &sums[class]);
             }
         }
-        start_rows(coder);
         for (int class = 0; class < N_CLASSES; class++) {
             solve(&sums[class], coder->weights + 2 * class);
         }
     }
 }
 
-static void write_weights(const surface_coder *coder, uint8_t *out) {
+/* Code the choices, and the weights if they are fitted. */
+static void code_head(reel_range_coder *range_coder, surface_coder *coder) {
+    coder->choices = reel_code_raw(range_coder, N_CHOICES, coder->choices);
     for (int i = 0; i < N_WEIGHTS; i++) {
-        uint32_t weight = (uint32_t)(int32_t)(coder->weights[i] * ONE);
-        out[2 * i] = (uint8_t)(weight & 0xFF);
-        out[2 * i + 1] = (uint8_t)(weight >> 8 & 0xFF);
-    }
-}
-
-static void read_weights(surface_coder *coder, const uint8_t *in) {
-    for (int i = 0; i < N_WEIGHTS; i++) {
-        int32_t weight = in[2 * i] | in[2 * i + 1] << 8;
-        coder->weights[i] = (double)(weight < 0x8000 ? weight : weight - 0x10000) / ONE;
+        double *weight = &coder->weights[i];
+        if (coder->choices & FITTED) {
+            uint32_t bits = (uint32_t)(int32_t)(*weight * ONE);
+            *weight = (double)(int16_t)reel_code_raw(range_coder, 16, bits) / ONE;
+        } else {
+            *weight = i & 1 ? 0.0 : 1.0;
+        }
     }
 }
 
 /* ---- tables ---- */
 
-int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int32_t *values,
-                                     int64_t n_rows, int64_t n_columns, const int32_t *faces,
-                                     const int32_t *twins, int64_t n_faces, uint8_t *out,
-                                     size_t capacity) {
-    surface_coder coder = {.n_rows = n_rows,
+static surface_coder coder_of(int64_t n_rows, int64_t n_columns, const int32_t *faces,
+                              const int32_t *twins, int64_t n_faces) {
+    return (surface_coder){.n_rows = n_rows,
                            .n_columns = n_columns,
                            .n_faces = n_faces,
                            .faces = faces,
                            .twins = twins};
+}
+
+static int64_t encode_with(surface_coder *coder, uint32_t choices, const int32_t *values,
+                           uint8_t *out, size_t capacity) {
+    reel_range_coder range_coder = reel_start_encoder(out, capacity);
+    coder->choices = choices;
+    if (choices & FITTED) {
+        fit_weights(coder, values);
+    }
+    code_head(&range_coder, coder);
+    start_table(coder);
+    code_table(&range_coder, coder, values, NULL);
+    return reel_finish(&range_coder);
+}
+
+int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int32_t *values,
+                                     int64_t n_rows, int64_t n_columns, const int32_t *faces,
+                                     const int32_t *twins, int64_t n_faces, uint8_t *out,
+                                     size_t capacity) {
+    surface_coder coder = coder_of(n_rows, n_columns, faces, twins, n_faces);
     if (!has_valid_faces(&coder)) {
         return reel_failure(REEL_INVALID, 0);
     }
-    if (capacity < REEL_SURFACE_HEAD || !prepare(&coder, memory, memory_size)) {
+    if (!prepare(&coder, memory, memory_size)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     for (int64_t i = 0; i < n_rows * n_columns; i++) {
@@ -494,28 +598,27 @@ int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    fit_weights(&coder, values);
-    write_weights(&coder, out);
-    reel_range_coder range_coder =
-        reel_start_encoder(out + REEL_SURFACE_HEAD, capacity - REEL_SURFACE_HEAD);
-    code_table(&range_coder, &coder, values, NULL);
-    int64_t size = reel_finish(&range_coder);
-    return size < 0 ? size : size + REEL_SURFACE_HEAD;
+    /* Change one choice at a time, and keep those that save bytes. */
+    static const uint32_t changes[] = {FIRST_ONLY, COPIES, FITTED};
+    uint32_t best = FITTED;
+    int64_t smallest = encode_with(&coder, best, values, out, capacity), size = smallest;
+    for (size_t i = 0; i < sizeof changes / sizeof *changes && size >= 0; i++) {
+        size = encode_with(&coder, best ^ changes[i], values, out, capacity);
+        if (size >= 0 && size < smallest) {
+            smallest = size;
+            best ^= changes[i];
+        }
+    }
+    return coder.choices == best || size < 0 ? size
+                                             : encode_with(&coder, best, values, out, capacity);
 }
 
 int64_t reel_surface_integers_decode(void *memory, size_t memory_size, const uint8_t *in,
                                      size_t size, int64_t n_rows, int64_t n_columns,
                                      const int32_t *faces, const int32_t *twins, int64_t n_faces,
                                      int32_t *values) {
-    surface_coder coder = {.n_rows = n_rows,
-                           .n_columns = n_columns,
-                           .n_faces = n_faces,
-                           .faces = faces,
-                           .twins = twins};
-    if (size < REEL_SURFACE_HEAD) {
-        return reel_failure(REEL_TRUNCATED, size);
-    }
-    if (size > REEL_SURFACE_HEAD && !in[size - 1]) {
+    surface_coder coder = coder_of(n_rows, n_columns, faces, twins, n_faces);
+    if (size && !in[size - 1]) {
         return reel_failure(REEL_CORRUPT, size - 1);
     }
     if (!has_valid_faces(&coder)) {
@@ -524,10 +627,9 @@ int64_t reel_surface_integers_decode(void *memory, size_t memory_size, const uin
     if (!prepare(&coder, memory, memory_size)) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    read_weights(&coder, in);
-    reel_range_coder range_coder =
-        reel_start_decoder(in + REEL_SURFACE_HEAD, size - REEL_SURFACE_HEAD);
+    reel_range_coder range_coder = reel_start_decoder(in, size);
+    code_head(&range_coder, &coder);
+    start_table(&coder);
     code_table(&range_coder, &coder, NULL, values);
-    int64_t used = reel_finish(&range_coder);
-    return used < 0 ? used : used + REEL_SURFACE_HEAD;
+    return reel_finish(&range_coder);
 }

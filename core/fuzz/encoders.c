@@ -200,7 +200,7 @@ void fuzz_surface_integers(void) {
         fuzz_shuffle_twins(&mesh);
     }
     int64_t n_columns = 1 + fuzz_below(REEL_MAX_SURFACE_COLUMNS), n = mesh.n_verts * n_columns;
-    int64_t capacity = REEL_SURFACE_HEAD + 16 * n + (1 << 16), result;
+    int64_t capacity = 16 * n + (1 << 16), result;
     int32_t *values = fuzz_allocate(n, sizeof *values), shift = (int32_t)fuzz_below(8);
     bool is_allowed = true;
     for (int64_t i = 0; i < n; i++) {

@@ -10,7 +10,6 @@ from meshreel.kernel.library import encoded, int32s
 Integers = npt.NDArray[np.integer[Any]]
 Table = npt.NDArray[np.int32]
 
-HEAD_BYTES = 12
 BYTES_EACH, MORE_BYTES = 10, 64
 MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
 """As in `core/reel.h`."""
@@ -43,6 +42,6 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         int32s(twins),
         len(faces),
         what="integers on a surface",
-        capacity=HEAD_BYTES + BYTES_EACH * values.size + MORE_BYTES,
+        capacity=BYTES_EACH * values.size + MORE_BYTES,
         memory_of=("reel_surface_integers_memory", n_rows, len(faces), n_columns),
     )

@@ -7,7 +7,6 @@ from hypothesis.extra.numpy import arrays
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.surface_integers import (
-    HEAD_BYTES,
     MAX_COLUMNS,
     MAX_VALUE,
     encode_on_surface,
@@ -47,7 +46,7 @@ def test_tables_round_trip_on_any_faces(name):
 def test_planes_take_few_bytes():
     rows, columns = np.divmod(np.arange(2000), 50)
     values = np.stack([700 * columns + 3 * rows, 11 * rows - columns], axis=1).astype(np.int32)
-    assert len(coded(values, SMOOTH)[0]) < HEAD_BYTES + 250
+    assert len(coded(values, SMOOTH)[0]) < 260
 
 
 def test_smooth_surfaces_take_fewer_bits_than_parallelograms_leave():
@@ -71,6 +70,31 @@ def test_few_steps_do_not_spoil_the_weights_of_flat_parts():
     moved = rng.choice(2000, 40, replace=False)
     values[moved, 2] += rng.integers(-3000, 3000, 40).astype(np.int32)
     assert len(coded(values, SMOOTH)[0]) < 3300  # least squares alone: 3,657
+
+
+def test_repeated_parts_are_copied():
+    rng = np.random.default_rng(3)
+    part, n_parts = rng.integers(-300, 300, (2000, 2)), 5
+    values = np.concatenate([part + np.array([7000 * i, 0]) for i in range(n_parts)]).astype(
+        np.int32
+    )
+    faces = np.concatenate([SMOOTH + 2000 * i for i in range(n_parts)])
+    data, decoded = coded(values, faces)
+    np.testing.assert_array_equal(decoded, values)
+    assert len(data) < 1.05 * len(coded(part.astype(np.int32), SMOOTH)[0])
+
+
+def test_first_parallelograms_predict_extrusions():
+    rows, columns = np.divmod(np.arange(2000), 50)
+    outline = np.random.default_rng(5).integers(-2000, 2000, (50, 2)).cumsum(axis=0)
+    values = np.column_stack([outline[columns], 40 * rows]).astype(np.int32)
+    data, decoded = coded(values, SMOOTH)
+    np.testing.assert_array_equal(decoded, values)
+    assert len(data) < 330
+
+
+def test_a_triangle_takes_no_weights():
+    assert len(coded(np.array([[0, 0], [9, 0], [0, 7]], np.int32), np.array([[0, 1, 2]]))[0]) < 6
 
 
 @pytest.mark.parametrize("value", [MAX_VALUE + 1, -MAX_VALUE - 1])

@@ -185,7 +185,7 @@ def may_use_grid(source: Source, size_bytes: int, has_one_shape: bool) -> bool:
     """
     if not _takes_grid(source.config):
         return False
-    if has_one_shape and source.n_frames > 1:
+    if has_one_shape:
         return True
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
