@@ -104,26 +104,43 @@ class Payload:
 
 
 def read_header(payload):
-    need(payload.take(8) == MAGIC and payload.number("H") == 3, "not a stream of version 3")
-    n_frames, n_verts, n_faces = (payload.number("I") for _ in range(3))
-    fps, vertex_type, method = payload.number("d"), payload.byte(), payload.byte()
-    laplacian, order = payload.byte(), payload.byte()
-    origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
-    n_name_bytes = payload.number("H")
+    need(payload.take(8) == MAGIC and payload.byte() == 3, "not a stream of version 3")
+    n_frames, n_verts, n_faces = (payload.varint() for _ in range(3))
+    rate = payload.varint()
+    fps = rate - 1 if rate else payload.number("d")
+    need(math.isfinite(fps) and 0 <= fps < 2**32, "the frames per second are invalid")
+    codes = read_codes(payload)
+    origin, scale = read_placement(payload, codes)
+    n_name_bytes = payload.varint()
     need(n_name_bytes <= MAX_NAME_BYTES, "the name is too long")
     name = payload.take(n_name_bytes).decode()
     check_crc(payload, 0)
+    vertex_type, method, laplacian, order, _ = codes
     return checked(
         Header(
-            n_frames, n_verts, n_faces, fps, vertex_type, METHODS[method], laplacian, order, origin,
-            scale, name,
+            n_frames, n_verts, n_faces, float(fps), vertex_type, method, laplacian, order,
+            origin, scale, name,
         )
     )  # fmt: skip
 
 
+def read_codes(payload):
+    """Return vertex type, method, Laplacian and order, and whether the placement is in doubles."""
+    method, form = payload.byte(), payload.byte()
+    need(method < len(METHODS) and form < 64, "the form of the header is unknown")
+    order, laplacian = form // 2 % 4, form // 8 % 4
+    return 8 if form % 2 else 4, METHODS[method], laplacian, order, form >= 32
+
+
+def read_placement(payload, codes):
+    """Return origin and scale."""
+    *origin, scale = (payload.number("d" if codes[4] else "f") for _ in range(4))
+    return tuple(origin), scale
+
+
 def checked(header):
     """Return the header after checking its fields."""
-    need(header.vertex_type in (4, 8) and header.laplacian < 3 and header.order < 3)
+    need(header.laplacian < 3 and header.order < 3)
     need(header.n_verts and header.n_faces, "a mesh is empty")
     need(all(math.isfinite(x) for x in (*header.origin, header.scale)) and header.scale > 0)
     return header
@@ -132,16 +149,17 @@ def checked(header):
 def header_of_segment(first, data):
     """Return the header of a segment from the payload of its SEGMENT."""
     payload = Payload(data)
-    n_verts, n_faces = payload.number("I"), payload.number("I")
-    vertex_type, method, laplacian, order = (payload.byte() for _ in range(4))
+    n_verts, n_faces = payload.varint(), payload.varint()
+    codes = read_codes(payload)
+    vertex_type, method, laplacian, order, _ = codes
     origin, scale = first.origin, first.scale
     if payload.position < len(data):
-        origin, scale = tuple(payload.number("d") for _ in range(3)), payload.number("d")
+        origin, scale = read_placement(payload, codes)
     payload.end()
     return checked(
         replace(
-            first, n_verts=n_verts, n_faces=n_faces, vertex_type=vertex_type,
-            method=METHODS[method], laplacian=laplacian, order=order, origin=origin, scale=scale,
+            first, n_verts=n_verts, n_faces=n_faces, vertex_type=vertex_type, method=method,
+            laplacian=laplacian, order=order, origin=origin, scale=scale,
         )
     )  # fmt: skip
 

@@ -13,11 +13,10 @@ from conformance.fields import FieldReader
 from conformance.hierarchy import passes_of, resolutions_of
 
 HEADER = (
-    *(("magic", 8), ("version", 2), ("frames, vertices, faces", 12), ("fps", 8)),
-    *(("vertex type, method, Laplacian, order", 4), ("origin", 24), ("scale", 8)),
-    *(("name length", 2), ("checksum", 4)),
+    *(("magic", 8), ("version", 1), ("frames, vertices, faces", 3), ("rate", 1), ("method", 1)),
+    *(("form", 1), ("origin", 12), ("scale", 4), ("name length", 1), ("checksum", 4)),
 )
-"""Header fields of a stream without a name, with their sizes."""
+"""Header fields of the example, with their sizes."""
 
 
 def hexadecimal(data):

@@ -1268,7 +1268,11 @@ def with_section(number, *sections, n_replaced=0, of=None):
     payload = Payload((of or example)())
     read_header(payload)
     head = payload.data[: payload.position]
-    parts = [(Section[name], data) for _, name, data in read_sections(payload)][:-2]
+    parts = [
+        (Section[name], data)
+        for _, name, data in read_sections(payload)
+        if name not in ("INDEX", "END")
+    ]
     parts[number : number + n_replaced] = [
         parts[one] if type(one) is int else one for one in sections
     ]

@@ -327,11 +327,10 @@ def with_blocks(further, change):
 
 REFUSED: dict[str, Callable[[], bytes]] = {
     "times_in_the_second": with_times_in_the_second,
-    "of_11_bytes": partial(with_section, lambda payload: payload[:11]),
-    "of_45_bytes": partial(with_section, lambda payload: payload + b"\0"),
+    "cut_off": partial(with_section, lambda payload: payload[:3]),
+    "too_long": partial(with_section, lambda payload: payload + b"\0"),
     "no_faces": partial(with_header, n_faces=0),
     "no_vertices": partial(with_header, n_verts=0),
-    "vertex_type": partial(with_header, vertex_type=5),
     "scale_zero": partial(with_header, scale=0.0),
     "origin_infinite": partial(with_header, origin=(0.0, np.inf, 0.0)),
     "start_of_the_second": with_start,

@@ -116,22 +116,37 @@ static void put_bits(stream *s) {
     }
 }
 
-static void put_header(stream *s, int64_t announced) {
-    const uint8_t magic[10] = {0x89, 'R', 'E', 'E', 'L', '\r', '\n', 0x1A, 3, 0};
-    const uint32_t counts[3] = {(uint32_t)announced, (uint32_t)s->mesh.n_verts,
-                                (uint32_t)s->mesh.n_faces};
-    put(s, magic, sizeof magic);
-    put(s, counts, sizeof counts);
-    put_double(s, (double)fuzz_below(50));
-    put_byte(s, fuzz_one_in(3) ? 8 : 4);
+/* Write the method and the form of the numbers; returns whether origin and scale are doubles. */
+static bool put_codes(stream *s) {
+    bool has_doubles = fuzz_one_in(3);
     put_byte(s, s->method);
-    put_byte(s, fuzz_below(2));
-    put_byte(s, s->order);
-    for (int axis = 0; axis < 3; axis++) {
-        put_double(s, (double)fuzz_below(7));
+    put_byte(s, fuzz_one_in(3) + 2 * s->order + 8 * fuzz_below(2) + 32 * has_doubles);
+    return has_doubles;
+}
+
+static void put_placement(stream *s, bool has_doubles) {
+    for (int i = 0; i < 4; i++) {
+        double number = (double)fuzz_below(7) + (i == 3);
+        if (has_doubles) {
+            put_double(s, number);
+        } else {
+            put(s, &(float){(float)number}, sizeof(float));
+        }
     }
-    put_double(s, 1.0 + (double)fuzz_below(9));
-    put_byte(s, 0);
+}
+
+static void put_header(stream *s, int64_t announced) {
+    const uint8_t magic[9] = {0x89, 'R', 'E', 'E', 'L', '\r', '\n', 0x1A, 3};
+    int64_t rate = fuzz_below(50);
+    put(s, magic, sizeof magic);
+    put_varint(s, (uint64_t)announced);
+    put_varint(s, (uint64_t)s->mesh.n_verts);
+    put_varint(s, (uint64_t)s->mesh.n_faces);
+    put_varint(s, (uint64_t)rate);
+    if (!rate) {
+        put_double(s, (double)fuzz_below(50));
+    }
+    put_placement(s, put_codes(s));
     put_byte(s, 0);
     put_checksum(s, 0);
 }
@@ -622,15 +637,12 @@ static void choose_mesh(stream *s) {
 }
 
 static void put_segment(stream *s) {
-    const uint32_t counts[2] = {(uint32_t)s->mesh.n_verts, (uint32_t)s->mesh.n_faces};
     size_t payload = s->size;
-    put(s, counts, sizeof counts);
-    put_byte(s, fuzz_one_in(3) ? 8 : 4);
-    put_byte(s, s->method);
-    put_byte(s, 0);
-    put_byte(s, s->order);
-    for (int i = fuzz_one_in(2) ? 4 : 0; i > 0; i--) {
-        put_double(s, 1.0 + (double)fuzz_below(7));
+    put_varint(s, (uint64_t)s->mesh.n_verts);
+    put_varint(s, (uint64_t)s->mesh.n_faces);
+    bool has_doubles = put_codes(s);
+    if (fuzz_one_in(2)) {
+        put_placement(s, has_doubles);
     }
     end_section(s, REEL_SEGMENT, payload);
 }

@@ -3,12 +3,12 @@
 
 #include "container.h"
 
-#define FIXED_BYTES 68
-#define SEGMENT_BYTES 12
-#define PLACEMENT_BYTES 32
+#define HEAD_BYTES 9 /* magic and version */
+#define N_PLACEMENT 4
 #define MAX_NAME_BYTES 4096
 #define VERSION 3
 #define END_BYTES 14
+#define MAX_RATE ((uint64_t)1 << 32)
 #define LAST_METHOD REEL_METHOD_GRID
 #define MAX_TRACKS ((uint32_t)1 << 20)
 #define MAX_SHARED 255
@@ -20,17 +20,8 @@ static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A}
 
 /* ---- the header ---- */
 
-static uint32_t load_uint32(const uint8_t *bytes) {
-    uint32_t result;
-    reel_copy(&result, bytes, sizeof result);
-    return result;
-}
-
-static double load_double(const uint8_t *bytes) {
-    double result;
-    reel_copy(&result, bytes, sizeof result);
-    return result;
-}
+/* The form of the numbers of a mesh. */
+enum { IS_DOUBLE = 1, ORDER_AT = 1, LAPLACIAN_AT = 3, IS_PLACED_BY_DOUBLES = 32, FORM_END = 64 };
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
     REEL_CORRUPT_IF(!n_verts || !n_faces, at, "the mesh has 0 vertices or 0 faces");
@@ -39,33 +30,43 @@ static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uin
                : MESHREEL_OK;
 }
 
-/* Read the vertex and face counts, and vertex type, method, Laplacian and order. */
-static int set_mesh(reel_call *call, reel_outline *outline, const uint8_t *counts,
-                    uint64_t counts_at, const uint8_t *codes, uint64_t codes_at) {
-    outline->n_verts = load_uint32(counts);
-    outline->n_faces = load_uint32(counts + 4);
-    outline->number_bytes = codes[0];
-    outline->method = codes[1];
-    outline->laplacian = codes[2];
-    outline->order = codes[3];
-    REEL_TRY(check_counts(call, outline->n_verts, outline->n_faces, counts_at));
-    REEL_CORRUPT_IF(outline->number_bytes != 4 && outline->number_bytes != 8, codes_at,
-                    "the vertex type is neither 4 nor 8");
+/* Read the vertex and face counts of a mesh. */
+static int read_counts(reel_call *call, reel_range *left, reel_outline *outline) {
+    uint64_t at = left->at;
+    REEL_TRY(reel_read_varint(call, left, &outline->n_verts));
+    REEL_TRY(reel_read_varint(call, left, &outline->n_faces));
+    return check_counts(call, outline->n_verts, outline->n_faces, at);
+}
+
+/* Read the method, and the form of the numbers. */
+static int read_codes(reel_call *call, reel_range *left, reel_outline *outline, uint8_t *form) {
+    uint64_t at = left->at;
+    uint8_t codes[2];
+    REEL_TRY(reel_read_bytes(call, left, codes, sizeof codes));
+    *form = codes[1];
+    outline->method = codes[0];
+    outline->number_bytes = *form & IS_DOUBLE ? 8 : 4;
+    outline->order = *form >> ORDER_AT & 3U;
+    outline->laplacian = *form >> LAPLACIAN_AT & 3U;
     bool is_newer = outline->method > LAST_METHOD || outline->laplacian > 2 ||
-                    outline->order > REEL_ORDER_DROPPED;
+                    outline->order > REEL_ORDER_DROPPED || *form >= FORM_END;
     return is_newer
-               ? reel_fail(call, MESHREEL_UNSUPPORTED, codes_at + 1,
+               ? reel_fail(call, MESHREEL_UNSUPPORTED, at,
                            "the method, Laplacian or order needs a newer version; update meshreel")
                : MESHREEL_OK;
 }
 
-/* Read origin and scale. */
-static int set_placement(reel_call *call, reel_outline *outline, const uint8_t *numbers,
-                         uint64_t at) {
-    bool is_placed = true;
-    for (int i = 0; i < 4; i++) { /* stored last, but kept first */
-        double number = load_double(numbers + 8 * i);
-        outline->placement[(i + 1) % 4] = number;
+/* Read origin and scale, in floats or doubles. */
+static int read_placement(reel_call *call, reel_range *left, reel_outline *outline, uint8_t form) {
+    double doubles[N_PLACEMENT];
+    float floats[N_PLACEMENT];
+    uint64_t at = left->at;
+    bool has_doubles = form & IS_PLACED_BY_DOUBLES, is_placed = true;
+    REEL_TRY(has_doubles ? reel_read_bytes(call, left, doubles, sizeof doubles)
+                         : reel_read_bytes(call, left, floats, sizeof floats));
+    for (int i = 0; i < N_PLACEMENT; i++) { /* the scale is stored last, but kept first */
+        double number = has_doubles ? doubles[i] : (double)floats[i];
+        outline->placement[(i + 1) % N_PLACEMENT] = number;
         is_placed &= reel_is_finite(number);
     }
     return is_placed && outline->placement[0] > 0.0
@@ -74,38 +75,56 @@ static int set_placement(reel_call *call, reel_outline *outline, const uint8_t *
                               "the origin is not finite, or the scale is not positive and finite");
 }
 
+/* Read the frames per second: an integer plus 1, or 0 and a double. */
+static int read_rate(reel_call *call, reel_range *left, double *fps) {
+    uint64_t at = left->at, rate;
+    REEL_TRY(reel_read_varint(call, left, &rate));
+    *fps = (double)rate - 1.0;
+    REEL_TRY(rate ? MESHREEL_OK : reel_read_bytes(call, left, fps, sizeof *fps));
+    return rate <= MAX_RATE && reel_is_finite(*fps) && *fps >= 0.0
+               ? MESHREEL_OK
+               : reel_corrupt(call, at,
+                              "the frames per second are negative, not finite or above 2^32");
+}
+
+/* Read the header from its counts on; `left` is what remains of the file, and then follows it. */
+static int read_fields(reel_call *call, reel_pool *pool, reel_range *left, reel_outline *outline) {
+    uint8_t form;
+    uint64_t name;
+    REEL_TRY(reel_read_varint(call, left, &outline->announced));
+    REEL_TRY(read_counts(call, left, outline));
+    REEL_TRY(read_rate(call, left, &outline->fps));
+    REEL_TRY(read_codes(call, left, outline, &form));
+    REEL_TRY(read_placement(call, left, outline, form));
+    uint64_t at = left->at;
+    REEL_TRY(reel_read_varint(call, left, &name));
+    REEL_CORRUPT_IF(name > MAX_NAME_BYTES, at, "the name has more than 4096 bytes");
+    REEL_TRY(reel_read_text_bytes(call, pool, left, name, &outline->name));
+    return reel_check_crc(call, 0, left->at);
+}
+
 static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
-    uint8_t fixed[FIXED_BYTES] = {0};
+    uint8_t head[HEAD_BYTES] = {0};
     uint64_t size = call->source->size;
-    size_t here = size < FIXED_BYTES ? (size_t)size : FIXED_BYTES;
-    REEL_TRY(reel_read(call, 0, fixed, here));
-    REEL_CORRUPT_IF(!reel_equal_bytes(fixed, magic, here < sizeof magic ? here : sizeof magic), 0,
+    size_t here = size < HEAD_BYTES ? (size_t)size : HEAD_BYTES;
+    REEL_TRY(reel_read(call, 0, head, here));
+    REEL_CORRUPT_IF(!reel_equal_bytes(head, magic, here < sizeof magic ? here : sizeof magic), 0,
                     "not a .reel stream");
-    if (here >= sizeof magic + 2 && (fixed[8] != VERSION || fixed[9] != 0)) {
-        bool is_older = fixed[8] && fixed[8] < VERSION && !fixed[9];
+    if (here == HEAD_BYTES && head[8] != VERSION) {
         return reel_fail(
             call, MESHREEL_UNSUPPORTED, 8,
-            is_older ? "the format is older than the first release; encode the original again"
-                     : "the format version is not 3; update meshreel");
+            head[8] && head[8] < VERSION
+                ? "the format is older than the first release; encode the original again"
+                : "the format version is not 3; update meshreel");
     }
-    if (here < FIXED_BYTES) {
+    reel_range left = {here, size - here};
+    int failed = read_fields(call, pool, &left, outline);
+    if (failed == MESHREEL_TRUNCATED || left.length < 4) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
-    size_t name = (size_t)(fixed[66] | fixed[67] << 8);
-    REEL_TRY(reel_check_crc(call, 0, FIXED_BYTES + name));
-    REEL_CORRUPT_IF(name > MAX_NAME_BYTES, 66, "the name has more than 4096 bytes");
-    outline->announced = load_uint32(fixed + 10);
-    outline->fps = load_double(fixed + 22);
-    outline->begin = FIXED_BYTES + name + 4;
+    outline->begin = left.at + 4;
     outline->is_first = true;
-    reel_range left = {FIXED_BYTES, name};
-    REEL_TRY(reel_read_text_bytes(call, pool, &left, name, &outline->name));
-    REEL_TRY(set_mesh(call, outline, fixed + 14, 14, fixed + 30, 30));
-    REEL_TRY(set_placement(call, outline, fixed + 34, 34));
-    bool is_timed = reel_is_finite(outline->fps) && outline->fps >= 0.0;
-    return is_timed
-               ? MESHREEL_OK
-               : reel_corrupt(call, 22, "the frames per second are negative or not finite");
+    return failed;
 }
 
 /* ---- leading sections ---- */
@@ -590,20 +609,14 @@ static uint64_t end_of_blocks(const reel_outline *outline) {
 /* Begin a segment with the contents of its section SEGMENT. */
 static int begin_segment(reel_call *call, const reel_section *section, const reel_outline *file,
                          reel_outline *outline) {
-    uint8_t mesh[SEGMENT_BYTES], placement[PLACEMENT_BYTES];
     reel_range left = section->payload;
-    bool is_placed = left.length == SEGMENT_BYTES + PLACEMENT_BYTES;
+    uint8_t form;
     *outline = (reel_outline){.fps = file->fps, .begin = section->at};
     reel_copy(outline->placement, file->placement, sizeof outline->placement);
-    REEL_CORRUPT_IF(left.length != SEGMENT_BYTES && !is_placed, section->at,
-                    "the section SEGMENT has neither 12 nor 44 bytes");
-    REEL_TRY(reel_read_bytes(call, &left, mesh, sizeof mesh));
-    REEL_TRY(set_mesh(call, outline, mesh, section->payload.at, mesh + 8, section->payload.at + 8));
-    if (is_placed) {
-        uint64_t at = left.at;
-        REEL_TRY(reel_read_bytes(call, &left, placement, sizeof placement));
-        REEL_TRY(set_placement(call, outline, placement, at));
-    }
+    REEL_TRY(read_counts(call, &left, outline));
+    REEL_TRY(read_codes(call, &left, outline, &form));
+    REEL_TRY(left.length ? read_placement(call, &left, outline, form) : MESHREEL_OK);
+    REEL_CORRUPT_IF(left.length, section->at, "the section SEGMENT is longer than its numbers");
     reset_outline(outline);
     return MESHREEL_OK;
 }

@@ -6,7 +6,7 @@ from io import BytesIO
 import numpy as np
 
 from conformance.reader import read_layout, read_track
-from meshreel.codec.bitstream.container import Header, write_header, write_sections
+from meshreel.codec.bitstream.container import Header, read_varint, write_header, write_sections
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.normative.fields import Layout
@@ -19,7 +19,7 @@ from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 
-FRAMES_AT, FRAMES_BYTES = 10, 4
+FRAMES_AT = 9
 """Position of the number of frames in a header; 0 means unknown."""
 
 
@@ -42,7 +42,7 @@ class Stream:
     @property
     def header(self):
         info = self.file.info
-        n_frames = int.from_bytes(self.file.bytes_at(FRAMES_AT, FRAMES_BYTES), "little")
+        n_frames, _ = read_varint(self.file.bytes_at(0, self.header_size_bytes), FRAMES_AT)
         return Header(
             n_frames, info.n_verts, info.n_triangles, info.fps, VertexType(info.number_bytes),
             info.method, info.laplacian, info.order, info.center, info.diagonal, info.name,

@@ -267,7 +267,7 @@ class Source:
     @cached_property
     def frame(self) -> BoundingFrame:
         """Center and diagonal of the bounding box."""
-        frame = bounding_frame(self.extent)
+        frame = bounding_frame(self.extent).in_floats
         return frame if self.origin is None else replace(frame, origin=self.origin)
 
     @property

@@ -446,7 +446,7 @@ class Encoder:
     ) -> _Segment:
         """Return the encoder of a segment, given its first block."""
         if self._bounding_frame is None:
-            self._bounding_frame = bounding_frame(extent_of(first))
+            self._bounding_frame = bounding_frame(extent_of(first)).in_floats
         timing = self._timing if is_first else UNTIMED  # times of further segments follow
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, timing)
         if coded.may_be_edited:

@@ -11,6 +11,8 @@ from hashlib import blake2b
 from io import BytesIO
 from typing import BinaryIO
 
+import numpy as np
+
 from meshreel.codec.bitstream.layout import (
     FORMAT_VERSION,
     INDEX_POSITION,
@@ -25,14 +27,17 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 Sections = Iterable[tuple[Section, bytes]]
 
-_FIXED = struct.Struct("<8sHIIIdBBBB4dH")
-_SEGMENT = struct.Struct("<IIBBBB")
-_PLACEMENT = struct.Struct("<4d")
+_IS_DOUBLE, _IS_PLACED_BY_DOUBLES = 1, 32
+_ORDER_AT, _LAPLACIAN_AT = 1, 3
+_MAX_RATE = 2**32
 _CHECKSUM = struct.Struct("<I")
 _COUNTS = struct.Struct("<II")
 
 MIN_FRAMING = 6
 """Bytes of a section without its payload, if that has fewer than 128 bytes."""
+
+SMALL_STREAM = 1024
+"""Size in bytes of a stream up to the index, from which a single block has an index."""
 
 MAX_SHARED = 255
 """Most sections of a mesh that a segment shares with an earlier one."""
@@ -150,22 +155,19 @@ def write_header(header: Header) -> bytes:
     """Encode a header, with its checksum."""
     name = header.name.encode("utf-8", errors="replace")[:MAX_NAME_BYTES]
     name = name.decode("utf-8", errors="ignore").encode()  # drop a character that the cut split
-    fixed = _FIXED.pack(
-        MAGIC,
-        FORMAT_VERSION,
-        header.n_frames,
-        header.n_verts,
-        header.n_faces,
-        header.fps,
-        header.vertex_type,
-        header.method,
-        header.laplacian,
-        header.order,
-        *header.origin,
-        header.scale,
-        len(name),
+    is_integer = 0.0 <= header.fps < _MAX_RATE and header.fps == int(header.fps)
+    rate = write_varint(1 + int(header.fps)) if is_integer else b"\0" + _pack("d", header.fps)
+    body = (
+        MAGIC
+        + bytes([FORMAT_VERSION])
+        + write_varints(header.n_frames, header.n_verts, header.n_faces)
+        + rate
+        + _codes(header)
+        + _placement(header)
+        + write_varint(len(name))
+        + name
     )
-    return fixed + name + _CHECKSUM.pack(zlib.crc32(fixed + name))
+    return body + _CHECKSUM.pack(zlib.crc32(body))
 
 
 def write_segment(header: Header, first: Header) -> bytes:
@@ -178,17 +180,32 @@ def write_segment(header: Header, first: Header) -> bytes:
     first : Header
         The header of the stream; origin and scale are stored only if they differ from it.
     """
-    payload = _SEGMENT.pack(
-        header.n_verts,
-        header.n_faces,
-        header.vertex_type,
-        header.method,
-        header.laplacian,
-        header.order,
-    )
-    if (header.origin, header.scale) == (first.origin, first.scale):
-        return payload
-    return payload + _PLACEMENT.pack(*header.origin, header.scale)
+    payload = write_varints(header.n_verts, header.n_faces) + _codes(header)
+    is_placed = (header.origin, header.scale) != (first.origin, first.scale)
+    return payload + _placement(header) if is_placed else payload
+
+
+def _codes(header: Header) -> bytes:
+    """Return the method, and the form of the numbers."""
+    form = _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64)
+    form |= header.order << _ORDER_AT | header.laplacian << _LAPLACIAN_AT
+    form |= _IS_PLACED_BY_DOUBLES * (not _is_placed_by_floats(header))
+    return bytes([header.method, form])
+
+
+def _placement(header: Header) -> bytes:
+    """Return origin and scale, as floats if these are equal."""
+    return _pack("f" if _is_placed_by_floats(header) else "d", *header.origin, header.scale)
+
+
+def _is_placed_by_floats(header: Header) -> bool:
+    numbers = np.array([*header.origin, header.scale])
+    with np.errstate(over="ignore", under="ignore"):
+        return bool((numbers.astype(np.float32) == numbers).all())
+
+
+def _pack(number_type: str, *numbers: float) -> bytes:
+    return struct.pack(f"<{len(numbers)}{number_type}", *numbers)
 
 
 class StoredMeshes:
@@ -401,11 +418,17 @@ class StreamWriter:
         self._places[-1].append(BlockPlace(n_frames, start, tuple(sizes)))
 
     def finish(self, trailing: Sections = ()) -> None:
-        """Write sections that follow the blocks, the index, and the end marker."""
+        """Write sections that follow the blocks, the index, and the end marker.
+
+        A small stream of one block has no index, which would find nothing that a reader has not.
+        """
         self._write(b"".join(write_sections(list(trailing))))
-        index = write_index(self._places[0], self._further)
-        position = INDEX_POSITION.pack(self.size_bytes)
-        self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
+        ending = [(Section.END, b"")]
+        if len(self._places) > 1 or len(self._places[0]) > 1 or self.size_bytes > SMALL_STREAM:
+            index = write_index(self._places[0], self._further)
+            position = INDEX_POSITION.pack(self.size_bytes)
+            ending = [(Section.INDEX, index), (Section.END, position)]
+        self._write(b"".join(write_sections(ending)))
         self._file.flush()
 
     def _write(self, data: bytes) -> None:

@@ -12,6 +12,9 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.extent import Extent
 
+MAX_MOVED = 1e-3
+"""Distance of an origin in single precision from the center, in diagonals."""
+
 
 @dataclass(frozen=True)
 class BoundingFrame:
@@ -32,6 +35,23 @@ class BoundingFrame:
     def placement(self) -> tuple[float, ...]:
         """Scale, and the origin of each column."""
         return self.scale, *self.origin
+
+    @property
+    def in_floats(self) -> "BoundingFrame":
+        """The frame with numbers of single precision, if its center stays near, otherwise itself.
+
+        The scale is rounded down, so that a bound relative to it is no larger.
+        """
+        exact = np.array([*self.origin, self.scale])
+        with np.errstate(over="ignore", under="ignore"):
+            single = exact.astype(np.float32)
+        if single[-1] > exact[-1]:
+            single[-1] = np.nextafter(single[-1], np.float32(0.0))
+        moved = np.abs(single[:-1] - exact[:-1]).max()
+        if moved > MAX_MOVED * self.scale or single[-1] < np.finfo(np.float32).tiny:
+            return self
+        *origin, scale = single.tolist()
+        return BoundingFrame(tuple(origin), scale)
 
 
 def bounding_frame(extent: Extent) -> BoundingFrame:

@@ -237,6 +237,10 @@ def stream_of(header):
 BEHIND = stream_of(FULL_HEADER)[len(write_header(FULL_HEADER)) :]
 
 
+FORM_AT = 9 + 2 + 2 + 3 + 9 + 1
+"""Magic, version, counts, rate and method precede it."""
+
+
 def with_byte(position, value):
     """A stream with a changed byte in its header and a valid checksum."""
     header = bytearray(write_header(FULL_HEADER)[:-4])
@@ -274,7 +278,7 @@ REFUSED = {
     "version 2": (with_byte(8, 2), UnsupportedVersionError, OLDER),
     "version 4": (with_byte(8, 4), UnsupportedVersionError, NEWER),
     "version 0": (with_byte(8, 0), UnsupportedVersionError, NEWER),
-    "vertex type": (with_byte(30, 5), CorruptStreamError, "vertex type"),
+    "form": (with_byte(FORM_AT, 64), UnsupportedVersionError, "needs a newer version"),
     **{
         f"{name} {value}": (
             stream_of(replace(FULL_HEADER, **{name: value})),
