@@ -4,7 +4,7 @@ from conformance.bits import BitStream, Model, SymbolModel, clip, need, new_symb
 from conformance.fields import signed
 from conformance.order import rotated
 
-FITTED, FIRST_ONLY, COPIES = 1, 2, 4
+FITTED, BEST, COPIES = 1, 2, 4
 N_WEIGHTS, WEIGHT_UNITS = 6, 4096
 MAX_CONTEXTS, MAX_PREDICTION, LARGEST = 4, 2.0**30, 4095
 N_SIZES, LONG = 29, 192
@@ -89,6 +89,7 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
     residuals = Residuals(stream)
     copies, copy_models = [Copies(n_rows) for _ in range(width)], {}
     rows, coded, recent = [], [], [48] * width
+    errors = [[0, 0, 0] for _ in range(width)]
     for number in range(n_rows):
         near = [coded[one] for one in around[number][:MAX_CONTEXTS]]
         row, own_residuals, own, before = [], [], 0, 0
@@ -96,9 +97,11 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
             near_sum = sum(abs(one[k]) for one in near)
             mean = near_sum * (48 // len(near)) if near else recent[k]
             column = [one[k] for one in rows]
-            used = parallelograms[number][: 1 if choices & FIRST_ONLY else None]
-            n_all = len(parallelograms[number])
-            prediction = predict(column, around[number], used, n_all, weights)
+            prediction = predict(column, around[number], parallelograms[number], weights)
+            candidates = []
+            if choices & BEST and parallelograms[number]:
+                candidates = [*ends(column, parallelograms[number]), prediction]
+                prediction = candidates[errors[k].index(min(errors[k]))]
             deviation = mean_deviation(column, parallelograms[number], prediction, mean)
             expected = 2 * recent[k] + 72 + 2 * deviation + (mean + 48 * own if k else 2 * mean)
             octave = expected.bit_length() - 1
@@ -117,6 +120,9 @@ def read_surface_integers(data, n_rows, width, triangles, twins):
                 copies[k].add(number, limited, is_copy)
             own_residuals.append(limited)
             row.append(signed(prediction + residual))
+            for i, candidate in enumerate(candidates):
+                distance = min(abs(signed(row[k] - candidate)), LARGEST)
+                errors[k][i] += (64 * distance - errors[k][i]) // 4
         rows.append(tuple(row))
         coded.append(own_residuals)
     stream.end()
@@ -144,15 +150,22 @@ def find_predictors(triangles, twins, n_rows):
     return around, parallelograms
 
 
-def predict(column, around, parallelograms, n_all, weights):
-    """Return the integer predicted from earlier rows of a column, and from some parallelograms."""
-    if n_all == 0:
+def ends(column, parallelograms):
+    """Return the integers that the first and the last parallelogram predict."""
+    points = [column[a] + column[b] - column[third] for a, b, third in parallelograms]
+    return [int(clip(point, -MAX_PREDICTION, MAX_PREDICTION)) for point in (points[0], points[-1])]
+
+
+def predict(column, around, parallelograms, weights):
+    """Return the integer predicted from earlier rows of a column."""
+    n = len(parallelograms)
+    if n == 0:
         return column[around[0]] if around else column[-1] if column else 0
-    share, share_around = 1.0 / len(parallelograms), 1.0 / len(around)
+    share, share_around = 1.0 / n, 1.0 / len(around)
     p = float(sum(column[a] + column[b] for a, b, _ in parallelograms)) * (0.5 * share)
     q = float(sum(column[third] for *_, third in parallelograms)) * share
     r = float(sum(column[row] for row in around)) * share_around
-    k = min(n_all, 3)
+    k = min(n, 3)
     f, g = weights[2 * k - 2 : 2 * k]
     value = clip(p + (f * (p - q) + g * (r - p)), -MAX_PREDICTION, MAX_PREDICTION)
     return int(value - 0.5 if value < 0 else value + 0.5)

@@ -20,18 +20,20 @@
 #define N_RUNS 16        /* lengths of a run of copies, up to "15 or more" */
 #define N_LIKELY 2       /* from this length on, a further copy is probable at first */
 #define MAX_HASH_BITS 15 /* of the last residuals of a column */
+#define N_CANDIDATES 3   /* of predictions: by the first parallelogram, the last, and the mean */
 #define LONG_TOKEN 15 /* of magnitudes of at least LONG */
 #define LONG 192
 
 /* Choices of the encoder for a table. */
 enum {
     FITTED = 1,     /* weights are stored; otherwise parallelograms predict alone */
-    FIRST_ONLY = 2, /* the first parallelogram predicts, not the mean of all */
+    BEST = 2,       /* the first parallelogram, the last or the mean predicts: the best so far */
     COPIES = 4,     /* residuals may be copied */
     N_CHOICES = 3
 };
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
+typedef uint32_t vec4u __attribute__((vector_size(4 * LANES), may_alias));
 typedef int64_t vec4l __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 typedef double vec4d __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 
@@ -74,6 +76,7 @@ typedef struct {
     int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
     double weights[N_WEIGHTS];
     uint32_t choices;
+    vec4i errors[MAX_COLUMNS / LANES][N_CANDIDATES]; /* decaying means of candidates, in 1/64 */
     int hash_bits;
     int32_t *latest; /* for each column and hash: the row after its latest occurrence */
     copy_source sources[MAX_COLUMNS];
@@ -84,6 +87,11 @@ typedef struct {
 typedef struct {
     vec4d near, opposite, around;
 } row_means;
+
+/* Predictions of a group of columns. */
+typedef struct {
+    vec4i values[N_CANDIDATES];
+} candidates;
 
 /* ---- neighbors ---- */
 
@@ -220,6 +228,9 @@ static void start_table(surface_coder *coder) {
         coder->recent[k] = 48;
         coder->sources[k] = (copy_source){0};
     }
+    for (int i = 0; i < MAX_COLUMNS / LANES * N_CANDIDATES; i++) {
+        coder->errors[i / N_CANDIDATES][i % N_CANDIDATES] = (vec4i){0};
+    }
     if (coder->choices & COPIES) {
         size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
         reel_zero(coder->latest, n_hashes * sizeof *coder->latest);
@@ -237,8 +248,7 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
                             row_means *means) {
     const row_group *rows = coder->rows + group;
     vec4d near = {0}, opposite = {0}, around = {0};
-    int32_t n_used = coder->choices & FIRST_ONLY ? 1 : coder->n_parallelograms;
-    for (int32_t i = 0; i < n_used; i++) {
+    for (int32_t i = 0; i < coder->n_parallelograms; i++) {
         const parallelogram *shape = &coder->parallelograms[i];
         near += rows[shape->a * n_groups].values + rows[shape->b * n_groups].values;
         opposite += rows[shape->c * n_groups].values;
@@ -246,7 +256,7 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     for (int32_t i = 0; i < coder->n_around; i++) {
         around += rows[coder->around[i] * n_groups].values;
     }
-    double share = 1.0 / (double)n_used;
+    double share = 1.0 / (double)coder->n_parallelograms;
     means->near = near * (0.5 * share);
     means->opposite = opposite * share;
     means->around = around * (1.0 / (double)coder->n_around);
@@ -270,10 +280,21 @@ REEL_INLINE vec4i round_group(vec4d value) {
     return __builtin_convertvector((vec4d)((vec4l)size | sign), vec4i);
 }
 
+/* Select the lanes of one of two groups. */
+REEL_INLINE vec4i select_group(vec4i is_first, vec4i first, vec4i second) {
+    return (first & is_first) | (second & ~is_first);
+}
+
+/* Predict by a parallelogram. */
+REEL_INLINE vec4i complete(const row_group *rows, const parallelogram *shape, int64_t n_groups) {
+    return round_group(rows[shape->a * n_groups].values + rows[shape->b * n_groups].values -
+                       rows[shape->c * n_groups].values);
+}
+
 /* Predict the columns of a group of the current row: without parallelograms from its first
-   neighbor, or the row before it. */
+   neighbor, or the row before it. `all` receives the candidates of BEST. */
 REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t group,
-                                int64_t n_groups) {
+                                int64_t n_groups, candidates *all) {
     int class = class_of(coder);
     if (class < 0) {
         int64_t other = coder->n_around ? coder->around[0] : row - 1;
@@ -285,7 +306,33 @@ REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t
     row_means means;
     find_means(coder, group, n_groups, &means);
     vec4d near = means.near;
-    return round_group(near + (f * (near - means.opposite) + g * (means.around - near)));
+    vec4i mean = round_group(near + (f * (near - means.opposite) + g * (means.around - near)));
+    if (!(coder->choices & BEST)) {
+        return mean;
+    }
+    const row_group *rows = coder->rows + group;
+    const vec4i *errors = coder->errors[group];
+    vec4i *values = all->values;
+    values[0] = complete(rows, coder->parallelograms, n_groups);
+    values[1] = complete(rows, &coder->parallelograms[coder->n_parallelograms - 1], n_groups);
+    values[2] = mean;
+    vec4i is_last = errors[1] < errors[0];
+    vec4i is_mean = errors[2] < select_group(is_last, errors[1], errors[0]);
+    return select_group(is_mean, mean, select_group(is_last, values[1], values[0]));
+}
+
+/* Update the errors of the candidates with the values of a group. */
+REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const candidates *all,
+                                    vec4i actual) {
+    const vec4i largest = {LARGEST, LARGEST, LARGEST, LARGEST};
+    for (int i = 0; i < N_CANDIDATES; i++) {
+        vec4i *error = &coder->errors[group][i];
+        vec4i size = (vec4i)((vec4u)actual - (vec4u)all->values[i]);
+        vec4i is_negative = size < 0; /* -1 if true */
+        size = (vec4i)((vec4u)(size ^ is_negative) - (vec4u)is_negative);
+        size = select_group((size < largest) & (size >= 0), size, largest);
+        *error += (64 * size - *error) >> 2;
+    }
 }
 
 /* The mean distance of parallelograms from the prediction, for each column, in 1/48; there is at
@@ -399,7 +446,8 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
                             const int32_t *given, int32_t *decoded, int32_t *own, int *before) {
     static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12};
     int32_t value[LANES] = {0}, coded[LANES] = {0};
-    vec4i predicted = predict_group(coder, row, group, n_groups);
+    candidates all = {0};
+    vec4i predicted = predict_group(coder, row, group, n_groups, &all);
     near_residuals near = sum_near(coder, group, n_groups);
     bool has_deviation = coder->n_parallelograms != 0;
     vec4i deviation = {0};
@@ -443,8 +491,12 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         *recent += (48 * magnitude - *recent) >> 3;
         *own = column ? (*own + magnitude) >> 1 : magnitude;
     }
+    vec4i values = {value[0], value[1], value[2], value[3]};
+    if (coder->choices & BEST && coder->n_parallelograms) {
+        compare_candidates(coder, group, &all, values);
+    }
     row_group *to = &coder->rows[row * n_groups + group];
-    to->values = (vec4d){value[0], value[1], value[2], value[3]};
+    to->values = __builtin_convertvector(values, vec4d);
     to->residuals = (vec4i){coded[0], coded[1], coded[2], coded[3]};
 }
 
@@ -599,7 +651,7 @@ int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int
         }
     }
     /* Change one choice at a time, and keep those that save bytes. */
-    static const uint32_t changes[] = {FIRST_ONLY, COPIES, FITTED};
+    static const uint32_t changes[] = {BEST, COPIES, FITTED};
     uint32_t best = FITTED;
     int64_t smallest = encode_with(&coder, best, values, out, capacity), size = smallest;
     for (size_t i = 0; i < sizeof changes / sizeof *changes && size >= 0; i++) {

@@ -84,7 +84,7 @@ def test_repeated_parts_are_copied():
     assert len(data) < 1.05 * len(coded(part.astype(np.int32), SMOOTH)[0])
 
 
-def test_first_parallelograms_predict_extrusions():
+def test_single_parallelograms_predict_extrusions():
     rows, columns = np.divmod(np.arange(2000), 50)
     outline = np.random.default_rng(5).integers(-2000, 2000, (50, 2)).cumsum(axis=0)
     values = np.column_stack([outline[columns], 40 * rows]).astype(np.int32)
