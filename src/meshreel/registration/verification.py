@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.kernel.closest import Closest
 from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.registration.refining import subdivided
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -143,9 +145,7 @@ def _one_way(
     )
     area = areas.sum()
     if may_end:
-        ends = target.ends_before(points, found)
-        beyond = np.flatnonzero(distances > tolerance.length)
-        ends[beyond] |= target.encloses(points[beyond], found.at(beyond))
+        ends = is_unsupported(target, points, found, tolerance)
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return *6 * [0.0], 1.0
@@ -157,6 +157,19 @@ def _one_way(
         largest_patch(mesh, distances - tolerance.length),
         float(1 - areas.sum() / area),
     )
+
+
+def is_unsupported(
+    target: TriangleMesh, points: Floats, found: Closest, tolerance: Tolerance
+) -> npt.NDArray[np.bool_]:
+    """Return whether the raw surface lacks each point of the registered one.
+
+    It is beyond the boundary of the raw surface, or hidden below it.
+    """
+    lacks = target.ends_before(points, found)
+    beyond = np.flatnonzero(found.distances > tolerance.length)
+    lacks[beyond] |= target.encloses(points[beyond], found.at(beyond))
+    return lacks
 
 
 def _quantiles(values: Floats, weights: Floats, shares: tuple[float, float]) -> tuple[float, float]:
