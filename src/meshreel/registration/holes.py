@@ -9,7 +9,7 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import FACE_MASKS, Track
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import Tolerance, is_unsupported
+from meshreel.registration.verification import Tolerance, unsupported
 
 SCANNED = FACE_MASKS[0]
 """Name of the track that is 1 for the faces that a raw frame has, otherwise 0."""
@@ -36,9 +36,10 @@ def scanned_faces(
     """
     is_scanned, hidden = [], np.zeros(len(faces), bool)
     for target, points in zip(frames, positions, strict=True):
-        centroids = TriangleMesh(points, faces).centroids
-        found = target.closest(centroids)
-        is_far = found.distances > tolerance.length
-        hidden = is_unsupported(target, centroids, found, tolerance) & (is_far | hidden)
+        mesh, n_verts = TriangleMesh(points, faces), len(points)
+        found = target.closest(np.concatenate([points, mesh.centroids]))
+        is_far = found.distances[n_verts:] > tolerance.length
+        lacks = unsupported(mesh, target, found, tolerance)[n_verts:]
+        hidden = lacks & (is_far | hidden)
         is_scanned.append(~hidden)
     return None if np.all(is_scanned) else Track(np.array(is_scanned), Domain.FACE)

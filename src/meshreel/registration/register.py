@@ -436,6 +436,11 @@ def _changes(
             f"split edges of the mesh of {counted(len(refined), 'key frame')}, which then follows "
             "more frames"
         )
+    if larger := [segment.key for segment in segments if segment.key_mesh.n_added]:
+        yield (
+            f"added surface that other frames show to the mesh of "
+            f"{counted(len(larger), 'key frame')}"
+        )
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"
     if n_removed["component"]:

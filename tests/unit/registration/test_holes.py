@@ -98,3 +98,25 @@ def test_values_of_the_name_of_the_track_are_refused():
     named = [one.replace(tracks={SCANNED: Track(np.zeros((1, one.n_verts)))}) for one in frames]
     with pytest.raises(InvalidInputError, match="values called 'scanned'"):
         meshreel.register(meshreel.concatenate(named), keep_holes=True)
+
+
+def without_ends(n_frames):
+    """A bending capsule that lacks one end or the other."""
+    rng, frames = np.random.default_rng(0), []
+    for number in range(n_frames):
+        vertices, faces = capsule(
+            int(rng.integers(40, 44)), int(rng.integers(36, 40)), rng.random()
+        )
+        heights = vertices[faces].mean(axis=1)[:, 2] * (-1) ** number
+        frames.append((bent(vertices, 0.06 * number), faces[heights < 0.6]))
+    return as_frames(frames)
+
+
+@pytest.mark.slow
+def test_a_key_gets_what_other_frames_show():
+    found = register(without_ends(3), ErrorBound(0.4))
+    (segment,) = found.segments
+    assert np.ptp(segment.positions[..., 2], axis=1).min() > 1.95
+    assert found.distances.p95_percent < 0.05
+    assert 10 < found.distances.unsupported_percent < 20
+    assert "added surface that other frames show to the mesh of 1 key frame" in found.changes
