@@ -1,6 +1,6 @@
 """Completion of keys: they get the surface that other frames show beyond their boundary."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -184,17 +184,30 @@ def _sides(faces: Faces) -> Indices:
 def _slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
     """Return faces that close short loops of open sides, some of which are of added faces."""
     own, new = (set(map(tuple, _sides(some).tolist())) for some in (faces, added))
-    following = {start: end for start, end in own | new if (end, start) not in own | new}
     closed: list[list[int]] = []
-    while following:
-        loop = list(following.popitem())
-        while loop[-1] != loop[0] and loop[-1] in following:
-            loop.append(following.pop(loop[-1]))
-        is_added = any(side in new for side in pairwise(loop))
-        length = np.linalg.norm(np.diff(vertices[loop], axis=0), axis=1).sum()
-        if loop[-1] == loop[0] and is_added and length < max_length:
-            closed += _triangulated(vertices, loop[:0:-1])
+    for loop in _loops([side for side in own | new if side[::-1] not in own | new]):
+        around = [*loop, loop[0]]
+        length = np.linalg.norm(np.diff(vertices[around], axis=0), axis=1).sum()
+        if length < max_length and any(side in new for side in pairwise(around)):
+            closed += _triangulated(vertices, loop[::-1])
     return np.array(closed, np.int32).reshape(-1, 3)
+
+
+def _loops(sides: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
+    """Yield the vertices of the loops of sides; loops that touch are apart."""
+    following: dict[int, list[int]] = {}
+    for start, end in sorted(sides):
+        following.setdefault(start, []).append(end)
+    for first in following:
+        path = [first]
+        while following.get(path[-1]):
+            end = following[path[-1]].pop()
+            if end in path:
+                at = path.index(end)
+                yield path[at:]
+                del path[at + 1 :]
+            else:
+                path.append(end)
 
 
 def _triangulated(vertices: Floats, loop: list[int]) -> list[list[int]]:

@@ -11,6 +11,8 @@ from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
 from samples.captures import capsule
 
+pytestmark = pytest.mark.slow
+
 TOLERANCE = Tolerance(0.005)
 TURN = rotations_of(np.array([[0.3, -0.2, 0.5]]))[0]
 SHIFT = np.array([0.4, -0.3, 0.2])
