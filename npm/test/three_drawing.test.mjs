@@ -5,6 +5,7 @@ import { loadModule } from "./three_modules.mjs";
 
 const { createDrawing } = await loadModule("drawing");
 const { computePositions, computeNormals } = await loadModule("cpu_frames");
+const { loadMasks, maskIndex } = await loadModule("face_masks");
 
 /** Two triangles of a square: 0 1 2 and 0 2 3. */
 const TRIANGLES = Uint32Array.of(0, 1, 2, 0, 2, 3);
@@ -206,4 +207,38 @@ test("hard edges, UVs and split corners can be combined", () => {
   assert.equal(drawing.sources.length, 24);
   assert.deepEqual(drawing.attributes.map(({ name }) => name), ["uv"]);
   assert.deepEqual([...drawing.items], [...drawing.items.keys()]);
+});
+
+test("triangles of hidden polygons collapse in the ranges of their materials", () => {
+  const shape = surface({
+    triangles: Uint32Array.of(0, 1, 2, 0, 2, 3, 3, 2, 4),
+    faceSizes: Uint32Array.of(4, 3),
+    groups: [{ name: "material", labels: ["a", "b"], faceLabels: Int32Array.of(1, 0) }],
+  });
+  const drawing = createDrawing(shape, 5);
+  assert.deepEqual([...drawing.order], [2, 0, 1]);
+  const index = drawing.index.slice();
+  maskIndex(drawing, shape, [Uint8Array.of(0, 1), Uint8Array.of(1, 1)], index);
+  assert.deepEqual([...index], [3, 2, 4, 0, 0, 0, 0, 0, 0]);
+  maskIndex(drawing, shape, [Uint8Array.of(1, 1), Uint8Array.of(1, 0)], index);
+  assert.deepEqual([...index], [3, 3, 3, 0, 1, 2, 0, 2, 3]);
+  maskIndex(drawing, shape, [Uint8Array.of(1, 1)], index);
+  assert.deepEqual(index, drawing.index);
+});
+
+test("masks are tracks of faces with one number", async () => {
+  const track = { domain: "face", nColumns: 1 };
+  const tracks = [
+    { ...track, name: "alive" },
+    { ...track, name: "stress" },
+    { ...track, name: "scanned", domain: "vertex" },
+  ];
+  const reel = {
+    info: { tracks, blocks: [{ start: 0, nFrames: 5 }, { start: 5, nFrames: 2 }] },
+    track: (name) => ({ frame: async (number) => [name, number] }),
+  };
+  const { signal } = new AbortController();
+  assert.deepEqual(await loadMasks(reel, 1, signal), [[["alive", 5]], [["alive", 6]]]);
+  reel.info.tracks = tracks.slice(1);
+  assert.equal(await loadMasks(reel, 1, signal), null);
 });

@@ -166,6 +166,7 @@ def register(
     *,
     tolerance: float | str = "0.2%",
     unit: str | None = None,
+    keep_holes: bool = False,
     folder: str | os.PathLike[str] | None = None,
     texture: Source | None = None,
     texture_output: AnyPath | None = None,
@@ -191,6 +192,9 @@ def register(
         the tolerance.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `tolerance` that is a length.
+    keep_holes : bool, default False
+        Keep the holes of scans, which registered surfaces close: segments get a track ``scanned``,
+        1 for the faces that the raw frame has, otherwise 0. Players and pictures hide the others.
     folder : path, optional
         Stores the registered frames: after an interruption, the same call continues. The result
         reads its frames from the folder; remove it when they are not needed any more. Default:
@@ -219,8 +223,8 @@ def register(
     ------
     InvalidInputError
         If the tolerance is not valid, no frame has a face with an area, `folder` contains
-        something else, the textures do not fit the frames, or the extra [register] is not
-        installed.
+        something else, the textures do not fit the frames, the frames have values called
+        ``scanned`` while holes are kept, or the extra [register] is not installed.
     FormatError
         If a texture cannot be read, or its output has another format.
     """
@@ -244,7 +248,11 @@ def register(
 
             job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
         registration = register_sequence(
-            frames, bound, progress, None if folder is None else Path(folder)
+            frames,
+            bound,
+            progress,
+            None if folder is None else Path(folder),
+            keep_holes=keep_holes,
         )
         notes = list(registration.changes)
         if job is not None:

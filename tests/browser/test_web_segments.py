@@ -6,6 +6,7 @@ import pytest
 import meshreel
 from meshreel.model.materials import Material
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.tracks import FACE_MASKS
 from samples.materials import png
 from samples.meshes import grid_faces
 
@@ -125,6 +126,21 @@ def test_segments_are_shown_with_their_own_mesh_and_material(three_page, data, g
 def test_a_texture_is_shown_on_all_segments(three_page, data):
     result = played(three_page, data, gpu=True, frames=[2, 8], texture="/gray.png")
     assert_right(result["seeking"] + result["playing"], data, brightness=128)
+
+
+@pytest.mark.parametrize("gpu", [True, False])
+@pytest.mark.parametrize("name", FACE_MASKS)
+def test_faces_are_hidden_where_a_mask_is_zero(three_page, gpu, name):
+    """Frames 1 and 3 have a hole in the middle; frames are coded in two blocks."""
+    moving = sheet(9, 4, "red")
+    middle = np.linalg.norm(moving.vertices[0][moving.faces].mean(axis=1)[:, :2] - 0.5, axis=1)
+    is_shown = np.ones((4, moving.n_faces), bool)
+    is_shown[1::2] = middle > 0.3
+    masked = moving.replace(tracks={name: meshreel.Track(is_shown, "face")})
+    data = meshreel.encode(masked, block_frames=2)
+    shown = played(three_page, data, gpu=gpu, frames=[1, 0, 3, 2])["seeking"]
+    assert [max(one["pixel"]) for one in shown] == [0, 255, 0, 255]
+    assert_right(shown[1::2], data)
 
 
 def played(three_page, data, **arguments):

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import meshreel
-from samples.captures import capture, textured_capture
+from samples.captures import as_frames, capture, textured_capture
 from samples.commands import assert_fails, run, run_json
 
 pytestmark = pytest.mark.usefixtures("few_grid_lines")
@@ -73,6 +73,23 @@ def test_encode_and_convert_register_while_reading(raw, tmp_path):
     assert meshreel.info(tmp_path / "walk.reel").n_frames == 4
     assert meshreel.load(tmp_path / "walk.npz").n_frames == 4
     assert "registered 4 frames in 1 segment" in converted.stderr
+
+
+@pytest.mark.slow
+def test_holes_are_kept_on_request(raw, tmp_path):
+    folder, output = tmp_path / "holes", tmp_path / "walk.reel"
+    (vertices, faces), *others = meshreel.load(raw)
+    is_low = vertices[faces].mean(axis=1)[:, 2] < 0.6
+    meshreel.save(as_frames([(vertices, faces[is_low]), *others]), folder / "frame_%03d.obj")
+    options = "-o", output, "--keep-holes"
+    run_json("register", folder, *options, "--tolerance", "0.5%")
+    of_register = meshreel.load(output).tracks["scanned"].values
+    run_json("encode", folder, *options, "--register", "0.5%", "--force")
+    assert (meshreel.load(output).tracks["scanned"].values == of_register).all()
+    assert (of_register.mean(axis=1)[:, 0] < 1).tolist() == [True, False, False, False]
+    done = run("register", raw, *options, "--tolerance", "0.5%", "--force")
+    assert "the raw frames have all faces, so there is no track 'scanned'" in done.stderr
+    assert_fails(run("encode", raw, *options, "--force"), "add --register")
 
 
 def test_encode_of_a_raw_capture_advises_registration(raw, tmp_path):

@@ -6,6 +6,7 @@ import type { BlockFields, OpenReel, OpenSegments, Surface } from "../types.js";
 import type { Backend } from "./backend.js";
 import type { Split } from "./corners.js";
 import { createDrawing, type Drawing } from "./drawing.js";
+import { type FrameMasks, maskIndex } from "./face_masks.js";
 import type { LoadedBlock } from "./loaded_block.js";
 import type { SendEvent } from "./material_images.js";
 import { Materials } from "./materials.js";
@@ -36,6 +37,10 @@ export class MeshSegment {
   /** The surface that is drawn: that of the file, or of a cut. */
   surface: Surface;
   #drawn: Surface;
+  /** Masks of the frames of each loaded block, if the file has masks. */
+  readonly #masks = new Map<LoadedBlock, readonly FrameMasks[]>();
+  /** Those of the shown frame. */
+  #mask: FrameMasks | null = null;
 
   /**
    * @param number - index of the segment
@@ -70,14 +75,27 @@ export class MeshSegment {
   }
 
   /** Store a block for pictures. @throws Error if the GPU does not support it */
-  upload(fields: BlockFields, block: LoadedBlock): void {
+  upload(fields: BlockFields, block: LoadedBlock, masks: readonly FrameMasks[] | null): void {
     this.backend?.upload(fields, block);
+    if (masks) this.#masks.set(block, masks);
     this.nBlocks++;
   }
 
   release(block: LoadedBlock): void {
     this.backend?.release(block);
+    this.#masks.delete(block);
     this.nBlocks--;
+  }
+
+  /** Draw all triangles but those of faces that are hidden in frame `t` of a block. */
+  showFaces(block: LoadedBlock, t: number): void {
+    this.geometry.setDrawRange(0, Infinity);
+    const mask = this.#masks.get(block)?.[t];
+    if (!mask || mask === this.#mask || this.surface !== this.reel.surface) return;
+    this.#mask = mask;
+    const index = this.geometry.index as THREE.BufferAttribute;
+    maskIndex(this.drawing, this.surface, mask, index.array as Uint32Array);
+    index.needsUpdate = true;
   }
 
   dispose(): void {
@@ -91,7 +109,8 @@ export class MeshSegment {
     const { info } = this.reel;
     const drawing = (this.drawing = createDrawing(this.surface, info.nVerts, this.split));
     const geometry = (this.geometry = new THREE.BufferGeometry());
-    geometry.setIndex(new THREE.BufferAttribute(drawing.index, 1));
+    geometry.setIndex(new THREE.BufferAttribute(drawing.index.slice(), 1)); // masks change it
+    this.#mask = null;
     for (const { name, width, values } of drawing.attributes) {
       geometry.setAttribute(name, new THREE.BufferAttribute(values, width));
     }

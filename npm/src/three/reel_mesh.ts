@@ -13,6 +13,7 @@ import type {
   TrackColors,
 } from "./color/track_colors.js";
 import { CpuBackend } from "./cpu_backend.js";
+import { loadMasks } from "./face_masks.js";
 import { createGpuBackend, type Renderer } from "./gpu/gpu_backend.js";
 import {
   composePicture,
@@ -77,7 +78,8 @@ export interface ReelMeshOptions {
 }
 
 /**
- * A mesh that plays a file, in model units. Initially it is paused at time 0.
+ * A mesh that plays a file, in model units. Initially it is paused at time 0. Faces are hidden where
+ * the tracks "scanned" (holes of a scan) and "alive" (deleted elements) are 0.
  *
  * Positions and normals are computed on the GPU with WebGL 2, into the attributes of the geometry,
  * so that every material, shadow and effect works as with any other mesh. For other renderers, such
@@ -146,7 +148,7 @@ export class ReelMesh extends THREE.Mesh<
           segment.backend?.show(this.#picture);
           this.#colors?.show(moment);
           this.#readableMesh = null;
-          segment.geometry.setDrawRange(0, Infinity);
+          segment.showFaces(moment.block, moment.t);
           void segment.materials?.loadImages(); // the first picture does not wait for them
           if (segment !== this.#current) this.#showSegment(segment);
         },
@@ -558,16 +560,17 @@ export class ReelMesh extends THREE.Mesh<
   async #loadBlock(number: number, block: number, signal: AbortSignal): Promise<LoadedBlock> {
     const loadedSegment = this.#segments.get(number);
     const reel = loadedSegment?.reel ?? (await this.file.segment(number, { signal }));
-    const [segment, fields, colors] = await Promise.all([
+    const [segment, fields, colors, masks] = await Promise.all([
       loadedSegment ?? this.#prepareSegment(number, reel, signal),
       reel.fields(block, { signal }),
       this.#colors?.fields(block, signal),
+      loadMasks(reel, block, signal),
     ]);
     const loaded = withoutFields(fields);
     signal.throwIfAborted();
     try {
       segment.backend ??= (this.#createBackend as CreateBackend)(segment);
-      segment.upload(fields, loaded);
+      segment.upload(fields, loaded, masks);
       if (colors) this.#colors?.addBlock(colors, loaded);
     } catch (error) {
       if (this.isOnGpu) this.#setBackend(createCpuBackend); // loads all blocks again

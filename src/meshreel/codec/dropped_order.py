@@ -24,12 +24,17 @@ Numbers = dict[Domain, Integers]
 
 
 def internal_numbers(source: FrameSource) -> Numbers:
-    """Return the number of each vertex and cell of a mesh after decoding without its order."""
+    """Return the number of each item of a mesh after decoding without its order.
+
+    Items are vertices, and cells or else triangles.
+    """
     cells = source.surface.cells
     connectivity = encode_mesh(source.faces, cells, source.n_verts, order="drop")
     numbers: Numbers = {Domain.VERTEX: np.argsort(connectivity.internal_to_given)}
     if connectivity.cells_to_internal is not None:
         numbers[Domain.CELL] = connectivity.cells_to_internal
+    else:
+        numbers[Domain.FACE] = np.argsort(connectivity.given_faces(source.faces))
     return numbers
 
 
@@ -96,6 +101,8 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
     }
     given = original.surface
     surface = PLAIN
+    if Domain.FACE in numbers:
+        faces = original.faces
     if given.cells is not None:
         faces, surface = (
             original.faces,

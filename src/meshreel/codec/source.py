@@ -137,6 +137,11 @@ class CodedMesh:
         return list(surface_sections(kept, faces, self.config.uv_bits))
 
     @property
+    def face_order(self) -> Integers:
+        """Given number of each internal face."""
+        return self._connectivity.given_faces(self.given_faces)
+
+    @property
     def cell_order(self) -> Integers:
         """Given number of each internal cell."""
         assert self._connectivity.cells_to_internal is not None
@@ -253,7 +258,8 @@ class Source:
         sequence = self.sequence
         surface = sequence.surface if self.surface is None else self.surface
         config = self.config
-        if any(sequence.tracks[name].domain is not Domain.VERTEX for name in self.bounds):
+        free = {Domain.VERTEX, *([Domain.FACE] if surface.cells is None else [])}
+        if any(sequence.tracks[name].domain not in free for name in self.bounds):
             config = replace(config, order=config.order or "keep")
         timing = sequence.timing
         return CodedMesh(sequence.faces, sequence.n_verts, config, surface, timing, self.edit)

@@ -44,6 +44,15 @@ REGISTER = Option(
 )
 """The option of the command line for `ReadOptions.register`."""
 
+KEEP_HOLES = Option(
+    "Keep the holes of scans, which registered surfaces close: a track scanned is 1 for the faces "
+    "that the raw frame has, otherwise 0. Players and pictures hide the others.",
+    name="keep_holes",
+    annotation=bool,
+    group=READING,
+)
+"""The option of the command line for `ReadOptions.keep_holes`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LoadOptions:
@@ -188,6 +197,8 @@ class ReadOptions(LoadOptions):
     """Whether frames that differ only in the order of vertices and faces become one segment."""
     register: float | str | None = None
     """Tolerance of the registration of frames whose faces change, as in `meshreel.register`."""
+    keep_holes: bool = False
+    """As in `meshreel.register`; needs `register`."""
     registrations: "list[Registration]" = field(default_factory=list)
     """Receives the registration, which can be compared with decoded frames."""
     referenced: set[Path] = field(default_factory=set)

@@ -65,7 +65,7 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     from meshreel.registration.register import register  # imports SciPy
 
     tolerance = bound_of(options.register or "", option="register")
-    registration = register(sequence, tolerance, options.progress)
+    registration = register(sequence, tolerance, options.progress, keep_holes=options.keep_holes)
     options.registrations.append(registration)
     options.notes.extend(registration.notes())
     return registration.sequence

@@ -23,6 +23,9 @@ NUMBER_TYPES = tuple(
 MAX_COLUMNS = 256
 """Maximum number of components of a value."""
 
+FACE_MASKS = ("scanned", "alive")
+"""Names of tracks of faces, one number each: pictures and players hide the faces where it is 0."""
+
 BLOCK_BYTES = 1 << 24
 """Size of the values that `track_blocks` reads at once."""
 

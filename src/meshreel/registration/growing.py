@@ -1,7 +1,7 @@
 """Segments grow from key frames in both directions, as far as the tolerance is met."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from meshreel.model.frame_choice import consecutive_runs
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
+from meshreel.registration.completing import Sighting, completed
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
@@ -21,7 +22,7 @@ from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
-from meshreel.registration.verification import FrameErrors, Tolerance, check, measure
+from meshreel.registration.verification import FrameErrors, Tolerance, check, measure, one_way
 from meshreel.runtime.threads import in_threads
 
 REGISTERING = "registering"
@@ -53,6 +54,15 @@ MAX_REPAIRS = 2
 
 MAX_SAGITTA = 0.7
 """Largest sagitta of the edges of a refined key (`KeyMesh.refined`), in tolerances."""
+
+MAX_COMPLETIONS = 4
+"""Largest number of times that a key is completed."""
+
+LOOKAHEAD = 8
+"""Frames from the one at which a segment ended that may complete its key."""
+
+MAX_ERROR_TO_COMPLETE = 3.0
+"""Largest error, in tolerances, of a mesh where a frame has surface, for it to be completed."""
 
 KEY_BITS, MOTION_BITS = 18.0, 1.0
 """Bits of a vertex in the key, and in each other frame, measured in files of quality 70 at fast
@@ -186,6 +196,8 @@ class Segment:
     n_folded: int
     reasons: tuple[tuple[int, str], ...]
     may_lack_vertices: bool
+    states: Mapping[int, State] = field(default_factory=dict)
+    """Of the tracker before each frame at which it ended."""
 
     @property
     def n_frames(self) -> int:
@@ -266,8 +278,20 @@ def _longest(
     """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
     whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
     key_mesh = whole if wedges is None else decimated_key(whole, wedges, tolerance)
-    first, again = partial(report, REGISTERING), partial(report, "registering a refined mesh")
+    first, completing, again = (
+        partial(report, stage)
+        for stage in (REGISTERING, "registering a completed mesh", "registering a refined mesh")
+    )
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
+    last = segment
+    for number in range(MAX_COMPLETIONS):
+        larger = _completed(frames, last, run, whole.mesh, tolerance)
+        if larger is last.key_mesh:
+            break
+        last = _grow(frames, key, larger, f"{key}_{number}", run, tolerance, store, completing)
+        segment = max(segment, last, key=lambda choice: choice.n_frames)
+    if segment.key_mesh is not key_mesh:
+        return segment
     if not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
@@ -275,6 +299,24 @@ def _longest(
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
+
+
+def _completed(
+    frames: Frames, segment: Segment, run: range, whole: TriangleMesh, tolerance: Tolerance
+) -> KeyMesh:
+    """Return the key of a segment with what the frames at which it ended show beyond it.
+
+    `whole` is the cleaned raw mesh of the key.
+    """
+    mesh = segment.key_mesh.mesh
+    if not mesh.is_boundary.any():
+        return segment.key_mesh
+    follower, seen = Follower(mesh, tolerance), list[Sighting]()
+    for number, state in segment.states.items():
+        step = 1 if number > segment.key else -1
+        numbers = range(number, number + step * LOOKAHEAD, step)
+        seen += follower.sightings(state, [frames.mesh(one) for one in numbers if one in run])
+    return completed(segment.key_mesh, whole, seen, tolerance)
 
 
 def _grow(
@@ -333,6 +375,7 @@ def _grow(
             and frames.cleaned(number).n_components == n_components
             for number, course in ends.items()
         ),
+        {number: course.state for number, course in ends.items()},
     )
 
 
@@ -404,6 +447,16 @@ class Follower:
             return Lost(INSIDE_OUT, np.inf)
         nearest = min((fit.errors for fit in fits), key=self._excess)
         return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
+
+    def sightings(self, state: State, targets: Iterable[TriangleMesh]) -> Iterator[Sighting]:
+        """Yield the mesh at frames that may have more surface, up to one that it misses."""
+        for target in targets:
+            fit = self._attempted(state, target, ATTEMPTS[0])
+            misses = one_way(fit.mesh, target, self._tolerance).p99
+            if misses > MAX_ERROR_TO_COMPLETE * self._tolerance.length:
+                break
+            yield Sighting(fit.mesh, fit.posed.turns, target)
+            state = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
 
     def _meets(self, errors: FrameErrors) -> bool:
         return not errors.exceeds(self._tolerance)

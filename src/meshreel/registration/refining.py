@@ -25,11 +25,14 @@ class KeyMesh:
         The cleaned face that contains each corner.
     weights : float64 array of shape (M, 3, 3)
         Barycentric coordinates of the corners in these faces.
+    n_added : int
+        Faces from other frames; their corners are at the nearest places.
     """
 
     mesh: TriangleMesh
     parents: Indices
     weights: Floats
+    n_added: int = 0
 
     @classmethod
     def of_mesh(cls, mesh: TriangleMesh) -> "KeyMesh":

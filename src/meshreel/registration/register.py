@@ -11,8 +11,9 @@ import numpy as np
 
 from meshreel.arrays import rows_as_bytes
 from meshreel.codec.error_bounds import ErrorBound
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.sequence import (
+    FrameSource,
     MeshSequence,
     Segmented,
     frames_of,
@@ -24,6 +25,7 @@ from meshreel.model.tracks import Track, TrackKind
 from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
+from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
@@ -225,6 +227,8 @@ def register(
     tolerance: ErrorBound = DEFAULT_TOLERANCE,
     progress: Progress = silent,
     folder: Path | None = None,
+    *,
+    keep_holes: bool = False,
 ) -> Registration:
     """Replace the meshes of raw frames by meshes that follow the surface over many frames.
 
@@ -242,17 +246,26 @@ def register(
         Stores the registered frames, which the result reads from it; after an interruption, the
         same call continues. Default: they are in temporary files (in `TMPDIR`), which vanish with
         the result.
+    keep_holes : bool
+        Whether segments have a track `SCANNED` of the faces that raw frames have.
 
     Raises
     ------
     InvalidInputError
         If the faces do not change, no frame has a face with an area, `folder` contains something
-        else, or the extra [register] is not installed.
+        else, the frames have values called `SCANNED` while holes are kept, or the extra [register]
+        is not installed.
     """
     if sequence.n_segments == 1:
         same = f"all {sequence.n_frames} frames have the same faces"
         given = same if sequence.n_frames > 1 else "there is only one frame"
         raise InvalidInputError(f"{given}; nothing can be registered; use meshreel encode")
+    if keep_holes and any(SCANNED in _names(frame) for frame in sequence.segments):
+        raise InvalidInputError(
+            f"the frames have values called {SCANNED!r}, which is the name of the track of ",
+            Keyword("keep_holes"),
+            "; omit either",
+        )
     REGISTER_SCIPY.load()
     extent = sequence.extent
     scale = float((extent.high - extent.low).max()) or 1.0
@@ -294,11 +307,15 @@ def register(
             lambda stage, n_done: progress(stage, Count(n_done, frames.n_frames, "frames")),
         )
     registered = MeshSequence.of_segments(
-        _sequences(sequence, segments, frames), sequence.name, sequence.timing
+        _sequences(sequence, segments, frames, limit if keep_holes else None),
+        sequence.name,
+        sequence.timing,
     )
     changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
+    if keep_holes and not any(SCANNED in segment.tracks for segment in registered.segments):
+        changes.append(f"the raw frames have all faces, so there is no track {SCANNED!r}")
     return Registration(
         registered,
         sequence,
@@ -308,6 +325,10 @@ def register(
         diagonal / scale,
         tuple(changes),
     )
+
+
+def _names(segment: FrameSource) -> set[str]:
+    return {*segment.tracks, *(attribute.name for attribute in segment.surface.attributes)}
 
 
 def _frame(sequence: MeshSequence, number: int) -> MeshSequence:
@@ -341,9 +362,12 @@ def _raw_frame(sequence: MeshSequence, frames: Frames, number: int) -> RawFrame:
 
 
 def _sequences(
-    raw: MeshSequence, segments: Sequence[Segment], frames: Frames
+    raw: MeshSequence, segments: Sequence[Segment], frames: Frames, holes: Tolerance | None
 ) -> Iterator[MeshSequence]:
-    """Yield the segments, and single frames as they are."""
+    """Yield the segments, and single frames as they are.
+
+    Segments have a track of their holes if a tolerance for that is given.
+    """
     first = 0
     for segment in segments:
         for number in range(first, segment.first):  # frames without a surface
@@ -352,11 +376,17 @@ def _sequences(
         key = _frame(raw, segment.key)
         given = (_raw_frame(raw, frames, number) for number in segment.numbers)
         tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
+        surface = _kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
+        faces, numbers = segment.key_mesh.mesh.faces, segment.numbers
+        if holes is not None:
+            positions = map(frames.normalized, segment.positions)
+            scanned = scanned_faces(map(frames.mesh, numbers), positions, faces, holes)
+            tracks |= {} if scanned is None else {SCANNED: scanned}
         yield key.replace(
             vertices=segment.positions,
-            faces=segment.key_mesh.mesh.faces,
-            timing=raw.timing.part(segment.numbers),
-            surface=_kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks),
+            faces=faces,
+            timing=raw.timing.part(numbers),
+            surface=surface,
             tracks=tracks,
         )
     for number in range(first, raw.n_frames):
@@ -405,6 +435,11 @@ def _changes(
         yield (
             f"split edges of the mesh of {counted(len(refined), 'key frame')}, which then follows "
             "more frames"
+        )
+    if larger := [segment.key for segment in segments if segment.key_mesh.n_added]:
+        yield (
+            f"added surface that other frames show to the mesh of "
+            f"{counted(len(larger), 'key frame')}"
         )
     if n_removed["face"]:
         yield f"removed {counted(n_removed['face'], 'face')} without area"

@@ -132,7 +132,8 @@ class Tracker:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._faces = key.faces
-        self._is_edge = key.is_edge
+        self._is_edge, self._is_boundary = key.is_edge, key.is_boundary
+        self._is_near_boundary = key.is_near_boundary
         self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
         order = np.random.default_rng(0).permutation(len(key.vertices))
         self._points = np.sort(order[:N_POINTS])
@@ -200,16 +201,23 @@ class Tracker:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
         The weights are those of their distance, and of the part along the surface relative to the
-        part along the normal.
+        part along the normal. What may be in a hole of the other surface has none.
         """
         mesh = TriangleMesh(posed.positions, self._faces)
         own = self._points
         _, there = target.oriented_tree.query(mesh.oriented[own])
         _, back = mesh.oriented_tree.query(target.oriented[others])
+        is_beyond = np.concatenate(
+            [
+                ~self._is_boundary[own] & target.is_near_boundary[there],
+                ~target.is_boundary[others] & self._is_near_boundary[back],
+            ]
+        )
         own, there = np.concatenate([own, back]), np.concatenate([there, others])
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
-        weights = (cosines > MIN_COSINE) * spread**2 / (spread**2 + distances**2)
+        corresponds = (cosines > MIN_COSINE) & ~is_beyond
+        weights = corresponds * spread**2 / (spread**2 + distances**2)
         are_edges = self._is_edge[own] & target.is_edge[there]
         tangential = np.where(are_edges, TANGENTIAL_AT_EDGE, TANGENTIAL)
         return own, there, np.sqrt(weights), tangential

@@ -134,6 +134,13 @@ class TriangleMesh:
         return found
 
     @cached_property
+    def is_near_boundary(self) -> npt.NDArray[np.bool_]:
+        """Whether each vertex is on the boundary or next to it, of shape (V,)."""
+        found = np.zeros(len(self.vertices), bool)
+        found[self.faces[self.is_boundary[self.faces].any(axis=1)]] = True
+        return found
+
+    @cached_property
     def is_edge(self) -> npt.NDArray[np.bool_]:
         """Whether each vertex is on a boundary or a sharp crease, of shape (V,)."""
         is_edge = self.is_boundary.copy()

@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.kernel.closest import Closest
 from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.registration.refining import subdivided
-from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 
 WITHIN = 0.99
 """Share of the area of both surfaces that must be within the tolerance of the other one."""
@@ -17,6 +19,9 @@ PATCH_SIDE = 10.0
 
 MAX_UNSUPPORTED = 0.25
 """Largest share of the registered surface that a frame may lack."""
+
+MIN_OUTLINE = 0.25
+"""Share of the outline of a region that must be at a hole of the raw surface if the region is."""
 
 SPACING = 6.0
 """Longest edge, in tolerances, between vertices at which distances are measured."""
@@ -120,10 +125,16 @@ def measure(
     `spacing` is the longest edge between vertices at which distances are measured.
     """
     spacing = SPACING * tolerance.length if spacing is None else spacing
-    *there, unsupported = _one_way(mesh, target, tolerance, spacing, may_end=True)
-    *back, _ = _one_way(target, mesh, tolerance, spacing, may_end=False)
-    mean, p95, p99, largest, mean_square, patch_area = map(max, there, back)
-    return FrameErrors(mean, p95, p99, largest, mean_square, patch_area, unsupported)
+    there = _one_way(mesh, target, tolerance, spacing, may_end=True)
+    back = _one_way(target, mesh, tolerance, spacing, may_end=False)
+    mean, p95, p99, largest, mean_square, patch_area = map(max, there[:-1], back[:-1])
+    return FrameErrors(mean, p95, p99, largest, mean_square, patch_area, there[-1])
+
+
+def one_way(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> FrameErrors:
+    """Measure a registered mesh where its frame has surface."""
+    spacing = SPACING * tolerance.length
+    return FrameErrors(*_one_way(mesh, target, tolerance, spacing, may_end=True))
 
 
 def _one_way(
@@ -143,9 +154,7 @@ def _one_way(
     )
     area = areas.sum()
     if may_end:
-        ends = target.ends_before(points, found)
-        beyond = np.flatnonzero(distances > tolerance.length)
-        ends[beyond] |= target.encloses(points[beyond], found.at(beyond))
+        ends = unsupported(mesh, target, found, tolerance)
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return *6 * [0.0], 1.0
@@ -157,6 +166,59 @@ def _one_way(
         largest_patch(mesh, distances - tolerance.length),
         float(1 - areas.sum() / area),
     )
+
+
+def unsupported(
+    mesh: TriangleMesh, target: TriangleMesh, found: Closest, tolerance: Tolerance
+) -> npt.NDArray[np.bool_]:
+    """Return whether the raw surface lacks the vertices and centroids of a registered mesh.
+
+    They are beyond the boundary of the raw surface, or hidden below it. A region beyond the
+    tolerance is a hole if enough of its outline is beyond the boundary: inside, another part of the
+    body may be nearer, or a fingertip may be high above the cut.
+
+    Parameters
+    ----------
+    found : Closest
+        The closest points of the raw surface, of vertices and then centroids.
+    """
+    points = np.concatenate([mesh.vertices, mesh.centroids])
+    lacks, is_far = target.ends_before(points, found), found.distances > tolerance.length
+    beyond = np.flatnonzero(is_far & ~lacks)
+    if len(beyond):
+        holes = _regions_within(mesh, is_far, lacks) if lacks.any() else lacks
+        lacks[beyond] = holes[beyond] | target.encloses(points[beyond], found.at(beyond))
+    return lacks
+
+
+def _regions_within(
+    mesh: TriangleMesh, is_inside: npt.NDArray[np.bool_], is_outline: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Return the connected regions with enough of an outline, of shape (V + M,)."""
+    _, first, second = _links(mesh, is_inside)
+    both = is_inside[first] & is_inside[second]
+    regions = lowest_connected(len(is_inside), first[both], second[both])
+    crossing = np.flatnonzero(is_inside[first] != is_inside[second])
+    first, second = first[crossing], second[crossing]
+    owners = regions[np.where(is_inside[first], first, second)]
+    n_links = np.bincount(owners, minlength=len(is_inside))
+    n_outline = np.bincount(owners, is_outline[first] | is_outline[second], len(is_inside))
+    return np.asarray(is_inside & (n_outline > MIN_OUTLINE * n_links)[regions])
+
+
+def _links(
+    mesh: TriangleMesh, is_chosen: npt.NDArray[np.bool_]
+) -> tuple[Indices, Indices, Indices]:
+    """Return faces with chosen samples, and the ends of the sides of their parts.
+
+    A face has three parts, of shape (3 N, 3) in all: two corners and the centroid.
+    """
+    n_verts = len(mesh.vertices)
+    chosen = is_chosen[mesh.faces].any(axis=1) | is_chosen[n_verts:]
+    touched = np.flatnonzero(chosen)
+    corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
+    parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
+    return touched, parts.ravel(), np.roll(parts, -1, axis=1).ravel()
 
 
 def _quantiles(values: Floats, weights: Floats, shares: tuple[float, float]) -> tuple[float, float]:
@@ -180,13 +242,8 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
     is_positive = values > 0
     if not is_positive.any():
         return 0.0
-    n_verts = len(mesh.vertices)
-    first, second, third = (is_positive[corners] for corners in mesh.faces.T)
-    touched = np.flatnonzero(first | second | third | is_positive[n_verts:])
-    corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
-    parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
-    areas = np.repeat(mesh.areas[touched] / 3, 3)
-    first, second = parts.ravel(), np.roll(parts, -1, axis=1).ravel()
+    touched, first, second = _links(mesh, is_positive)
+    parts, areas = first.reshape(-1, 3), np.repeat(mesh.areas[touched] / 3, 3)
     both = is_positive[first] & is_positive[second]
     regions = lowest_connected(len(values), first[both], second[both])
     highest = np.take_along_axis(parts, values[parts].argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]

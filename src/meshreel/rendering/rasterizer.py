@@ -28,6 +28,7 @@ def render(
     background: Color = PAPER,
     smooth: bool = True,
     shading: RowNormals | None = None,
+    shown: npt.NDArray[np.bool_] | None = None,
     glow: float = 0.0,
     supersample: int = 2,
 ) -> Image:
@@ -49,6 +50,8 @@ def render(
         Whether to interpolate normals; otherwise faces are flat.
     shading : RowNormals, optional
         Which corners share an interpolated normal. Default: all corners of a vertex.
+    shown : bool array of shape (M,), optional
+        Which faces are drawn; the others still contribute to normals. Default: all.
     glow : float
         Unlit share of every color, 0..1, which keeps heat maps readable in the shade.
     supersample : int
@@ -80,7 +83,7 @@ def render(
     points, depths = fine.project(positions)
     near = nearness(depths)
     size = fine.width, fine.height
-    visible = visible_faces(points, near, faces, size).reshape(fine.height, fine.width)
+    visible = visible_faces(points, near, faces, size, shown).reshape(fine.height, fine.width)
     surface = project_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)

@@ -22,9 +22,15 @@ from meshreel.metrics.heat import (
 )
 from meshreel.metrics.reference import reference_of_box
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.sequence import Faces, MeshSequence, segment_of_frame, tracks_of_all
+from meshreel.model.sequence import (
+    Faces,
+    FrameSource,
+    MeshSequence,
+    segment_of_frame,
+    tracks_of_all,
+)
 from meshreel.model.surface import Domain, Kind, Surface
-from meshreel.model.tracks import describe_track, track_by_name
+from meshreel.model.tracks import FACE_MASKS, describe_track, track_by_name
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.cuts import Cut, cut_open
@@ -103,6 +109,8 @@ class Moment:
     """
     field: Field | None
     """Error of the decoded positions; None without such a heat map."""
+    shown: list[npt.NDArray[np.bool_] | None]
+    """list of bool arrays of shape (M,). The triangles to draw; None if all are."""
 
 
 class Scene:
@@ -216,12 +224,18 @@ class Scene:
 
     def read(self, number: int) -> Moment:
         """Read a frame of each sequence."""
-        segments = [segment_of_frame(source.starts, number)[0] for source in self._sources]
+        places = [segment_of_frame(source.starts, number) for source in self._sources]
+        segments = [segment for segment, _ in places]
+        looks = [look(segment) for look, segment in zip(self._looks, segments, strict=True)]
         return Moment(
             [source[number].vertices for source in self._sources],
-            [look(segment) for look, segment in zip(self._looks, segments, strict=True)],
+            looks,
             [] if self.track is None else [self._values(one, number) for one in self._sources],
             self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
+            [
+                None if look.is_cut else _shown_triangles(source.segments[segment], local)
+                for source, look, (segment, local) in zip(self._sources, looks, places, strict=True)
+            ],
         )
 
     def _values(self, source: MeshSequence, number: int) -> Values:
@@ -283,23 +297,21 @@ class Scene:
         if self.track is not None:
             colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
         views = [
-            (positions, look, view_colors, glow)
-            for positions, look, view_colors in zip(
-                moment.positions, moment.looks, colors, strict=True
-            )
+            (*view, glow)
+            for view in zip(moment.positions, moment.looks, moment.shown, colors, strict=True)
         ]
         if scales.heat is not None:
             heat, look = colorize(self._heat(moment), 0.0, scales.heat.high), moment.looks[-1]
             if self.track is not None and self.heat == TRACK_HEAT:
                 heat = self._of_items(self.track, heat, look)
-            views.append((moment.positions[-1], look, heat, GLOW))
+            views.append((moment.positions[-1], look, moment.shown[-1], heat, GLOW))
         return [
             render(
                 frame, look.faces, camera,
                 colors=view_colors, background=self.background, glow=glow, shading=look.shading,
-                smooth=not look.is_cut,
+                shown=shown, smooth=not look.is_cut,
             )
-            for frame, look, view_colors, glow in views
+            for frame, look, shown, view_colors, glow in views
         ]  # fmt: skip
 
     def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
@@ -366,6 +378,16 @@ def _look_of(source: MeshSequence, cut: Cut | None, number: int) -> MeshLook:
         shading = RowNormals.of_surface(faces, surface, segment.n_verts)
     paint = CLAY if colors is None else colors
     return MeshLook(faces, surface, paint, shading, owners, cut is not None)
+
+
+def _shown_triangles(segment: FrameSource, number: int) -> npt.NDArray[np.bool_] | None:
+    """Return the triangles of a frame that no track in `FACE_MASKS` hides; None without one."""
+    tracks = [segment.tracks[name] for name in FACE_MASKS if name in segment.tracks]
+    masks = [track for track in tracks if (track.domain, track.shape[2]) == (Domain.FACE, 1)]
+    if not masks:
+        return None
+    of_faces = np.all([mask.read(number, number + 1)[0, :, 0] != 0 for mask in masks], axis=0)
+    return np.repeat(of_faces, segment.surface.sizes(len(segment.faces)) - 2)
 
 
 def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:

@@ -7,6 +7,7 @@ number of covered pixels, not on the sizes of the triangles.
 from collections.abc import Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
 from meshreel.model.sequence import Faces
@@ -32,7 +33,13 @@ def signed_areas(points: Floats, faces: Faces) -> Floats:
     return areas
 
 
-def visible_faces(points: Floats, near: Floats, faces: Faces, size: tuple[int, int]) -> Integers:
+def visible_faces(
+    points: Floats,
+    near: Floats,
+    faces: Faces,
+    size: tuple[int, int],
+    shown: npt.NDArray[np.bool_] | None = None,
+) -> Integers:
     """The face visible at the center of each pixel, or -1.
 
     Parameters
@@ -44,6 +51,8 @@ def visible_faces(points: Floats, near: Floats, faces: Faces, size: tuple[int, i
     faces : integer array of shape (M, 3)
     size : tuple of 2 ints
         Width and height of the picture.
+    shown : bool array of shape (M,), optional
+        Faces to draw. Default: all.
 
     Returns
     -------
@@ -53,7 +62,8 @@ def visible_faces(points: Floats, near: Floats, faces: Faces, size: tuple[int, i
     last one is visible.
     """
     width, height = size
-    ids = np.flatnonzero((near[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0))
+    is_drawn = (near[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0)
+    ids = np.flatnonzero(is_drawn if shown is None else is_drawn & shown)
     corners = np.concatenate([points, near[:, None]], axis=1)[faces[ids]]
     order = np.argsort(corners[:, :, 1], axis=1)
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
+import meshreel
+from meshreel import InvalidInputError, Track
 from meshreel.codec.error_bounds import ErrorBound
+from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.register import register
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import Tolerance
 from samples.captures import as_frames, bent, capsule
+from samples.shapes import square
 
 RADIUS = 0.14
 """Of the holes: 29 tolerances."""
@@ -47,3 +53,70 @@ def test_a_capture_without_holes_has_no_unsupported_surface():
     found = register(as_frames(frames), ErrorBound(0.5))
     assert found.distances.unsupported_percent == 0
     assert "lack" not in next(found.notes())
+
+
+@pytest.mark.slow
+def test_kept_holes_are_a_track_of_the_faces_that_frames_have():
+    raw = scans(3, 1, 0.0)
+    found = meshreel.register(raw, keep_holes=True)
+    assert found.n_segments == 1
+    track, areas = found.tracks[SCANNED], face_areas(found[1])
+    assert (track.domain, track.dtype, track.shape) == ("face", np.uint8, (3, found.n_faces, 1))
+    assert track[1].all()
+    lost = [1 - areas @ track[number][:, 0] / areas.sum() for number in range(3)]
+    expected = [1 - face_areas(frame).sum() / face_areas(raw[1]).sum() for frame in raw]
+    np.testing.assert_allclose(lost, expected, atol=0.01)
+    decoded = meshreel.decode(meshreel.encode(found)).tracks[SCANNED]
+    assert np.array_equal(decoded.values.sum(axis=1), track.values.sum(axis=1))
+
+
+def face_areas(frame):
+    return TriangleMesh(np.float64(frame.vertices), frame.faces).areas
+
+
+def test_rims_of_holes_do_not_flicker():
+    """A face at a rim stays hidden until the raw surface reaches its centroid."""
+    vertices, faces = square(n=11)
+    frames = []
+    for end in (0.62, 0.69, 0.62, 0.8, 0.69):  # centroids are at 0.63 and 0.67, 0.73 and 0.77, ...
+        raw, raw_faces = square(n=2)
+        frames.append(TriangleMesh(raw * [end, 1, 1], raw_faces))
+    track = scanned_faces(frames, [vertices] * 5, faces, Tolerance(0.05))
+    hidden = np.count_nonzero(track.values == 0, axis=1)[:, 0] // 10
+    assert hidden.tolist() == [6, 6, 6, 4, 5]
+
+
+def test_a_capture_without_holes_has_no_track_of_them():
+    frames = as_frames([capsule(40, 30 + number) for number in range(2)])
+    with pytest.warns(UserWarning, match="have all faces, so there is no track 'scanned'"):
+        found = meshreel.register(frames, tolerance="0.5%", keep_holes=True)
+    assert found.segments[0].tracks == {}
+
+
+def test_values_of_the_name_of_the_track_are_refused():
+    frames = as_frames([capsule(8, 8 + number) for number in range(2)]).segments
+    named = [one.replace(tracks={SCANNED: Track(np.zeros((1, one.n_verts)))}) for one in frames]
+    with pytest.raises(InvalidInputError, match="values called 'scanned'"):
+        meshreel.register(meshreel.concatenate(named), keep_holes=True)
+
+
+def without_ends(n_frames):
+    """A bending capsule that lacks one end or the other."""
+    rng, frames = np.random.default_rng(0), []
+    for number in range(n_frames):
+        vertices, faces = capsule(
+            int(rng.integers(40, 44)), int(rng.integers(36, 40)), rng.random()
+        )
+        heights = vertices[faces].mean(axis=1)[:, 2] * (-1) ** number
+        frames.append((bent(vertices, 0.06 * number), faces[heights < 0.6]))
+    return as_frames(frames)
+
+
+@pytest.mark.slow
+def test_a_key_gets_what_other_frames_show():
+    found = register(without_ends(3), ErrorBound(0.4))
+    (segment,) = found.segments
+    assert np.ptp(segment.positions[..., 2], axis=1).min() > 1.95
+    assert found.distances.p95_percent < 0.05
+    assert 10 < found.distances.unsupported_percent < 20
+    assert "added surface that other frames show to the mesh of 1 key frame" in found.changes

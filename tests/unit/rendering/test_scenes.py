@@ -8,7 +8,7 @@ from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import Track
+from meshreel.model.tracks import FACE_MASKS, Track
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.scenes import NO_SCALES, Scene
@@ -264,3 +264,21 @@ def test_scene_rejects_a_track_of_other_kinds_in_different_segments(changing):
     )
     with pytest.raises(InvalidInputError, match="2 x float32; only a track of one kind"):
         Scene(sequence, track=TrackLook("heat"))
+
+
+@pytest.mark.parametrize("name", FACE_MASKS)
+def test_faces_are_hidden_where_a_mask_is_zero(name):
+    """Also of polygons; a track of another domain hides nothing."""
+    sheet = quad_sheet()
+    is_shown = np.zeros((sheet.n_frames, len(sheet.surface.face_sizes)), bool)
+    is_shown[1, 0] = True
+
+    def n_covered(track, number):
+        view = drawn(Scene(sheet.replace(tracks={name: track})), number)[0]
+        return np.count_nonzero((view != 255).any(axis=2))
+
+    whole = n_covered(Track(np.ones_like(is_shown), Domain.FACE), 1)
+    assert n_covered(Track(is_shown, Domain.FACE), 0) == 0
+    assert 0 < n_covered(Track(is_shown, Domain.FACE), 1) < 0.5 * whole
+    at_vertices = np.zeros((sheet.n_frames, sheet.n_verts), bool)
+    assert n_covered(Track(at_vertices), 1) == whole

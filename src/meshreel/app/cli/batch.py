@@ -57,7 +57,9 @@ def batch_command(
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
         "ReadOptions",
-        reading("attributes", "fps", "merge", "skip_bad", "allow_outside", "register"),
+        reading(
+            "attributes", "fps", "merge", "skip_bad", "allow_outside", "register", "keep_holes"
+        ),
     ],
     workers: Annotated[
         int | None,

@@ -27,7 +27,9 @@ def register_command(
             "...). Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
-    reading: Annotated["ReadOptions", reading("fps", *MESHES, "dataset", "attributes")],
+    reading: Annotated[
+        "ReadOptions", reading("fps", *MESHES, "dataset", "attributes", "keep_holes")
+    ],
     encoding: Annotated[Encoding, ENCODING],
     output: StreamOption = None,
     tolerance: Annotated[
@@ -137,7 +139,7 @@ def register_command(
             from meshreel.formats.baked_textures import TextureJob  # imports Pillow
 
             job = TextureJob.checked(texture, baked, raw, overwrite=force)
-        registration = register(raw, bound, progress, folder)
+        registration = register(raw, bound, progress, folder, keep_holes=reading.keep_holes)
         if job is not None:
             registration = job.prepared(registration, notes)
         listed = [*registration.changes, *registration.listed_cuts()]

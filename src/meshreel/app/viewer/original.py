@@ -41,7 +41,7 @@ class Original:
         _require_same_counts(source, reel)
         self._source = source
         self._lock = threading.Lock()
-        self._order = _original_vertices(source, reel)
+        self._order = _original_items(source, reel)
         self.name: str = source.name
         self.extent: Extent = source.extent
 
@@ -49,7 +49,7 @@ class Original:
         """Positions of one frame, of shape (V, 3), in model units."""
         with self._lock:  # frames may be read from an open file
             positions: Vertices = self._source.read(number, number + 1)[0]
-        return positions if self._order is None else positions[self._order]
+        return positions[self._order[Domain.VERTEX]] if self._order else positions
 
     @property
     def tracks(self) -> Mapping[str, TrackSource]:
@@ -61,8 +61,7 @@ class Original:
         track = self._source.tracks[name]
         with self._lock:
             values: Values = track.read(number, number + 1)[0]
-        is_ordered = self._order is None or track.domain is not Domain.VERTEX
-        return values if is_ordered else values[self._order]
+        return values[self._order[track.domain]] if track.domain in self._order else values
 
 
 def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
@@ -80,11 +79,11 @@ def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
             )
 
 
-def _original_vertices(source: FrameSource, reel: ReelFile) -> Integers | None:
-    """The original vertex of each decoded vertex; None if the order is the same."""
+def _original_items(source: FrameSource, reel: ReelFile) -> Mapping[Domain, Integers]:
+    """The original vertex and face of each decoded one; empty if the order is the same."""
     if reel.order != "drop":
         require_same_triangles(source.faces, reel.faces, reel.n_verts)
-        return None
+        return {}
     connectivity = encode_connectivity(source.faces, source.n_verts, order="drop")
     vertices = connectivity.internal_to_given
     decoded_vertices = np.argsort(vertices).astype(np.int32)
@@ -95,4 +94,4 @@ def _original_vertices(source: FrameSource, reel: ReelFile) -> Integers | None:
             "the original has other faces than the file, or lists them in another order; the file "
             "does not store the vertex order, so give exactly the input that was encoded"
         ) from None
-    return vertices
+    return {Domain.VERTEX: vertices, Domain.FACE: connectivity.given_faces(source.faces)}

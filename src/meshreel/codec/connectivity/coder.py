@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import encode_order, inverse_permutation
-from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.connectivity.triangles import matching_corners, twin_sides
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.cells import cell_links, encode_cells, encode_cells_order
 from meshreel.kernel.connectivity import encode_faces
@@ -62,6 +62,11 @@ class CodedConnectivity:
     def links(self) -> npt.NDArray[np.int32]:
         """Graph of internal vertices as triangles, of shape (n, 3): faces, or edges of cells."""
         return self.internal_faces if self.cell_links is None else self.cell_links
+
+    def given_faces(self, faces: Faces) -> Integers:
+        """Return the number of each internal face in the given ones, of shape (M,)."""
+        internal = inverse_permutation(self.internal_to_given)[faces]
+        return matching_corners(self.internal_faces, internal, len(self.internal_to_given)) // 3
 
     @property
     def size_bytes(self) -> int:

@@ -18,6 +18,7 @@ from meshreel.errors import ConnectivityChangeError, CorruptStreamError, Invalid
 from meshreel.metrics.compare import compare
 from meshreel.metrics.heat import HEATS
 from meshreel.model.sequence import MeshSequence, concatenate
+from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
 from meshreel.rendering.track_colors import TrackLook
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
@@ -423,6 +424,16 @@ def test_heat_is_finite_when_the_model_is_a_point(opened):
     pair = comparison.pair(0)[0], comparison.pair(0)[1] + np.arange(3)
     for kind in HEATS:
         assert np.isfinite(comparison.heat(kind, pair)).all()
+
+
+def test_values_of_faces_are_in_the_order_of_the_file(opened):
+    grid = waving_grid(2)
+    ids = Track(np.tile(np.arange(grid.n_faces), (2, 1)), "face")
+    sequence = grid.replace(tracks={"id": ids}, surface=Surface(is_ordered=False))
+    reel = opened(encode(sequence))
+    values = Original(sequence, reel).values("id", 1)
+    assert np.array_equal(values, reel.tracks["id"].read(1, 2)[0])
+    assert not np.array_equal(values, ids[1])
 
 
 @pytest.mark.parametrize("place", [(0, 3), (5, 0), (11, 98)])

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel import Surface
+from meshreel.codec.achieved import measure_stream
 from meshreel.codec.reel.encoding.track_coders import UNIT_LENGTH_TOLERANCE, length_allowed
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -294,6 +296,24 @@ def test_exact_tracks_follow_the_order_of_vertices(order):
     assert sorted(result) == list(range(len(result)))
     step = np.linalg.norm(np.ptp(original.vertices, axis=(0, 1))) / 100
     assert np.abs(decoded.vertices - original.vertices[:, result]).max() < step
+
+
+def test_tracks_of_triangles_follow_the_order_of_faces():
+    moving = waving_grid(6)
+    ids = np.tile(RNG.permutation(moving.n_faces).astype(np.int32), (6, 1))
+    areas = np.sin(ids / 50, dtype=np.float32)
+    tracks = {"id": meshreel.Track(ids, "face"), "area": meshreel.Track(areas, "face")}
+    original = moving.replace(tracks=tracks, surface=Surface(is_ordered=False))
+    data = meshreel.encode(original, tracks={"area": 0.01}, max_error=0.001)
+    assert meshreel.info(data).order == "drop"
+    decoded = meshreel.decode(data)
+    given = np.argsort(ids[0])[decoded.tracks["id"].values[0, :, 0]]
+    centers, centers_hat = (one.vertices[0][one.faces].mean(axis=1) for one in (original, decoded))
+    np.testing.assert_allclose(centers_hat, centers[given], atol=1e-3)
+    errors = meshreel.compare(original, decoded).tracks
+    assert errors["id"].largest == 0
+    assert 0 < errors["area"].largest <= 0.01
+    assert str(measure_stream(original, data).tracks) == str(errors)
 
 
 def test_constant_integers_are_lossless_and_cost_almost_nothing():

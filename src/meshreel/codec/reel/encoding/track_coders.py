@@ -330,11 +330,15 @@ def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph
     if track.domain is Domain.CELL and mesh.order_kept is Order.DROP:
         graph = item_graph(Domain.CELL, mesh.faces, mesh.cell_surface, mesh.n_verts)
         return graph, mesh.cell_order
+    surface = mesh.surface
+    is_plain = surface.cells is None and surface.face_sizes is None
+    if track.domain is Domain.FACE and mesh.order_kept is Order.DROP and is_plain:
+        return item_graph(Domain.FACE, mesh.faces, surface, mesh.n_verts), mesh.face_order
     if mesh.order_kept is not Order.KEEP:
         raise InvalidInputError(
             f"track {name!r} has a value per {track.domain}, whose order would be lost; keep it (",
             Keyword("order", "keep"),
             "), or drop the track",
         )
-    graph = item_graph(track.domain, mesh.output_faces, mesh.surface, mesh.n_verts)
+    graph = item_graph(track.domain, mesh.output_faces, surface, mesh.n_verts)
     return graph, None

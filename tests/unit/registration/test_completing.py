@@ -1,0 +1,93 @@
+"""Keys are completed with the surface that other frames show beyond their boundary."""
+
+import numpy as np
+import pytest
+
+from meshreel.model.geometry.connectivity import boundary_edges
+from meshreel.registration.completing import Sighting, completed
+from meshreel.registration.graph import rotations_of
+from meshreel.registration.refining import KeyMesh
+from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.verification import Tolerance
+from samples.captures import capsule
+
+pytestmark = pytest.mark.slow
+
+TOLERANCE = Tolerance(0.005)
+TURN = rotations_of(np.array([[0.3, -0.2, 0.5]]))[0]
+SHIFT = np.array([0.4, -0.3, 0.2])
+
+
+def cut(keeps, n_rings=42, n_around=38, phase=0.0):
+    """The faces of a capsule whose centroids are kept."""
+    vertices, faces = capsule(n_rings, n_around, phase)
+    kept = faces[keeps(vertices[faces].mean(axis=1))]
+    used, corners = np.unique(kept, return_inverse=True)
+    return TriangleMesh(vertices[used], corners.reshape(-1, 3).astype(np.int32))
+
+
+def sighting(mesh, target):
+    """A frame in which the key is turned and shifted."""
+    moved, frame = (
+        TriangleMesh(one.vertices @ TURN.T + SHIFT, one.faces) for one in (mesh, target)
+    )
+    return Sighting(moved, np.tile(TURN, (len(mesh.vertices), 1, 1)), frame)
+
+
+def completed_by(key, *targets):
+    return completed(
+        KeyMesh.of_mesh(key), key, [sighting(key, target) for target in targets], TOLERANCE
+    )
+
+
+def below(height):
+    return lambda points: points[:, 2] < height
+
+
+def away(*place):
+    return lambda points: np.linalg.norm(points - place, axis=1) > 0.2
+
+
+WHOLE = cut(lambda points: points[:, 2] < np.inf, 45, 40, 0.3)
+
+
+@pytest.mark.parametrize("keeps", [below(0.5), away(0.3, 0, 0)], ids=["end", "hole"])
+def test_a_patch_closes_the_boundary(keeps):
+    key = cut(keeps)
+    found = completed_by(key, WHOLE)
+    mesh, n_given = found.mesh, len(key.faces)
+    assert found.n_added == len(mesh.faces) - n_given > 20
+    assert np.array_equal(mesh.faces[:n_given], key.faces)
+    assert len(boundary_edges(mesh.faces)) <= 0.1 * len(boundary_edges(key.faces))
+    assert WHOLE.closest(mesh.centroids).distances.max() < 0.02
+    assert mesh.closest(WHOLE.centroids).distances.max() < 0.02
+    assert mesh.orientation == 1
+    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    assert len(np.unique(sides, axis=0)) == len(sides)
+
+
+def test_corners_of_patches_are_at_the_nearest_places():
+    key = cut(below(0.5))
+    found = completed_by(key, WHOLE)
+    added = slice(len(key.faces), None)
+    assert (np.sort(found.weights[added], axis=2) == [0, 0, 1]).all()
+    assert (key.centroids[found.parents[added], 2] > 0.4).all()
+
+
+def test_several_frames_complete_a_key():
+    both = lambda points: away(0.3, 0, 0.3)(points) & away(-0.3, 0, -0.3)(points)  # noqa: E731
+    key = cut(both)
+    one, other = cut(away(0.3, 0, 0.3), 45, 40), cut(away(-0.3, 0, -0.3), 46, 39)
+    n_open = [
+        len(boundary_edges(completed_by(key, *targets).mesh.faces))
+        for targets in [(), (one,), (one, other), (one, other, one)]
+    ]
+    assert n_open[1] < 0.6 * n_open[0]
+    assert n_open[2] < 0.3 * n_open[0]
+    assert n_open[3] == n_open[2]
+
+
+def test_a_frame_that_shows_no_more_changes_nothing():
+    key = KeyMesh.of_mesh(cut(below(0.5)))
+    for target in (cut(below(0.5)), cut(below(0.3)), cut(lambda points: points[:, 2] > 0.8)):
+        assert completed(key, key.mesh, [sighting(key.mesh, target)], TOLERANCE) is key
