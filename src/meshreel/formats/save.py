@@ -18,13 +18,18 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
 )
 from meshreel.formats.options import WriteOptions, origin_of
-from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
+from meshreel.formats.outputs import (
+    DEFAULT_OPTIONS,
+    check_output,
+    is_pattern,
+    numbering,
+    uploaded,
+)
 from meshreel.formats.registry import (
     FRAME_FORMATS,
     SEQUENCE_FORMATS,
     output_format_of,
 )
-from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image

@@ -16,7 +16,7 @@ from meshreel.runtime.progress import Progress
 if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.remote import Output
+    from meshreel.formats.outputs import Output
     from meshreel.formats.sources import Source
     from meshreel.model.sequence import MeshSequence
 

@@ -89,8 +89,9 @@ def convert_command(
     from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for
     from meshreel.formats.needed_extras import extras_to_read, extras_to_write
+    from meshreel.formats.outputs import uploaded
     from meshreel.formats.reel import origin_of_file
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.segments import open_any
     from meshreel.formats.sources import files_of_source, find_files
     from meshreel.runtime.extras import require

@@ -82,9 +82,9 @@ def decode_command(
         written_figures,
     )
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.outputs import check_output
+    from meshreel.formats.outputs import check_output, uploaded
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_file, uploaded
+    from meshreel.formats.remote import local_file
     from meshreel.formats.save import save_part
     from meshreel.runtime.stores.address import is_remote
 

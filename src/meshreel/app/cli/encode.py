@@ -92,8 +92,9 @@ def encode_command(
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.options import WriteOptions
+    from meshreel.formats.outputs import uploaded
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension

@@ -103,8 +103,9 @@ def register_command(
     from meshreel.codec.options import config_of
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
+    from meshreel.formats.outputs import uploaded
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
     from meshreel.registration.report import Report

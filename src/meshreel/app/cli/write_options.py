@@ -16,7 +16,7 @@ from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
-    from meshreel.formats.remote import Output
+    from meshreel.formats.outputs import Output
 
 OutputOption = Annotated[
     File,

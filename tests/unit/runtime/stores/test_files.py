@@ -101,7 +101,7 @@ def test_output_created_meanwhile_is_kept(memory, walk, monkeypatch):
         memory.pipe("/bucket/walk.npz", b"theirs")
         upload_all(files, overwrite=overwrite)
 
-    monkeypatch.setattr("meshreel.formats.remote.upload_all", late)
+    monkeypatch.setattr("meshreel.formats.outputs.upload_all", late)
     with pytest.raises(meshreel.InvalidInputError, match="exists"):
         meshreel.save(walk, "memory://bucket/walk.npz")
     assert memory.cat("/bucket/walk.npz") == b"theirs"
