@@ -67,7 +67,7 @@ async function shrink(script, isReadable = false, sourceMap = undefined) {
     mangle: { keep_classnames: isReadable, reserved: isReadable ? classes : [] },
     keep_classnames: isReadable,
     // Node prints the line of an error, which must not be the whole script.
-    format: { comments: /webpackIgnore|@vite-ignore/, beautify: isReadable, indent_level: 0 },
+    format: { comments: /webpackIgnore|@vite-ignore/, max_line_len: isReadable ? 200 : false },
     sourceMap,
   });
   return { code, map };
