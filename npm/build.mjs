@@ -246,7 +246,7 @@ async function buildPage(folder) {
   const page = join(here, "src/page");
   const [scripts, styles] = await Promise.all([
     bundleForPage({ entryPoints: { player: join(page, "main.ts") }, outdir: folder }),
-    bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder }),
+    bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder, minifyWhitespace: true }),
   ]);
   // Replacement functions, since "$&" in a bundle would be special in a replacement string.
   const html = readFileSync(join(page, "index.html"), "utf8")
