@@ -21,7 +21,7 @@ def compare_command(
         Argument(
             "ORIGINAL",
             "A file that holds an animation (see `meshreel formats`), a frame file, a folder or a "
-            "quoted glob. One of both may be - for standard input.",
+            "quoted glob.",
         ),
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],

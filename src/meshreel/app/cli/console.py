@@ -14,7 +14,7 @@ from typing import Any, TextIO
 
 import click
 
-from meshreel.app.cli.messages import escaped, with_options, without_folders
+from meshreel.app.cli.messages import escaped, with_options
 from meshreel.app.cli.tables import Row, table_lines, text_bar, text_width
 from meshreel.app.figures import Cell
 from meshreel.runtime.counting import singular
@@ -120,7 +120,7 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, float) and not abs(value) < float("inf"):
         return None
-    return without_folders(with_options(value)) if isinstance(value, str) else value
+    return with_options(value) if isinstance(value, str) else value
 
 
 def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:

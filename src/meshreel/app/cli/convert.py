@@ -32,7 +32,7 @@ def convert_command(
         Argument(
             "INPUT...",
             "An animation file, a folder or a quoted glob of frames, or the frame files. Or "
-            "addresses (s3://, gs://, https://), which are downloaded; or - for standard input.",
+            "addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
     output: OutputOption,
@@ -70,8 +70,6 @@ def convert_command(
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
 
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
-
-    - `meshreel convert - -o - --to glb < walk.abc > walk.glb`
     """
     from contextlib import ExitStack
     from dataclasses import replace

@@ -27,8 +27,8 @@ def decode_command(
         str,
         Argument(
             "FILE.reel",
-            "The stream to decode, or its address (s3://, gs://, https://), or - for standard "
-            "input. With --frames only the blocks of those frames are downloaded.",
+            "The stream to decode, or its address (s3://, gs://, https://). With --frames only the "
+            "blocks of those frames are downloaded.",
         ),
     ],
     output: OutputOption,
@@ -65,8 +65,6 @@ def decode_command(
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
-
-    - `meshreel decode - -o - --to glb < walk.reel > walk.glb`
     """
     from contextlib import nullcontext
 

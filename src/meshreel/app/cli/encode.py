@@ -28,8 +28,7 @@ def encode_command(
             "INPUT...",
             "An animation file (.abc, .usd, .glb, .npz, ...: see `meshreel formats`), a folder or "
             "a quoted glob of frames, or the frame files (.obj, .ply, .off, .stl), in natural "
-            "order. Or addresses (s3://, gs://, https://), which are downloaded; or - for standard "
-            "input. -o - is standard output.",
+            "order. Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
     encoding: Annotated[Encoding, ENCODING],
@@ -79,8 +78,6 @@ def encode_command(
     - `meshreel encode huge_frames/ --memory 1GiB`
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
-
-    - `meshreel encode - --from obj -o - < head.obj > head.reel`
     """
     from contextlib import ExitStack
     from dataclasses import replace

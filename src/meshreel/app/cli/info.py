@@ -32,7 +32,7 @@ def info_command(
             "FILE...",
             "A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob "
             "of frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel "
-            "only its index and section headers are downloaded. Or - for standard input.",
+            "only its index and section headers are downloaded.",
         ),
     ],
     reading: Annotated["ReadOptions", reading("fps", *MESHES, "topology", "dataset", "memory")],

@@ -24,7 +24,7 @@ OutputOption = Annotated[
         "A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`); a pattern "
         "such as out/frame_%04d.obj for one file per frame, in a folder that is created if "
         "missing; or a folder such as walk.vat/ for vertex animation textures. Or such an address "
-        "(s3://, gs://); or - for standard output, with --to.",
+        "(s3://, gs://).",
         flag="--output -o",
     ),
 ]
