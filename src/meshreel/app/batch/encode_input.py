@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
 
-READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "animation", "register")
+READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside", "register")
 """Fields of `ReadOptions` that the manifest records if they differ from the default."""
 
 
