@@ -92,8 +92,8 @@ def write_report(
         print_json({**evaluation.as_dict(), "notes": notes})
         return
     n_figures = sum(len(pictures) for _, pictures in evaluation.measured)
-    written = {"report": str(evaluation.html), "as Markdown": str(evaluation.markdown)}
-    print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
+    figures = f"{n_figures} in {out / 'figures'}"
+    print_table("Written", {"report": str(evaluation.report), "figures": figures})
 
 
 def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
