@@ -1,15 +1,11 @@
-"""Outputs: resolution to files, checks before writing, and upload of remote ones."""
+"""Resolution of an output to its files, and checks before writing."""
 
 import os
 import re
-import shutil
-import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 
-from meshreel.errors import FormatError, InvalidInputError, Keyword, StoreError
+from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
@@ -17,9 +13,7 @@ from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, wri
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
-from meshreel.runtime.stores.address import is_remote, name_of
-from meshreel.runtime.stores.filesystem import files_below
-from meshreel.runtime.stores.transfer import check_outputs, sibling, upload_all
+from meshreel.runtime.stores.address import refuse_address
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 OTHER_FIELD = re.compile(r"#{2,}|\$F\d?|<frame>", re.IGNORECASE)
@@ -65,7 +59,10 @@ def check_output(
         If the folder of the output is not writable or (except for patterns) does not exist, a file
         is an input, or exists and `overwrite` is false, several frames are written to a file for
         one, or an option or `start_number` has no effect.
+    StoreError
+        If it is an address.
     """
+    refuse_address(output, "the output")
     path = Path(output)
     if (found := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
         return _check_folder(
@@ -198,73 +195,3 @@ def numbered_paths(path: Path, field: re.Match[str], numbers: Iterable[int]) -> 
     fill, width = field.groups()
     before, after = path.name[: field.start()], path.name[field.end() :]
     return [path.with_name(f"{before}{number:{fill}{width}d}{after}") for number in numbers]
-
-
-@dataclass(frozen=True)
-class Output:
-    """The requested output, and the local path to write."""
-
-    requested: AnyPath
-    local: AnyPath
-    """str or path. The same for a local output; a path in a temporary folder for a remote one."""
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the written files are uploaded afterwards."""
-        return is_remote(self.requested)
-
-    def name(self, path: AnyPath) -> str:
-        """Return the path or address that the user knows for a written local file."""
-        if not self.is_remote:
-            return str(path)
-        within = Path(path).relative_to(Path(self.local).parent).as_posix()
-        return sibling(os.fspath(self.requested), within)
-
-
-@contextmanager
-def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
-    """Context manager for the local path of an output; uploads a remote one on success.
-
-    Uploads are atomic per file. If an upload fails, the files are kept and the error names them.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Whether existing files may be replaced.
-
-    Raises
-    ------
-    InvalidInputError, StoreError
-        As `meshreel.runtime.stores.transfer.check_outputs`, before and after the block.
-    """
-    if not is_remote(output):
-        yield Output(output, output)
-        return
-    address = os.fspath(output)
-    check_outputs([] if is_pattern(name_of(address)) else [address], overwrite=overwrite)
-    place = Path(tempfile.mkdtemp(prefix="meshreel-"))
-    target = Output(address, place / name_of(address))
-    try:
-        yield target
-        made = {path: target.name(path) for path in sorted(place.rglob("*")) if path.is_file()}
-        if Path(target.local).is_dir():
-            _check_mixture(address, set(made.values()))
-        try:
-            upload_all(made, overwrite=overwrite)
-        except InvalidInputError:
-            raise
-        except StoreError as error:
-            kept, place = place, Path(tempfile.mkdtemp(prefix="meshreel-"))
-            raise StoreError(f"{error}; the output is kept in {kept}") from None
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
-
-
-def _check_mixture(address: str, made: set[str]) -> None:
-    """Reject a remote folder with other files, because programs use all files there."""
-    there = {f"{address.rstrip('/')}/{one.name}" for one in files_below(address)}
-    if others := sorted(there - made):
-        raise InvalidInputError(
-            f"{address} contains files that must not be mixed with the output: {listed(others)}; "
-            "remove them, or choose another folder"
-        )

@@ -87,7 +87,6 @@ def convert_command(
     from meshreel.codec.options import config_of
     from meshreel.formats.load import loading_for
     from meshreel.formats.needed_extras import extras_to_read, extras_to_write
-    from meshreel.formats.outputs import uploaded
     from meshreel.formats.reel import origin_of_file
     from meshreel.formats.remote import local_copy
     from meshreel.formats.segments import open_any
@@ -105,7 +104,6 @@ def convert_command(
     rig_bounds = {} if is_stream(output) else {name: encoding[name] for name in ("kg", "quality")}
     notes = reading.notes
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(output, overwrite=force))
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
@@ -115,7 +113,7 @@ def convert_command(
             # Writers read each frame once, so that decoding all frames first would gain nothing.
             reading = replace(reading, max_loaded_bytes=0)
         conversion = Conversion(
-            target,
+            output,
             files,
             WriteOptions(max_error=bound, origin=origin, force=force, **rig_bounds, **writing),
             reading,
@@ -126,13 +124,13 @@ def convert_command(
             notes,
             track_targets(track),
         )
-        require([*extras_to_read(files, reading), *extras_to_write(target.local)])
+        require([*extras_to_read(files, reading), *extras_to_write(output)])
         # Check the output before the input is read, which may take long.
-        conversion.check(target.local, None if split else known_frames(files, chosen))
+        conversion.check(output, None if split else known_frames(files, chosen))
         if split:
             conversion.write_segments(source, reading)
         else:
-            conversion.write(open_any(find_files(source), reading), target.local, chosen)
+            conversion.write(open_any(find_files(source), reading), output, chosen)
     print_notes(notes)
     if as_json:
         outputs = conversion.figures

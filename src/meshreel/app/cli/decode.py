@@ -80,7 +80,7 @@ def decode_command(
         written_figures,
     )
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.outputs import check_output, uploaded
+    from meshreel.formats.outputs import check_output
     from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_file
     from meshreel.formats.save import save_part
@@ -91,13 +91,10 @@ def decode_command(
     refuse_stream(output)
     options = WriteOptions(force=force, **writing)
     notes: list[str] = []
-    with (
-        uploaded(output, overwrite=force) as target,
-        local_file(source, notes) if chosen is None else nullcontext(source) as stream,
-    ):
+    with local_file(source, notes) if chosen is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(
-            target.local,
+            output,
             overwrite=force, start_number=start_number, inputs=inputs, options=options,
         )  # fmt: skip
         remedy = f"encode it first: meshreel encode {source} -o {Path(source).stem}.reel"
@@ -113,7 +110,7 @@ def decode_command(
             written = save_part(
                 reel,
                 numbers,
-                target.local,
+                output,
                 overwrite=force,
                 start_number=start_number,
                 inputs=inputs,
@@ -129,7 +126,7 @@ def decode_command(
                 if len(numbers) == reel.n_frames:
                     sizes[".reel (input)"] = reel.size_bytes
                 figures["alternatives_bytes"] = sizes
-            figures |= written_figures(written, reel, len(numbers), target)
+            figures |= written_figures(written, reel, len(numbers))
     if not reel.is_whole:
         notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)

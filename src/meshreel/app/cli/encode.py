@@ -89,7 +89,6 @@ def encode_command(
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.options import WriteOptions
-    from meshreel.formats.outputs import uploaded
     from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_copy
     from meshreel.formats.sources import files_of_source
@@ -100,14 +99,13 @@ def encode_command(
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     config, targets, notes = config_of(**encoding), track_targets(track), reading.notes
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(output, overwrite=force))
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
         progress = stack.enter_context(progress_bar())
         conversion = Conversion(
-            target, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
+            output, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
         )  # fmt: skip
-        conversion.check(target.local, None)
+        conversion.check(output, None)
         require(extras_to_read(files, reading))
         keeps_order = config.order in ("keep", "vertices")
         reading = replace(reading, progress=progress, matches_frames=not keeps_order)
@@ -115,12 +113,12 @@ def encode_command(
             conversion.write_segments(source, loading_for(config.memory_bytes, reading))
         else:
             opened = open_for_encoding(source, config.memory_bytes, reading)
-            conversion.write(opened, target.local)
+            conversion.write(opened, output)
         reports = []
         for registration in reading.registrations:  # one at most: of the only output
             from meshreel.registration.report import Report  # imports SciPy
 
-            with open_reel(Path(target.local)) as reel:
+            with open_reel(Path(output)) as reel:
                 reports.append(Report.measured(registration, reel, progress))
     print_notes(notes)
     if as_json:
