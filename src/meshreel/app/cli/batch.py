@@ -134,12 +134,12 @@ def batch_command(
 
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.app.batch.run import run_batch
-    from meshreel.app.cli.console import progress_bar
+    from meshreel.app.cli.console import shown_progress
 
     if not plan.to_encode:
         return run_batch(plan, None)
     try:
-        with progress_bar() as progress, _executor(plan, workers, scheduler) as (executor, n):
+        with shown_progress() as progress, _executor(plan, workers, scheduler) as (executor, n):
             return run_batch(plan, executor, n, progress=progress)
     except KeyboardInterrupt:
         print_error("stopped; finished streams are kept, and another run encodes the others")

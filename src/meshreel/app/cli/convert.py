@@ -74,7 +74,7 @@ def convert_command(
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, shown_progress
     from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import source_of
     from meshreel.app.cli.write_options import (
@@ -106,7 +106,7 @@ def convert_command(
     with ExitStack() as stack:
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         origin = origin_of_file(files[0]) if len(inputs) == 1 else None
         reading = loading_for(config.memory_bytes, replace(reading, progress=progress))
         if origin is not None and not is_stream(output):

@@ -68,7 +68,7 @@ def decode_command(
     """
     from contextlib import nullcontext
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, shown_progress
     from meshreel.app.cli.read_options import refuse_other_formats
     from meshreel.app.cli.rig_figures import size_as_morph_targets
     from meshreel.app.cli.write_options import (
@@ -101,7 +101,7 @@ def decode_command(
         convert = "`meshreel convert` writes it in another format directly"
         refuse_other_formats(Path(source), f"{remedy}; {convert}")
         with (
-            progress_bar() as progress,
+            shown_progress() as progress,
             open_reel(stream, n_modes=modes, segment=segment, memory=memory) as reel,
             errors_naming(source),
         ):

@@ -82,7 +82,7 @@ def encode_command(
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.options import config_of
@@ -101,7 +101,7 @@ def encode_command(
     with ExitStack() as stack:
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         conversion = Conversion(
             output, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
         )  # fmt: skip

@@ -95,7 +95,7 @@ def register_command(
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.encode import OTHER_OUTPUTS
     from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.read_options import output_stem, source_of
@@ -129,7 +129,7 @@ def register_command(
         baked = texture_output or path.with_suffix(".mp4")
         baking = [] if texture is None else extras_to_bake(texture, baked)
         require([*extras_to_read(files), *REGISTRATION, *baking])
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
         folder, job = path.with_suffix(".registration"), None
