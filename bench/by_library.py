@@ -17,7 +17,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -35,7 +35,6 @@ from meshreel.formats.vtk.xml_writing import vtu_encoder
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.camera import Camera, fit_camera
-from meshreel.rendering.documents import Heading, Paragraph, Part, Table, to_html
 from meshreel.rendering.film_files import save_mp4
 from meshreel.rendering.rasterizer import CLAY, PAPER, render
 
@@ -51,7 +50,7 @@ ERROR, ENDED = 3, 4
 
 LIBRARIES = (
     "vtk", "moderngl", "pyrender", "pyvista", "lxml", "meshio", "trimesh", "tinyobjloader",
-    "imageio-ffmpeg", "av", "Jinja2", "plotly",
+    "imageio-ffmpeg", "av", "plotly",
 )  # fmt: skip
 BASE = {"numpy", "pillow"}
 
@@ -481,59 +480,6 @@ def bench_film(sequence: MeshSequence, repeats: int) -> None:
     print_table("", [f"film of {N_PICTURES} pictures", "CPU s", "bytes", "same bytes"], rows)
 
 
-TEMPLATE = """
-{%- macro inline(text) -%}{{ text | e | marked }}{%- endmacro -%}
-{%- for part in parts -%}
-{%- if part.level -%}<h{{ part.level }}>{{ inline(part.text) }}</h{{ part.level }}>
-{%- elif part.rows is defined -%}<div class="scroll"><table><caption>{{ inline(part.title) }}\
-</caption><thead><tr>{% for cell in part.header %}<th>{{ inline(cell) }}</th>{% endfor %}</tr>\
-</thead><tbody>{% for row in part.rows %}<tr>{% for cell in row %}<td>{{ inline(cell) }}</td>\
-{% endfor %}</tr>{% endfor %}</tbody></table></div>
-{%- else -%}<p>{{ inline(part.text) }}</p>{%- endif %}
-{% endfor -%}
-"""
-
-
-@cache
-def template_of_reports() -> Any:
-    """Return a template of Jinja2 for the parts of a report."""
-    environment = import_module("jinja2").Environment()
-
-    def marked(text: str) -> str:
-        text = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(text))
-        return re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", text)
-
-    environment.filters["marked"] = marked
-    return environment.from_string(TEMPLATE)
-
-
-def bench_html(sequence: MeshSequence, repeats: int) -> None:
-    """Write a report with tables of 2,000 rows."""
-    cells = [
-        (f"`run {n}` of **{sequence.name}**", *(f"{n / k:.4f}" for k in range(1, 9)))
-        for n in range(2000)
-    ]
-    header = ("run", *(f"q < {k}" for k in range(1, 9)))
-    parts: list[Part] = [
-        Heading(1, "Report"),
-        Paragraph("By `meshreel`."),
-        Table("Runs", header, tuple(cells)),
-    ]
-
-    def own() -> str:
-        page = to_html(parts, "Report")
-        return page.partition("<body>\n")[2].partition("\n</body>")[0]
-
-    def by_jinja() -> str:
-        return str(template_of_reports().render(parts=parts)).strip()
-
-    tasks: Tasks = {"own": own} | available({"Jinja2": ("jinja2", by_jinja)})
-    seconds = measure(tasks, repeats)
-    wanted = own()
-    rows = [[name, f"{seconds[name]:.3f}", str(work() == wanted)] for name, work in tasks.items()]
-    print_table("", [f"HTML of {len(wanted):,} characters", "CPU s", "same text"], rows)
-
-
 def installed_with(name: str) -> set[str]:
     """Names of a library and of the libraries that it requires, without extras."""
     libraries: set[str] = set()
@@ -574,7 +520,7 @@ def list_sizes(sequence: MeshSequence, repeats: int) -> None:
 
 BENCHES = {
     "render": bench_render, "obj": bench_obj, "vtu": bench_vtu, "xml": bench_xml,
-    "film": bench_film, "html": bench_html, "sizes": list_sizes,
+    "film": bench_film, "sizes": list_sizes,
 }  # fmt: skip
 
 

@@ -67,7 +67,7 @@ async function shrink(script, isReadable = false, sourceMap = undefined) {
     mangle: { keep_classnames: isReadable, reserved: isReadable ? classes : [] },
     keep_classnames: isReadable,
     // Node prints the line of an error, which must not be the whole script.
-    format: { comments: /webpackIgnore|@vite-ignore/, beautify: isReadable, indent_level: 0 },
+    format: { comments: /webpackIgnore|@vite-ignore/, max_line_len: isReadable ? 200 : false },
     sourceMap,
   });
   return { code, map };
@@ -246,7 +246,7 @@ async function buildPage(folder) {
   const page = join(here, "src/page");
   const [scripts, styles] = await Promise.all([
     bundleForPage({ entryPoints: { player: join(page, "main.ts") }, outdir: folder }),
-    bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder }),
+    bundleForPage({ entryPoints: [join(page, "style.css")], outdir: folder, minifyWhitespace: true }),
   ]);
   // Replacement functions, since "$&" in a bundle would be special in a replacement string.
   const html = readFileSync(join(page, "index.html"), "utf8")

@@ -57,12 +57,3 @@ def test_compare_render_and_export_read_the_named_animation_of_the_original(man,
     run_json("export", reel, "-o", tmp_path / "a.html", "--original", man, *chosen)
     assert_fails(run("compare", reel, reel, *chosen), "--animation", "no effect")
     assert_fails(run("export", reel, "-o", tmp_path / "b.html", *chosen), "--original")
-
-
-@pytest.mark.slow
-def test_batch_encodes_all_animations_with_that_option(man, tmp_path):
-    done = run_json("batch", man.parent, tmp_path / "out", "--animations", "all", "--workers", "1")
-    assert (done["encoded"], done["failed"], done["notes"]) == (2, 0, [])
-    assert last(tmp_path / "out" / "man.walk.reel")[:2] == pytest.approx([2, 0], abs=0.02)
-    assert last(tmp_path / "out" / "man.jump.reel")[:2] == pytest.approx([0, 7], abs=0.02)
-    assert_fails(run("batch", man.parent, tmp_path / "out", "--animations", "some"), "first", "all")

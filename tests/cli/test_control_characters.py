@@ -17,7 +17,7 @@ from meshreel.app.cli.console import (
     print_columns,
     print_notes,
     print_table,
-    progress_lines,
+    shown_progress,
 )
 from meshreel.app.cli.messages import escaped, print_error, print_line
 from meshreel.model.materials import Image, Material
@@ -250,19 +250,10 @@ def wait_for(text, stream):
         time.sleep(0.005)
 
 
-def test_progress_lines_escape_the_stage():
+def test_progress_escapes_the_stage(monkeypatch):
     stream = io.StringIO()
-    with progress_lines(stream, first_line_s=0, interval_s=0.001) as report:
+    monkeypatch.setattr(console, "LOG_AFTER_S", 0)
+    with shown_progress(stream) as report:
         report(f"reading {HOSTILE}\udc80", 0.5)
         wait_for(escaped(HOSTILE), stream)
     assert_harmless(stream.getvalue())
-
-
-def test_progress_bar_escapes_the_stage(monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr(console, "SHOW_AFTER_S", 0)
-    with console.progress_line(stream) as report:
-        report(f"reading \x9b\x07\u202e\n{MARKUP}", 0.5)
-        wait_for(escaped(f"reading \x9b\x07\u202e\n{MARKUP}"), stream)
-    shown = stream.getvalue()
-    assert not [one for one in "\x9b\x07\u202e" if one in shown]

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 import pytest
 
 import meshreel
-from meshreel.app.cli import console
+from meshreel.app.cli import console, reports
 from meshreel.app.cli.app import app
-from meshreel.app.cli.console import progress_lines
+from meshreel.app.cli.console import shown_progress
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
 
@@ -27,9 +27,9 @@ def lines_of(tmp_path, monkeypatch, capsys):
     written = io.StringIO()
 
     @contextmanager
-    def patient_lines():
+    def patient_progress():
         stages = set()
-        with progress_lines(written, first_line_s=0.001, interval_s=0.01) as report:
+        with shown_progress(written) as report:
 
             def report_and_wait(stage, fraction):
                 report(stage, fraction)
@@ -41,7 +41,10 @@ def lines_of(tmp_path, monkeypatch, capsys):
 
             yield report_and_wait
 
-    monkeypatch.setattr(console, "progress_lines", patient_lines)
+    monkeypatch.setattr(console, "LOG_AFTER_S", 0.001)
+    monkeypatch.setattr(console, "LOG_INTERVAL_S", 0.01)
+    for module in (console, reports):
+        monkeypatch.setattr(module, "shown_progress", patient_progress)
     monkeypatch.chdir(tmp_path)
     meshreel.save(waving_grid(6, 12, 14), tmp_path / "walk.npz")
     (tmp_path / "walk.reel").write_bytes(meshreel.encode(waving_grid(6, 12, 14)))

@@ -13,6 +13,7 @@ from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, wri
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
+from meshreel.runtime.stores.address import refuse_address
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 OTHER_FIELD = re.compile(r"#{2,}|\$F\d?|<frame>", re.IGNORECASE)
@@ -58,7 +59,10 @@ def check_output(
         If the folder of the output is not writable or (except for patterns) does not exist, a file
         is an input, or exists and `overwrite` is false, several frames are written to a file for
         one, or an option or `start_number` has no effect.
+    StoreError
+        If it is an address.
     """
+    refuse_address(output, "the output")
     path = Path(output)
     if (found := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
         return _check_folder(

@@ -5,7 +5,6 @@ imported when a file with that extension is first read or written.
 """
 
 import os
-import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
@@ -89,25 +88,6 @@ FORMATS: Formats[FrameFormat | SequenceFormat] = Formats(_FRAME_MODULES | _SEQUE
 FOLDER_FORMATS: Formats[FolderFormat] = Formats({".vat": "vat.format"})
 """Formats whose outputs are folders."""
 
-SIGNATURES = {
-    ".reel": rb"\x89REEL\r\n\x1a",
-    ".glb": rb"glTF",
-    ".abc": rb"Ogawa",
-    ".usdc": rb"PXR-USDC",
-    ".usda": rb"#usda ",
-    ".usdz": rb"PK\x03\x04.{26}[^\x00]+\.usd[ac]?",
-    ".npz": rb"PK\x03\x04.{26}[^\x00]+\.npy",
-    ".ply": rb"ply\r?\n",
-    ".off": rb"[A-Z]{0,4}OFF\s",
-    ".stl": rb"solid\s",
-    ".vtk": rb"# vtk DataFile",
-    ".pc2": rb"POINTCACHE2\x00",
-    ".drc": rb"DRACO",
-}
-"""First bytes of formats, as regular expressions; other formats have none of their own."""
-
-SIGNATURE_BYTES = 256
-
 PROGRAMS = {
     ".fbx": "other programs",
     ".blend": "Blender",
@@ -127,12 +107,6 @@ def extension_of(path: str | os.PathLike[str]) -> str:
     """Return the extension that selects the format of a path, in lower case; empty for none."""
     name = Path(path).name.lower()
     return NAMES.get(name, Path(name).suffix)
-
-
-def extension_of_bytes(head: bytes) -> str | None:
-    """Return the extension of the format with these first bytes; None if they do not tell."""
-    found = (name for name, start in SIGNATURES.items() if re.match(start, head, re.DOTALL))
-    return next(found, None)
 
 
 def format_of(path: Path) -> FrameFormat | SequenceFormat:

@@ -1,8 +1,7 @@
-"""Local copies of remote inputs and outputs.
+"""Local copies of remote inputs.
 
-Readers, writers and their libraries need paths: inputs are downloaded to a temporary folder, and
-outputs are uploaded from one when they are complete. Only ``.reel`` files are read remotely, block
-by block: see `meshreel.runtime.stores.ranged_file`.
+Readers and their libraries need paths, so inputs are downloaded to a temporary folder. Only
+``.reel`` files are read remotely, block by block: see `meshreel.runtime.stores.ranged_file`.
 """
 
 import os
@@ -11,20 +10,17 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.file_references import DOWNLOADED, download_sibling
-from meshreel.formats.notes import listed
-from meshreel.formats.outputs import is_pattern
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
-from meshreel.runtime.stores.filesystem import files_below, files_in, matches
-from meshreel.runtime.stores.transfer import check_outputs, download, sibling, upload_all
+from meshreel.runtime.stores.filesystem import files_in, matches
+from meshreel.runtime.stores.transfer import download
 
 
 @contextmanager
@@ -78,76 +74,6 @@ def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[P
         yield Path(cast("AnyPath", source))
 
 
-@dataclass(frozen=True)
-class Output:
-    """The requested output, and the local path to write."""
-
-    requested: AnyPath
-    local: AnyPath
-    """str or path. The same for a local output; a path in a temporary folder for a remote one."""
-
-    @property
-    def is_remote(self) -> bool:
-        """Whether the written files are uploaded afterwards."""
-        return is_remote(self.requested)
-
-    def name(self, path: AnyPath) -> str:
-        """Return the path or address that the user knows for a written local file."""
-        if not self.is_remote:
-            return str(path)
-        within = Path(path).relative_to(Path(self.local).parent).as_posix()
-        return sibling(os.fspath(self.requested), within)
-
-
-@contextmanager
-def uploaded(output: AnyPath, *, overwrite: bool) -> Iterator[Output]:
-    """Context manager for the local path of an output; uploads a remote one on success.
-
-    Uploads are atomic per file. If an upload fails, the files are kept and the error names them.
-
-    Parameters
-    ----------
-    overwrite : bool
-        Whether existing files may be replaced.
-
-    Raises
-    ------
-    InvalidInputError, StoreError
-        As `meshreel.runtime.stores.transfer.check_outputs`, before and after the block.
-    """
-    if not is_remote(output):
-        yield Output(output, output)
-        return
-    address = os.fspath(output)
-    check_outputs([] if is_pattern(name_of(address)) else [address], overwrite=overwrite)
-    place = Path(tempfile.mkdtemp(prefix="meshreel-"))
-    target = Output(address, place / name_of(address))
-    try:
-        yield target
-        made = {path: target.name(path) for path in sorted(_files(place))}
-        if Path(target.local).is_dir():
-            _check_mixture(address, set(made.values()))
-        try:
-            upload_all(made, overwrite=overwrite)
-        except InvalidInputError:
-            raise
-        except StoreError as error:
-            kept, place = place, Path(tempfile.mkdtemp(prefix="meshreel-"))
-            raise StoreError(f"{error}; the output is kept in {kept}") from None
-    finally:
-        shutil.rmtree(place, ignore_errors=True)
-
-
-def _check_mixture(address: str, made: set[str]) -> None:
-    """Reject a remote folder with other files, because programs use all files there."""
-    there = {f"{address.rstrip('/')}/{one.name}" for one in files_below(address)}
-    if others := sorted(there - made):
-        raise InvalidInputError(
-            f"{address} contains files that must not be mixed with the output: {listed(others)}; "
-            "remove them, or choose another folder"
-        )
-
-
 def _folder(address: str) -> str:
     """Address of the folder with the frames of an input."""
     name = name_of(address)
@@ -173,7 +99,7 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
         DOWNLOADED[folder] = without_query(files[0])
         _fetch_companion(folder / names[0])
     if notes is not None:
-        size_mb = sum(path.stat().st_size for path in _files(folder)) / 1e6
+        size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
         what = files[0] if len(files) == 1 else f"{counted(len(files), 'file')} of {addresses[0]}"
         notes.append(f"downloaded {what} ({size_mb:.3g} MB) to read it")
     if len(files) == 1 and len(addresses) == 1 and addresses[0] == files[0]:
@@ -213,7 +139,3 @@ def _fetch_companion(path: Path) -> None:
     found = FORMATS[extension_of(path)]
     if found.companion:
         download_sibling(path.with_suffix(found.companion))
-
-
-def _files(place: Path) -> list[Path]:
-    return [path for path in place.rglob("*") if path.is_file()]

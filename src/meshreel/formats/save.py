@@ -18,13 +18,17 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
 )
 from meshreel.formats.options import WriteOptions, origin_of
-from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
+from meshreel.formats.outputs import (
+    DEFAULT_OPTIONS,
+    check_output,
+    is_pattern,
+    numbering,
+)
 from meshreel.formats.registry import (
     FRAME_FORMATS,
     SEQUENCE_FORMATS,
     output_format_of,
 )
-from meshreel.formats.remote import uploaded
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
@@ -54,8 +58,8 @@ def save(
     progress: Progress = silent,
     notes: list[str] | None = None,
     **settings: Any,
-) -> list[Path] | list[str]:
-    """Save a sequence; return the written files in frame order, or addresses of a remote output.
+) -> list[Path]:
+    """Save a sequence; return the written files in frame order.
 
     All files appear together when the last one is complete; on an error none appears.
 
@@ -66,11 +70,10 @@ def save(
         against the original, if the stream guarantees an error bound.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
-        file (`meshreel formats` lists them), or such an address, like ``s3://bucket/walk.glb``
-        (extra ``[s3]``); a pattern with a number field such as ``dir/frame_%04d.obj`` for one
-        file per frame, whose folder is created if it is missing; ``name.obj`` for a sequence of
-        one frame; or ``name.vat`` for a folder of vertex animation textures. Images of
-        ``name.usdc`` are written to a folder ``name_textures``.
+        file (`meshreel formats` lists them); a pattern with a number field such as
+        ``dir/frame_%04d.obj`` for one file per frame, whose folder is created if it is missing;
+        ``name.obj`` for a sequence of one frame; or ``name.vat`` for a folder of vertex animation
+        textures. Images of ``name.usdc`` are written to a folder ``name_textures``.
     overwrite : bool, default False
         Whether existing files may be replaced. Files that the sequence is read from never are.
     start_number : int, optional
@@ -98,22 +101,20 @@ def save(
     FormatError, InvalidInputError
         As `meshreel.formats.outputs.check_output`, before anything is written.
     StoreError
-        If a remote output cannot be written.
+        If the output is an address.
     """
     check_names(settings, [field.name for field in fields(WriteOptions)])
     options = replace(options, **settings)
-    with uploaded(output, overwrite=overwrite) as target:
-        written = save_part(
-            sequence,
-            range(sequence.n_frames),
-            target.local,
-            overwrite=overwrite,
-            start_number=start_number,
-            options=options,
-            progress=progress,
-            notes=notes,
-        )
-    return [target.name(path) for path in written] if target.is_remote else written
+    return save_part(
+        sequence,
+        range(sequence.n_frames),
+        output,
+        overwrite=overwrite,
+        start_number=start_number,
+        options=options,
+        progress=progress,
+        notes=notes,
+    )
 
 
 def save_part(

@@ -105,7 +105,10 @@ def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, 
     def run(piece: slice) -> None:
         call(function, *arguments, piece.start, piece.stop, what=what)
 
-    in_chunks(run, length, size)
+    if 0 < length <= size:
+        run(slice(0, length))
+    else:
+        in_chunks(run, length, size)
 
 
 def encoded(

@@ -11,13 +11,11 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.documents import (
     Bullets,
     Code,
-    Document,
     Heading,
     Paragraph,
     Part,
     Picture,
     Table,
-    to_html,
 )
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.counting import counted
@@ -105,9 +103,8 @@ class Study(Protocol[R]):
 class Evaluation(Generic[R]):
     """A finished evaluation."""
 
-    markdown: Path
-    html: Path
-    """The report."""
+    report: Path
+    """Markdown, with pictures in a folder next to it."""
     measured: list[tuple[R, list[Picture]]]
     notes: list[str]
     """Lines about missing results."""
@@ -115,7 +112,7 @@ class Evaluation(Generic[R]):
     def as_dict(self) -> dict[str, Any]:
         """Paths, notes and results, in plain types."""
         return {
-            "report": {"markdown": str(self.markdown), "html": str(self.html)},
+            "report": str(self.report),
             "not_measured": self.notes,
             "sequences": [
                 {**results.as_dict(), "figures": [str(picture.path) for picture in pictures]}
@@ -165,8 +162,9 @@ def evaluate(
             pictures.append(draw())
         measured.append((results, pictures))
     progress("writing the report", 0.0)
-    markdown, html = publish(document(study, measured, command), out)
-    return Evaluation(markdown, html, measured, study.notes([results for results, _ in measured]))
+    report = out / "report.md"
+    write_text(report, to_markdown(parts_of_report(study, measured, command), out))
+    return Evaluation(report, measured, study.notes([results for results, _ in measured]))
 
 
 def measure(study: Study[R], subject: Subject, progress: Progress) -> R:
@@ -238,9 +236,9 @@ def checked_names(names: Iterable[str], known: Sequence[str], noun: str) -> tupl
     return tuple(name for name in known if name in selected)
 
 
-def document(
+def parts_of_report(
     study: Study[R], measured: Sequence[tuple[R, Sequence[Picture]]], command: str
-) -> Document:
+) -> list[Part]:
     """The report of a study, which quotes the command line."""
     all_results = [results for results, _ in measured]
     machines = machines_text(result for results in all_results for result in done(results.measured))
@@ -250,7 +248,7 @@ def document(
     for results, pictures in measured:
         parts += [Heading(2, results.name), Paragraph(_shape_text(results.sequence))]
         parts += study.section(results, pictures)
-    return Document(study.title, (*parts, *study.appendix()))
+    return [*parts, *study.appendix()]
 
 
 def _shape_text(sequence: Mapping[str, Any]) -> str:
@@ -263,14 +261,6 @@ def _shape_text(sequence: Mapping[str, Any]) -> str:
         f"{counted(sequence['n_verts'], 'vertex')}, {counted(sequence['n_faces'], 'face')} "
         f"(SHA-256 of the content begins with `{sequence['sha256'][:12]}`)."
     )
-
-
-def publish(document: Document, out: Path) -> tuple[Path, Path]:
-    """Write report.md and report.html next to the pictures and return their paths."""
-    markdown, html = out / "report.md", out / "report.html"
-    write_text(markdown, to_markdown(document.parts, out))
-    write_text(html, to_html(document.parts, document.title))
-    return markdown, html
 
 
 def to_markdown(parts: Sequence[Part], folder: Path) -> str:

@@ -142,7 +142,7 @@ def test_notes_name_package_and_extra_of_a_missing_peer(evaluation):
     (note,) = evaluation.notes
     assert "`future` was not measured: it needs the package package_of_the_future" in note
     assert "pip install 'meshreel[peers]'" in note
-    assert note in evaluation.markdown.read_text(encoding="utf-8")
+    assert note in evaluation.report.read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
@@ -199,11 +199,11 @@ def test_plots_are_not_blank(evaluation):
 
 
 def test_report_contains_tables_and_the_command(evaluation):
-    text = evaluation.markdown.read_text(encoding="utf-8")
+    text = evaluation.report.read_text(encoding="utf-8")
     for part in ("meshreel evaluate flag.npz", "Bits per vertex and frame at equal error, flag",
                  "BD-rate at equal KG error", "Lossless, flag", "Seconds, flag"):  # fmt: skip
         assert part in text
-    assert evaluation.html.read_text(encoding="utf-8").count("data:image/png;base64") == 3
+    assert text.count("](figures/") == 3
 
 
 def test_figures_are_serializable_and_finite(evaluation):

@@ -50,7 +50,7 @@ def test_a_report_of_changing_faces_has_figures_of_reel_and_draco(changing, tmp_
     assert pictures[0].path.stat().st_size > 5000
     [line] = result.notes
     assert "`v2v`, `npz`" in line
-    text = result.markdown.read_text()
+    text = result.report.read_text()
     assert "5 frames in 3 segments, up to 126 vertices" in text
     assert line in text
     assert "| reel step 0.0002" in text

@@ -22,9 +22,7 @@ class BatchInput:
     """One sequence to encode."""
 
     name: str
-    """Path relative to the input folder, with slashes; "." is that folder itself. For one of
-    several animations of a file, followed by "#" and its name.
-    """
+    """Path relative to the input folder, with slashes; "." is that folder itself."""
     source: Path | str
     """Path, or str if remote. Absolute path of a file with a whole sequence, or of a folder of
     frames.
@@ -35,13 +33,6 @@ class BatchInput:
     """Path of the stream relative to the output folder, with slashes."""
     remote_files: tuple[RemoteFile, ...] = ()
     """Its files, if they are remote."""
-    animation: str | None = None
-    """The animation to read from a file with several; default: as `meshreel.load` selects."""
-
-    @property
-    def path(self) -> str:
-        """Path relative to the input folder, without the name of an animation."""
-        return self.name if self.animation is None else self.name.removesuffix(f"#{self.animation}")
 
     @property
     def size_bytes(self) -> int:

@@ -30,8 +30,7 @@ BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
 
 READ_OPTIONS = (
-    "fps", "merge", "attributes", "skip_bad", "allow_outside", "animation", "register",
-    "keep_holes",
+    "fps", "merge", "attributes", "skip_bad", "allow_outside", "register", "keep_holes",
 )  # fmt: skip
 """Fields of `ReadOptions` that the manifest records if they differ from the default."""
 

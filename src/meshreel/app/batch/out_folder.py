@@ -9,7 +9,7 @@ from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.outputs.checks import check_output_folder
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.stores.filesystem import files_below
-from meshreel.runtime.stores.transfer import check_outputs, read_whole, upload
+from meshreel.runtime.stores.transfer import check_remote_folder, read_whole, upload
 
 
 class OutFolder:
@@ -73,7 +73,7 @@ class _RemoteFolder(OutFolder):
         self.address = address.rstrip("/")
 
     def check(self) -> None:
-        check_outputs([self.called("manifest.json")], overwrite=True)
+        check_remote_folder(self.address)
 
     @cached_property
     def _sizes(self) -> dict[str, int]:

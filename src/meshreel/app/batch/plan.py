@@ -1,28 +1,15 @@
 """The plan of a run: the inputs to encode, to skip and to refuse."""
 
-import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from meshreel.app.batch.discovery import OUTPUT_EXTENSION, BatchInput, find_inputs
+from meshreel.app.batch.discovery import BatchInput, find_inputs
 from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
 from meshreel.app.batch.out_folder import OutFolder, out_folder
-from meshreel.errors import InvalidInputError, Keyword, MeshReelError, Message
-from meshreel.formats.inspection import animations_of
-from meshreel.formats.kinds import AnimationInfo
-from meshreel.formats.options import ReadOptions
-from meshreel.formats.remote import local_copy
-from meshreel.formats.sources import find_files
-from meshreel.formats.supported_options import check_supported, supports
-
-NOT_PORTABLE = r"[^\w.+-]+"
-"""Characters to replace in output names."""
-
-MAX_NAME = 80
-"""Maximum length of the name of an animation in an output name."""
+from meshreel.errors import Keyword, Message
+from meshreel.formats.supported_options import check_supported
 
 
 @dataclass(frozen=True)
@@ -43,13 +30,6 @@ class Plan:
     """The other inputs, with pending records."""
     replaced: set[BatchInput]
     """Inputs to encode whose outputs exist."""
-    notes: list[str] = field(default_factory=list)
-    """Notes on omitted animations, and on outputs with changed names."""
-
-    def options_of(self, batch_input: BatchInput) -> EncodeOptions:
-        """The options for an input."""
-        reading = replace(self.options.reading, animation=batch_input.animation)
-        return replace(self.options, reading=reading)
 
 
 def plan_batch(
@@ -58,7 +38,6 @@ def plan_batch(
     options: EncodeOptions,
     *,
     force: bool = False,
-    all_animations: bool = False,
 ) -> Plan:
     """Plan a run that encodes inputs that are new, have changed, or failed before.
 
@@ -71,9 +50,6 @@ def plan_batch(
         The second need not exist.
     force : bool, default False
         Encode everything, and replace outputs of other programs or inputs.
-    all_animations : bool, default False
-        Whether each animation of a file is an input, as in `every_animation`; remote files that may
-        have several are downloaded.
 
     Raises
     ------
@@ -84,11 +60,8 @@ def plan_batch(
     out_folder(out_dir).check()
     inputs = find_inputs(input_dir, but_not=out_dir)
     check_supported([batch_input.source for batch_input in inputs], options.reading)
-    notes: list[str] = []
-    if all_animations:
-        inputs = every_animation(inputs, notes, allow_outside=options.reading.allow_outside)
     manifest = read_manifest(input_dir, out_dir, force=force)
-    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set(), notes)
+    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set())
     rivals = _rivals(inputs)
     for batch_input in inputs:
         earlier = manifest.records.get(batch_input.name)
@@ -97,7 +70,7 @@ def plan_batch(
             batch_input.output,
             True,
             batch_input.fingerprint(),
-            plan.options_of(batch_input).as_dict(),
+            options.as_dict(),
         )
         folder, is_there = plan.folder, plan.folder.has(batch_input.output)
         if batch_input in rivals:
@@ -163,89 +136,3 @@ def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
         if len(group) > 1
         for batch_input in group
     }
-
-
-def every_animation(
-    inputs: Iterable[BatchInput], notes: list[str], *, allow_outside: bool
-) -> list[BatchInput]:
-    """Replace each file with several animations by one input per animation.
-
-    ``man.glb`` with the animations "run" and "jump" becomes ``man.run.reel`` and
-    ``man.jump.reel``. Unreadable files are unchanged, and fail when encoded.
-
-    Parameters
-    ----------
-    notes : list of str
-        Receives notes on omitted animations, and on outputs with changed names.
-    allow_outside : bool
-        Whether to read files that an input refers to outside its folder.
-
-    Raises
-    ------
-    InvalidInputError
-        If no input has a format that supports several animations.
-    """
-    listed = list(inputs)
-    if not any(supports(batch_input.source, "animation") for batch_input in listed):
-        raise InvalidInputError(
-            Keyword("animations"),
-            " all has no effect: there is no .glb or .gltf file among the inputs",
-        )
-    return [
-        part for batch_input in listed for part in _animations_of(batch_input, notes, allow_outside)
-    ]
-
-
-def _animations_of(
-    batch_input: BatchInput, notes: list[str], allow_outside: bool
-) -> Iterator[BatchInput]:
-    if not supports(batch_input.source, "animation"):
-        yield batch_input
-        return
-    try:
-        with local_copy(batch_input.source) as files:
-            animations = animations_of(find_files(files), ReadOptions(allow_outside=allow_outside))
-    except MeshReelError:
-        animations = ()  # encoding will report the error
-    moving = [animation for animation in animations if animation.moves_mesh]
-    if len(moving) < 2:
-        yield batch_input
-        return
-    notes += [
-        f"{batch_input.name}: {_why_left_out(animation)}"
-        for animation in animations
-        if not animation.moves_mesh
-    ]
-    stem = batch_input.output.removesuffix(OUTPUT_EXTENSION)
-    for animation, word in zip(
-        moving, _file_words([animation.name for animation in moving]), strict=True
-    ):
-        if word != animation.name:
-            notes.append(
-                f"{batch_input.name}: the animation {animation.name!r} is called {word} in its "
-                "output"
-            )
-        yield replace(
-            batch_input,
-            name=f"{batch_input.name}#{animation.name}",
-            output=f"{stem}.{word}{OUTPUT_EXTENSION}",
-            animation=animation.name,
-        )
-
-
-def _why_left_out(animation: AnimationInfo) -> str:
-    reason = f"malformed: {animation.problem}" if animation.problem else "it moves no mesh"
-    return f"left out the animation {animation.name!r}: {reason}"
-
-
-def _file_words(names: list[str]) -> list[str]:
-    """Parts of file names for animations, unique regardless of case."""
-    words: list[str] = []
-    for name in names:
-        plain = re.sub(NOT_PORTABLE, "_", name)[:MAX_NAME].strip("._") or "animation"
-        word, number = plain, 0
-        while word.lower() in {other.lower() for other in words}:
-            number += 1
-            word = f"{plain}_{number}"
-        words.append(word)
-    return words

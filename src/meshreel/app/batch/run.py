@@ -115,9 +115,7 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
 
     An input whose worker died is retried alone at the end: it may not be the cause.
     """
-    waiting = deque(
-        (batch_input, plan.options_of(batch_input)) for batch_input in _largest_first(plan)
-    )
+    waiting = deque((batch_input, plan.options) for batch_input in _largest_first(plan))
     pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
     alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
     limit = max(MIN_SUBMITTED, 2 * engine.n_workers)
@@ -160,7 +158,7 @@ def _error_of(future: "Future[EncodedInput]") -> BaseException | None:
 def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
     """Yield inputs in sequence; all workers encode blocks of the current one."""
     for batch_input in _largest_first(plan):
-        retry: EncodeOptions | None = plan.options_of(batch_input)
+        retry: EncodeOptions | None = plan.options
         while retry is not None:
             options, retry = retry, None
             outcome: Future[EncodedInput] = Future()
@@ -208,7 +206,7 @@ class _Run:
                 pending,
                 state=FAILED,
                 owns_output=batch_input in self._plan.replaced,
-                error=_reason_of(error, batch_input.path, self._plan.input_dir),
+                error=_reason_of(error, batch_input.name, self._plan.input_dir),
             )
         with self._lock:
             self._plan.manifest.records[batch_input.name] = record

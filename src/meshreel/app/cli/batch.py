@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
@@ -14,7 +14,6 @@ from meshreel.app.cli.read_options import reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
-from meshreel.formats.options import READING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,15 +78,6 @@ def batch_command(
         ),
     ] = None,
     track: TrackOption = (),
-    animations: Annotated[
-        Literal["first", "all"],
-        Option(
-            "Animations to encode of a glTF file with several: the first that moves a mesh, or "
-            "all, each as a separate file: man.glb with run and jump becomes man.run.reel and "
-            "man.jump.reel.",
-            group=READING,
-        ),
-    ] = "first",
     force: Annotated[
         bool,
         Option("Encode everything again, and replace existing outputs.", flag="--force -f"),
@@ -109,8 +99,6 @@ def batch_command(
 
     - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
 
-    - `meshreel batch characters/ streams/ --animations all`
-
     - `meshreel batch s3://captures s3://streams`
     """
     from meshreel.app.batch.encode_input import EncodeOptions
@@ -130,9 +118,7 @@ def batch_command(
         _folder(out_dir),
         options,
         force=force,
-        all_animations=animations == "all",
     )
-    print_notes(plan.notes)
     report = _run(plan, workers, scheduler)
     records = report.encoded.items()
     print_notes(
@@ -141,7 +127,7 @@ def batch_command(
     for name, record in report.failed.items():
         print_error(Message.prefixed(f"{name}: ", record.error or ""))
     if as_json:
-        print_json({"manifest": plan.manifest.name, "notes": plan.notes, **report.as_dict()})
+        print_json({"manifest": plan.manifest.name, **report.as_dict()})
     else:
         _print_report(report, out_dir)
     if report.failed:
@@ -150,12 +136,12 @@ def batch_command(
 
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.app.batch.run import run_batch
-    from meshreel.app.cli.console import progress_bar
+    from meshreel.app.cli.console import shown_progress
 
     if not plan.to_encode:
         return run_batch(plan, None)
     try:
-        with progress_bar() as progress, _executor(plan, workers, scheduler) as (executor, n):
+        with shown_progress() as progress, _executor(plan, workers, scheduler) as (executor, n):
             return run_batch(plan, executor, n, progress=progress)
     except KeyboardInterrupt:
         print_error("stopped; finished streams are kept, and another run encodes the others")

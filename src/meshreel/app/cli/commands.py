@@ -3,7 +3,6 @@
 import inspect
 import re
 from collections.abc import Callable
-from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -46,7 +45,6 @@ class Command(click.Command):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse arguments; refuse misplaced outputs, split values, and addresses if unsupported."""
         from meshreel.app.cli.output_position import check_output_position
-        from meshreel.app.cli.standard_streams import STREAM_OPTIONS, refuse_standard_streams
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
@@ -55,8 +53,6 @@ class Command(click.Command):
         if self.name not in WITH_ADDRESSES:
             for arg in args:
                 refuse_address(arg, f"every file of `meshreel {self.name}`")
-        if self.name not in STREAM_OPTIONS:
-            refuse_standard_streams(ctx, args)
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
@@ -67,13 +63,6 @@ class Command(click.Command):
                     message = f"{error.message} Did you mean {meant!r}?"
                     raise click.UsageError(message, ctx) from None
             raise
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command, with ``-`` as standard input and output."""
-        from meshreel.app.cli.standard_streams import STREAM_OPTIONS, standard_streams
-
-        with standard_streams(ctx) if self.name in STREAM_OPTIONS else nullcontext():
-            return super().invoke(ctx)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help in panels."""
@@ -144,12 +133,10 @@ def command(function: Callable[..., Any]) -> click.Command:
 
     Its docstring is the help.
     """
-    from meshreel.app.cli.parameters import click_option, with_parameters
-    from meshreel.app.cli.standard_streams import OPTIONS, STREAM_OPTIONS
+    from meshreel.app.cli.parameters import with_parameters
 
     name = function.__name__.removesuffix("_command")
     params, callback = with_parameters(function)
-    params += (click_option(OPTIONS[one], is_rare=True) for one in STREAM_OPTIONS.get(name, ()))
     n_rare = sum(getattr(param, "is_rare", False) for param in params)
     if len(params) > MAX_SHOWN and n_rare:
         text = f"Show this message with {n_rare} more options, and exit."

@@ -21,7 +21,7 @@ def compare_command(
         Argument(
             "ORIGINAL",
             "A file that holds an animation (see `meshreel formats`), a frame file, a folder or a "
-            "quoted glob. One of both may be - for standard input.",
+            "quoted glob.",
         ),
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
@@ -60,7 +60,7 @@ def compare_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.figures import distance_rows, quality_rows
     from meshreel.codec.dropped_order import MATCHED, match_order
     from meshreel.formats.load import load_any
@@ -78,7 +78,7 @@ def compare_command(
     check_supported([original, decoded], replace(reading, animation=None))
     check_supported([original], ReadOptions(animation=reading.animation))
     notes = reading.notes
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         reading = replace(reading, progress=progress)
         first = load_any(original, supported_only(reading, original))
         second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))

@@ -10,11 +10,12 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Any, TextIO
 
 import click
 
-from meshreel.app.cli.messages import escaped, with_options, without_folders
+from meshreel.app.cli.messages import escaped, with_options
 from meshreel.app.cli.tables import Row, table_lines, text_bar, text_width
 from meshreel.app.figures import Cell
 from meshreel.runtime.counting import singular
@@ -23,19 +24,14 @@ from meshreel.runtime.progress import Count, Progress
 MIN_ELAPSED_S = 2.0
 """Elapsed time before the remaining time is shown, because early estimates are unstable."""
 
+LOG_AFTER_S, LOG_INTERVAL_S = 5.0, 10.0
 SHOW_AFTER_S, REFRESH_S = 1.0, 0.1
-"""Time until the progress bar is shown, and between its updates."""
-
-PROGRESS_BAR = 20
-"""Width of the progress bar in columns."""
+"""Time until the first line of progress and between lines, in a log and on a terminal."""
 
 MIN_BAR, MAX_BAR = 8, 40
 """Limits of the width of the longest bar in columns; narrow terminals show no bars."""
 
 _SPACE_AND_SHARE = "    100.0 %    "
-
-FIRST_LINE_S, LINE_INTERVAL_S = 5.0, 10.0
-"""Time until the first progress line, and between lines."""
 
 
 class PaceClock:
@@ -94,17 +90,6 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
-@contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """A progress callback that reports on stderr.
-
-    On a terminal, a line appears after a second with the stage, a bar, the elapsed time and, for
-    counted items, their number, rate and remaining time. Otherwise see `progress_lines`.
-    """
-    with progress_line(sys.stderr) if sys.stderr.isatty() else progress_lines() as report:
-        yield report
-
-
 def print_json(figures: Mapping[str, Any]) -> None:
     """Print figures as JSON on stdout; numbers that are not finite become null.
 
@@ -120,7 +105,7 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, float) and not abs(value) < float("inf"):
         return None
-    return without_folders(with_options(value)) if isinstance(value, str) else value
+    return with_options(value) if isinstance(value, str) else value
 
 
 def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
@@ -177,98 +162,58 @@ def print_notes(notes: list[str]) -> None:
 
 
 @contextmanager
-def progress_lines(
-    stream: TextIO | None = None,
-    *,
-    first_line_s: float = FIRST_LINE_S,
-    interval_s: float = LINE_INTERVAL_S,
-) -> Iterator[Progress]:
-    """A progress callback that writes a plain line every few seconds, even between calls.
+def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
+    """A progress callback whose latest state is written by a thread, even between calls.
 
     Example: "meshreel: encoding, try 3: 12 of 175 frames, 8.4 frames/s, 0:19 left (0:42 so far)".
+    On a terminal the line is replaced ten times a second, and removed at the end; elsewhere a line
+    is written every few seconds.
 
     Parameters
     ----------
     stream : text file, optional
         Default: stderr.
-    first_line_s, interval_s : float
-        Time until the first line, and between lines.
     """
-
-    def write(stage: str, fraction: float, clock: PaceClock, elapsed: str) -> None:
-        line = f"meshreel: {escaped(_state(stage, fraction, clock))} ({elapsed} so far)"
-        print(line, file=stream or sys.stderr, flush=True)
-
-    with _reporting(write, first_line_s, interval_s) as report:
-        yield report
-
-
-@contextmanager
-def progress_line(stream: TextIO) -> Iterator[Progress]:
-    """A progress callback that keeps one line of a terminal up to date, and removes it at the end.
-
-    Example: "encoding, try 3  ████      20 %  0:42  35 of 175 frames, 8.4 frames/s, 0:17 left".
-    """
-    shown = 0
-
-    def replace_line(line: str) -> None:
-        nonlocal shown
-        width = text_width(line)
-        print(f"\r{line}{' ' * (shown - width)}", end="", file=stream, flush=True)
-        shown = width
-
-    def write(stage: str, fraction: float, clock: PaceClock, elapsed: str) -> None:
-        share = min(max(float(fraction), 0.0), 1.0)
-        bar = text_bar(share, PROGRESS_BAR, ascii_only=_is_ascii_only(stream))
-        words = [escaped(stage), bar.ljust(PROGRESS_BAR), f"{share:4.0%}", elapsed]
-        line = "  ".join([*words, clock.words(fraction)]).rstrip()
-        while text_width(line) >= _terminal_width():  # a longer line could not be removed
-            line = line[:-1]
-        replace_line(line)
-
-    try:
-        with _reporting(write, SHOW_AFTER_S, REFRESH_S) as report:
-            yield report
-    finally:
-        replace_line("")
-        print("\r", end="", file=stream, flush=True)
-
-
-@contextmanager
-def _reporting(
-    write: Callable[[str, float, PaceClock, str], None], first_s: float, interval_s: float
-) -> Iterator[Progress]:
-    """A progress callback, and a thread that writes its latest state even between calls.
-
-    Parameters
-    ----------
-    write : callable
-        Called with stage, fraction, clock and elapsed time.
-    first_s, interval_s : float
-        Time until the first call of `write`, and between calls.
-    """
+    file = sys.stderr if stream is None else stream
     began_s, clock = time.monotonic(), PaceClock()
     latest: list[tuple[str, float]] = [("working", 0.0)]
-    is_over = threading.Event()
+    is_over, shown = threading.Event(), 0
 
     def report(stage: str, fraction: float) -> None:
         clock.words(fraction)  # starts to measure the pace
         latest[0] = stage, fraction
 
-    def write_regularly() -> None:
-        wait_s = first_s
+    def replace_line(line: str) -> None:
+        nonlocal shown
+        while text_width(line) >= _terminal_width():  # a longer line could not be removed
+            line = line[:-1]
+        print(f"\r{line}{' ' * (shown - text_width(line))}", end="", file=file, flush=True)
+        shown = text_width(line)
+
+    def write_regularly(wait_s: float, interval_s: float, write: Callable[[str], None]) -> None:
         while not is_over.wait(wait_s):
+            elapsed = clock_text(time.monotonic() - began_s)
             with suppress(OSError, ValueError):  # the stream may be closed
-                write(*latest[0], clock, clock_text(time.monotonic() - began_s))
+                write(f"meshreel: {escaped(_state(*latest[0], clock))} ({elapsed} so far)")
             wait_s = interval_s
 
-    writer = threading.Thread(target=write_regularly, name="meshreel-progress", daemon=True)
+    is_terminal = file.isatty()
+    if is_terminal:
+        plan: tuple[Any, ...] = SHOW_AFTER_S, REFRESH_S, replace_line
+    else:
+        plan = LOG_AFTER_S, LOG_INTERVAL_S, partial(print, file=file, flush=True)
+    writer = threading.Thread(
+        target=write_regularly, args=plan, name="meshreel-progress", daemon=True
+    )
     writer.start()
     try:
         yield report
     finally:
         is_over.set()
         writer.join()
+        if is_terminal:
+            replace_line("")
+            print("\r", end="", file=file, flush=True)
 
 
 def _state(stage: str, fraction: float, clock: PaceClock) -> str:

@@ -16,7 +16,6 @@ from meshreel.runtime.progress import Progress
 if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.remote import Output
     from meshreel.formats.sources import Source
     from meshreel.model.sequence import MeshSequence
 
@@ -25,8 +24,8 @@ if TYPE_CHECKING:
 class Conversion:
     """Writes sequences and collects figures of the written files."""
 
-    target: "Output"
-    """Names of the outputs."""
+    output: str
+    """The requested output."""
     inputs: Sequence[Path]
     """Files that are never replaced."""
     options: WriteOptions
@@ -92,11 +91,10 @@ class Conversion:
             stream = encode_file(
                 sequence.part(frames), Path(output), self.config, self.notes,
                 tracks=self.tracks, force=self.force, progress=self.progress,
-                name=self.target.name(output),
                 input_bytes=None if is_part else self._input_bytes(),
             )  # fmt: skip
             self.streams.append(stream)
-            figures |= written_figures([Path(output)], sequence, len(frames), self.target)
+            figures |= written_figures([Path(output)], sequence, len(frames))
             self.figures.append({**figures, **stream.figures()})
             return
         written = save_part(
@@ -113,7 +111,7 @@ class Conversion:
             if self.options.origin is None:
                 sizes |= size_as_stream(sequence.part(frames), rig, self.progress)
             figures["alternatives_bytes"] = sizes
-        figures |= written_figures(written, sequence, len(frames), self.target)
+        figures |= written_figures(written, sequence, len(frames))
         self.figures.append(figures)
 
     def _input_bytes(self) -> int | None:
@@ -132,7 +130,7 @@ class Conversion:
         if reading.register is not None:
             raise click.UsageError("--register joins segments; it cannot be combined with --split")
         sequence = open_any(find_files(source), replace(reading, matches_frames=False))
-        whole, ranges = Path(self.target.local), [*starmap(range, pairwise(sequence.starts))]
+        whole, ranges = Path(self.output), [*starmap(range, pairwise(sequence.starts))]
         paths = [
             whole.with_name(f"{whole.stem}_{frames[0]}-{frames[-1]}{whole.suffix}")
             if len(ranges) > 1

@@ -32,7 +32,7 @@ def convert_command(
         Argument(
             "INPUT...",
             "An animation file, a folder or a quoted glob of frames, or the frame files. Or "
-            "addresses (s3://, gs://, https://), which are downloaded; or - for standard input.",
+            "addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
     output: OutputOption,
@@ -70,13 +70,11 @@ def convert_command(
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
 
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
-
-    - `meshreel convert - -o - --to glb < walk.abc > walk.glb`
     """
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, shown_progress
     from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import source_of
     from meshreel.app.cli.write_options import (
@@ -90,7 +88,7 @@ def convert_command(
     from meshreel.formats.load import loading_for
     from meshreel.formats.needed_extras import extras_to_read, extras_to_write
     from meshreel.formats.reel import origin_of_file
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.segments import open_any
     from meshreel.formats.sources import files_of_source, find_files
     from meshreel.runtime.extras import require
@@ -106,17 +104,16 @@ def convert_command(
     rig_bounds = {} if is_stream(output) else {name: encoding[name] for name in ("kg", "quality")}
     notes = reading.notes
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(output, overwrite=force))
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         origin = origin_of_file(files[0]) if len(inputs) == 1 else None
         reading = loading_for(config.memory_bytes, replace(reading, progress=progress))
         if origin is not None and not is_stream(output):
             # Writers read each frame once, so that decoding all frames first would gain nothing.
             reading = replace(reading, max_loaded_bytes=0)
         conversion = Conversion(
-            target,
+            output,
             files,
             WriteOptions(max_error=bound, origin=origin, force=force, **rig_bounds, **writing),
             reading,
@@ -127,13 +124,13 @@ def convert_command(
             notes,
             track_targets(track),
         )
-        require([*extras_to_read(files, reading), *extras_to_write(target.local)])
+        require([*extras_to_read(files, reading), *extras_to_write(output)])
         # Check the output before the input is read, which may take long.
-        conversion.check(target.local, None if split else known_frames(files, chosen))
+        conversion.check(output, None if split else known_frames(files, chosen))
         if split:
             conversion.write_segments(source, reading)
         else:
-            conversion.write(open_any(find_files(source), reading), target.local, chosen)
+            conversion.write(open_any(find_files(source), reading), output, chosen)
     print_notes(notes)
     if as_json:
         outputs = conversion.figures

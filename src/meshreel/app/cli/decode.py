@@ -27,8 +27,8 @@ def decode_command(
         str,
         Argument(
             "FILE.reel",
-            "The stream to decode, or its address (s3://, gs://, https://), or - for standard "
-            "input. With --frames only the blocks of those frames are downloaded.",
+            "The stream to decode, or its address (s3://, gs://, https://). With --frames only the "
+            "blocks of those frames are downloaded.",
         ),
     ],
     output: OutputOption,
@@ -65,12 +65,10 @@ def decode_command(
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
 
     - `meshreel decode walk.reel -o preview.npz --modes 8`
-
-    - `meshreel decode - -o - --to glb < walk.reel > walk.glb`
     """
     from contextlib import nullcontext
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, shown_progress
     from meshreel.app.cli.read_options import refuse_other_formats
     from meshreel.app.cli.rig_figures import size_as_morph_targets
     from meshreel.app.cli.write_options import (
@@ -84,7 +82,7 @@ def decode_command(
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.outputs import check_output
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_file, uploaded
+    from meshreel.formats.remote import local_file
     from meshreel.formats.save import save_part
     from meshreel.runtime.stores.address import is_remote
 
@@ -93,20 +91,17 @@ def decode_command(
     refuse_stream(output)
     options = WriteOptions(force=force, **writing)
     notes: list[str] = []
-    with (
-        uploaded(output, overwrite=force) as target,
-        local_file(source, notes) if chosen is None else nullcontext(source) as stream,
-    ):
+    with local_file(source, notes) if chosen is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(
-            target.local,
+            output,
             overwrite=force, start_number=start_number, inputs=inputs, options=options,
         )  # fmt: skip
         remedy = f"encode it first: meshreel encode {source} -o {Path(source).stem}.reel"
         convert = "`meshreel convert` writes it in another format directly"
         refuse_other_formats(Path(source), f"{remedy}; {convert}")
         with (
-            progress_bar() as progress,
+            shown_progress() as progress,
             open_reel(stream, n_modes=modes, segment=segment, memory=memory) as reel,
             errors_naming(source),
         ):
@@ -115,7 +110,7 @@ def decode_command(
             written = save_part(
                 reel,
                 numbers,
-                target.local,
+                output,
                 overwrite=force,
                 start_number=start_number,
                 inputs=inputs,
@@ -131,7 +126,7 @@ def decode_command(
                 if len(numbers) == reel.n_frames:
                     sizes[".reel (input)"] = reel.size_bytes
                 figures["alternatives_bytes"] = sizes
-            figures |= written_figures(written, reel, len(numbers), target)
+            figures |= written_figures(written, reel, len(numbers))
     if not reel.is_whole:
         notes.append(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)

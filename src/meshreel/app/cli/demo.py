@@ -33,7 +33,7 @@ def demo_command(
 
     - `meshreel demo --frames 100 --out /tmp/flag`
     """
-    from meshreel.app.cli.console import print_json, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_table, shown_progress
     from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import opened_player
     from meshreel.app.figures import quality_rows, size_figures, size_rows
@@ -59,7 +59,7 @@ def demo_command(
         outputs["picture"] = picture
     for path in outputs.values():
         check_output_path(path, overwrite=force)
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         sequence = simulate_flag(frames, progress=progress)
         save(sequence, raw, overwrite=force, progress=progress)
         data = encode(sequence, progress=progress)

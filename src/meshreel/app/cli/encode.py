@@ -28,8 +28,7 @@ def encode_command(
             "INPUT...",
             "An animation file (.abc, .usd, .glb, .npz, ...: see `meshreel formats`), a folder or "
             "a quoted glob of frames, or the frame files (.obj, .ply, .off, .stl), in natural "
-            "order. Or addresses (s3://, gs://, https://), which are downloaded; or - for standard "
-            "input. -o - is standard output.",
+            "order. Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
     encoding: Annotated[Encoding, ENCODING],
@@ -79,13 +78,11 @@ def encode_command(
     - `meshreel encode huge_frames/ --memory 1GiB`
 
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
-
-    - `meshreel encode - --from obj -o - < head.obj > head.reel`
     """
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.options import config_of
@@ -93,7 +90,7 @@ def encode_command(
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.options import WriteOptions
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.sources import files_of_source
     from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension
@@ -102,14 +99,13 @@ def encode_command(
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     config, targets, notes = config_of(**encoding), track_targets(track), reading.notes
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(output, overwrite=force))
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source, reading.topology)
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         conversion = Conversion(
-            target, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
+            output, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
         )  # fmt: skip
-        conversion.check(target.local, None)
+        conversion.check(output, None)
         require(extras_to_read(files, reading))
         keeps_order = config.order in ("keep", "vertices")
         reading = replace(reading, progress=progress, matches_frames=not keeps_order)
@@ -117,12 +113,12 @@ def encode_command(
             conversion.write_segments(source, loading_for(config.memory_bytes, reading))
         else:
             opened = open_for_encoding(source, config.memory_bytes, reading)
-            conversion.write(opened, target.local)
+            conversion.write(opened, output)
         reports = []
         for registration in reading.registrations:  # one at most: of the only output
             from meshreel.registration.report import Report  # imports SciPy
 
-            with open_reel(Path(target.local)) as reel:
+            with open_reel(Path(output)) as reel:
                 reports.append(Report.measured(registration, reel, progress))
     print_notes(notes)
     if as_json:

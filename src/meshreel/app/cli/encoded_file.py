@@ -86,14 +86,13 @@ def encode_file(
     tracks: "TrackTargets | None" = None,
     force: bool,
     progress: "Progress",
-    name: str,
     input_bytes: int | None = None,
 ) -> EncodedFile:
-    """Encode a sequence, measure and write it; figures show `name` as the output."""
+    """Encode a sequence, measure and write it."""
     from meshreel.app.encoding import encode_and_measure
     from meshreel.runtime.outputs.atomic import replace_when_done
 
     encoded = encode_and_measure(sequence, config, tracks, notes, progress=progress)
     with replace_when_done(output, overwrite=force) as temporary:
         temporary.write_bytes(encoded.data)
-    return EncodedFile(name, encoded, input_bytes)
+    return EncodedFile(str(output), encoded, input_bytes)

@@ -48,7 +48,7 @@ def evaluate_command(
     If the faces of an input change, distances between surfaces are measured, and `reel` is compared
     with Draco, which codes each frame for itself.
 
-    Writes report.md, report.html, figures/ and results/ (each run as JSON). Existing results are
+    Writes report.md, figures/ and results/ (each run as JSON). Existing results are
     not measured again. This needs the extras [peers] and [plot], and [paper] for methods of the
     paper; [meshopt] installs one more codec. The report lists missing codecs.
 

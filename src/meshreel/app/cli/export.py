@@ -55,7 +55,7 @@ def export_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.player import opened_player
     from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.export import export_page
@@ -71,7 +71,7 @@ def export_command(
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()
     with (
-        progress_bar() as progress,
+        shown_progress() as progress,
         opened_player(source, original, replace(reading, progress=progress), look, texture) as api,
         errors_naming(source),
     ):

@@ -32,7 +32,7 @@ def info_command(
             "FILE...",
             "A .reel or another animation file (see `meshreel formats`), a folder or a quoted glob "
             "of frames, or the frame files. Or an address (s3://, gs://, https://); of a .reel "
-            "only its index and section headers are downloaded. Or - for standard input.",
+            "only its index and section headers are downloaded.",
         ),
     ],
     reading: Annotated["ReadOptions", reading("fps", *MESHES, "topology", "dataset", "memory")],
@@ -96,13 +96,13 @@ def _show_source(
         print_json,
         print_notes,
         print_table,
-        progress_bar,
+        shown_progress,
     )
     from meshreel.formats.inspection import inspect_source
     from meshreel.formats.notes import NoteKind, is_of_kind
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         info = inspect_source(source, replace(options, progress=progress))
     is_listed = [not as_json and is_of_kind(note, NoteKind.LEFT_OUT) for note in info.notes]
     print_notes([note for note, listed in zip(info.notes, is_listed, strict=True) if not listed])

@@ -24,9 +24,6 @@ _CONTROLS = re.compile(
     "\u2028\u2029"  # line and paragraph separators
     "\ud800-\udfff]"  # lone surrogates, which cannot be encoded
 )
-TEMPORARY_FOLDERS: set[str] = set()
-"""Folders, with a final separator, that printed paths omit."""
-
 _LINE_BREAK = re.compile(r"\s*\n\s*")
 
 
@@ -59,14 +56,7 @@ def escaped(text: str) -> str:
 
     Names in hostile files could recolor or clear the terminal, or imitate lines of this program.
     """
-    return _CONTROLS.sub(lambda match: ascii(match[0])[1:-1], without_folders(text))
-
-
-def without_folders(text: str) -> str:
-    """Return the text without `TEMPORARY_FOLDERS`: paths there become file names."""
-    for folder in TEMPORARY_FOLDERS:
-        text = text.replace(folder, "")
-    return text
+    return _CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
 def print_line(text: str) -> None:

@@ -67,7 +67,7 @@ def paper_command(
 ) -> None:
     """Run the variants of the paper, and write its tables and figures as a report.
 
-    Writes report.md, report.html, figures/ and results/ (each result as JSON and .reel). Existing
+    Writes report.md, figures/ and results/ (each result as JSON and .reel). Existing
     results are not computed again. This needs the extras [paper] and [plot].
 
     Examples:

@@ -97,7 +97,7 @@ def register_command(
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.encode import OTHER_OUTPUTS
     from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.read_options import output_stem, source_of
@@ -106,32 +106,32 @@ def register_command(
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
     from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy, uploaded
+    from meshreel.formats.remote import local_copy
     from meshreel.formats.sources import files_of_source
     from meshreel.registration.register import register
     from meshreel.registration.report import Report
     from meshreel.runtime.extras import require
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
+    from meshreel.runtime.stores.address import refuse_address
 
     if texture_output is not None and texture is None:
         raise click.UsageError("--texture-output names the textures of --texture; give both")
     output = output or File(f"{output_stem(inputs[0])}.reel")
+    refuse_address(output, "the output")
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     is_length = tolerance.strip().lower().endswith(tuple(METERS))
     bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
     if is_length and encoding["max_error"] is None:
         encoding = {**encoding, "unit": None}
-    config, notes = config_of(**encoding), reading.notes
+    config, notes, path = config_of(**encoding), reading.notes, Path(output)
     with ExitStack() as stack:
-        target = stack.enter_context(uploaded(output, overwrite=force))
-        path = Path(target.local)
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source)
         check_output_path(path, overwrite=force, inputs=files)
         baked = texture_output or path.with_suffix(".mp4")
         baking = [] if texture is None else extras_to_bake(texture, baked)
         require([*extras_to_read(files), *REGISTRATION, *baking])
-        progress = stack.enter_context(progress_bar())
+        progress = stack.enter_context(shown_progress())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
         folder, job = path.with_suffix(".registration"), None
@@ -151,7 +151,6 @@ def register_command(
             notes,
             force=force,
             progress=progress,
-            name=target.name(path),
         )
         with open_reel(path) as reel:
             report = Report.measured(registration, reel, progress) if measure else None
@@ -162,13 +161,13 @@ def register_command(
     if as_json:
         figures = result.figures() | (report.figures() if report else {})
         if job is not None:
-            figures["texture"] = {"output": target.name(job.output), "size_px": list(job.size)}
+            figures["texture"] = {"output": str(job.output), "size_px": list(job.size)}
         print_json({**figures, "notes": notes})
         return
     result.show()
     rows = report.rows(result.encoded.stream.size_bytes) if report else {}
     if job is not None:
         width, height = job.size
-        rows["textures"] = f"{target.name(job.output)}, {width} x {height} texels"
+        rows["textures"] = f"{job.output}, {width} x {height} texels"
     if rows:
         print_table("relative to the raw capture", rows)

@@ -137,7 +137,7 @@ def render_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, progress_bar
+    from meshreel.app.cli.console import print_json, print_notes, shown_progress
     from meshreel.app.cli.render_options import (
         frame_numbers,
         is_range,
@@ -170,7 +170,7 @@ def render_command(
     parse_view(view, up or "y")
     check_supported([source, original] if original else [source], reading)
     notes = reading.notes
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         reading = replace(reading, progress=progress)
         shown = open_for_encoding(source, None, supported_only(reading, source))
         reference = None

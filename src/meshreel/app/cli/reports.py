@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from meshreel.app.cli.console import print_json, print_notes, print_table, progress_bar
+from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
 from meshreel.formats.load import load_any
 from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.notes import listed, note_left_out
@@ -73,7 +73,7 @@ def write_report(
         Print all figures instead.
     """
     notes: list[str] = []
-    with progress_bar() as progress:
+    with shown_progress() as progress:
         reading = ReadOptions(progress=progress, notes=notes)
         sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
         if of_surfaces is None:
@@ -92,8 +92,8 @@ def write_report(
         print_json({**evaluation.as_dict(), "notes": notes})
         return
     n_figures = sum(len(pictures) for _, pictures in evaluation.measured)
-    written = {"report": str(evaluation.html), "as Markdown": str(evaluation.markdown)}
-    print_table("Written", {**written, "figures": f"{n_figures} in {out / 'figures'}"})
+    figures = f"{n_figures} in {out / 'figures'}"
+    print_table("Written", {"report": str(evaluation.report), "figures": figures})
 
 
 def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:

@@ -57,7 +57,7 @@ def view_command(
     from contextlib import ExitStack, closing
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_notes, progress_bar
+    from meshreel.app.cli.console import print_notes, shown_progress
     from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import opened_player
     from meshreel.app.cli.render_options import track_look
@@ -67,7 +67,7 @@ def view_command(
     look = track_look(track, component, range, colormap)
     page = built_page()
     with ExitStack() as stack:
-        with progress_bar() as progress:
+        with shown_progress() as progress:
             reading = replace(reading, progress=progress)
             api = stack.enter_context(opened_player(source, original, reading, look, texture))
         server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))

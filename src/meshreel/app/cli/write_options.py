@@ -16,23 +16,20 @@ from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
-    from meshreel.formats.remote import Output
 
 OutputOption = Annotated[
     File,
     Option(
         "A file for all frames (.abc, .usdc, .glb, .npz, ...: see `meshreel formats`); a pattern "
         "such as out/frame_%04d.obj for one file per frame, in a folder that is created if "
-        "missing; or a folder such as walk.vat/ for vertex animation textures. Or such an address "
-        "(s3://, gs://); or - for standard output, with --to.",
+        "missing; or a folder such as walk.vat/ for vertex animation textures.",
         flag="--output -o",
     ),
 ]
 StreamOption = Annotated[
     File | None,
     Option(
-        "The .reel to write, or its address (s3://...). Default: named after the input, in the "
-        "current folder.",
+        "The .reel to write. Default: named after the input, in the current folder.",
         flag="--output -o",
     ),
 ]
@@ -173,14 +170,12 @@ def clamped_note(chosen: slice, n_frames: int) -> str | None:
     return f"--frames {slice_text(chosen)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
 
 
-def written_figures(
-    written: list[Path], source: "AnySource", n_frames: int, target: "Output"
-) -> dict[str, Any]:
+def written_figures(written: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:
     """Figures of written files for JSON."""
     sizes = [(segment.n_verts, len(segment.faces)) for segment in source.segments]
     n_verts, n_faces = map(max, zip(*sizes, strict=True))
     return {
-        "outputs": [target.name(path) for path in written],
+        "outputs": list(map(str, written)),
         "n_frames": n_frames,
         "n_segments": len(sizes),
         "n_verts": n_verts,

@@ -1,7 +1,6 @@
 """Downloads and uploads of whole files."""
 
 import uuid
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -41,38 +40,29 @@ def exists(address: str) -> bool:
         return bool(filesystem.exists(path))
 
 
-def check_outputs(addresses: Iterable[str], *, overwrite: bool) -> None:
-    """Refuse remote files that cannot or must not be written, before any work is done.
+def check_remote_folder(address: str) -> None:
+    """Refuse a remote folder that cannot be written, before any work is done.
 
     Raises
     ------
-    InvalidInputError
-        If a file exists and `overwrite` is false.
     StoreError
-        If the location is not writable, or the store fails.
+        If it is on a web server, its bucket does not exist, or the store fails.
     """
-    for address in addresses:
-        if is_web(address):
-            raise StoreError(
-                f"{address} is on a web server, which takes no files; write to s3://, gs:// or a "
-                "local file"
-            )
-        root = "/".join(without_query(address).split("/")[:3])
-        if scheme_of(address) in ("s3", "s3a", "gs", "gcs") and not exists(root):
-            raise StoreError(f"there is no bucket {root}; create it first")
-        if not overwrite:
-            _refuse_existing(address)
-
-
-def _refuse_existing(address: str) -> None:
-    if exists(address):
-        raise InvalidInputError(
-            f"{address} already exists; use ", Keyword("overwrite", True), " to replace it"
+    if is_web(address):
+        raise StoreError(
+            f"{address} is on a web server, which takes no files; write to s3://, gs:// or a "
+            "local folder"
         )
+    root = "/".join(without_query(address).split("/")[:3])
+    if scheme_of(address) in ("s3", "s3a", "gs", "gcs") and not exists(root):
+        raise StoreError(f"there is no bucket {root}; create it first")
 
 
 def upload(file: Path, address: str, *, overwrite: bool) -> None:
-    """Copy a local file to an address in a folder that `check_outputs` has accepted.
+    """Copy a local file to an address in a folder that `check_remote_folder` has accepted.
+
+    The file appears only when complete: if the store itself does not ensure that, it is uploaded
+    under a hidden name and then renamed.
 
     Raises
     ------
@@ -81,39 +71,10 @@ def upload(file: Path, address: str, *, overwrite: bool) -> None:
     StoreError
         If the store fails.
     """
-    if not overwrite:
-        _refuse_existing(address)
-    _upload(file, address)
-
-
-def upload_all(files: dict[Path, str], *, overwrite: bool) -> None:
-    """Copy local files to their addresses; if one fails, remove the new files before it.
-
-    Each file appears only when complete: if the store itself does not ensure that, it is uploaded
-    under a hidden name and then renamed.
-
-    Raises
-    ------
-    InvalidInputError, StoreError
-        As `check_outputs`, which is called again.
-    """
-    check_outputs(files.values(), overwrite=overwrite)
-    new = [address for address in files.values() if not (overwrite and exists(address))]
-    uploaded: list[str] = []
-    try:
-        for file, address in files.items():
-            _upload(file, address)
-            uploaded.append(address)
-    except BaseException:
-        for address in uploaded:
-            if address in new:
-                with suppress(Exception):
-                    filesystem, path = filesystem_of(address)
-                    filesystem.rm_file(path)
-        raise
-
-
-def _upload(file: Path, address: str) -> None:
+    if not overwrite and exists(address):
+        raise InvalidInputError(
+            f"{address} already exists; use ", Keyword("overwrite", True), " to replace it"
+        )
     filesystem, path = filesystem_of(address)
     with errors_in_words(address):
         if scheme_of(address) in ATOMIC_SCHEMES:

@@ -16,6 +16,7 @@ from meshreel.codec.options import config_of
 from meshreel.errors import StoreError
 from samples.engines import InlineExecutor
 from samples.meshes import waving_grid
+from samples.stores import put
 
 OPTIONS = EncodeOptions(config_of(quality=60))
 IN, OUT = "memory://bucket/in", "memory://bucket/out"
@@ -26,9 +27,9 @@ def store():
     """A store in memory with a file, a point cache and a folder of frames."""
     store = fsspec.filesystem("memory")
     store.store.clear()
-    meshreel.save(waving_grid(), f"{IN}/walk.npz")
-    meshreel.save(waving_grid(5), f"{IN}/caches/run.pc2")
-    meshreel.save(waving_grid(4), f"{IN}/a/cloth/f_%d.obj")
+    put(waving_grid(), f"{IN}/walk.npz")
+    put(waving_grid(5), f"{IN}/caches/run.pc2")
+    put(waving_grid(4), f"{IN}/a/cloth/f_%d.obj")
     store.pipe("/bucket/in/.hidden/x.npz", b"no")
     store.pipe("/bucket/in/old.reel", b"no")
     yield store

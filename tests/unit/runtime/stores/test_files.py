@@ -1,7 +1,6 @@
 """Files and folders of stores: listed, read and written."""
 
 import sys
-from pathlib import Path
 
 import fsspec
 import numpy as np
@@ -9,12 +8,13 @@ import pytest
 
 import meshreel
 from meshreel.errors import StoreError
-from meshreel.runtime.stores import transfer
 from meshreel.runtime.stores.filesystem import files_below, files_in, matches
+from meshreel.runtime.stores.transfer import check_remote_folder, upload
 from samples.captures import capture
 from samples.commands import assert_fails, run, run_json
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid
+from samples.stores import put
 
 
 @pytest.fixture
@@ -41,21 +41,9 @@ def temporary_files(monkeypatch, tmp_path):
     return lambda: sorted(path.name for path in tmp_path.iterdir())
 
 
-def lose_connection_at(name, memory, monkeypatch):
-    """Let uploads fail whose path ends with a name."""
-    put_file = memory.put_file
-
-    def breaking(place, path, **options):
-        if path.endswith(name):
-            raise ConnectionError("connection lost")
-        put_file(place, path, **options)
-
-    monkeypatch.setattr(type(memory), "put_file", staticmethod(breaking))
-
-
-def test_sequence_round_trips_through_a_store(memory, walk, monkeypatch, tmp_path):
+def test_sequence_is_downloaded_from_a_store(memory, walk, monkeypatch, tmp_path):
     left_files = temporary_files(monkeypatch, tmp_path)
-    assert meshreel.save(walk, "memory://bucket/walk.npz") == ["memory://bucket/walk.npz"]
+    put(walk, "memory://bucket/walk.npz")
     notes: list[str] = []
     loaded = meshreel.load("memory://bucket/walk.npz", notes=notes)
     assert np.array_equal(loaded.vertices, walk.vertices)
@@ -64,14 +52,14 @@ def test_sequence_round_trips_through_a_store(memory, walk, monkeypatch, tmp_pat
 
 
 def test_encode_and_compare_accept_addresses(memory, walk):
-    meshreel.save(walk, "memory://bucket/walk.npz")
+    put(walk, "memory://bucket/walk.npz")
     data = meshreel.encode("memory://bucket/walk.npz", quality=60)
     assert data == meshreel.encode(walk, quality=60)
     assert meshreel.compare("memory://bucket/walk.npz", walk).max_error_percent == 0
 
 
 def test_compare_command_accepts_addresses(memory, walk, tmp_path):
-    meshreel.save(walk, "memory://bucket/walk.npz")
+    put(walk, "memory://bucket/walk.npz")
     meshreel.save(walk, tmp_path / "walk.npz")
     figures = run_json("compare", "memory://bucket/walk.npz", tmp_path / "walk.npz")
     assert figures["max_error_percent"] == 0
@@ -79,78 +67,20 @@ def test_compare_command_accepts_addresses(memory, walk, tmp_path):
 
 def test_register_downloads_addresses(memory):
     pytest.importorskip("scipy", reason="the extra [register] is not installed")
-    meshreel.save(capture(2, 0.1), "memory://capture/frame_%02d.ply")
+    put(capture(2, 0.1), "memory://capture/frame_%02d.ply")
     assert meshreel.register("memory://capture/frame_*.ply", tolerance="2%").n_segments == 1
 
 
-def test_existing_output_in_a_store_is_replaced_only_with_overwrite(memory, walk):
-    memory.pipe("/bucket/walk.npz", b"mine")
-    with pytest.raises(
-        meshreel.InvalidInputError, match=r"memory://bucket/walk\.npz already exists"
-    ):
-        meshreel.save(walk, "memory://bucket/walk.npz")
-    assert memory.cat("/bucket/walk.npz") == b"mine"
-    meshreel.save(walk, "memory://bucket/walk.npz", overwrite=True)
-    assert meshreel.load("memory://bucket/walk.npz").n_frames == 6
-
-
-def test_output_created_meanwhile_is_kept(memory, walk, monkeypatch):
-    upload_all = transfer.upload_all
-
-    def late(files, *, overwrite):
-        memory.pipe("/bucket/walk.npz", b"theirs")
-        upload_all(files, overwrite=overwrite)
-
-    monkeypatch.setattr("meshreel.formats.remote.upload_all", late)
-    with pytest.raises(meshreel.InvalidInputError, match="exists"):
-        meshreel.save(walk, "memory://bucket/walk.npz")
-    assert memory.cat("/bucket/walk.npz") == b"theirs"
-
-
 def test_frames_of_a_folder_are_loaded_in_natural_order(memory, walk):
-    written = meshreel.save(walk, "memory://bucket/frames/f_%d.obj")
+    put(walk, "memory://bucket/frames/f_%d.obj")
     assert names(memory) == [f"/bucket/frames/f_{number}.obj" for number in range(6)]
-    assert written[0] == "memory://bucket/frames/f_0.obj"
     for source in ("memory://bucket/frames", "memory://bucket/frames/*.obj"):
         loaded = meshreel.load(source)
         assert np.allclose(loaded.vertices, walk.vertices, atol=1e-6)
 
 
-def test_frames_are_uploaded_all_or_none(memory, walk):
-    memory.pipe("/bucket/f_3.obj", b"mine")
-    with pytest.raises(meshreel.InvalidInputError, match=r"f_3\.obj already exists"):
-        meshreel.save(walk, "memory://bucket/f_%d.obj")
-    assert names(memory) == ["/bucket/f_3.obj"]
-
-
-def test_uploaded_frames_are_removed_after_a_failure(memory, walk, monkeypatch, tmp_path):
-    left_files = temporary_files(monkeypatch, tmp_path)
-    lose_connection_at("f_3.obj", memory, monkeypatch)
-    with pytest.raises(meshreel.StoreError, match=r"connection lost.*is kept in") as failure:
-        meshreel.save(walk, "memory://bucket/f_%d.obj")
-    assert names(memory) == []
-    kept = Path(str(failure.value).rpartition(" ")[2])
-    assert len(list(kept.iterdir())) == 6
-    assert left_files() == [kept.name]
-
-
-def test_existing_files_remain_when_an_upload_fails(memory, tmp_path, monkeypatch):
-    for name in ("a", "d"):
-        memory.pipe(f"/bucket/{name}", b"old")
-    files = {}
-    for name in "abcd":
-        (tmp_path / name).write_bytes(b"new")
-        files[tmp_path / name] = f"memory://bucket/{name}"
-    lose_connection_at("/c", memory, monkeypatch)
-    with pytest.raises(meshreel.StoreError, match="connection lost"):
-        transfer.upload_all(files, overwrite=True)
-    assert names(memory) == ["/bucket/a", "/bucket/d"]
-    assert (memory.cat("/bucket/a"), memory.cat("/bucket/d")) == (b"new", b"old")
-
-
 def test_referenced_files_are_transferred_too(memory, tmp_path):
-    meshreel.save(dressed_sheet(), "memory://bucket/walk.gltf")
-    assert {"/bucket/walk.gltf", "/bucket/walk.bin"} & set(names(memory))
+    put(dressed_sheet(), "memory://bucket/walk.gltf")
     local = tmp_path / "walk.gltf"
     meshreel.save(dressed_sheet(), local)
     expected, loaded = meshreel.load(local), meshreel.load("memory://bucket/walk.gltf")
@@ -159,35 +89,32 @@ def test_referenced_files_are_transferred_too(memory, tmp_path):
 
 
 def test_mesh_of_a_point_cache_is_transferred_too(memory, walk):
-    meshreel.save(walk, "memory://bucket/walk.pc2")
-    assert names(memory) == ["/bucket/walk.obj", "/bucket/walk.pc2"]
+    put(walk, "memory://bucket/walk.pc2")
     loaded = meshreel.load("memory://bucket/walk.pc2")
     assert np.array_equal(loaded.faces, walk.faces)
 
 
-def test_outputs_of_other_schemes_get_their_names_at_the_end(walk, tmp_path):
-    address = f"file://{tmp_path.as_posix()}/deep/walk.npz"
-    assert meshreel.save(walk, address) == [address]
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["walk.npz"]
+def test_upload_to_other_schemes_is_renamed_at_the_end(tmp_path, monkeypatch):
+    (tmp_path / "walk.reel").write_bytes(b"new")
+    there = tmp_path / "there"
+    address = f"file://{there.as_posix()}/walk.reel"
+    upload(tmp_path / "walk.reel", address, overwrite=False)
+    assert {path.name: path.read_bytes() for path in there.iterdir()} == {"walk.reel": b"new"}
+    with pytest.raises(meshreel.InvalidInputError, match="already exists"):
+        upload(tmp_path / "walk.reel", address, overwrite=False)
 
-
-def test_no_hidden_file_is_left_when_it_cannot_be_renamed(monkeypatch, tmp_path):
     def refusing(store, old, new, **options):
         raise PermissionError("no renaming here")
 
     monkeypatch.setattr(type(fsspec.filesystem("file")), "mv", refusing)
-    (tmp_path / "walk.npz").write_bytes(b"new")
-    there = tmp_path / "there"
     with pytest.raises(meshreel.StoreError, match="no renaming here"):
-        transfer.upload_all(
-            {tmp_path / "walk.npz": f"file://{there.as_posix()}/walk.npz"}, overwrite=False
-        )
-    assert list(there.iterdir()) == []
+        upload(tmp_path / "walk.reel", address, overwrite=True)
+    assert len(list(there.iterdir())) == 1
 
 
-def test_web_server_is_rejected_as_output(walk):
+def test_web_server_is_rejected_as_output_folder():
     with pytest.raises(meshreel.StoreError, match="takes no files"):
-        meshreel.save(walk, "https://example.invalid/walk.npz")
+        check_remote_folder("https://example.invalid/streams")
 
 
 def test_missing_library_is_named(monkeypatch):
@@ -209,25 +136,33 @@ def test_unknown_scheme_is_rejected():
         meshreel.open("nowhere://bucket/walk.reel")
 
 
-def test_commands_accept_addresses(memory, walk, tmp_path):
-    meshreel.save(walk, "memory://bucket/walk.npz")
-    encoded = run_json("encode", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.reel")
-    assert encoded["output"] == "memory://bucket/walk.reel"
+def test_commands_read_addresses(memory, walk, tmp_path):
+    put(walk, "memory://bucket/walk.npz")
+    encoded = run_json("encode", "memory://bucket/walk.npz", "-o", tmp_path / "walk.reel")
     assert any("downloaded memory://bucket/walk.npz" in note for note in encoded["notes"])
-    data = memory.cat("/bucket/walk.reel")
+    data = (tmp_path / "walk.reel").read_bytes()
     assert data == meshreel.encode(walk)
-    shown = run_json("info", "memory://bucket/walk.reel")
-    assert shown["size_bytes"] == len(data)
-    part = run_json(
-        "decode", "memory://bucket/walk.reel", "-o", "memory://bucket/out/f_%d.obj",
-        "--frames", "2:4",
-    )  # fmt: skip
-    assert part["outputs"] == [f"memory://bucket/out/f_{number}.obj" for number in (2, 3)]
-    assert set(part["outputs"]) <= {f"memory:/{name}" for name in names(memory)}
-    whole = run_json("decode", "memory://bucket/walk.reel", "-o", tmp_path / "back.npz")
-    assert whole["n_frames"] == 6
-    converted = run_json("convert", "memory://bucket/walk.npz", "-o", "memory://bucket/walk.mdd")
-    assert converted["outputs"] == ["memory://bucket/walk.mdd", "memory://bucket/walk.obj"]
+    memory.pipe("/bucket/walk.reel", data)
+    assert run_json("info", "memory://bucket/walk.reel")["size_bytes"] == len(data)
+    for options, n_frames in (((), 6), (("--frames", "2:4"), 2)):
+        command = "decode", "memory://bucket/walk.reel", "-o", tmp_path / "back.npz", "--force"
+        assert run_json(*command, *options)["n_frames"] == n_frames
+    run_json("convert", "memory://bucket/walk.npz", "-o", tmp_path / "walk.mdd")
+    assert meshreel.load(tmp_path / "walk.mdd").n_frames == 6
+
+
+@pytest.mark.parametrize("command", ["encode", "convert", "decode", "register"])
+def test_commands_write_no_addresses(command, walk, tmp_path):
+    extension = ".reel" if command == "decode" else ".npz"
+    output = "s3://bucket/walk" + (".npz" if command in ("convert", "decode") else ".reel")
+    meshreel.save(walk, tmp_path / f"walk{extension}")
+    done = run(command, tmp_path / f"walk{extension}", "-o", output)
+    assert_fails(done, f"{output}: the output must be on this machine")
+
+
+def test_save_writes_no_addresses(walk):
+    with pytest.raises(meshreel.StoreError, match="the output must be on this machine"):
+        meshreel.save(walk, "s3://bucket/walk.npz")
 
 
 def test_live_recording_needs_a_local_file(walk):
@@ -246,18 +181,6 @@ def test_live_recording_needs_a_local_file(walk):
 def test_commands_reject_addresses_when_they_need_local_files(arguments, tmp_path):
     (tmp_path / "in").mkdir()
     assert_fails(run(*arguments, cwd=tmp_path), "must be on this machine")
-
-
-def test_texture_folder_in_a_store_is_not_mixed_with_other_files(memory):
-    pytest.importorskip("imagecodecs", reason="the extra [textures] is not installed")
-    written = meshreel.save(waving_grid(4), "memory://bucket/walk.vat/")
-    assert set(written) == {f"memory:/{name}" for name in names(memory)}
-    assert all(name.startswith("/bucket/walk.vat/") for name in names(memory))
-    with pytest.raises(meshreel.InvalidInputError, match="exists"):
-        meshreel.save(waving_grid(4), "memory://bucket/walk.vat/")
-    memory.pipe("/bucket/walk.vat/other.png", b"mine")
-    with pytest.raises(meshreel.InvalidInputError, match="must not be mixed with the output"):
-        meshreel.save(waving_grid(4), "memory://bucket/walk.vat/", overwrite=True)
 
 
 FILES = {"/bucket/a/1.obj": b"1", "/bucket/a/b/22.obj": b"22", "/bucket/a/b/3.ply": b"333",

@@ -1,7 +1,7 @@
 """Encoding of whole sequences: trial streams until one meets the target."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -132,7 +132,7 @@ def _check_bounds(source: Source, data: bytes, bound: float | None, progress: Pr
 
 
 class RateSearch:
-    """Rate model of a whole sequence; caches every trial stream.
+    """Rate model of a whole sequence; caches the coded blocks of every trial.
 
     Parameters
     ----------
@@ -156,8 +156,7 @@ class RateSearch:
         self._target = config.target
         self._progress = progress
         self._engine = engine
-        self._streams: dict[float, bytes] = {}
-        self._block_sizes: dict[float, list[int]] = {}
+        self._coded: dict[float, list[tuple[int, Sections]]] = {}
         self._errors: dict[float, float] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self.finest_step: float = finest_step()
@@ -196,15 +195,12 @@ class RateSearch:
 
         Those of a long sequence are estimated from a sample.
         """
-        step, pieces = self._limited(step), list(self._source.pieces())
-        chosen = sampled(pieces)
-        if len(chosen) == len(pieces):
-            self.stream(step, bound)
-        elif step not in self._block_sizes:
-            blocks = KeyedBlocks(self._coder.with_step(step, bound))
-            coded = (blocks.code(frames).sections for frames in self._read_blocks(chosen))
-            self._block_sizes[step] = list(map(_size_bytes, coded))
-        return estimated_bytes(self._block_sizes[step], len(pieces))
+        step, chosen = self._limited(step), self._sampled_pieces
+        if len(chosen) == len(self._pieces):
+            return sum(_size_bytes(sections) for _, sections in self._coded_blocks(step, bound))
+        blocks = KeyedBlocks(self._coder.with_step(step, bound))
+        coded = (blocks.code(frames).sections for frames in self._read_blocks(chosen))
+        return estimated_bytes(list(map(_size_bytes, coded)), len(self._pieces))
 
     def measured(self, step: float) -> float:
         """Return the error, bytes, or bits per vertex and frame for a step."""
@@ -242,10 +238,8 @@ class RateSearch:
 
     def stream(self, step: float, bound: float | None = None) -> bytes:
         """Return the stream of a step, with corrections if a bound in diagonals is given."""
-        step = self._limited(step)
-        if step not in self._streams:
-            self._streams[step] = self._encoded(step, bound)
-        return self._streams[step]
+        coded = self._coded_blocks(self._limited(step), bound)
+        return self._source.stream(error_bound_sections(bound), coded)
 
     def _limited(self, step: float) -> float:
         """Limit a step to the allowed range.
@@ -286,7 +280,13 @@ class RateSearch:
             meter.add(frames, coded)
             yield frames.n_frames, coded.sections
 
-    def _encoded(self, step: float, bound: float | None) -> bytes:
+    def _coded_blocks(self, step: float, bound: float | None) -> list[tuple[int, Sections]]:
+        """Return frames and sections of each block for a step, with corrections for a bound."""
+        if step not in self._coded:
+            self._coded[step] = self._encoded(step, bound)
+        return self._coded[step]
+
+    def _encoded(self, step: float, bound: float | None) -> list[tuple[int, Sections]]:
         self._report(0)
         blocks: Iterator[tuple[int, Sections]]
         if self._best is not None and self._best[0] == step:
@@ -295,15 +295,13 @@ class RateSearch:
         elif self._engine is not None and not self._errors:
             blocks = self._coded_by_workers(self._coder.with_step(step, bound), self._engine)
         else:
-            blocks = self._coded(step, bound)
+            blocks = self._coded_here(step, bound)
             if self._is_cut:  # analyze a block while the previous one is entropy coded
                 blocks = prefetch(blocks)
-        coded = [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
-        self._block_sizes[step] = [_size_bytes(sections) for _, sections in coded]
-        return self._source.stream(error_bound_sections(bound), coded)
+        return [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
 
-    def _coded(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
-        """Yield frames and sections of each block."""
+    def _coded_here(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
+        """Yield frames and sections of each block, coded in this process."""
         read, blocks = self._blocks(), KeyedBlocks(self._coder.with_step(step, bound))
         for frames in read:
             yield frames.n_frames, blocks.code(frames).sections
@@ -315,7 +313,7 @@ class RateSearch:
 
         If one of them becomes a key block, the following blocks are restarted with it.
         """
-        first, *others = self._source.pieces()
+        first, *others = self._pieces
         frames = coder.frames(first.read_given(), first.order)
         coded = coder.code(frames)
         yield frames.n_frames, coded.sections
@@ -331,11 +329,20 @@ class RateSearch:
                     break
             others = others[n_coded:]
 
+    @cached_property
+    def _pieces(self) -> list[Piece]:
+        return list(self._source.pieces())
+
+    @cached_property
+    def _sampled_pieces(self) -> Sequence[Piece]:
+        """Pieces with which steps are compared: all, or some of a long sequence."""
+        return sampled(self._pieces)
+
     def _blocks(self) -> Iterable[BlockFrames]:
         """Return the blocks, cached for further trials or re-read for each."""
         if self._keeps_blocks:
             return self._kept_blocks
-        return self._read_blocks(self._source.pieces())
+        return self._read_blocks(self._pieces)
 
     @property
     def _is_cut(self) -> bool:
@@ -358,7 +365,7 @@ class RateSearch:
 
     @cached_property
     def _kept_blocks(self) -> list[BlockFrames]:
-        return list(self._read_blocks(self._source.pieces()))
+        return list(self._read_blocks(self._pieces))
 
     def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[BlockFrames]:
         return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
@@ -389,7 +396,7 @@ class RateSearch:
 
     def _report(self, n_done: int) -> None:
         """Report encoded frames; a search never reports completion, because trials may follow."""
-        number = 1 + len(self._streams) + len(self._errors)
+        number = 1 + len(self._coded) + len(self._errors)
         stage = "encoding" if self._is_single_trial else f"encoding, try {number}"
         if self._is_single_trial or n_done < self._n_frames:
             self._progress(stage, Count(n_done, self._n_frames, "frames"))
