@@ -6,6 +6,7 @@ import { openEngine, loadInternals } from "./support/bundle.mjs";
 import {
   BLOCK,
   COEFFICIENTS,
+  FRAMES_AT,
   HARD_EDGES,
   TRACK,
   VALUES,
@@ -13,6 +14,7 @@ import {
   seal,
   sealHeader,
   sectionsOf,
+  varint,
 } from "./support/container.mjs";
 import { EXACTS, PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 
@@ -85,7 +87,7 @@ test("a flipped bit causes an error or does not change frames", async () => {
         assert.ok(areRight(frames, expected), `${name}, byte ${position}`);
         nErrors += failure !== null || frames.length < expected.length;
       }
-      assert.ok(nErrors > nPositions / 3, `damage of ${name} goes unnoticed`);
+      assert.ok(nErrors > nPositions / 4, `damage of ${name} goes unnoticed`);
     }
   }
 });
@@ -163,9 +165,10 @@ test("damaged hard edges cause an error of the package or yield edges of the mes
 });
 
 test("header sizes that exceed the file are rejected before memory is allocated", async () => {
-  for (const position of [14, 18]) {
-    const bytes = streamBytes("example").slice();
-    new DataView(bytes.buffer).setUint32(position, 0x3ffffff, true);
+  const example = streamBytes("example");
+  for (const position of [FRAMES_AT + 1, FRAMES_AT + 2]) {
+    const after = example.subarray(position + 1);
+    const bytes = Uint8Array.from([...example.subarray(0, position), ...varint(0x3ffffff), ...after]);
     sealHeader(bytes);
     const before = process.memoryUsage().arrayBuffers;
     await assert.rejects(openEngine(internals, bytes), MeshReelError);

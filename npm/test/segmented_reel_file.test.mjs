@@ -6,7 +6,7 @@ import { test } from "node:test";
 
 import { InvalidInputError, ReelFile, SegmentedReelFile } from "../dist/index.js";
 import { loadInternals, openSegments } from "./support/bundle.mjs";
-import { END, SEGMENT, sealHeader, sectionBytes, sectionsOf } from "./support/container.mjs";
+import { END, FRAMES_AT, SEGMENT, sealHeader, sectionBytes, sectionsOf } from "./support/container.mjs";
 import { expectedSegments, integerHash, segmentedBytes, sha, streamBytes } from "./support/streams.mjs";
 import { largeSegments } from "./support/track_streams.mjs";
 
@@ -155,7 +155,7 @@ function repeated(count, isWhole = true) {
   const copies = Array.from({ length: count }, () => bytes.subarray(last, index));
   const end = isWhole ? [sectionBytes(END, [])] : [];
   const joined = Buffer.concat([bytes.subarray(0, index), ...copies, ...end]);
-  joined.fill(0, 10, 14); // the number of frames is not stated
+  joined[FRAMES_AT] = 0; // the number of frames is not stated
   sealHeader(joined);
   return new Uint8Array(joined);
 }

@@ -25,8 +25,16 @@ export function crc32(bytes) {
   return ~sum >>> 0;
 }
 
+/** Position of the number of frames in a header; those of vertices and faces follow. */
+export const FRAMES_AT = 9;
+
 export function headerSize(bytes) {
-  return 68 + bytes[66] + 256 * bytes[67] + 4;
+  let [, position] = varintAt(bytes, FRAMES_AT);
+  for (let i = 0; i < 2; i++) [, position] = varintAt(bytes, position);
+  const [rate, codes] = varintAt(bytes, position);
+  const form = codes + (rate ? 1 : 9);
+  const [name, begin] = varintAt(bytes, form + 1 + (bytes[form] & 32 ? 32 : 16));
+  return begin + name + 4;
 }
 
 /** Parse all sections of a stream: `position` to `end`, with the payload at `begin`. */
@@ -76,7 +84,8 @@ export function varint(value) {
   return [...bytes, value];
 }
 
-function varintAt(bytes, position) {
+/** Return the integer at a position, and the position after it. */
+export function varintAt(bytes, position) {
   let [value, scale] = [0, 1];
   for (; bytes[position] >= 128; scale *= 128) value += (bytes[position++] - 128) * scale;
   return [value + bytes[position] * scale, position + 1];

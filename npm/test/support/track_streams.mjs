@@ -14,6 +14,7 @@ import {
   sectionBytes,
   sectionsOf,
   varint,
+  varintAt,
 } from "./container.mjs";
 import { segmentedBytes, streamBytes } from "./streams.mjs";
 
@@ -114,8 +115,8 @@ function rewrite(bytes, change) {
   let position = start;
   for (const { id, payload } of change(sectionsOf(bytes).filter((one) => !isTrailer(one)))) {
     if (id === SEGMENT) {
-      const counts = new DataView(payload.buffer, payload.byteOffset);
-      const head = [counts.getUint32(0, true), counts.getUint32(4, true)];
+      const [nVerts, second] = varintAt(payload, 0);
+      const head = [nVerts, varintAt(payload, second)[0]];
       segments.push({ position, head, blocks: [] });
     }
     const { blocks } = segments.at(-1);
