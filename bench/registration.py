@@ -2,16 +2,20 @@
 
     python bench/registration.py liam/ --frames 40
     python bench/registration.py samba.npz --remesh --frames 24
+    python bench/registration.py samba.npz --remesh --frames 24 --holes 33 --noise 0.3 --limbs
     python bench/registration.py 'collision/*.obj' --tolerance 0.3%
     python bench/registration.py dancer/ --quality 70 80 90 --bits --decimate
 
-Prints the segments, the processor seconds, and for each quality kilobits per frame with the surface
-PSNR of evenly spaced frames; the same for Draco at several bits. Geometry only: attributes are left
-out. `--remesh` gives each frame of a sequence another mesh (isotropic remeshing of pymeshlab, edges
-of 0.87 to 0.93 of the mean length), so that the original is known; it is measured too. `--decimate`
-gives shares of the faces to which quadric edge collapses (pymeshlab) reduce the measured frames
-before Draco codes them at every number of bits; printed is the least rate, on the envelope of all
-of them, at the surface PSNR of each quality.
+Prints the segments, the processor seconds, and for each quality kilobits per frame with the
+surface PSNR of evenly spaced frames; the same for Draco at several bits. Geometry only:
+attributes are left out. `--remesh` gives each frame of a sequence another mesh (isotropic
+remeshing of pymeshlab, edges of 0.87 to 0.93 of the mean length), so that the original is known;
+it is measured too. `--holes` cuts six holes of a width in tolerances out of each of these frames,
+which move along the surface by three edges per frame; `--limbs` also cuts off one end of the
+body, 80 tolerances wide, another one in each frame; `--noise` moves vertices by a standard
+deviation in tolerances. `--decimate` gives shares of the faces to which quadric edge collapses
+(pymeshlab) reduce the measured frames before Draco codes them at every number of bits; printed is
+the least rate, on the envelope of all of them, at the surface PSNR of each quality.
 
 The last column is D2 as TVMC computes it (evaluation.py of its repository): distances from the
 vertices of the original to the closest decoded vertices, along their normals; the peak is the
@@ -39,6 +43,7 @@ from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 
 LENGTHS = 0.87, 0.93
+N_HOLES, EDGES_PER_FRAME, LIMB_WIDTH = 6, 3.0, 80.0
 DECIMATION = "meshing_decimation_quadric_edge_collapse"
 
 
@@ -72,6 +77,45 @@ def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
         filtered(frame, "meshing_isotropic_explicit_remeshing", targetlen=length, **options)
         for frame, length in zip(frames, lengths, strict=True)
     ]
+
+
+def scanned(
+    frames: Sequence[MeshFrame],
+    originals: Sequence[MeshFrame],
+    *,
+    hole: float,
+    limb: float,
+    noise: float,
+) -> list[MeshFrame]:
+    """Return frames with holes and without one of their ends, if these have a width, and noise.
+
+    Parameters
+    ----------
+    originals : sequence of MeshFrame
+        The frames with the faces of the first.
+    hole, limb, noise : float
+        In model units.
+    """
+    rng, first = np.random.default_rng(0), originals[0]
+    rest = first.vertices.astype(np.float64)
+    corners = rest[first.faces]
+    stride = EDGES_PER_FRAME * np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).mean()
+    directions = rng.normal(size=(N_HOLES, 3))
+    steps = stride * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    centers = rng.integers(0, len(rest), N_HOLES)
+    ends = np.concatenate([rest.argmin(axis=0), rest.argmax(axis=0)])
+    results = []
+    for number, (frame, original) in enumerate(zip(frames, originals, strict=True)):
+        cuts = [(center, hole / 2) for center in centers] + [(ends[number % len(ends)], limb / 2)]
+        middles = frame.vertices[frame.faces].mean(axis=1)
+        is_kept = np.ones(len(middles), bool)
+        for center, radius in cuts:
+            is_kept &= np.linalg.norm(middles - original.vertices[center], axis=1) > radius
+        used, numbers = np.unique(frame.faces[is_kept], return_inverse=True)
+        moved = frame.vertices[used] + rng.normal(0.0, noise, (len(used), 3))
+        results.append(as_frame(moved, numbers.reshape(-1, 3)))
+        centers = k_d_tree(rest).query(rest[centers] + steps)[1]
+    return results
 
 
 def filtered(frame: MeshFrame, name: str, **options: float) -> MeshFrame:
@@ -166,11 +210,28 @@ def main() -> None:
     parser.add_argument("--quality", type=float, nargs="*", default=[60, 70, 80])
     parser.add_argument("--bits", type=int, nargs="*", default=[9, 10])
     parser.add_argument("--remesh", action="store_true")
+    parser.add_argument("--holes", type=float, default=0.0, help="width in tolerances")
+    parser.add_argument("--noise", type=float, default=0.0, help="in tolerances")
+    parser.add_argument("--limbs", action="store_true", help="cut off an end of each frame")
     parser.add_argument("--decimate", type=float, nargs="*", default=[], help="shares of the faces")
     arguments = parser.parse_args()
     frames = frames_of(arguments.source, slice(arguments.frames))
     n_frames = len(frames)
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
+    if arguments.holes or arguments.noise or arguments.limbs:
+        if not arguments.remesh:
+            parser.error("--holes, --noise and --limbs need --remesh")
+        diagonal = float(np.linalg.norm(raw.extent.high - raw.extent.low))
+        length = bound_of(arguments.tolerance).percent(diagonal) / 100.0 * diagonal
+        raw = as_segments(
+            scanned(
+                list(raw),
+                frames,
+                hole=arguments.holes * length,
+                limb=LIMB_WIDTH * length * arguments.limbs,
+                noise=arguments.noise * length,
+            )
+        )
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 
     begin = time.process_time()

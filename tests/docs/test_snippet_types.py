@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 SETTINGS = """[mypy]
 strict = true
-[mypy-igl.*,torch.*,xatlas.*]
+[mypy-fsspec.*,igl.*,torch.*,xatlas.*]
 ignore_missing_imports = true
 """
 

@@ -18,7 +18,7 @@ from meshreel.codec.connectivity.coder import CodedConnectivity, encode_mesh
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.mesh_edits import MeshEdit
 from meshreel.codec.methods import METHOD_CODES
-from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
 from meshreel.codec.surface.payloads import (
     surface_in_order,
     surface_of_internal_cells,
@@ -273,7 +273,7 @@ class Source:
     @cached_property
     def frame(self) -> BoundingFrame:
         """Center and diagonal of the bounding box."""
-        frame = bounding_frame(self.extent).in_floats
+        frame = stored_frame(self.extent)
         return frame if self.origin is None else replace(frame, origin=self.origin)
 
     @property

@@ -20,7 +20,7 @@ from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import BlockCoder, LiveStart
 from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
 from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.times import write_times
 from meshreel.codec.track_bounds import TrackTargets, kept_bounds
@@ -446,7 +446,7 @@ class Encoder:
     ) -> _Segment:
         """Return the encoder of a segment, given its first block."""
         if self._bounding_frame is None:
-            self._bounding_frame = bounding_frame(extent_of(first)).in_floats
+            self._bounding_frame = stored_frame(extent_of(first))
         timing = self._timing if is_first else UNTIMED  # times of further segments follow
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, timing)
         if coded.may_be_edited:

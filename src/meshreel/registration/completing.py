@@ -154,7 +154,7 @@ def _moved_back(points: Floats, rest: Floats, anchors: Indices, seen: Sighting) 
     """
     places = seen.mesh.vertices[anchors]
     distances, near = k_d_tree(places).query(points, np.arange(1, 1 + min(N_ANCHORS, len(anchors))))
-    weights = 1.0 / (distances + 1e-6) ** 2
+    weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # the nearest alone, where it is there
     weights /= weights.sum(axis=1, keepdims=True)
     arms = points[:, None] - places[near]
     moved = rest[anchors][near] + np.einsum("nkji,nkj->nki", seen.turns[anchors][near], arms)

@@ -67,6 +67,15 @@ def bounding_frame(extent: Extent) -> BoundingFrame:
     return BoundingFrame(origin, min(scale, largest_float))
 
 
+def stored_frame(extent: Extent) -> BoundingFrame:
+    """The bounding frame of positions as a stream stores it: in single precision if possible.
+
+    A point keeps its origin, which then is its exact position.
+    """
+    frame = bounding_frame(extent)
+    return frame.in_floats if (extent.high > extent.low).any() else frame
+
+
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:
     """Coordinate matrices A of shape (3, T, V), relative to the center, in diagonals."""
     # Always a copy, because it is changed in place below.

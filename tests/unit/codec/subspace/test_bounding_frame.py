@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
+from meshreel.model.extent import Extent
 
 
 def test_numbers_in_single_precision_stay_near():
@@ -23,3 +24,9 @@ def test_numbers_in_single_precision_stay_near():
 )
 def test_frames_far_away_huge_or_tiny_keep_double_precision(frame):
     assert frame.in_floats is frame
+
+
+def test_points_keep_their_positions():
+    point = np.array([0.1, -2.7, 1e3 / 3])
+    assert stored_frame(Extent(point, point, 0.0)).origin == tuple(point)
+    assert stored_frame(Extent(point, point + 1.0, 0.0)).origin != tuple(point + 0.5)

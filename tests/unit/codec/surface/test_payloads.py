@@ -392,9 +392,9 @@ def test_default_order_is_kept_if_it_has_a_meaning_or_polygons_need_it(sequence,
     assert meshreel.info(meshreel.encode(sequence, order="vertices")).order == "vertices"
 
 
-def test_order_that_tracks_of_faces_need_is_kept():
+def test_order_that_tracks_of_corners_need_is_kept():
     sheet = unordered(waving_grid(3))
-    heat = Track(np.zeros((3, len(sheet.faces)), np.float32), domain=Domain.FACE)
+    heat = Track(np.zeros((3, 3 * len(sheet.faces)), np.float32), domain=Domain.CORNER)
     data = meshreel.encode(sheet.replace(tracks={"heat": heat}), tracks={"heat": "1%"})
     assert meshreel.info(data).order == "keep"
 
