@@ -100,8 +100,7 @@ def scanned(
     rest = first.vertices.astype(np.float64)
     corners = rest[first.faces]
     stride = EDGES_PER_FRAME * np.linalg.norm(corners[:, 0] - corners[:, 1], axis=1).mean()
-    directions = rng.normal(size=(N_HOLES, 3))
-    steps = stride * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    axes, normals = rng.normal(size=(N_HOLES, 3)), TriangleMesh(rest, first.faces).vertex_normals
     centers = rng.integers(0, len(rest), N_HOLES)
     ends = np.concatenate([rest.argmin(axis=0), rest.argmax(axis=0)])
     results = []
@@ -114,7 +113,9 @@ def scanned(
         used, numbers = np.unique(frame.faces[is_kept], return_inverse=True)
         moved = frame.vertices[used] + rng.normal(0.0, noise, (len(used), 3))
         results.append(as_frame(moved, numbers.reshape(-1, 3)))
-        centers = k_d_tree(rest).query(rest[centers] + steps)[1]
+        along = np.cross(normals[centers], axes)  # around the body
+        along *= stride / np.linalg.norm(along, axis=1, keepdims=True)
+        centers = k_d_tree(rest).query(rest[centers] + along)[1]
     return results
 
 
