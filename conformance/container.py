@@ -108,7 +108,7 @@ def read_header(payload):
     n_frames, n_verts, n_faces = (payload.varint() for _ in range(3))
     rate = payload.varint()
     fps = rate - 1 if rate else payload.number("d")
-    need(math.isfinite(fps) and 0 <= fps < 2**32, "the frames per second are invalid")
+    need(rate <= 2**32 and math.isfinite(fps) and fps >= 0, "the frames per second are invalid")
     codes = read_codes(payload)
     origin, scale = read_placement(payload, codes)
     n_name_bytes = payload.varint()

@@ -257,6 +257,7 @@ encoded("far_away", lambda: moving(grid(7, 8), dtype=np.float64, shape=(1e-3, 1e
 encoded("huge", lambda: moving(grid(7, 8), shape=(1e38, 0.0)), order="drop")
 encoded("tiny", lambda: moving(grid(7, 8), shape=(1e-40, 0.0)), order="drop")
 encoded("still", lambda: moving(grid(6, 6), 6, n_waves=0), order="drop")
+encoded("fast", lambda: moving(grid(4, 4), 3, fps=1e10))
 encoded("named", lambda: moving(grid(4, 4), 3, fps=23.976, name="N\u00e4me \u2603", start_s=41.7))
 
 # Attributes, groups, polygons, parts, materials, images.
@@ -1223,6 +1224,12 @@ def with_error_bound(payload):
     return by_hand([[0, 1, 2]], 3, [block], more=[(Section.ERROR_BOUND, payload)])
 
 
+def with_high_rate():
+    """Return a stream whose frames per second are an integer beyond the limit of integers."""
+    with patch.object(stream_container, "_MAX_RATE", 2**40):
+        return meshreel.encode(moving(grid(2, 2), 3, fps=2.0**33), order="drop")
+
+
 def with_long_name():
     """Return the worked example with a name one byte too long."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
@@ -1283,6 +1290,7 @@ REFUSED["cosines_with_adaptive_times"] = with_adaptive_cosines
 REFUSED["cosines_with_rests"] = partial(with_cosines, 3, ((1, 2),))
 REFUSED["cosines_of_1025_frames"] = partial(with_cosines, 1025, ())
 REFUSED["long_name"] = with_long_name
+REFUSED["rate_above_the_limit"] = with_high_rate
 REFUSED["triangles_apart"] = with_triangles_apart
 START = (Section.START, bytes(8))
 REFUSED["start_twice"] = partial(with_section, 1, START, START)

@@ -21,14 +21,14 @@
 #define N_LIKELY 2       /* from this length on, a further copy is probable at first */
 #define MAX_HASH_BITS 15 /* of the last residuals of a column */
 #define N_CANDIDATES 3   /* of predictions: by the first parallelogram, the last, and the mean */
-#define LONG_TOKEN 15 /* of magnitudes of at least LONG */
+#define LONG_TOKEN 15    /* of magnitudes of at least LONG */
 #define LONG 192
 
 /* Choices of the encoder for a table. */
 enum {
-    FITTED = 1,     /* weights are stored; otherwise parallelograms predict alone */
-    BEST = 2,       /* the first parallelogram, the last or the mean predicts: the best so far */
-    COPIES = 4,     /* residuals may be copied */
+    FITTED = 1, /* weights are stored; otherwise parallelograms predict alone */
+    BEST = 2,   /* the first parallelogram, the last or the mean predicts: the best so far */
+    COPIES = 4, /* residuals may be copied */
     N_CHOICES = 3
 };
 

@@ -119,7 +119,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     }
     reel_range left = {here, size - here};
     int failed = read_fields(call, pool, &left, outline);
-    if (failed == MESHREEL_TRUNCATED || left.length < 4) {
+    if (failed == MESHREEL_TRUNCATED) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
     outline->begin = left.at + 4;
