@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
+from corpus.visible import SeenFrame
 from meshreel.evaluation.draco import encode_frames, separate_equal
 from meshreel.evaluation.peers import ARRAY_PEERS, Array
 from meshreel.evaluation.positions import Arrangement, arrange
@@ -44,10 +45,12 @@ class Subject:
     """A sequence of positions and faces, in memory, and the best vertex order for each codec."""
 
     sequence: MeshSequence
+    is_drawn: bool
+    """Whether pictures are compared, which takes most of the time."""
     order_of: dict[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, sequence: MeshSequence) -> "Subject":
+    def of(cls, sequence: MeshSequence, *, is_drawn: bool = False) -> "Subject":
         """Keep only triangles, and the positions of their vertices: Draco drops others."""
         segments = []
         for segment in sequence.segments:
@@ -59,7 +62,7 @@ class Subject:
                 else MeshSequence(vertices, segment.faces)
             )
         whole = segments[0] if len(segments) == 1 else MeshSequence.of_segments(segments)
-        return cls(whole)
+        return cls(whole, is_drawn)
 
     @cached_property
     def segments(self) -> list[MeshSequence]:
@@ -76,6 +79,12 @@ class Subject:
         low = np.min([low for low, _ in corners], axis=0).astype(np.float64)
         sides = np.max([high for _, high in corners], axis=0).astype(np.float64) - low
         return low, float(sides.max()), float(np.linalg.norm(sides))
+
+    @cached_property
+    def seen(self) -> SeenFrame:
+        """The frame of the first segment whose visible errors are measured."""
+        one = self.segments[0]
+        return SeenFrame(one.vertices, one.faces, is_drawn=self.is_drawn)
 
     @cached_property
     def arrangements(self) -> list[Arrangement]:
@@ -95,9 +104,9 @@ class Subject:
         return sums.errors
 
 
-def measure(sequence: MeshSequence) -> dict[str, Any]:
+def measure(sequence: MeshSequence, *, is_drawn: bool) -> dict[str, Any]:
     """Sizes in bytes, errors in percent of the diagonal, and processor seconds."""
-    subject = Subject.of(sequence)
+    subject = Subject.of(sequence, is_drawn=is_drawn)
     segments = subject.segments
     arrays = [
         part
@@ -173,6 +182,7 @@ def measure_setting(subject: Subject, name: str) -> dict[str, Any]:
     if not 0 < diagonal < math.inf:
         return figures
     if percent is None:
+        figures |= subject.seen.errors(results[0].read(0, results[0].n_frames))
         # Rounding to a grid leaves errors of half a step: root of 3 coordinates x step^2 / 12.
         step = errors.rms_error_percent / 100 * diagonal * 2
     else:

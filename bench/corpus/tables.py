@@ -1,5 +1,6 @@
 """Results of the corpus as tables."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -47,13 +48,34 @@ def ratios_table(rows: Sequence[Row]) -> Table:
 
 def errors_table(rows: Sequence[Row]) -> Table:
     """Percentiles of errors over all sequences."""
-    header = ("setting", "error, % of the diagonal", *(f"{p} %" for p in PERCENTILES), "largest")
+    titles = {"max": "largest", "rms": "RMS"}
+    return _errors(rows, "error, % of the diagonal", titles, list(SETTINGS))
+
+
+def visible_table(rows: Sequence[Row]) -> Table:
+    """Percentiles of visible errors over all sequences, of settings without a bound."""
+    titles = {
+        "flip": "FLIP",
+        "silhouette_px": "silhouette, pixels",
+        "normal": "normals, mean, degrees",
+        "normal_95": "normals, 95 %, degrees",
+        "flicker": "normals, change between frames, degrees",
+    }
+    settings = [name for name, options in SETTINGS.items() if "quality" in options]
+    return _errors(rows, "error", titles, settings)
+
+
+def _errors(
+    rows: Sequence[Row], title: str, titles: Mapping[str, str], settings: Sequence[str]
+) -> Table:
+    header = ("setting", title, *(f"{p} %" for p in PERCENTILES), "largest")
     body = []
-    for name in SETTINGS:
-        for key, title in (("max", "largest"), ("rms", "RMS")):
-            values = [row["settings"][name][key] for row in _measured(rows)]
-            body.append((f"`{name}`", title, *map(significant, _percentiles(values)),
-                         significant(max(values))))  # fmt: skip
+    for name in settings:
+        every = [row["settings"][name] for row in _measured(rows)]
+        for key, text in titles.items():
+            values = [figures[key] for figures in every if key in figures] or [math.nan]
+            cells = map(significant, [*_percentiles(values), max(values)])
+            body.append((f"`{name}`", text, *cells))
     return Table("Errors", header, tuple(body))
 
 
@@ -253,6 +275,7 @@ TABLES: dict[str, Callable[[Sequence[Row]], Table]] = {
     "corpus-counts": counts_table,
     "corpus-ratios": ratios_table,
     "corpus-errors": errors_table,
+    "corpus-visible": visible_table,
     "corpus-speeds": speeds_table,
     "corpus-peers": peers_table,
     "corpus-worst": worst_table,

@@ -9,6 +9,7 @@ import meshreel
 from corpus.measure import SETTINGS, Subject, features, measure
 from corpus.sources import KINDS, Files, Source, UnavailableError, first_frames, read_manifest
 from corpus.tables import MIN_TIMED, TABLES, losses_of, n_broken
+from corpus.visible import SeenFrame
 from samples.captures import as_frames, capture
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -68,9 +69,9 @@ def test_vertices_without_faces_are_left_out_of_comparisons():
 
 @pytest.mark.parametrize("sequence", [waving_grid(4), as_frames(capture(2))])
 def test_all_codecs_are_measured_and_tables_made(sequence):
-    for package in ("DracoPy", "pysz", "zfpy"):
+    for package in ("DracoPy", "pysz", "zfpy", "flip_evaluator"):
         pytest.importorskip(package)
-    figures = measure(sequence)
+    figures = measure(sequence, is_drawn=True)
     assert figures["n_frames"] == sequence.n_frames
     assert list(figures["settings"]) == list(SETTINGS)
     bounded = figures["settings"]["0.1%"]
@@ -86,6 +87,20 @@ def test_all_codecs_are_measured_and_tables_made(sequence):
         assert all(len(line) == len(table.header) for line in table.rows)
     assert n_broken([row, refused])[1] == 2
     assert all(other < mine for _, _, mine, other in losses_of(row))
+
+
+def test_flag_looks_like_its_original_at_the_default_quality():
+    pytest.importorskip("flip_evaluator")
+    flag = meshreel.simulate_flag(12)
+    seen = SeenFrame(flag.vertices, flag.faces, is_drawn=True)
+    fine, coarse = (
+        seen.errors(meshreel.decode(meshreel.encode(flag, order="vertices", quality=q)).vertices)
+        for q in (80, 60)
+    )
+    assert fine["flip"] < 0.05
+    assert fine["silhouette_px"] < 0.5
+    assert fine["normal"] < 1.5
+    assert all(fine[key] < coarse[key] for key in fine)
 
 
 def test_features_tell_resting_vertices_and_repeated_sides():

@@ -11,10 +11,8 @@ import pytest
 import meshreel
 from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.effort import (
-    DEFAULT_QUALITY_STEP,
     EFFORTS,
     choices_for,
-    quality_step,
     tune_named,
 )
 from meshreel.codec.reel_options import ReelOptions, Tune
@@ -279,12 +277,6 @@ def test_number_of_modes_rises_as_the_error_bound_falls():
     ]
     assert counts[0] + 2 <= counts[1]
     assert counts[1] + 2 <= counts[2]
-
-
-def test_steps_of_quality_halve_with_twelve_points_and_end_at_the_finest():
-    assert quality_step(DEFAULT_QUALITY) == DEFAULT_QUALITY_STEP == 1e-4
-    for quality in (88, 50, 13):
-        assert quality_step(quality) == pytest.approx(2 * quality_step(quality + 12))
 
 
 @pytest.mark.parametrize("effort", EFFORTS)

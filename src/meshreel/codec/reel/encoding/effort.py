@@ -1,4 +1,4 @@
-"""Encoder parameters of efforts, tunes and qualities."""
+"""Encoder parameters of efforts and tunes."""
 
 import math
 from dataclasses import dataclass
@@ -6,24 +6,11 @@ from dataclasses import dataclass
 from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
-from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind
+from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError
-
-DEFAULT_QUALITY_STEP = 1e-4
-"""Step of quality 80, in mean diagonals of the bounding boxes of single frames.
-
-At this step and below, the nine sequences of `docs/codec.md` look like their originals at 1080p.
-"""
-
-POINTS_PER_HALVING = 12.0
 
 STEPS_OF_BOUND = 7.0
 """Ratio of an error bound to the first step tried: larger errors are rare, so cheap to correct."""
-
-
-def quality_step(quality: float) -> float:
-    """Return the step of a quality in 1..100, in diagonals as of `DEFAULT_QUALITY_STEP`."""
-    return float(DEFAULT_QUALITY_STEP * 2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
 
 
 @dataclass(frozen=True)

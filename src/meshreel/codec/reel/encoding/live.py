@@ -23,9 +23,9 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import finest_step
-from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
+from meshreel.codec.reel.encoding.visibility import step_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
@@ -51,11 +51,12 @@ class FirstBlock:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
 
-    @property
-    def step_share(self) -> float:
-        """Factor of the step of a quality, which depends on the surface."""
-        frames = self.vertices[sampled_frames(len(self.vertices))]
-        return step_share(self.coder.mesh.faces, self.coder.mesh.n_verts, frames)
+    def step_of_quality(self, quality: float) -> float:
+        """Return the step of a quality, in diagonals."""
+        size = self.own_diagonal * self.diagonal
+        return (
+            step_of_quality(quality, self.coder.mesh.faces, [self.vertices], size) / self.diagonal
+        )
 
     @property
     def rounding(self) -> float:

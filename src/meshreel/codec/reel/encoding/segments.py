@@ -7,10 +7,9 @@ from itertools import count
 from meshreel.codec.joining import join_streams
 from meshreel.codec.reel.encoding import whole
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.codec.reel.encoding.effort import quality_step
 from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
-from meshreel.codec.reel.encoding.target_step import FIRST_QUALITY, step_within_limit
+from meshreel.codec.reel.encoding.target_step import FIRST_STEP, step_within_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
@@ -118,7 +117,7 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
             return float(size_bytes)
         return rate_bpvf(size_bytes, sum(map(_n_positions, sources)), 1)
 
-    start = quality_step(FIRST_QUALITY) * sources[0].model_size
+    start = FIRST_STEP * sources[0].model_size
     has_tracks = any(source.bounds for source in sources)
     return step_within_limit(config, measure, start, has_tracks=has_tracks)
 

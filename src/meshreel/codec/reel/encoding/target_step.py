@@ -11,14 +11,14 @@ from typing import Protocol
 import numpy as np
 
 from meshreel.codec.reel.encoding.corrections import check_error_bound
-from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step, quality_step
+from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError, Keyword
 
-FIRST_QUALITY = 75.0
-"""Quality at which the search for an error or a size starts."""
+FIRST_STEP = 1.3e-4
+"""Step at which the search for an error or a size starts, in diagonals of the model."""
 
 
 class RateModel(Protocol):
@@ -33,10 +33,6 @@ class RateModel(Protocol):
         """Mean diagonal of single frames, in diagonals of the bounding box."""
 
     @property
-    def step_share(self) -> float:
-        """Factor of the step of a quality, which depends on the surface; see `smoothness`."""
-
-    @property
     def rounding(self) -> float:
         """Largest rounding error of a position by its number type, in diagonals."""
 
@@ -47,6 +43,9 @@ class RateModel(Protocol):
     @property
     def finest_step(self) -> float:
         """Finest step that the stream can represent."""
+
+    def step_of_quality(self, quality: float) -> float:
+        """Return the step of a quality; see `visibility`."""
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Return the bytes for a step, with corrections that keep a bound in diagonals."""
@@ -74,13 +73,12 @@ def step_for_target(
     if target.kind is TargetKind.STEP:
         return checked_step(target.value, model.finest_step), None
     if target.kind is TargetKind.QUALITY:
-        step = quality_step(target.value) * model.own_diagonal * model.step_share
-        return max(model.finest_step, step), None
+        return max(model.finest_step, model.step_of_quality(target.value)), None
     if target.kind is TargetKind.MAX_ERROR:
         bound = checked_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(model.finest_step, step), bound
-    start = quality_step(FIRST_QUALITY) * model.own_diagonal
+    start = FIRST_STEP * model.own_diagonal
     return step_within_limit(config, model.measured, start, has_tracks=has_tracks), None
 
 

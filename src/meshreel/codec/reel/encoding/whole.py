@@ -28,9 +28,9 @@ from meshreel.codec.reel.encoding.grid_positions import (
 )
 from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
-from meshreel.codec.reel.encoding.smoothness import sampled_frames, step_share
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
+from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, sampled_numbers, step_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Piece, Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
@@ -175,13 +175,13 @@ class RateSearch:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return self._source.model_size
 
-    @cached_property
-    def step_share(self) -> float:
-        """Factor of the step of a quality, which depends on the surface."""
-        sequence, mesh = self._source.sequence, self._source.mesh
-        numbers = sampled_frames(self._n_frames)
-        frames = [sequence.read(number, number + 1) for number in numbers]
-        return step_share(mesh.given_faces, mesh.n_verts, np.concatenate(frames))
+    def step_of_quality(self, quality: float) -> float:
+        """Return the step of a quality, in diagonals."""
+        chosen = sampled_numbers(len(self._pieces), MAX_BLOCKS)
+        blocks = (self._pieces[number].read_given() for number in chosen)
+        size = self.own_diagonal * self.diagonal
+        faces = self._source.mesh.given_faces
+        return step_of_quality(quality, faces, blocks, size) / self.diagonal
 
     @cached_property
     def rounding(self) -> float:

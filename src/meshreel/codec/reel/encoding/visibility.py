@@ -1,0 +1,159 @@
+"""The quantization step of a quality: an encoder's choice.
+
+A quality stands for errors of positions and normals that look alike on all sequences: at the
+default, a model as high as a full screen looks like its original. How large the errors of a step
+are depends on the number of modes; how visible they are, on the sizes of the faces and on the
+angles between them. docs/codec.md, "What the user sets", has the measurements.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.codec.connectivity.triangles import twin_sides
+from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.model.geometry.normals import face_normals
+from meshreel.model.sequence import Faces
+
+Vertices = npt.NDArray[np.floating]
+Floats = npt.NDArray[np.float64]
+
+POINTS_PER_HALVING = 12.0
+
+POSITION_ERROR = 3.5e-4
+"""RMS error of positions at the default quality, in diagonals of the model; about a third of a
+pixel if the model is as high as a screen of 1080 lines."""
+
+NORMAL_ERROR_DEG, NORMAL_ERROR_PER_BEND = 0.2, 0.12
+"""Mean error of normals at the default quality: of a flat surface, and its increase with the mean
+angle between adjacent faces, among which errors are less visible."""
+
+MAX_BEND_DEG = 20.0
+"""Limit of an angle in that mean: a hard edge does not hide errors on the flat faces beside it."""
+
+SEAM_ERROR, MIN_SEAM_SHARE = 1.3e-4, 0.1
+"""RMS error of positions at the default quality if more than a share of the vertices coincide with
+others: larger errors open cracks."""
+
+SMOOTH_ERRORS, ROUGH_ERRORS = 0.35, 0.40
+"""Errors of normals relative to those from independent errors of vertices. Modes lead to smoother
+errors, the rounding of few frames does not: the second number is divided by the frames."""
+
+ERROR_OF_MODES = 1.9
+"""Squared error of modes relative to plain rounding: small coefficients become zero."""
+
+MAX_BLOCKS, N_FRAMES, MAX_SIDES, MAX_VERTICES = 4, 2, 1024, 768
+"""Samples: blocks, frames of a block and sides of faces for normals, vertices for modes."""
+
+
+def error_scale(quality: float) -> float:
+    """Return the errors of a quality in 1..100 relative to those of the default quality."""
+    return float(2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
+
+
+def sampled_numbers(n: int, n_sampled: int) -> list[int]:
+    """Return the numbers in the middles of equal parts of 0..n - 1."""
+    return sorted({n * (2 * part + 1) // (2 * n_sampled) for part in range(n_sampled)})
+
+
+def step_of_quality(
+    quality: float, faces: Faces, blocks: Iterable[Vertices], model_size: float
+) -> float:
+    """Return the quantization step of a quality, in model units.
+
+    Parameters
+    ----------
+    quality : float
+        1 to 100.
+    faces : int32 array of shape (M, 3)
+    blocks : iterable of float arrays of shape (T_b, V, 3)
+        Some of the blocks that will be coded, with vertices in the order of the faces.
+    model_size : float
+        Mean diagonal of the bounding boxes of frames, in model units.
+    """
+    frames, variances, n_frames = [], [], 0
+    for block in blocks:
+        n_frames = max(n_frames, len(block))
+        frames.append(block[sampled_numbers(len(block), N_FRAMES)] / np.float64(model_size))
+        variances.append(_variances(block, model_size))
+    surface = SampledSurface(faces, np.concatenate(frames))
+    normals = surface.normals_per_error * (SMOOTH_ERRORS + ROUGH_ERRORS / n_frames)
+    limit = NORMAL_ERROR_DEG + NORMAL_ERROR_PER_BEND * surface.bend_deg
+    error = min(POSITION_ERROR, limit / normals) if normals > 0 else POSITION_ERROR
+    if n_frames == 1:  # three coordinates are rounded, those of coincident vertices alike
+        return 2.0 * error * error_scale(quality) * model_size
+    if surface.has_seams:
+        error = min(error, SEAM_ERROR)
+    error *= error_scale(quality)
+    rounded_vectors = 3.0 * n_frames / block.shape[1]
+    allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
+    level = _rounding_error(allowed * len(variances), np.sort(np.concatenate(variances)))
+    return float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size
+
+
+def _rounding_error(allowed: float, variances: Floats) -> float:
+    """Return the squared error of each mode with which all modes together have the allowed one.
+
+    A mode adds this error, or its own variance if that is smaller: "reverse water-filling" (Cover
+    and Thomas, Elements of Information Theory, 10.3.3).
+
+    Parameters
+    ----------
+    variances : float64 array of shape (K,)
+        In ascending order.
+    """
+    sums = np.cumsum(variances) + np.arange(len(variances))[::-1] * variances
+    return float(np.interp(allowed, np.append(0.0, sums), np.append(0.0, variances)))
+
+
+def _variances(block: Vertices, model_size: float) -> Floats:
+    """Return the variances of the modes of a block, per vertex and frame; in squared diagonals."""
+    sampled = block[:, sampled_numbers(block.shape[1], MAX_VERTICES)] / np.float64(model_size)
+    rows = (sampled - sampled[0, 0]).transpose(0, 2, 1).reshape(-1, sampled.shape[1])
+    if rows.shape[0] > rows.shape[1]:
+        rows = rows.T
+    squares = np.linalg.eigvalsh(rows @ rows.T)
+    return np.asarray(np.maximum(squares, 0.0) / (sampled.shape[0] * sampled.shape[1]))
+
+
+class SampledSurface:
+    """What determines how visible errors are, from some sides of faces in some frames.
+
+    Parameters
+    ----------
+    faces : int32 array of shape (M, 3)
+    frames : float64 array of shape (T, V, 3)
+    """
+
+    normals_per_error: float = 0.0
+    """Error of normals in degrees per RMS error of positions, if those of vertices are independent:
+    the mean of sqrt(sum of squared sides / 3) over twice the area, weighted with the area."""
+    bend_deg: float = MAX_BEND_DEG
+    """Mean angle between adjacent faces."""
+    has_seams: bool
+    """Whether many vertices at open sides coincide, so that errors open cracks."""
+
+    def __init__(self, faces: Faces, frames: Floats) -> None:
+        twins = twin_sides(faces, frames.shape[1])
+        is_open = twins == np.arange(len(twins))
+        ends = frames[0, np.unique(faces.ravel()[is_open])]
+        n_coincident = len(ends) - len(np.unique(ends.view("V24")))
+        self.has_seams = n_coincident > MIN_SEAM_SHARE * frames.shape[1]
+        sides = np.random.default_rng(0).permutation(len(twins))[:MAX_SIDES]
+        twins = twins[sides]
+        normals = face_normals(frames, faces[sides // 3])
+        others = face_normals(frames, faces[twins // 3])
+        areas, other_areas = (np.linalg.norm(each, axis=2) for each in (normals, others))
+        if not areas.any():
+            return
+        corners = frames[:, faces[sides // 3]]
+        squares = np.square(corners - np.roll(corners, 1, axis=2)).sum(axis=(2, 3))
+        self.normals_per_error = float(np.degrees(np.sqrt(squares / 3.0).sum() / areas.sum()))
+        is_flipped = faces.ravel()[sides] == faces.ravel()[twins]
+        cosines = np.einsum("tsc,tsc->ts", normals, others) * np.where(is_flipped, -1.0, 1.0)
+        has_angle = (areas * other_areas > 0) & (twins != sides)
+        if has_angle.any():
+            cosines = cosines[has_angle] / (areas * other_areas)[has_angle]
+            bends = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+            self.bend_deg = float(np.minimum(bends, MAX_BEND_DEG).mean())
