@@ -61,11 +61,9 @@ def _angles_deg(faces: Faces, sides: Integers, twins: Integers, frames: Vertices
     is_flipped = corners[sides] == corners[twins]
     with np.errstate(over="ignore", invalid="ignore"):  # huge coordinates are excluded below
         both = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
-        first, second = np.split(both, 2, axis=1)
-        first, second = first.reshape(-1, 3), second.reshape(-1, 3)
-        signs = np.tile(np.where(is_flipped, -1.0, 1.0), len(frames))
-        cosines = np.einsum("ij,ij->i", first, second) * signs
-        lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+        first, second = both[:, : len(sides)], both[:, len(sides) :]
+        cosines = np.einsum("tij,tij->ti", first, second) * np.where(is_flipped, -1.0, 1.0)
+        lengths = np.linalg.norm(first, axis=2) * np.linalg.norm(second, axis=2)
         has_area = (lengths > 0) & np.isfinite(lengths)
     turns = np.clip(cosines[has_area] / lengths[has_area], -1.0, 1.0)
     return np.asarray(np.degrees(np.arccos(turns)))

@@ -39,7 +39,7 @@ from meshreel.metrics.rate import rate_bpvf
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
-from meshreel.runtime.threads import prefetch
+from meshreel.runtime.threads import one_blas_thread, prefetch
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
 """Targets that set the step, so that nothing is searched."""
@@ -54,6 +54,7 @@ CACHED_POSITION_BYTES = 36
 """Memory of a position of a cached block: the original, and coordinate matrices."""
 
 
+@one_blas_thread()  # set once, because each limit waits for another thread
 def encode(
     source: Source, progress: Progress, engine: Engine | None, *, step: float | None = None
 ) -> bytes:
@@ -80,7 +81,7 @@ def encode(
             step, _ = step_for_target(config, RateSearch(source, progress, None))
         return encode_frame(source, progress, step)
     if source.bounds:
-        source = source.with_tracks(encode_tracks(source, progress))
+        source = source.with_changes(tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
     bound = None
     if step is None:
