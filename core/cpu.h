@@ -54,8 +54,7 @@ REEL_INLINE void reel_cpuid(uint32_t leaf, uint32_t *registers) {
                      : "a"(leaf), "c"(0U));
 }
 
-/* Doubles in the widest vectors that the processor has and whose registers the system saves. */
-REEL_INLINE int reel_vector_width(void) {
+REEL_INLINE int reel_find_vector_width(void) {
     uint32_t registers[4], xcr0, high;
     reel_cpuid(0, registers);
     if (registers[0] < 7) {
@@ -71,6 +70,18 @@ REEL_INLINE int reel_vector_width(void) {
         return 8;
     }
     return (xcr0 & 6U) == 6U && (registers[1] >> 5 & 1U) ? 4 : 2;
+}
+
+/* Doubles in the widest vectors that the processor has and whose registers the system saves. Found
+   once: in a virtual machine, `cpuid` takes about 10 microseconds. */
+REEL_INLINE int reel_vector_width(void) {
+    static int known; /* 0: not yet; all threads find the same */
+    int width = __atomic_load_n(&known, __ATOMIC_RELAXED);
+    if (!width) {
+        width = reel_find_vector_width();
+        __atomic_store_n(&known, width, __ATOMIC_RELAXED);
+    }
+    return width;
 }
 
 #else

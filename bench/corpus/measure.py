@@ -1,11 +1,15 @@
 """Measure our codec and others on a sequence, at equal error."""
 
+import ctypes
 import gzip
 import math
+import multiprocessing
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +23,7 @@ from meshreel.evaluation.positions import Arrangement, arrange
 from meshreel.metrics.position_errors import ErrorSums, PositionErrors
 from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.threads import limit_cores
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "q60": {"quality": 60},
@@ -36,6 +41,9 @@ MESHOPT_SETTINGS = ("q80", "0.1%", "0.01%")
 MAX_DRACO_BITS = 30
 ZFP_FACTORS = (8.0, 4.0, 2.0, 1.0)
 """zfp seldom reaches its tolerance: multiples to try, the largest first."""
+
+MIN_TIMED = 50_000
+"""Vertices in all frames from which speed and memory are in the tables."""
 
 Floats = npt.NDArray[np.float64]
 
@@ -105,7 +113,7 @@ class Subject:
 
 
 def measure(sequence: MeshSequence, *, is_drawn: bool) -> dict[str, Any]:
-    """Sizes in bytes, errors in percent of the diagonal, and processor seconds."""
+    """Sizes and memory in bytes, errors in percent of the diagonal, and processor seconds."""
     subject = Subject.of(sequence, is_drawn=is_drawn)
     segments = subject.segments
     arrays = [
@@ -114,7 +122,7 @@ def measure(sequence: MeshSequence, *, is_drawn: bool) -> dict[str, Any]:
         for part in (one.vertices.astype(np.float32), one.faces.astype(np.int32))
     ]
     raw = b"".join(part.tobytes() for part in arrays)
-    return {
+    figures: dict[str, Any] = {
         "n_frames": subject.sequence.n_frames,
         "n_segments": len(segments),
         "n_verts": max(one.n_verts for one in segments),
@@ -126,6 +134,27 @@ def measure(sequence: MeshSequence, *, is_drawn: bool) -> dict[str, Any]:
         "with_attributes": len(meshreel.encode(sequence)),
         "settings": {name: measure_setting(subject, name) for name in SETTINGS},
     }
+    if figures["n_positions"] >= MIN_TIMED:
+        figures["memory"] = memory_growth(subject.sequence)
+    return figures
+
+
+def memory_growth(sequence: MeshSequence) -> dict[str, int]:
+    """Largest growth of a new process, on Linux, while it encodes a sequence, and then decodes it.
+
+    Includes the results: the stream, and the decoded sequence.
+    """
+    arrays = [(one.read(0, one.n_frames), one.faces) for one in sequence.segments]
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(_growth_of_process, arrays).result()
+
+
+def _growth_of_process(arrays: list[tuple[Array, Array]]) -> dict[str, int]:
+    limit_cores(1)
+    meshreel.decode(meshreel.encode(meshreel.simulate_flag(2)))  # loads code
+    sequence = MeshSequence.of_segments([MeshSequence(*one) for one in arrays])
+    data, encode_bytes = _with_growth(partial(meshreel.encode, sequence))
+    return {"encode": encode_bytes, "decode": _with_growth(partial(meshreel.decode, data))[1]}
 
 
 def features(sequence: MeshSequence) -> dict[str, float]:
@@ -250,6 +279,20 @@ def _size_of(subject: Subject, name: str, setting: float) -> int:
     sizes = [one.size_bytes + len(encode(one.sequence, setting)) for one in arrangements]
     subject.order_of[name] = sizes.index(min(sizes))
     return min(sizes)
+
+
+def _with_growth(work: Callable[[], Any]) -> tuple[Any, int]:
+    if hasattr(c_library := ctypes.CDLL(None), "malloc_trim"):
+        c_library.malloc_trim(0)  # what earlier work freed would hide growth
+    Path("/proc/self/clear_refs").write_text("5")  # the peak becomes the current size
+    before = _status_bytes("VmRSS")
+    result = work()
+    return result, _status_bytes("VmHWM") - before
+
+
+def _status_bytes(name: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) << 10 for line in lines if line.startswith(f"{name}:"))
 
 
 def _timed(work: Callable[[], Any]) -> tuple[Any, float]:

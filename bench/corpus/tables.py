@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from corpus.measure import SETTINGS
+from corpus.measure import MIN_TIMED, SETTINGS
 from corpus.sources import KINDS
 from meshreel.rendering.documents import Table, significant
 
@@ -16,7 +16,8 @@ Row = Mapping[str, Any]
 PEERS = ("draco", "meshopt", "sz3", "zfp")
 PERCENTILES = (5, 25, 50, 75, 95)
 N_WORST = 10
-MIN_TIMED = 50_000
+POSITION_BYTES = 12
+"""Of a vertex in float32; speeds count these bytes."""
 HEADER_BYTES = 120
 """Of our smallest files with a bound."""
 
@@ -88,7 +89,22 @@ def speeds_table(rows: Sequence[Row]) -> Table:
         for name in SETTINGS
         for direction, speed in (("encode", encode_speed), ("decode", decode_speed))
     ]
-    return Table("Million vertices per second", header, tuple(body))
+    return Table("MB per second", header, tuple(body))
+
+
+def memory_table(rows: Sequence[Row]) -> Table:
+    """Percentiles of memory over sequences of at least `MIN_TIMED` vertices in all frames."""
+    header = ("direction", *(f"{p} %" for p in PERCENTILES), "largest")
+    body = []
+    for direction in ("encode", "decode"):
+        values = [
+            row["memory"][direction] / row["n_positions"]
+            for row in _measured(rows)
+            if "memory" in row
+        ]
+        if values:
+            body.append((direction, *map(significant, [*_percentiles(values), max(values)])))
+    return Table("Bytes per vertex and frame", header, tuple(body))
 
 
 def peers_table(rows: Sequence[Row]) -> Table:
@@ -128,8 +144,8 @@ def worst_table(rows: Sequence[Row]) -> Table:
         "ratio": (ratio_of, 1),
         "largest error, %": (lambda _, one: float(one["max"]), -1),
         "RMS error, %": (lambda _, one: float(one["rms"]), -1),
-        "encode, M vertices / s": (encode_speed, 1),
-        "decode, M vertices / s": (decode_speed, 1),
+        "encode, MB / s": (encode_speed, 1),
+        "decode, MB / s": (decode_speed, 1),
     }
     cells = []
     for measure, sign in columns.values():
@@ -215,13 +231,13 @@ def ratio_of(row: Row, one: Row) -> float:
 
 
 def encode_speed(row: Row, one: Row) -> float:
-    """Million vertices per processor second."""
-    return float(row["n_positions"] / one["encode_s"] / 1e6)
+    """MB of float32 positions per processor second."""
+    return float(POSITION_BYTES * row["n_positions"] / one["encode_s"] / 1e6)
 
 
 def decode_speed(row: Row, one: Row) -> float:
-    """Million vertices per processor second."""
-    return float(row["n_positions"] / one["decode_s"] / 1e6)
+    """MB of float32 positions per processor second."""
+    return float(POSITION_BYTES * row["n_positions"] / one["decode_s"] / 1e6)
 
 
 def _groups(rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
@@ -277,6 +293,7 @@ TABLES: dict[str, Callable[[Sequence[Row]], Table]] = {
     "corpus-errors": errors_table,
     "corpus-visible": visible_table,
     "corpus-speeds": speeds_table,
+    "corpus-memory": memory_table,
     "corpus-peers": peers_table,
     "corpus-worst": worst_table,
     "corpus-losses": losses_table,

@@ -242,7 +242,8 @@ static void run_tasks(const reel_call *call, level_tasks *tasks) {
     int64_t count = tasks->end - tasks->first;
     if (count > 0) {
         reel_run(call, predict_task, tasks,
-                 (uint32_t)((count + tasks->task_size - 1) / tasks->task_size));
+                 (uint32_t)((count + tasks->task_size - 1) / tasks->task_size),
+                 (uint64_t)(count * tasks->fields->n_modes));
     }
 }
 
@@ -338,7 +339,7 @@ static int decode_fields(reel_call *call, reel_field_mesh *mesh, uint64_t block,
         job.smooth_memory = reel_scratch(call, job.smooth_needed, 1);
         REEL_NEED(job.smooth_memory);
     }
-    reel_run(call, run_block_job, &job, 2);
+    reel_run(call, run_block_job, &job, 2, (n_items + n_columns * group->n_frames) * n_modes);
     REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged"));
     REEL_TRY(reel_fail_core(call, job.times.result, job.times.at, "the temporal basis is damaged"));
     REEL_TRY(reel_fail_core(call, job.result, job.times.at, "the temporal basis is damaged"));
@@ -465,7 +466,8 @@ int reel_pack_fields(reel_call *call, reel_track_state *state) {
     reel_find_field_rows(state, rows);
     int64_t task_size = n_items / reel_threads(call) / PACK_TILE * PACK_TILE;
     pack_job job = {state, rows, task_size + PACK_TILE, packed};
-    reel_run(call, pack_task, &job, (uint32_t)((n_items + job.task_size - 1) / job.task_size));
+    reel_run(call, pack_task, &job, (uint32_t)((n_items + job.task_size - 1) / job.task_size),
+             state->current.n_modes * n_items);
     reel_drop_scratch(call, mark);
     state->current.packed = packed;
     return MESHREEL_OK;

@@ -3,6 +3,7 @@
 #include "call.h"
 
 #define DEFAULT_LIMIT ((uint64_t)8 << 30)
+#define MIN_SHARED 8192 /* numbers that are worth waking a thread */
 
 struct reel_chunk {
     reel_chunk *before;
@@ -122,8 +123,8 @@ int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_poo
 }
 
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,
-              uint32_t n_tasks) {
-    if (n_tasks > 1 && reel_threads(call) > 1) {
+              uint32_t n_tasks, uint64_t n_numbers) {
+    if (n_tasks > 1 && n_numbers >= MIN_SHARED && reel_threads(call) > 1) {
         call->host->run(call->host->user, task, shared, n_tasks);
         return;
     }

@@ -86,9 +86,9 @@ void reel_release(const meshreel_host *host, reel_pool *pool);
 /* Move the memory of `more` to `pool`, or release it if a step failed; returns `failed`. */
 int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *more);
 
-/* Run tasks on the threads of the host. */
+/* Run tasks that compute `n_numbers` together: few on this thread, more on those of the host. */
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,
-              uint32_t n_tasks);
+              uint32_t n_tasks, uint64_t n_numbers);
 
 /* Number of threads to divide work among. */
 REEL_INLINE uint32_t reel_threads(const reel_call *call) {

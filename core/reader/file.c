@@ -370,7 +370,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     if (stencil) {
         REEL_TRY(reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy));
     }
-    reel_run(call, run_mesh_job, &jobs, 2);
+    reel_run(call, run_mesh_job, &jobs, 2, outline->n_verts * REEL_MAX_STENCIL);
     REEL_TRY(jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK);
     file->faces.triangles = mesh->triangles;
     REEL_TRY(reel_find_triangle_corners(call, pool, &file->faces));

@@ -48,5 +48,5 @@ static void decode_part(void *shared, uint32_t i) {
 void reel_decode_parts(reel_part *parts, uint32_t n_parts) {
     meshreel_host host = parts->file->host; /* `decode_part` changes that of the file */
     reel_call call = reel_begin_call(NULL, &host, 0);
-    reel_run(&call, decode_part, parts, n_parts);
+    reel_run(&call, decode_part, parts, n_parts, UINT64_MAX);
 }

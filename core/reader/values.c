@@ -73,7 +73,8 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
     for (uint64_t i = 0; i < count; i++) {
         p.frames[i] = (int32_t)(first + i);
     }
-    reel_run(call, multiply_task, &p, n_tasks);
+    reel_run(call, multiply_task, &p, n_tasks,
+             count * state->items.graph.n_items * track->n_coded);
     bool is_finite = true;
     for (uint32_t i = 0; i < n_tasks; i++) {
         is_finite &= p.results[i] != 0;

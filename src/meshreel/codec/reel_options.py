@@ -43,8 +43,8 @@ class ReelOptions(EncoderConfig):
     quality: Annotated[
         float | None,
         Option(
-            f"{QUALITIES.words}: how visible errors are. At {DEFAULT_QUALITY:g}, a model that fills "
-            "the screen looks like its original; every 12 points halve the errors.",
+            f"{QUALITIES.words}: how visible errors are. At {DEFAULT_QUALITY:g}, a model that "
+            "fills the screen looks like its original; every 12 points halve the errors.",
             default_text=f"{DEFAULT_QUALITY:g}, without another target",
             range=QUALITIES,
             group=GROUP,

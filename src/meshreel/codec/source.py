@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
@@ -264,10 +265,16 @@ class Source:
         timing = sequence.timing
         return CodedMesh(sequence.faces, sequence.n_verts, config, surface, timing, self.edit)
 
-    def with_tracks(self, tracks: Sequence["CodedTrack"]) -> "Source":
-        """Return the source with encoded tracks; its mesh is not coded again."""
-        changed = replace(self, tracks=tracks)
-        vars(changed)["mesh"] = self.mesh
+    def with_changes(self, **changes: Any) -> "Source":
+        """Return the source with other values of some fields; its mesh is not coded again.
+
+        The fields are those that do not affect the mesh, and options other than its order and UVs.
+        """
+        changed, mesh = replace(self, **changes), self.mesh
+        if "config" in changes:
+            mesh = copy(mesh)  # with what is coded
+            vars(mesh)["config"] = changed.config
+        vars(changed)["mesh"] = mesh
         return changed
 
     @cached_property

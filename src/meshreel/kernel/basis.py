@@ -3,7 +3,6 @@
 A track has C columns: positions have x, y and z.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -155,13 +154,13 @@ def basis_vectors(
     return basis
 
 
-def quantized_bases(
+def quantized_basis(
     targets: Floats,
     rate_weight: float,
-    codings: Sequence[BasisCoding],
+    coding: BasisCoding = BY_TIMES,
     lengths: Floats | None = None,
-) -> list[QuantizedBasis]:
-    """Quantize basis vectors in several codings; return their integers and what they decode to.
+) -> QuantizedBasis:
+    """Quantize basis vectors; return their integers and what they decode to.
 
     Parameters
     ----------
@@ -174,7 +173,6 @@ def quantized_bases(
 
     Returns
     -------
-    list of (integers, vectors), one for each coding:
     integers : int32 array of shape (K, C, T)
     vectors : float64 array of shape (C, T, K)
         As `basis_vectors` decodes them.
@@ -186,32 +184,22 @@ def quantized_bases(
         frames.
     """
     n_modes, n_columns, n_frames = shape = targets.shape
-    targets = np.ascontiguousarray(targets)
+    targets, what = np.ascontiguousarray(targets), "basis vectors"
     divisors = np.zeros(0) if lengths is None else lengths
-    what, results = "basis vectors", []
-    all_options = [_options_of_times(coding, n_frames) for coding in codings]
-    for coding, options in zip(codings, all_options, strict=True):
-        integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
-        encode, decode = "reel_basis_encode", "reel_basis"
-        if coding.has_cosines:
-            encode, decode = "reel_cosines_encode", "reel_cosine_basis"
-        call(
-            encode, targets, *shape, *options, float(rate_weight), integers,
-            what=what, memory_of=(f"{encode}_memory", n_frames),
-        )  # fmt: skip
-        call(
-            decode, integers, *shape, *options, divisors, len(divisors), vectors,
-            what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
-        )  # fmt: skip
-        results.append((integers, vectors))
-    return results
-
-
-def quantized_basis(
-    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
-) -> QuantizedBasis:
-    """Return the basis vectors of `quantized_bases` in one coding."""
-    return quantized_bases(targets, rate_weight, [coding])[0]
+    options = _options_of_times(coding, n_frames)
+    integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
+    encode, decode = "reel_basis_encode", "reel_basis"
+    if coding.has_cosines:
+        encode, decode = "reel_cosines_encode", "reel_cosine_basis"
+    call(
+        encode, targets, *shape, *options, float(rate_weight), integers,
+        what=what, memory_of=(f"{encode}_memory", n_frames),
+    )  # fmt: skip
+    call(
+        decode, integers, *shape, *options, divisors, len(divisors), vectors,
+        what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
+    )  # fmt: skip
+    return integers, vectors
 
 
 def encode_basis(

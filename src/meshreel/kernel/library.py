@@ -4,7 +4,6 @@ import ctypes
 import os
 import sys
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +80,7 @@ def call(
     if memory_of is not None:
         work = memory(*memory_of)
         arguments = work, len(work), *arguments
-    result = int(_function(function)(*chain.from_iterable(map(_passed, arguments))))
+    result = _run(function, *arguments)
     if result >= 0:
         return result
     code, position = -result & 0xFF, -result >> 8
@@ -140,10 +139,26 @@ def memory(size_of: str, *arguments: int) -> npt.NDArray[np.uint8]:
     size_of : str
         The function of the core that returns its size, given the arguments.
     """
-    size_bytes = int(_function(size_of)(*map(ctypes.c_int64, arguments)))
+    size_bytes = _run(size_of, *arguments)
     block = np.empty(size_bytes + ALIGNMENT, np.uint8)
     start = -block.ctypes.data % ALIGNMENT
     return block[start : start + size_bytes]
+
+
+def _run(name: str, *arguments: Argument) -> int:
+    function = _function(name)
+    if function.argtypes is None:  # the first call, whose types are those of all
+        function.argtypes = [kind for argument in arguments for kind in _types_of(argument)]
+    passed: list[Any] = []
+    for argument in arguments:
+        if isinstance(argument, np.ndarray):
+            assert argument.flags.c_contiguous  # the core receives only its address
+            passed.append(argument.ctypes.data)
+        elif isinstance(argument, bytes):
+            passed += argument, len(argument)
+        else:
+            passed.append(argument)
+    return int(function(*passed))
 
 
 @cache
@@ -153,15 +168,9 @@ def _function(name: str) -> Any:
     return function
 
 
-def _passed(argument: Argument) -> tuple[Any, ...]:
-    match argument:
-        case bytes():
-            return argument, ctypes.c_int64(len(argument))
-        case np.ndarray():
-            assert argument.flags.c_contiguous  # the core receives only its address
-            return (ctypes.c_void_p(argument.ctypes.data),)
-        case int():
-            return (ctypes.c_int64(argument),)
-        case float():
-            return (ctypes.c_double(argument),)
-    return (argument,)
+def _types_of(argument: Argument) -> tuple[Any, ...]:
+    if isinstance(argument, bytes):
+        return ctypes.c_void_p, ctypes.c_int64
+    if isinstance(argument, int):
+        return (ctypes.c_int64,)
+    return (ctypes.c_double if isinstance(argument, float) else ctypes.c_void_p,)

@@ -102,10 +102,12 @@ def in_threads(
         Called in the caller's thread with n after the first n pieces are complete.
     """
     with one_blas_thread():
-        tasks = [_in_caller_context(work) for _ in pieces]
         is_serial = len(pieces) == 1 or n_cores() == 1
-        is_serial = is_serial or threading.current_thread().name.startswith(POOL)
-        results = (map if is_serial else pool().map)(lambda task, piece: task(piece), tasks, pieces)
+        if is_serial or threading.current_thread().name.startswith(POOL):
+            results: Iterable[None] = map(work, pieces)
+        else:
+            tasks = [_in_caller_context(work) for _ in pieces]
+            results = pool().map(lambda task, piece: task(piece), tasks, pieces)
         for number, _ in enumerate(results, start=1):
             if done:
                 done(number)

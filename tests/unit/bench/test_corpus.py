@@ -1,14 +1,15 @@
 """The corpus: its manifest, files from git, and measurements."""
 
 import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 import meshreel
-from corpus.measure import SETTINGS, Subject, features, measure
+from corpus.measure import MIN_TIMED, SETTINGS, Subject, features, measure, memory_growth
 from corpus.sources import KINDS, Files, Source, UnavailableError, first_frames, read_manifest
-from corpus.tables import MIN_TIMED, TABLES, losses_of, n_broken
+from corpus.tables import TABLES, losses_of, n_broken
 from corpus.visible import SeenFrame
 from samples.captures import as_frames, capture
 from samples.meshes import irregular_sequence, waving_grid
@@ -81,6 +82,7 @@ def test_all_codecs_are_measured_and_tables_made(sequence):
     assert peers <= bounded.keys()
     row = {"name": "some", "kind": "cloth", "repo": NAME, **figures}
     row |= {"features": features(sequence), "n_positions": MIN_TIMED}
+    row["memory"] = {"encode": 100 * MIN_TIMED, "decode": 20 * MIN_TIMED}
     refused = {"name": "other", "kind": "cloth", "repo": NAME, "path": "a.obj", "refused": "no"}
     for make in TABLES.values():
         table = make([row, refused])
@@ -101,6 +103,12 @@ def test_flag_looks_like_its_original_at_the_default_quality():
     assert fine["silhouette_px"] < 0.5
     assert fine["normal"] < 1.5
     assert all(fine[key] < coarse[key] for key in fine)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_grows_by_the_decoded_positions_at_least():
+    sequence = waving_grid(2000)
+    assert memory_growth(sequence)["decode"] > sequence.vertices.nbytes
 
 
 def test_features_tell_resting_vertices_and_repeated_sides():

@@ -6,12 +6,11 @@ Integers of variable length are LEB128: 7 bits per byte, low bits first.
 import struct
 import zlib
 from collections.abc import Iterable, Sequence
+from ctypes import c_float
 from dataclasses import dataclass
 from hashlib import blake2b
 from io import BytesIO
 from typing import BinaryIO
-
-import numpy as np
 
 from meshreel.codec.bitstream.layout import (
     FORMAT_VERSION,
@@ -199,9 +198,7 @@ def _placement(header: Header) -> bytes:
 
 
 def _is_placed_by_floats(header: Header) -> bool:
-    numbers = np.array([*header.origin, header.scale])
-    with np.errstate(over="ignore", under="ignore"):
-        return bool((numbers.astype(np.float32) == numbers).all())
+    return all(c_float(number).value == number for number in (*header.origin, header.scale))
 
 
 def _pack(number_type: str, *numbers: float) -> bytes:

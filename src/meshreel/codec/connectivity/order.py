@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.triangles import AnyFaces, matching_corners, twin_sides
+from meshreel.codec.connectivity.triangles import AnyFaces, matching_corners
 from meshreel.kernel import order
 from meshreel.model.sequence import Faces
 
@@ -39,6 +39,6 @@ def encode_order(
     if not keep_faces:
         return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, None, sequence)
     corners = matching_corners(sequence[faces], internal_faces, n_verts)
-    twins = twin_sides(internal_faces, n_verts)
+    twins = order.opposite_sides(internal_faces, n_verts)
     coded = order.encode_order(internal_faces, twins, corners, sequence)
     return bytes([VERTICES_AND_FACES]) + coded

@@ -8,7 +8,7 @@ from meshreel.kernel.order import opposite_sides
 
 AnyFaces = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
-CORNERS = np.arange(3)
+CORNERS, NEXT = np.arange(3), [1, 2, 0]
 
 
 def rotate_corners(faces: AnyFaces, first: Integers) -> Integers:
@@ -23,7 +23,7 @@ def lowest_rotation(faces: AnyFaces, n_verts: int) -> tuple[Integers, Integers]:
     Two faces are the same oriented triangle if and only if these representatives are equal.
     """
     wide = np.asarray(faces, np.int64)
-    first = np.argmin(wide * n_verts + np.roll(wide, -1, axis=1), axis=1).astype(np.int64)
+    first = np.argmin(wide * n_verts + wide[:, NEXT], axis=1).astype(np.int64)
     return rotate_corners(wide, first), first
 
 

@@ -44,6 +44,9 @@ MIN_RESTING_SHARE = 0.02
 MAX_NEW_RATIO = 0.25
 """With at most this many new modes per mode of the key, coding without the key is not tried."""
 
+MIN_PARALLEL_VERTICES = 512
+"""Vertices from which the hierarchy is derived in the background."""
+
 
 @dataclass(frozen=True)
 class FieldChoices:
@@ -148,8 +151,9 @@ def analyze_fields(
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     is_repeated = frames.is_analyzed
-    # The first analysis also derives the hierarchy, in the background.
-    hierarchy = None if is_repeated else in_background(lambda: mesh.hierarchy)
+    # The first analysis also derives the hierarchy, that of a large mesh in the background.
+    is_serial = is_repeated or mesh.n_verts < MIN_PARALLEL_VERTICES
+    hierarchy = None if is_serial else in_background(lambda: mesh.hierarchy)
     is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     reused = None

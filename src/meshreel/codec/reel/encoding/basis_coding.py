@@ -11,6 +11,7 @@ docs/codec.md, "Rest".
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -23,13 +24,13 @@ from meshreel.kernel.basis import (
     MAX_REST_BITS,
     NO_REST,
     BasisCoding,
-    QuantizedBasis,
     Rests,
     encode_basis,
-    quantized_bases,
+    quantized_basis,
 )
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 Runs = tuple[tuple[int, int], ...]
 
 SAMPLED_MODES = 48
@@ -96,45 +97,43 @@ def cheapest_coding(
     first = max(0, (n_modes - SAMPLED_MODES) // 2)
     some = targets[first : first + SAMPLED_MODES]
     largest = math.sqrt(n_frames) * float(np.abs(targets).max(initial=0.0))  # possible coefficient
-    least_gains = {BY_TIMES: 0.0}
+    least_gains = {}
     if may_be_cosines and n_frames <= MAX_COSINES and largest < LARGEST_INTEGER:
         least_gains[BasisCoding(has_cosines=True)] = MIN_COSINE_GAIN
     if n_frames >= MIN_ADAPTIVE_FRAMES:
         least_gains[BasisCoding(is_adaptive=True)] = MIN_ADAPTIVE_GAIN
-    trials = quantized_bases(some, rate_weight, list(least_gains), np.ones(len(some)))
-    plain = _cost(some, rate_weight, BY_TIMES, trials[0])
-    for coding, trial in list(zip(least_gains, trials, strict=True))[1:]:
-        if _cost(some, rate_weight, coding, trial) < (1.0 - least_gains[coding]) * plain:
+    plain = _cost(some, rate_weight, BY_TIMES)
+    for coding, least_gain in least_gains.items():
+        if _cost(some, rate_weight, coding) < (1.0 - least_gain) * plain:
             return coding
     return BY_TIMES
 
 
-def _cost(targets: Floats, rate_weight: float, coding: BasisCoding, trial: QuantizedBasis) -> float:
+def _cost(targets: Floats, rate_weight: float, coding: BasisCoding) -> float:
     """Return estimated bits of basis vectors, and the weighted bits that would remove their error.
 
-    Bits are estimated separately for each level of times.
+    Integers are geometrically distributed in each group.
     """
-    coded, decoded = trial
-    levels = [slice(0, None, COARSEST), slice(2, None, COARSEST), slice(1, None, 2)]
-    if coding.has_cosines:
-        levels = [slice(None)]
-    squared_error = float(np.square(np.moveaxis(decoded, 2, 0) - targets).sum())
-    bits = 0.0
-    for level in levels:
-        bits += _estimated_bits(coded[:, :, level])
+    coded, decoded = quantized_basis(targets, rate_weight, coding, np.ones(len(targets)))
+    squared_error = float(np.square(decoded.transpose(2, 0, 1) - targets).sum())
+    order, starts, counts = _groups(targets.shape[2], coding.has_cosines)
+    mean = np.add.reduceat(np.abs(coded[:, :, order].astype(np.float64)), starts, axis=2) / counts
+    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
+    bits = float(((magnitudes + mean / (1.0 + mean)) * counts).sum())
     return bits + (ERROR_WEIGHT * squared_error / rate_weight if rate_weight else 0.0)
 
 
-def _estimated_bits(integers: npt.NDArray[np.int32]) -> float:
-    """Return estimated bits of integers (K, C, n), geometrically distributed in each group."""
-    n = integers.shape[2]
-    if not n:
-        return 0.0
-    starts = np.arange(0, n, GROUP)
-    counts = np.diff(starts, append=n)
-    mean = np.add.reduceat(np.abs(integers.astype(np.float64)), starts, axis=2) / counts
-    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
-    return float(((magnitudes + mean / (1.0 + mean)) * counts).sum())
+@lru_cache(maxsize=8)
+def _groups(n_frames: int, has_cosines: bool) -> tuple[Integers, Integers, Integers]:
+    """Return the integers of a column by group, and the first place and the size of each group.
+
+    A group is part of one level of times.
+    """
+    times = np.arange(n_frames)
+    levels = [times] if has_cosines else [times[::COARSEST], times[2::COARSEST], times[1::2]]
+    sizes = [min(GROUP, len(one) - at) for one in levels for at in range(0, len(one), GROUP)]
+    counts = np.array(sizes, np.int64)
+    return np.concatenate(levels), np.cumsum(counts) - counts, counts
 
 
 def find_rests(
@@ -161,10 +160,10 @@ def find_rests(
     steps = steps[:, ranges >= position_step]
     if not steps.size:
         return NO_REST
-    share = np.mean(steps < position_step, axis=1)
-    runs = _runs_of(np.concatenate([[False], share >= MIN_RESTING]))
-    if not runs:
+    is_resting = np.mean(steps < position_step, axis=1) >= MIN_RESTING
+    if not is_resting.any():
         return NO_REST
+    runs = _runs_of(np.concatenate([[False], is_resting]))
     rests = Rests(runs, _rest_bits(frames.n_verts, targets, finer))
     with_rests = encode_basis(targets, rate_weight, BasisCoding(rests))
     without = encode_basis(targets, rate_weight)

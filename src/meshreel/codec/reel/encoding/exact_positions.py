@@ -14,7 +14,7 @@ from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
-from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
+from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_grid_frame
 from meshreel.codec.reel.normative.grid import PositionGrid
@@ -135,10 +135,10 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     SolverError
         As `ExactPositionCoder.code`.
     """
-    source = source.with_tracks(encode_tracks(source, progress))
+    source = source.with_changes(tracks=encode_tracks(source, progress))
     coder = ExactPositionCoder(source.mesh.links, source.mesh.n_verts)
-    if source.n_frames == 1 and (found := on_stored_grid(source)):
-        source, grid = found
+    if source.n_frames == 1 and (grid := grid_of_frame(source)):
+        source = source.with_changes(origin=grid.frame.origin)
         coder = replace(coder, sides=source.mesh.sides, grid=grid)
     return stream_of(source, coder, progress, engine)
 

@@ -61,7 +61,7 @@ class FollowingTracks:
             (opened.file.block(number).n_frames, opened.group(number))
             for number in range(opened.n_blocks)
         )
-        return source.with_tracks(tracks).stream(leading, blocks)
+        return source.with_changes(tracks=tracks).stream(leading, blocks)
 
     def size_bytes(self, data: bytes) -> int:
         """Estimate the bytes of `stream`, with few trials per track."""

@@ -16,7 +16,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, stream_of
-from meshreel.codec.reel.encoding.stored_grid import on_stored_grid
+from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
@@ -140,7 +140,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    source = source.with_tracks(encode_tracks(source, progress))
+    source = source.with_changes(tracks=encode_tracks(source, progress))
     return _encoded(source, progress, engine, is_still(source.sequence))
 
 
@@ -198,9 +198,12 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
     """
     if not _takes_grid(source.config):
         return None
-    own = _encoded(_on_grid(source, step, _cut(source)), progress, None, has_one_shape=True)
-    stored = encode_on_stored_grid(source, progress)
-    return own if stored is None else min(own, stored, key=len)
+    stored = grid_of_frame(source)
+    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), stored)
+    own = stream_of(moved, coder, progress, None)
+    if stored is None or coder.is_stored:
+        return own
+    return min(own, _encoded_on(stored, source, progress), key=len)
 
 
 def _takes_grid(config: EncoderConfig) -> bool:
@@ -223,11 +226,13 @@ def _cut(source: Source) -> int | None:
 
 def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
     """Return a stream of one shape of `reel` on the grid of its quantizer; None without one."""
-    found = on_stored_grid(source) if _takes_grid(source.config) else None
-    if found is None:
-        return None
-    moved, grid = found
-    coder = replace(step_coder(moved.mesh, moved.frame, grid.step), is_stored=True)
+    grid = grid_of_frame(source) if _takes_grid(source.config) else None
+    return None if grid is None else _encoded_on(grid, source, progress)
+
+
+def _encoded_on(grid: PositionGrid, source: Source, progress: Progress) -> bytes:
+    coder = replace(step_coder(source.mesh, grid.frame, grid.step), is_stored=True)
+    moved = source.with_changes(origin=grid.frame.origin)
     return stream_of(_on_grid(moved, grid.step, _cut(source)), coder, progress, None)
 
 
@@ -237,7 +242,7 @@ def _on_grid(source: Source, step: float | None, block_frames: int | None = None
     if step is not None:
         targets = "bound", *(kind.value for kind in TargetKind)
         changes |= {**dict.fromkeys(targets), "step": _allowed(step)}
-    return replace(source, config=replace(source.config, **changes))
+    return source.with_changes(config=replace(source.mesh.config, **changes))
 
 
 def _allowed(step: float) -> float:
@@ -248,21 +253,22 @@ def _allowed(step: float) -> float:
 def _encoded(
     source: Source, progress: Progress, engine: Engine | None, has_one_shape: bool
 ) -> bytes:
+    grid = grid_of_frame(source) if has_one_shape else None
+    return stream_of(*_with_coder(source, grid), progress, engine)
+
+
+def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
+    """Return the source and its coder; both are for the stored grid if that suffices.
+
+    It must be coarser, and meet the bound.
+    """
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if has_one_shape:
-        source, coder = _on_stored_grid(source, coder)
-    return stream_of(source, coder, progress, engine)
-
-
-def _on_stored_grid(source: Source, coder: GridPositionCoder) -> tuple[Source, GridPositionCoder]:
-    """Return both for the grid on which a frame lies, if that is coarser and meets the bound."""
-    found = on_stored_grid(source)
-    if found is None or found[1].step <= coder.grid.step:
+    if stored is None or stored.step <= coder.grid.step:
         return source, coder
-    moved, grid = found
-    stored = replace(coder, grid=grid, is_stored=True)
-    frame = source.sequence.read(0, 1)
-    coordinates = grid.coordinates(frame)
-    is_precise = stored._meets_bound(coordinates, frame) or grid.rounding(coordinates, frame)
-    return (moved, stored) if is_precise else (source, coder)
+    on_stored = replace(coder, grid=stored, is_stored=True)
+    frame = sequence.read(0, 1)
+    coordinates = stored.coordinates(frame)
+    if on_stored._meets_bound(coordinates, frame) or stored.rounding(coordinates, frame):
+        return source.with_changes(origin=stored.frame.origin), on_stored
+    return source, coder

@@ -17,14 +17,14 @@ TEXT_DIGITS = range(4, 8)
 """Significant digits that text may have left of a float."""
 
 
-def on_stored_grid(source: Source) -> tuple[Source, PositionGrid] | None:
-    """Return a source of one frame with the origin of its grid, and the grid; None without one."""
+def grid_of_frame(source: Source) -> PositionGrid | None:
+    """Return the grid on which the first frame lies, with its own origin; None without one."""
     found = stored_grid(source.sequence.read(0, 1)[0])
     if found is None:
         return None
     step, origin = found
-    moved = replace(source, origin=origin)
-    return moved, PositionGrid(step / moved.frame.scale, moved.frame)
+    frame = replace(source.frame, origin=origin)
+    return PositionGrid(step / frame.scale, frame)
 
 
 def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float, ...]] | None:

@@ -30,7 +30,7 @@ from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
-from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, sampled_numbers, step_of_quality
+from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, step_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Piece, Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
@@ -39,7 +39,7 @@ from meshreel.metrics.rate import rate_bpvf
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
-from meshreel.runtime.threads import prefetch
+from meshreel.runtime.threads import one_blas_thread, prefetch
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
 """Targets that set the step, so that nothing is searched."""
@@ -54,6 +54,7 @@ CACHED_POSITION_BYTES = 36
 """Memory of a position of a cached block: the original, and coordinate matrices."""
 
 
+@one_blas_thread()  # set once, because each limit waits for another thread
 def encode(
     source: Source, progress: Progress, engine: Engine | None, *, step: float | None = None
 ) -> bytes:
@@ -80,7 +81,7 @@ def encode(
             step, _ = step_for_target(config, RateSearch(source, progress, None))
         return encode_frame(source, progress, step)
     if source.bounds:
-        source = source.with_tracks(encode_tracks(source, progress))
+        source = source.with_changes(tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress, engine)
     bound = None
     if step is None:
@@ -177,8 +178,8 @@ class RateSearch:
 
     def step_of_quality(self, quality: float) -> float:
         """Return the step of a quality, in diagonals."""
-        chosen = sampled_numbers(len(self._pieces), MAX_BLOCKS)
-        blocks = (self._pieces[number].read_given() for number in chosen)
+        chosen = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
+        blocks = (piece.read_given() for piece in chosen)
         size = self.own_diagonal * self.diagonal
         faces = self._source.mesh.given_faces
         return step_of_quality(quality, faces, blocks, size) / self.diagonal
