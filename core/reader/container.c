@@ -3,6 +3,7 @@
 
 #include "container.h"
 
+#define EXPERIMENTAL 128 /* and later versions: never released */
 #define HEAD_BYTES 9 /* magic and version */
 #define N_PLACEMENT 4
 #define MAX_NAME_BYTES 4096
@@ -113,7 +114,9 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     if (here == HEAD_BYTES && head[8] != VERSION) {
         return reel_fail(
             call, MESHREEL_UNSUPPORTED, 8,
-            head[8] && head[8] < VERSION
+            head[8] >= EXPERIMENTAL
+                ? "the format is experimental; decode it with the build that wrote it"
+            : head[8] && head[8] < VERSION
                 ? "the format is older than the first release; encode the original again"
                 : "the format version is not 3; update meshreel");
     }

@@ -278,6 +278,8 @@ REFUSED = {
     "version 2": (with_byte(8, 2), UnsupportedVersionError, OLDER),
     "version 4": (with_byte(8, 4), UnsupportedVersionError, NEWER),
     "version 0": (with_byte(8, 0), UnsupportedVersionError, NEWER),
+    "version 127": (with_byte(8, 127), UnsupportedVersionError, NEWER),
+    "version 128": (with_byte(8, 128), UnsupportedVersionError, "is experimental; decode it with"),
     "form": (with_byte(FORM_AT, 64), UnsupportedVersionError, "needs a newer version"),
     **{
         f"{name} {value}": (
