@@ -1,4 +1,4 @@
-"""Fixed cost of a call: a cube of 12 triangles that turns and moves, and one that stands still.
+"""Fixed cost of a call: a cube of 12 triangles that turns and moves, and one that does not move.
 
     python bench/fixed_cost.py
 

@@ -1,6 +1,6 @@
 """The quantization step of a quality: an encoder's choice.
 
-A quality stands for errors of positions and normals that look alike on all sequences: at the
+A quality sets errors of positions and normals that look alike on all sequences: at the
 default, a model as high as a full screen looks like its original. How large the errors of a step
 are depends on the number of modes; how visible they are, on the sizes of the faces and on the
 angles between them. docs/codec.md, "What the user sets", has the measurements.
@@ -30,7 +30,7 @@ NORMAL_ERROR_DEG, NORMAL_ERROR_PER_BEND = 0.2, 0.12
 angle between adjacent faces, among which errors are less visible."""
 
 MAX_BEND_DEG = 20.0
-"""Limit of an angle in that mean: a hard edge does not hide errors on the flat faces beside it."""
+"""Limit of an angle in that mean: a hard edge does not hide errors on the flat faces next to it."""
 
 SEAM_ERROR, MIN_SEAM_SHARE = 1.3e-4, 0.1
 """RMS error of positions at the default quality if more than a share of the vertices coincide with

@@ -80,7 +80,7 @@ def test_sampled_numbers_are_the_middles_of_equal_parts():
 
 
 def rough_body(n_frames, n_motions, side=40):
-    """A rough sheet in so many independent motions."""
+    """A rough sheet with a number of independent motions."""
     sheet = waving_grid(1, side, side, np.float64)
     rng = np.random.default_rng(3)
     rest = sheet.vertices[0] + 0.02 * rng.normal(size=(side**2, 3))
