@@ -21,11 +21,11 @@ Floats = npt.NDArray[np.float64]
 
 POINTS_PER_HALVING = 12.0
 
-POSITION_ERROR = 3.5e-4
-"""RMS error of positions at the default quality, in diagonals of the model; about a third of a
-pixel if the model is as high as a screen of 1080 lines."""
+POSITION_ERROR = 4.5e-4
+"""RMS error of positions at the default quality, in diagonals of the model; less than half a pixel
+if the model is as high as a screen of 1080 lines."""
 
-NORMAL_ERROR_DEG, NORMAL_ERROR_PER_BEND = 0.2, 0.12
+NORMAL_ERROR_DEG, NORMAL_ERROR_PER_BEND = 0.2, 0.15
 """Mean error of normals at the default quality: of a flat surface, and its increase with the mean
 angle between adjacent faces, among which errors are less visible."""
 
