@@ -184,8 +184,8 @@ def _sides(faces: Faces) -> Indices:
 def _slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
     """Return faces that close short loops of open sides, some of which are of added faces."""
     own, new = (set(map(tuple, _sides(some).tolist())) for some in (faces, added))
-    closed: list[list[int]] = []
-    for loop in _loops([side for side in own | new if side[::-1] not in own | new]):
+    sides, closed = own | new, list[list[int]]()
+    for loop in _loops([side for side in sides if side[::-1] not in sides]):
         around = [*loop, loop[0]]
         length = np.linalg.norm(np.diff(vertices[around], axis=0), axis=1).sum()
         if length < max_length and any(side in new for side in pairwise(around)):
