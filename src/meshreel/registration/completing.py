@@ -137,6 +137,8 @@ def _joined(
         return key
     numbers = np.where(is_merged, nearest, len(own.vertices) + np.arange(len(patch.vertices)))
     added = _consistent(own.faces, numbers[patch.faces].astype(np.int32))
+    if not len(added):
+        return key
     vertices = np.concatenate([own.vertices, patch.vertices])
     added = np.concatenate([added, _slits(vertices, own.faces, added, MAX_SLIT * edge)])
     places = whole.closest(vertices[added].mean(axis=1))

@@ -293,7 +293,10 @@ def _longest(
     )
     key_mesh = _completed(frames, key, given, run, whole.mesh, tolerance, completing)
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
-    if key_mesh is not given or not segment.may_lack_vertices:
+    if key_mesh is not given and segment.reasons:  # what was added may not belong to the surface
+        other = _grow(frames, key, given, f"{key}_given", run, tolerance, store, first)
+        segment = max(segment, other, key=lambda choice: choice.n_frames)
+    if segment.key_mesh is not given or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
     if refined is key_mesh:
