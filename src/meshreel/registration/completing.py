@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.metrics.closest_points import k_d_tree
@@ -52,74 +53,93 @@ class Sighting(NamedTuple):
     turns: Floats
     target: TriangleMesh
 
+    def patches(self, rest: Floats, tolerance: Tolerance) -> Iterator[TriangleMesh]:
+        """Yield the patches of the frame beyond the boundary of the key, in the pose of the key.
+
+        They move with the boundary that they join.
+
+        Parameters
+        ----------
+        rest : float64 array of shape (V, 3)
+            The vertices of the key.
+        """
+        for patch in _beyond(self.mesh, self.target, tolerance):
+            nearest, is_near = _at_boundary(self.mesh, patch, _mean_edge(self.target))
+            if is_near.any():
+                moved = _moved_back(patch.vertices, rest, np.unique(nearest[is_near]), self)
+                yield TriangleMesh(moved, patch.faces)
+
+
+def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
+    """Return whether a boundary of a key is long enough for a patch."""
+    circle = 2 * np.sqrt(np.pi * MIN_AREA * tolerance.patch_area)
+    return bool(mesh.longest_boundary > circle)
+
 
 def completed(
-    key: KeyMesh, whole: TriangleMesh, sightings: Iterable[Sighting], tolerance: Tolerance
+    key: KeyMesh, whole: TriangleMesh, patches: Iterable[TriangleMesh], tolerance: Tolerance
 ) -> KeyMesh:
-    """Return a key with patches of frames that lie beyond its boundary; else the key itself.
-
-    Patches are moved back to the key with the boundary that they join, the largest first.
+    """Return a key with what patches have beyond its boundary, the largest first; else the key.
 
     Parameters
     ----------
     whole : TriangleMesh
         The cleaned raw mesh of the key, to which the corners of the key refer.
-    sightings : iterable of Sighting
-        Of this key.
+    patches : iterable of TriangleMesh
+        In the pose of the key.
     """
-    patches = [(patch, seen) for seen in sightings for patch in _patches(seen, tolerance)]
-    for patch, seen in sorted(patches, key=lambda pair: -pair[0].areas.sum()):
-        key = _joined(key, whole, patch, seen, tolerance)
+    for patch in sorted(patches, key=lambda patch: -patch.areas.sum()):
+        edge = _mean_edge(patch)
+        for part in list(_beyond(key.mesh, patch, tolerance)):
+            key = _joined(key, whole, part, edge, tolerance)
     return key
 
 
-def _patches(seen: Sighting, tolerance: Tolerance) -> list[TriangleMesh]:
-    """Return the connected, decimated patches of a frame beyond the boundary of the key."""
-    target = seen.target
-    found = seen.mesh.closest(target.centroids)
+def _beyond(
+    key: TriangleMesh, surface: TriangleMesh, tolerance: Tolerance
+) -> Iterator[TriangleMesh]:
+    """Yield the connected patches of a surface that are beyond the boundary of the key."""
+    found = key.closest(surface.centroids)
     far = np.flatnonzero(found.distances > tolerance.length)
-    is_beyond = seen.mesh.ends_before(target.centroids[far], found.at(far))
-    labels = component_labels(target.faces[far], len(target.vertices))[target.faces[far, 0]]
+    is_beyond = key.ends_before(surface.centroids[far], found.at(far))
+    labels = component_labels(surface.faces[far], len(surface.vertices))[surface.faces[far, 0]]
     _, numbers = np.unique(labels, return_inverse=True)
-    areas = np.bincount(numbers, target.areas[far])
-    beyond = np.bincount(numbers, target.areas[far] * is_beyond)
-    patches = []
+    areas = np.bincount(numbers, surface.areas[far])
+    beyond = np.bincount(numbers, surface.areas[far] * is_beyond)
     for patch in np.flatnonzero(
         (areas > MIN_AREA * tolerance.patch_area) & (beyond > MIN_SHARE_BEYOND * areas)
     ):
-        vertices, faces = _used(target.vertices, target.faces[far[numbers == patch]])
-        given = KeyMesh.of_mesh(TriangleMesh(vertices, faces))
-        patches.append(decimated_key(given, faces.astype(np.int64), tolerance).mesh)
-    return patches
+        yield TriangleMesh(*_used(surface.vertices, surface.faces[far[numbers == patch]]))
+
+
+def _at_boundary(
+    key: TriangleMesh, patch: TriangleMesh, edge: float
+) -> tuple[Indices, npt.NDArray[np.bool_]]:
+    """Return the nearest boundary vertex for each vertex of a patch, and which ones are near it."""
+    rim = np.flatnonzero(key.is_boundary)
+    if not len(rim):
+        return np.zeros(len(patch.vertices), np.int64), np.zeros(len(patch.vertices), bool)
+    _, places = k_d_tree(key.oriented[rim]).query(patch.oriented)
+    nearest = rim[places]
+    gaps = np.linalg.norm(patch.vertices - key.vertices[nearest], axis=1)
+    cosines = np.einsum("nc,nc->n", patch.vertex_normals, key.vertex_normals[nearest])
+    return nearest, patch.is_boundary & (gaps < MAX_GAP * edge) & (cosines > MIN_COSINE)
 
 
 def _joined(
-    key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, seen: Sighting, tolerance: Tolerance
+    key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
 ) -> KeyMesh:
-    """Return the key with a patch whose border is merged with its boundary.
-
-    The key itself, if the patch is not at the boundary, or not beyond it any more.
-    """
-    own, edge = key.mesh, _mean_edge(seen.target)
-    rim = np.flatnonzero(own.is_boundary[: len(seen.mesh.vertices)])
-    if not len(rim):
-        return key
-    _, nearest = k_d_tree(seen.mesh.oriented[rim]).query(patch.oriented)
-    nearest = rim[nearest]
-    gaps = np.linalg.norm(patch.vertices - seen.mesh.vertices[nearest], axis=1)
-    cosines = np.einsum("nc,nc->n", patch.vertex_normals, seen.mesh.vertex_normals[nearest])
-    is_merged = patch.is_boundary & (gaps < MAX_GAP * edge) & (cosines > MIN_COSINE)
+    """Return the key with a decimated patch whose border is merged with its boundary, if it can."""
+    given = KeyMesh.of_mesh(patch)
+    patch, own = decimated_key(given, patch.faces.astype(np.int64), tolerance).mesh, key.mesh
+    nearest, is_merged = _at_boundary(own, patch, edge)
     if not is_merged.any():
         return key
-    moved = _moved_back(patch.vertices, own.vertices, np.unique(nearest[is_merged]), seen)
-    centroids = TriangleMesh(moved, patch.faces).centroids
-    found = own.closest(centroids)
-    is_new = (found.distances > tolerance.length) & own.ends_before(centroids, found)
-    if patch.areas @ is_new < MIN_SHARE_BEYOND * patch.areas.sum():
-        return key
-    numbers = np.where(is_merged, nearest, len(own.vertices) + np.arange(len(moved)))
+    numbers = np.where(is_merged, nearest, len(own.vertices) + np.arange(len(patch.vertices)))
     added = _consistent(own.faces, numbers[patch.faces].astype(np.int32))
-    vertices = np.concatenate([own.vertices, moved])
+    if not len(added):
+        return key
+    vertices = np.concatenate([own.vertices, patch.vertices])
     added = np.concatenate([added, _slits(vertices, own.faces, added, MAX_SLIT * edge)])
     places = whole.closest(vertices[added].mean(axis=1))
     weights = np.eye(3)[places.weights.argmax(axis=1)]
@@ -184,8 +204,8 @@ def _sides(faces: Faces) -> Indices:
 def _slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
     """Return faces that close short loops of open sides, some of which are of added faces."""
     own, new = (set(map(tuple, _sides(some).tolist())) for some in (faces, added))
-    closed: list[list[int]] = []
-    for loop in _loops([side for side in own | new if side[::-1] not in own | new]):
+    sides, closed = own | new, list[list[int]]()
+    for loop in _loops([side for side in sides if side[::-1] not in sides]):
         around = [*loop, loop[0]]
         length = np.linalg.norm(np.diff(vertices[around], axis=0), axis=1).sum()
         if length < max_length and any(side in new for side in pairwise(around)):

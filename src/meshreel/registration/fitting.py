@@ -73,7 +73,13 @@ class TwoSidedFit:
         self._squared_columns = np.asarray(squares.sum(axis=0)).ravel()
 
     def step(
-        self, mesh: TriangleMesh, rest: Floats, target: TriangleMesh, smoothness: float
+        self,
+        mesh: TriangleMesh,
+        rest: Floats,
+        target: TriangleMesh,
+        smoothness: float,
+        *,
+        covers: bool = True,
     ) -> Floats:
         """Return positions of shape (V, 3) that fit a surface better.
 
@@ -86,13 +92,19 @@ class TwoSidedFit:
         smoothness : float
             Weight of the squared Laplacian of the change, relative to that of one vertex's share
             of the distances.
+        covers : bool
+            Whether distances from points of the surface to the mesh count.
         """
-        rows = joined(
+        several = [
             rows_to_surface(mesh, mesh.centroid_samples(), target),
             rows_to_surface(mesh, mesh.vertex_samples(), target),
-            rows_from_surface(mesh, target, target.centroid_samples()),
-            rows_from_surface(mesh, target, target.vertex_samples()),
-        )
+        ]
+        if covers:
+            several += [
+                rows_from_surface(mesh, target, target.centroid_samples()),
+                rows_from_surface(mesh, target, target.vertex_samples()),
+            ]
+        rows = joined(*several)
         if not len(rows.offsets):
             return mesh.vertices
         return mesh.vertices + self._solve(rows, mesh.vertices - rest, smoothness)

@@ -1,8 +1,9 @@
 """Segments grow from key frames in both directions, as far as the tolerance is met."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
+from itertools import chain, count
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +11,14 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.frame_choice import consecutive_runs
-from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.model.geometry.connectivity import (
+    boundary_edges,
+    component_labels,
+    undirected_edges,
+)
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
-from meshreel.registration.completing import Sighting, completed
+from meshreel.registration.completing import Sighting, completed, may_lack_surface
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
@@ -30,6 +35,9 @@ REGISTERING = "registering"
 
 KEY_MARGIN = 0.25
 """A key is in the middle of a run of frames: not within this fraction of either end."""
+
+MAX_FRAGMENT = 0.1
+"""Largest area of an open component, as a share of that of its frame, that holes may cut off."""
 
 SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 """Smoothness of the steps of a fit, which ends at the step that meets the tolerance."""
@@ -54,12 +62,6 @@ MAX_REPAIRS = 2
 
 MAX_SAGITTA = 0.7
 """Largest sagitta of the edges of a refined key (`KeyMesh.refined`), in tolerances."""
-
-MAX_COMPLETIONS = 4
-"""Largest number of times that a key is completed."""
-
-LOOKAHEAD = 8
-"""Frames from the one at which a segment ended that may complete its key."""
 
 MAX_ERROR_TO_COMPLETE = 3.0
 """Largest error, in tolerances, of a mesh where a frame has surface, for it to be completed."""
@@ -116,17 +118,26 @@ class Topology(NamedTuple):
     """What decides whether a frame is a good key; the greatest is the best.
 
     A deformation can bring parts of a surface together but not separate what touches: the best key
-    has the most components, and of those the fewest handles.
+    has the most components, and of those the fewest handles. Fragments do not count: holes of a
+    scan cut them off. Of keys that are equal otherwise, the best has the fewest fragments.
     """
 
     n_components: int
     euler_number: int
+    minus_fragments: int = 0
 
     @classmethod
     def of_mesh(cls, mesh: CleanMesh) -> "Topology":
         """Return the topology of a cleaned frame."""
-        n_edges = len(undirected_edges(mesh.faces))
-        return cls(mesh.n_components, len(mesh.vertices) - n_edges + len(mesh.faces))
+        labels = component_labels(mesh.faces, len(mesh.vertices))
+        of_faces = labels[mesh.faces[:, 0]]
+        areas = np.bincount(of_faces, TriangleMesh(mesh.vertices, mesh.faces).areas)
+        is_open = np.isin(np.arange(len(areas)), labels[boundary_edges(mesh.faces)])
+        is_fragment = is_open & (areas < MAX_FRAGMENT * areas.sum())
+        n_fragments = len(np.unique(of_faces[is_fragment[of_faces]]))
+        faces = mesh.faces[~is_fragment[of_faces]]
+        euler_number = len(np.unique(faces)) - len(undirected_edges(faces)) + len(faces)
+        return cls(mesh.n_components - n_fragments, euler_number, -n_fragments)
 
 
 class Followed(NamedTuple):
@@ -196,8 +207,6 @@ class Segment:
     n_folded: int
     reasons: tuple[tuple[int, str], ...]
     may_lack_vertices: bool
-    states: Mapping[int, State] = field(default_factory=dict)
-    """Of the tracker before each frame at which it ended."""
 
     @property
     def n_frames(self) -> int:
@@ -277,22 +286,17 @@ def _longest(
 ) -> Segment:
     """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
     whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
-    key_mesh = whole if wedges is None else decimated_key(whole, wedges, tolerance)
+    given = whole if wedges is None else decimated_key(whole, wedges, tolerance)
     first, completing, again = (
         partial(report, stage)
-        for stage in (REGISTERING, "registering a completed mesh", "registering a refined mesh")
+        for stage in (REGISTERING, "completing a mesh", "registering a refined mesh")
     )
+    key_mesh = _completed(frames, key, given, run, whole.mesh, tolerance, completing)
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
-    last = segment
-    for number in range(MAX_COMPLETIONS):
-        larger = _completed(frames, last, run, whole.mesh, tolerance)
-        if larger is last.key_mesh:
-            break
-        last = _grow(frames, key, larger, f"{key}_{number}", run, tolerance, store, completing)
-        segment = max(segment, last, key=lambda choice: choice.n_frames)
-    if segment.key_mesh is not key_mesh:
-        return segment
-    if not segment.may_lack_vertices:
+    if key_mesh is not given and segment.reasons:  # what was added may not belong to the surface
+        other = _grow(frames, key, given, f"{key}_given", run, tolerance, store, first)
+        segment = max(segment, other, key=lambda choice: choice.n_frames)
+    if segment.key_mesh is not given or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
     if refined is key_mesh:
@@ -302,21 +306,33 @@ def _longest(
 
 
 def _completed(
-    frames: Frames, segment: Segment, run: range, whole: TriangleMesh, tolerance: Tolerance
+    frames: Frames,
+    key: int,
+    key_mesh: KeyMesh,
+    run: range,
+    whole: TriangleMesh,
+    tolerance: Tolerance,
+    report: Callable[[int], None],
 ) -> KeyMesh:
-    """Return the key of a segment with what the frames at which it ended show beyond it.
+    """Return a key with what frames of a run show beyond it, as far as they are followed.
 
     `whole` is the cleaned raw mesh of the key.
     """
-    mesh = segment.key_mesh.mesh
-    if not mesh.is_boundary.any():
-        return segment.key_mesh
-    follower, seen = Follower(mesh, tolerance), list[Sighting]()
-    for number, state in segment.states.items():
-        step = 1 if number > segment.key else -1
-        numbers = range(number, number + step * LOOKAHEAD, step)
-        seen += follower.sightings(state, [frames.mesh(one) for one in numbers if one in run])
-    return completed(segment.key_mesh, whole, seen, tolerance)
+    mesh = key_mesh.mesh
+    if not may_lack_surface(mesh, tolerance):
+        return key_mesh
+    follower = Follower(mesh, tolerance)
+    ways = [range(key - 1, run.start - 1, -1), range(key + 1, run.stop)]
+    patches: dict[range, list[TriangleMesh]] = {numbers: [] for numbers in ways}
+    n_seen = count(1)
+
+    def look(numbers: range) -> None:
+        for seen in follower.sightings(map(frames.mesh, numbers)):
+            patches[numbers] += seen.patches(mesh.vertices, tolerance)
+            report(next(n_seen))
+
+    in_threads(look, ways)
+    return completed(key_mesh, whole, chain(*patches.values()), tolerance)
 
 
 def _grow(
@@ -375,7 +391,6 @@ def _grow(
             and frames.cleaned(number).n_components == n_components
             for number, course in ends.items()
         ),
-        {number: course.state for number, course in ends.items()},
     )
 
 
@@ -448,15 +463,21 @@ class Follower:
         nearest = min((fit.errors for fit in fits), key=self._excess)
         return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
 
-    def sightings(self, state: State, targets: Iterable[TriangleMesh]) -> Iterator[Sighting]:
-        """Yield the mesh at frames that may have more surface, up to one that it misses."""
+    def sightings(self, targets: Iterable[TriangleMesh]) -> Iterator[Sighting]:
+        """Yield the mesh at the frames next to the key, as far as it follows what they show.
+
+        It is not stretched to cover what it lacks.
+        """
+        state = self.tracker.start()
         for target in targets:
-            fit = self._attempted(state, target, ATTEMPTS[0])
-            misses = one_way(fit.mesh, target, self._tolerance).p99
-            if misses > MAX_ERROR_TO_COMPLETE * self._tolerance.length:
+            pose, posed = self.tracker.track(state, target)
+            mesh = TriangleMesh(posed.positions, self._faces)
+            positions = self._fit.step(mesh, mesh.vertices, target, SMOOTHNESS[0], covers=False)
+            mesh = TriangleMesh(positions, self._faces)
+            if self._excess(one_way(mesh, target, self._tolerance)) > MAX_ERROR_TO_COMPLETE:
                 break
-            yield Sighting(fit.mesh, fit.posed.turns, target)
-            state = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
+            yield Sighting(mesh, posed.turns, target)
+            state = self.tracker.arrive(state, pose, posed, positions)
 
     def _meets(self, errors: FrameErrors) -> bool:
         return not errors.exceeds(self._tolerance)

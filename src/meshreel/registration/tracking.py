@@ -131,7 +131,7 @@ class Tracker:
     """
 
     def __init__(self, key: TriangleMesh) -> None:
-        self._faces = key.faces
+        self._faces, self._rest = key.faces, key.vertices
         self._is_edge, self._is_boundary = key.is_edge, key.is_boundary
         self._is_near_boundary = key.is_near_boundary
         self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
@@ -201,7 +201,9 @@ class Tracker:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
         The weights are those of their distance, and of the part along the surface relative to the
-        part along the normal. What may be in a hole of the other surface has none.
+        part along the normal. What may be in a hole of the other surface has none; nor has, where
+        there are holes, a vertex whose point is that of a distant part of the key: a missing hand
+        stays off the hip.
         """
         mesh = TriangleMesh(posed.positions, self._faces)
         own = self._points
@@ -213,6 +215,11 @@ class Tracker:
                 ~target.is_boundary[others] & self._is_near_boundary[back],
             ]
         )
+        if target.longest_boundary > NODE_SPACING:
+            _, again = mesh.oriented_tree.query(target.oriented[there])
+            apart = np.linalg.norm(self._rest[own] - self._rest[again], axis=1)
+            gaps = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
+            is_beyond[: len(own)] |= apart > NODE_SPACING + 2 * gaps
         own, there = np.concatenate([own, back]), np.concatenate([there, others])
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])

@@ -13,7 +13,11 @@ from meshreel.kernel.library import int32s
 from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
-from meshreel.model.geometry.connectivity import boundary_edges, component_labels
+from meshreel.model.geometry.connectivity import (
+    boundary_edges,
+    component_labels,
+    lowest_connected,
+)
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
 
@@ -132,6 +136,14 @@ class TriangleMesh:
         found = np.zeros(len(self.vertices), bool)
         found[boundary_edges(self.faces)] = True
         return found
+
+    @cached_property
+    def longest_boundary(self) -> float:
+        """Length of the longest connected boundary."""
+        ends = boundary_edges(self.faces)
+        loops = lowest_connected(len(self.vertices), *ends.T)[ends[:, 0]]
+        lengths = np.linalg.norm(np.diff(self.vertices[ends], axis=1)[:, 0], axis=1)
+        return float(np.bincount(loops, lengths).max(initial=0.0))
 
     @cached_property
     def is_near_boundary(self) -> npt.NDArray[np.bool_]:

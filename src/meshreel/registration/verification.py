@@ -23,6 +23,9 @@ MAX_UNSUPPORTED = 0.25
 MIN_OUTLINE = 0.25
 """Share of the outline of a region that must be at a hole of the raw surface if the region is."""
 
+MIN_COSINE = 0.5
+"""Smallest cosine between the normals of a registered point and the raw surface that it is on."""
+
 SPACING = 6.0
 """Longest edge, in tolerances, between vertices at which distances are measured."""
 
@@ -175,7 +178,8 @@ def unsupported(
 
     They are beyond the boundary of the raw surface, or hidden below it. A region beyond the
     tolerance is a hole if enough of its outline is beyond the boundary: inside, another part of the
-    body may be nearer, or a fingertip may be high above the cut.
+    body may be nearer, or a fingertip may be high above the cut. Where it touches a surface of
+    another direction, as a missing hand the hip, the region continues.
 
     Parameters
     ----------
@@ -186,7 +190,11 @@ def unsupported(
     lacks, is_far = target.ends_before(points, found), found.distances > tolerance.length
     beyond = np.flatnonzero(is_far & ~lacks)
     if len(beyond):
-        holes = _regions_within(mesh, is_far, lacks) if lacks.any() else lacks
+        holes = lacks
+        if lacks.any():
+            normals = np.concatenate([mesh.vertex_normals, mesh.face_normals])
+            cosines = np.einsum("nc,nc->n", normals, target.face_normals[found.faces])
+            holes = _regions_within(mesh, is_far | (cosines < MIN_COSINE), lacks)
         lacks[beyond] = holes[beyond] | target.encloses(points[beyond], found.at(beyond))
     return lacks
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.model.geometry.connectivity import boundary_edges
-from meshreel.registration.completing import Sighting, completed
+from meshreel.registration.completing import Sighting, completed, may_lack_surface
 from meshreel.registration.graph import rotations_of
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -35,9 +35,13 @@ def sighting(mesh, target):
 
 
 def completed_by(key, *targets):
-    return completed(
-        KeyMesh.of_mesh(key), key, [sighting(key, target) for target in targets], TOLERANCE
-    )
+    """Complete a key with the patches of frames in which it is turned and shifted."""
+    patches = [
+        patch
+        for target in targets
+        for patch in sighting(key, target).patches(key.vertices, TOLERANCE)
+    ]
+    return completed(KeyMesh.of_mesh(key), key, patches, TOLERANCE)
 
 
 def below(height):
@@ -87,7 +91,23 @@ def test_several_frames_complete_a_key():
     assert n_open[3] == n_open[2]
 
 
+def test_a_frame_adds_what_an_earlier_one_left_open():
+    """Each frame shows another part of a hole; parts of patches complete it."""
+    key = cut(lambda points: np.abs(points - [0.3, 0, 0]).max(axis=1) > 0.25)
+    low, high = below(0.1), lambda points: points[:, 2] > -0.05
+    found = completed_by(key, cut(low, 45, 40), cut(high, 46, 39))
+    assert len(boundary_edges(found.mesh.faces)) <= 0.1 * len(boundary_edges(key.faces))
+    assert found.mesh.closest(WHOLE.centroids).distances.max() < 0.02
+
+
 def test_a_frame_that_shows_no_more_changes_nothing():
-    key = KeyMesh.of_mesh(cut(below(0.5)))
+    key = cut(below(0.5))
     for target in (cut(below(0.5)), cut(below(0.3)), cut(lambda points: points[:, 2] > 0.8)):
-        assert completed(key, key.mesh, [sighting(key.mesh, target)], TOLERANCE) is key
+        assert not completed_by(key, target).n_added
+
+
+def test_only_a_key_with_a_long_boundary_may_lack_surface():
+    pinhole = cut(lambda points: np.linalg.norm(points - [0.3, 0, 0], axis=1) > 0.03)
+    assert pinhole.is_boundary.any()
+    assert [may_lack_surface(key, Tolerance(0.02)) for key in (WHOLE, pinhole)] == [False, False]
+    assert may_lack_surface(cut(away(0.3, 0, 0)), Tolerance(0.02))

@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel import MeshSequence
+from meshreel import MeshFrame, MeshSequence
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration import growing
-from meshreel.registration.cleaning import CleanMesh
+from meshreel.registration.cleaning import CleanMesh, clean
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Fit, Followed, Follower, Frames, Lost, Segment
+from meshreel.registration.growing import Fit, Followed, Follower, Frames, Lost, Segment, Topology
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
+from samples.captures import capsule
 from samples.shapes import square
 
 TOLERANCE = Tolerance(0.003)
@@ -207,6 +208,19 @@ def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plan
     assert registered.segments[0].may_lack_vertices != joins
 
 
+def test_fragments_that_holes_cut_off_make_no_better_key():
+    """A capsule without a ring near its end, with a hole there, and without holes."""
+    vertices, faces = capsule(30, 20)
+    centroids = vertices[faces].mean(axis=1)
+    is_ring = np.abs(centroids[:, 2] - 0.8) < 0.08
+    cut, holed, closed = (
+        Topology.of_mesh(clean(MeshFrame(vertices, faces[~removed])))
+        for removed in (is_ring, is_ring & (centroids[:, 0] > 0), np.zeros(len(faces), bool))
+    )
+    assert cut < holed < closed
+    assert [one.n_components for one in (cut, holed, closed)] == [1, 1, 1]
+
+
 @pytest.mark.parametrize(("n_frames", "is_refined_kept"), [(20, False), (60, True)])
 def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     plane, n_frames, is_refined_kept, monkeypatch
@@ -223,9 +237,23 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
         return KeyMesh.of_mesh(TriangleMesh(*square(0.0, 57)))
 
     monkeypatch.setattr(growing, "_grow", grow)
+    monkeypatch.setattr(growing, "_completed", lambda frames, key, key_mesh, *_: key_mesh)
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
     chosen = growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
     assert n_verts[len(chosen.key_mesh.mesh.vertices)] == is_refined_kept
+
+
+def test_a_missing_part_is_not_pulled_to_a_distant_surface():
+    """A flap lies 0.1 above a plane that it was 0.4 above in the key; the frame lacks the flap."""
+    ground, faces = square(0.0, 31)
+    flap = ground[:, [0, 1, 2]] * [0.5, 0.5, 1.0] + [0.25, 0.25, 0.4]
+    key = TriangleMesh(np.concatenate([ground, flap]), np.concatenate([faces, faces + len(ground)]))
+    tracker = Tracker(key)
+    state = tracker.start()
+    low = key.vertices - np.arange(len(key.vertices))[:, None] // len(ground) * [0.0, 0.0, 0.3]
+    state = replace(state, details=low - key.vertices)
+    _, posed = tracker.track(state, TriangleMesh(ground, faces))
+    assert posed.positions[len(ground) :, 2].min() > 0.09

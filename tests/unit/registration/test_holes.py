@@ -42,6 +42,7 @@ def scans(n_frames, complete, noise, seed=0):
 def test_moving_holes_do_not_end_a_segment(complete, noise):
     found = register(scans(5, complete, noise), ErrorBound(0.2))
     assert [segment.n_frames for segment in found.sequence.segments] == [5]
+    assert found.segments[0].key_mesh.mesh.is_boundary.sum() < 30  # what no frame shows
     if complete is not None:
         assert found.segments[0].key == complete
         assert 4 < found.distances.unsupported_percent < 15

@@ -55,3 +55,21 @@ def test_patches_are_connected_by_positive_corners(positive, area):
     strip = TriangleMesh(vertices, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
     values = np.where(np.isin(np.arange(10), positive), 1.0, -1.0)
     assert largest_patch(strip, values) == pytest.approx(area)
+
+
+def test_a_missing_part_that_touches_another_surface_is_a_hole():
+    """A hand, wide where it lies on a plane, of which a frame has only the narrow arm above."""
+    points, faces = square(0.0, 41)
+    points[:, 2] = 0.001 + 0.2 * np.clip((0.45 - points[:, 0]) / 0.25, 0, 1)
+    x, y, _ = points[faces].mean(axis=1).T
+    limb = faces[np.abs(y - 0.5) < np.where(x < 0.25, 0.05, 0.4)][:, ::-1]
+    ground, ground_faces = square(0.0, 41)
+
+    def with_ground(some):
+        vertices = np.concatenate([points, ground])
+        return TriangleMesh(vertices, np.concatenate([some, ground_faces + len(points)]))
+
+    is_arm = points[limb][:, :, 0].mean(axis=1) < 0.2
+    errors = measure(with_ground(limb), with_ground(limb[is_arm]), Tolerance(0.01))
+    assert not errors.exceeds(Tolerance(0.01))
+    assert 0.05 < errors.unsupported < 0.25
