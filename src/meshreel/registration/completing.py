@@ -71,9 +71,14 @@ class Sighting(NamedTuple):
 
 
 def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
-    """Return whether a boundary of a key is long enough for a patch."""
-    circle = 2 * np.sqrt(np.pi * MIN_AREA * tolerance.patch_area)
-    return bool(mesh.longest_boundary > circle)
+    """Return whether a key has a hole that is large enough for a patch.
+
+    The outline of a sheet is no hole: a flat surface of area A has an outline of at least
+    sqrt(4 pi A) (the isoperimetric inequality), a body with a hole a shorter one.
+    """
+    lengths, areas = mesh.boundaries
+    is_hole = lengths**2 < 4 * np.pi * areas
+    return bool((lengths[is_hole] ** 2 > 4 * np.pi * MIN_AREA * tolerance.patch_area).any())
 
 
 def completed(

@@ -215,7 +215,7 @@ class Tracker:
                 ~target.is_boundary[others] & self._is_near_boundary[back],
             ]
         )
-        if target.longest_boundary > NODE_SPACING:
+        if target.boundaries[0].max(initial=0.0) > NODE_SPACING:
             _, again = mesh.oriented_tree.query(target.oriented[there])
             apart = np.linalg.norm(self._rest[own] - self._rest[again], axis=1)
             gaps = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)

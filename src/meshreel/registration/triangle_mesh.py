@@ -138,12 +138,18 @@ class TriangleMesh:
         return found
 
     @cached_property
-    def longest_boundary(self) -> float:
-        """Length of the longest connected boundary."""
+    def boundaries(self) -> tuple[Floats, Floats]:
+        """Lengths of the connected boundaries, and the areas of the components that they bound."""
         ends = boundary_edges(self.faces)
-        loops = lowest_connected(len(self.vertices), *ends.T)[ends[:, 0]]
+        _, first, loops = np.unique(
+            lowest_connected(len(self.vertices), *ends.T)[ends[:, 0]],
+            return_index=True,
+            return_inverse=True,
+        )
         lengths = np.linalg.norm(np.diff(self.vertices[ends], axis=1)[:, 0], axis=1)
-        return float(np.bincount(loops, lengths).max(initial=0.0))
+        labels = component_labels(self.faces, len(self.vertices))
+        areas = np.bincount(labels[self.faces[:, 0]], self.areas, len(self.vertices))
+        return np.bincount(loops, lengths, len(first)), areas[labels[ends[first, 0]]]
 
     @cached_property
     def is_near_boundary(self) -> npt.NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
 from samples.captures import capsule
+from samples.meshes import waving_grid
 
 pytestmark = pytest.mark.slow
 
@@ -111,3 +112,12 @@ def test_only_a_key_with_a_long_boundary_may_lack_surface():
     assert pinhole.is_boundary.any()
     assert [may_lack_surface(key, Tolerance(0.02)) for key in (WHOLE, pinhole)] == [False, False]
     assert may_lack_surface(cut(away(0.3, 0, 0)), Tolerance(0.02))
+
+
+def test_the_outline_of_a_sheet_is_no_hole():
+    sheet = waving_grid(1, 30, 30, np.float64)
+    faces = sheet.faces
+    centers = sheet.vertices[0][faces].mean(axis=1)[:, :2]
+    is_inside = np.linalg.norm(centers - centers.mean(axis=0), axis=1) < 0.5
+    assert not may_lack_surface(TriangleMesh(sheet.vertices[0], faces), Tolerance(0.02))
+    assert may_lack_surface(TriangleMesh(sheet.vertices[0], faces[~is_inside]), Tolerance(0.02))
