@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 REST_PERCENT = 0.001
 """A vertex rests if it moves less than this between frames, in percent of the mean diagonal of the
-frames: a tenth of the quantization step at the default quality."""
+frames: invisible, a hundredth of a pixel of a model as high as a screen."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,12 +25,15 @@ from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
-from meshreel.codec.reel.encoding.visibility import step_of_quality
+from meshreel.codec.reel.encoding.visibility import error_scale, step_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
 
 Vertices = npt.NDArray[np.floating]
+
+MAX_LIVE_STEP = 1.5e-4
+"""Largest step at the default quality, in diagonals of the model: that of 50 modes."""
 
 
 @dataclass(frozen=True)
@@ -52,11 +55,10 @@ class FirstBlock:
         return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
 
     def step_of_quality(self, quality: float) -> float:
-        """Return the step of a quality, in diagonals."""
+        """Return the step of a quality, in diagonals; limited, as later blocks may move more."""
         size = self.own_diagonal * self.diagonal
-        return (
-            step_of_quality(quality, self.coder.mesh.faces, [self.vertices], size) / self.diagonal
-        )
+        step = step_of_quality(quality, self.coder.mesh.faces, [self.vertices], size)
+        return min(step, MAX_LIVE_STEP * error_scale(quality) * size) / self.diagonal
 
     @property
     def rounding(self) -> float:

@@ -60,7 +60,7 @@ def sampled_numbers(n: int, n_sampled: int) -> list[int]:
 def step_of_quality(
     quality: float, faces: Faces, blocks: Iterable[Vertices], model_size: float
 ) -> float:
-    """Return the quantization step of a quality, in model units.
+    """Return the quantization step of a quality, in model units: that of the block that needs most.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def step_of_quality(
     error *= error_scale(quality)
     rounded_vectors = 3.0 * n_frames / block.shape[1]
     allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
-    level = _rounding_error(allowed * len(variances), np.sort(np.concatenate(variances)))
+    level = min(_rounding_error(allowed, each) for each in variances)
     return float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size
 
 
@@ -114,7 +114,7 @@ def _variances(block: Vertices, model_size: float) -> Floats:
     if rows.shape[0] > rows.shape[1]:
         rows = rows.T
     squares = np.linalg.eigvalsh(rows @ rows.T)
-    return np.asarray(np.maximum(squares, 0.0) / (sampled.shape[0] * sampled.shape[1]))
+    return np.asarray(np.sort(np.maximum(squares, 0.0)) / (sampled.shape[0] * sampled.shape[1]))
 
 
 class SampledSurface:
