@@ -149,7 +149,8 @@ class TriangleMesh:
         lengths = np.linalg.norm(np.diff(self.vertices[ends], axis=1)[:, 0], axis=1)
         labels = component_labels(self.faces, len(self.vertices))
         areas = np.bincount(labels[self.faces[:, 0]], self.areas, len(self.vertices))
-        return np.bincount(loops, lengths, len(first)), areas[labels[ends[first, 0]]]
+        lengths = np.bincount(loops, lengths, len(first)).astype(np.float64)
+        return lengths, areas[labels[ends[first, 0]]]
 
     @cached_property
     def is_near_boundary(self) -> npt.NDArray[np.bool_]:
