@@ -43,8 +43,11 @@ errors, the rounding of few frames does not: the second number is divided by the
 ERROR_OF_MODES = 1.9
 """Squared error of modes relative to plain rounding: small coefficients become zero."""
 
-MAX_BLOCKS, N_FRAMES, MAX_SIDES, MAX_VERTICES = 4, 2, 1024, 768
-"""Samples: blocks, frames of a block and sides of faces for normals, vertices for modes."""
+MAX_BLOCKS, MAX_FRAMES, MAX_VERTICES = 4, 128, 768
+"""Samples for modes: blocks, and frames and vertices of a block."""
+
+N_FRAMES, MAX_SIDES = 2, 1024
+"""Samples for normals: frames of a block, and sides of faces."""
 
 
 def error_scale(quality: float) -> float:
@@ -109,7 +112,11 @@ def _rounding_error(allowed: float, variances: Floats) -> float:
 
 def _variances(block: Vertices, model_size: float) -> Floats:
     """Return the variances of the modes of a block, per vertex and frame; in squared diagonals."""
-    sampled = block[:, sampled_numbers(block.shape[1], MAX_VERTICES)] / np.float64(model_size)
+    numbers = (
+        sampled_numbers(*pair)
+        for pair in zip(block.shape, (MAX_FRAMES, MAX_VERTICES), strict=False)
+    )
+    sampled = block[np.ix_(*numbers)] / np.float64(model_size)
     rows = (sampled - sampled[0, 0]).transpose(0, 2, 1).reshape(-1, sampled.shape[1])
     if rows.shape[0] > rows.shape[1]:
         rows = rows.T
