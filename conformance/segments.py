@@ -64,7 +64,7 @@ def meshes():
     box = with_heat(moving(BOX, 4, dtype=np.float64, shape=(2.0, 7.0), **timed))
     return (
         meshreel.encode(tetrahedron, max_error=0.1, block_frames=2),
-        meshreel.encode(box, tracks={"heat": 0.01}, order="drop"),
+        meshreel.encode(box, tracks={"heat": 0.01}, order="drop", step=1e-4),
     )
 
 

@@ -68,7 +68,8 @@ def hash_of(sequence):
 @pytest.fixture(scope="module")
 def sheet():
     """A stream of many blocks, larger than the first request."""
-    return meshreel.encode(meshreel.simulate_flag(120, n_rows=40, n_columns=40), block_frames=10)
+    flag = meshreel.simulate_flag(120, n_rows=40, n_columns=40)
+    return meshreel.encode(flag, quality=100, block_frames=10)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ SEQUENCE = waving_grid(43)
 @pytest.mark.parametrize(
     ("method", "options"),
     [
-        ("reel", {}),
+        ("reel", {"step": 1e-4}),
         ("reel", {"max_error": 0.3, "effort": 5}),
         ("blocks", {"n_modes": 4}),
         ("pca-qp", {}),
