@@ -21,6 +21,7 @@ from meshreel.metrics.reference import reference_of_extent
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
+from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute, Domain
 from meshreel.runtime.progress import Count, Progress, silent
@@ -71,8 +72,7 @@ def measure_stream(
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
-    n_chosen = min(NORMAL_FRAMES, n_frames) if with_normals else 0
-    chosen = {(2 * i + 1) * n_frames // (2 * n_chosen) for i in range(n_chosen)}
+    chosen = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
     angles: list[float] = []
     for number, segment in enumerate(segments):
 

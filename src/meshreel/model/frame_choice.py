@@ -107,6 +107,12 @@ def slice_text(frames: slice | None) -> str:
     return ":".join("" if end is None else str(end) for end in (start, stop))
 
 
+def evenly_spaced(n: int, n_chosen: int) -> list[int]:
+    """Return the numbers in the middles of equal parts of 0..n-1; all of them if few."""
+    n_chosen = min(n_chosen, n)
+    return [(2 * part + 1) * n // (2 * n_chosen) for part in range(n_chosen)]
+
+
 def _is_number(choice: object) -> bool:
     if isinstance(choice, np.ndarray):
         return choice.ndim == 0 and np.issubdtype(choice.dtype, np.integer)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.metrics.surface_distance import point_psnr_db
+from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.sequence import MeshFrame, Segmented
 from meshreel.registration.register import Distances, Registration
 from meshreel.runtime.counting import change_text, counted, size_text
@@ -123,7 +124,7 @@ def point_psnr(
     registration: Registration, sequence: Segmented, progress: Progress = silent
 ) -> PointPsnr:
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
-    raw, numbers = registration.raw, _evenly_spaced(registration)
+    raw, numbers = registration.raw, _measured_numbers(registration)
     low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
     found: dict[int, tuple[float, float]] = {}
 
@@ -148,8 +149,8 @@ def _mean_of_finite(values: Any) -> float:
     return float(finite.mean()) if len(finite) else float("inf")
 
 
-def _evenly_spaced(registration: Registration) -> Sequence[int]:
+def _measured_numbers(registration: Registration) -> Sequence[int]:
     """Return the numbers of the frames to measure."""
     numbers = [number for segment in registration.segments for number in segment.numbers]
-    n_chosen = min(max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART), len(numbers))
-    return [numbers[(2 * k + 1) * len(numbers) // (2 * n_chosen)] for k in range(n_chosen)]
+    n_chosen = max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART)
+    return [numbers[place] for place in evenly_spaced(len(numbers), n_chosen)]

@@ -141,6 +141,8 @@ class TriangleMesh:
     def boundaries(self) -> tuple[Floats, Floats]:
         """Lengths of the connected boundaries, and the areas of the components that they bound."""
         ends = boundary_edges(self.faces)
+        if not len(ends):
+            return np.empty(0), np.empty(0)
         _, first, loops = np.unique(
             lowest_connected(len(self.vertices), *ends.T)[ends[:, 0]],
             return_index=True,

@@ -11,8 +11,9 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.kernel.order import opposite_sides
+from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
 
@@ -55,11 +56,6 @@ def error_scale(quality: float) -> float:
     return float(2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
 
 
-def sampled_numbers(n: int, n_sampled: int) -> list[int]:
-    """Return the numbers in the middles of equal parts of 0..n - 1."""
-    return sorted({n * (2 * part + 1) // (2 * n_sampled) for part in range(n_sampled)})
-
-
 def step_of_quality(
     quality: float, faces: Faces, blocks: Iterable[Vertices], model_size: float
 ) -> float:
@@ -77,9 +73,11 @@ def step_of_quality(
     """
     frames, variances, n_frames = [], [], 0
     for block in blocks:
-        n_frames = max(n_frames, len(block))
-        frames.append(block[sampled_numbers(len(block), N_FRAMES)] / np.float64(model_size))
-        variances.append(_variances(block, model_size))
+        n_frames, n_verts = max(n_frames, len(block)), block.shape[1]
+        frames.append(block[evenly_spaced(len(block), N_FRAMES)] / np.float64(model_size))
+        times = evenly_spaced(len(block), MAX_FRAMES)
+        vertices = evenly_spaced(n_verts, MAX_VERTICES)
+        variances.append(_variances(block[np.ix_(times, vertices)] / np.float64(model_size)))
     surface = SampledSurface(faces, np.concatenate(frames))
     normals = surface.normals_per_error * (SMOOTH_ERRORS + ROUGH_ERRORS / n_frames)
     limit = NORMAL_ERROR_DEG + NORMAL_ERROR_PER_BEND * surface.bend_deg
@@ -89,7 +87,7 @@ def step_of_quality(
     if surface.has_seams:
         error = min(error, SEAM_ERROR)
     error *= error_scale(quality)
-    rounded_vectors = 3.0 * n_frames / block.shape[1]
+    rounded_vectors = 3.0 * n_frames / n_verts
     allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
     level = min(_rounding_error(allowed, each) for each in variances)
     return float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size
@@ -110,13 +108,8 @@ def _rounding_error(allowed: float, variances: Floats) -> float:
     return float(np.interp(allowed, np.append(0.0, sums), np.append(0.0, variances)))
 
 
-def _variances(block: Vertices, model_size: float) -> Floats:
-    """Return the variances of the modes of a block, per vertex and frame; in squared diagonals."""
-    numbers = (
-        sampled_numbers(*pair)
-        for pair in zip(block.shape, (MAX_FRAMES, MAX_VERTICES), strict=False)
-    )
-    sampled = block[np.ix_(*numbers)] / np.float64(model_size)
+def _variances(sampled: Floats) -> Floats:
+    """Return the variances of the modes of some vertices in some frames, of shape (T, V, 3)."""
     rows = (sampled - sampled[0, 0]).transpose(0, 2, 1).reshape(-1, sampled.shape[1])
     if rows.shape[0] > rows.shape[1]:
         rows = rows.T
@@ -142,15 +135,15 @@ class SampledSurface:
     """Whether many vertices at open sides coincide, so that errors open cracks."""
 
     def __init__(self, faces: Faces, frames: Floats) -> None:
-        twins = twin_sides(faces, frames.shape[1])
+        twins = opposite_sides(faces, frames.shape[1])
         is_open = twins == np.arange(len(twins))
         ends = frames[0, np.unique(faces.ravel()[is_open])]
         n_coincident = len(ends) - len(np.unique(ends.view("V24")))
         self.has_seams = n_coincident > MIN_SEAM_SHARE * frames.shape[1]
         sides = np.random.default_rng(0).permutation(len(twins))[:MAX_SIDES]
         twins = twins[sides]
-        normals = face_normals(frames, faces[sides // 3])
-        others = face_normals(frames, faces[twins // 3])
+        both = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
+        normals, others = np.split(both, 2, axis=1)
         areas, other_areas = (np.linalg.norm(each, axis=2) for each in (normals, others))
         if not areas.any():
             return

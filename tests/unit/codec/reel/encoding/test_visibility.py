@@ -13,7 +13,6 @@ from meshreel.codec.reel.encoding.visibility import (
     POSITION_ERROR,
     SEAM_ERROR,
     SampledSurface,
-    sampled_numbers,
 )
 from samples.meshes import waving_grid
 from samples.streams import recorded
@@ -68,17 +67,6 @@ def test_independent_errors_turn_normals_as_predicted():
     noisy = meshreel.MeshSequence(sheet.vertices + error, sheet.faces)
     measured = meshreel.compare(sheet, noisy).normal_angle_mean_deg
     assert measured == pytest.approx(predicted * 1e-4, rel=0.25)
-
-
-@pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 5, 300])
-def test_sampled_numbers_are_within_the_range(n_frames):
-    numbers = sampled_numbers(n_frames, 4)
-    assert set(numbers) <= set(range(n_frames))
-    assert len(numbers) == min(n_frames, 4)
-
-
-def test_sampled_numbers_are_the_middles_of_equal_parts():
-    assert sampled_numbers(80, 4) == [10, 30, 50, 70]
 
 
 def rough_body(n_frames, n_motions, side=40):
