@@ -50,7 +50,7 @@ from conformance.sources import (
     waving,
 )
 from conformance.surface import placed, read_on_surface
-from conformance.surface_integers import COPIES
+from conformance.surface_integers import COPIES, Kind
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
     Header,
@@ -814,6 +814,27 @@ encoded(
     max_error=0.05,
     block_frames=4,
 )
+
+
+@stream
+def grid_of_all_kinds():
+    """Frames that rest in part, move evenly, are equal, and are of another shape after a cut."""
+    sheet = moving(shuffled(holes(6, 7)), 1, rough=0.01).vertices[0]
+    frames = np.repeat(sheet[None], 8, axis=0)
+    velocities = 0.05 * np.random.default_rng(5).normal(size=sheet.shape)
+    velocities[1::2] = 0
+    frames[1:5] += velocities * np.arange(1, 5)[:, None, None]
+    frames[5] = frames[4]
+    frames[6:] = moving(shuffled(holes(6, 7)), 1).vertices[0][:, [2, 0, 1]]
+    frames[7, :9] += 0.01
+    sequence = MeshSequence(frames.astype(np.float32), shuffled(holes(6, 7)))
+    with patch("conformance.surface_integers.Kind", wraps=Kind) as kinds:
+        data = meshreel.encode(sequence, method="grid", max_error=0.1, order="drop")
+        read_all(data)
+    assert kinds.call_count == 3
+    return data
+
+
 encoded("grid_still_cells", lambda: standing(of_cells(12, *boxes(3, 2, 2))), max_error=0.1)
 
 
@@ -847,7 +868,7 @@ def grid_copied():
     vertices = np.concatenate([part, part + np.array([0, 5000, 0])]).astype(np.float32)
     data = meshreel.encode(MeshSequence(vertices[None], faces), method="grid", max_error=0.001)
     (group,) = read_container(data).blocks[0]
-    assert group["VALUES"][8] >> 5 & COPIES
+    assert group["VALUES"][5] >> 4 & COPIES
     return data
 
 
@@ -1357,6 +1378,15 @@ REFUSED["rounding_longer_than_the_mesh"] = partial(
     n_replaced=1,
 )
 REFUSED["rounding_of_modes"] = partial(with_section, 2, (Section.ROUNDING, no_rounding))
+extrapolated = Section.VALUES, b"\6" + np.float32(0.01).tobytes()  # all bits are 1
+REFUSED["grid_whose_second_frame_is_extrapolated"] = partial(
+    with_section, 3, extrapolated, of=STREAMS["grid_of_all_kinds"], n_replaced=1
+)
+REFUSED["rounding_of_an_unknown_form"] = partial(
+    *(with_section, 3, (Section.ROUNDING, no_rounding), (Section.VALUES, bytes([3]) * 24)),
+    of=STREAMS["lossless_rounded"],
+    n_replaced=2,
+)
 REFUSED["rounding_without_grid"] = partial(
     *(with_section, 3, (Section.ROUNDING, no_rounding), (Section.VALUES, bytes(24))),
     of=STREAMS["lossless_rounded"],

@@ -432,22 +432,25 @@ def read_exact_block(group, n_frames, placed, blocks, items, coding):
 
 
 def read_grid_block(group, n_frames, placed, blocks, items, coding):
-    """Return the same for positions of `grid`: a step and integers, or exact values."""
-    (step,) = struct.unpack("<d", group["VALUES"][:8])
-    is_still = step < 0 and n_frames > 1
-    step = -step if is_still else step
-    need(0 <= step <= 1, "the step of a grid is not in 0..1")
-    rest = {**group, "VALUES": group["VALUES"][8:]}
-    n_stored = 1 if is_still else n_frames
-    offsets = read_rounding(rest.pop("ROUNDING", None), n_stored * items.n)
-    need(step > 0 or not offsets, "there is no grid to round")
-    if step == 0:
+    """Return the same for positions of `grid`: integers on a grid, or exact values."""
+    form, rest = group["VALUES"][0], {**group}
+    need(form in (0, 1, 2, 5, 6), "the form of positions on a grid is unknown")
+    offsets = read_rounding(rest.pop("ROUNDING", None), n_frames * items.n)
+    if form == 0:
+        need(not offsets, "there is no grid to round")
+        rest["VALUES"] = group["VALUES"][1:]
         return read_exact_block(rest, n_frames, placed, blocks, items, coding)
-    if n_stored == 1:
+    number, start = ("<f", 5) if form & 4 else ("<d", 9)
+    (step,) = struct.unpack(number, group["VALUES"][1:start])
+    need(0 < step <= 1, "the step of a grid is not in 0..1")
+    rest["VALUES"] = group["VALUES"][start:]
+    if form & 2:
         need_no_modes(rest)
-        rows = read_surface_integers(rest["VALUES"], items.n, 3, items.faces, items.twins)
+        frames = read_surface_integers(
+            rest["VALUES"], n_frames, items.n, 3, items.faces, items.twins
+        )
         block = {"frames": n_frames, "modes": 0}
-        integers = [number for item in items.order for number in rows[item]]
+        integers = [number for rows in frames for item in items.order for number in rows[item]]
     else:
         whole = replace(placed, number_type=36)
         block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding)
@@ -459,7 +462,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         if offset:
             numbers[i] = predicted.float_after(numbers[i], offset, LETTERS[placed.number_type])
     need(all(map(math.isfinite, numbers)), "positions are not finite")
-    return block, numbers * n_frames if is_still else numbers
+    return block, numbers
 
 
 def read_rounding(payload, n_positions):

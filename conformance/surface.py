@@ -301,7 +301,7 @@ def read_along_faces(data, n_rows, width, stored, triangles):
 def read_on_surface(data, n_rows, width, stored, triangles):
     """Return the bytes of each row of integers on a surface."""
     need(stored == "i", "values on a surface are not integers")
-    rows = read_surface_integers(data, n_rows, width, triangles, twins_of(triangles))
+    (rows,) = read_surface_integers(data, 1, n_rows, width, triangles, twins_of(triangles))
     return [tuple(struct.pack("<i", number) for number in row) for row in rows]
 
 

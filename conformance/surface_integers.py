@@ -1,10 +1,11 @@
-"""Tables of integers at the corners of triangles: "Integers on a surface" of docs/format.md."""
+"""Integers at the corners of triangles: "Integers on a surface" of docs/format.md."""
 
 from conformance.bits import BitStream, Model, SymbolModel, clip, need, new_symbol_model, stripped
 from conformance.fields import signed
 from conformance.order import rotated
 
-FITTED, BEST, COPIES = 1, 2, 4
+FITTED, BEST, COPIES, BY_CONTEXT = 1, 2, 4, 8
+SAME, OWN, CHANGE, EXTRAPOLATED = range(4)
 N_WEIGHTS, WEIGHT_UNITS = 6, 4096
 MAX_CONTEXTS, MAX_PREDICTION, LARGEST = 4, 2.0**30, 4095
 N_SIZES, LONG = 29, 192
@@ -44,13 +45,17 @@ class Residuals:
 class Copies:
     """Reader of whether a residual of a column repeats one that followed the same residuals."""
 
-    def __init__(self, n_rows):
-        self.hash_size = 2 ** min(n_rows.bit_length() + 3, MAX_HASH_BITS)
-        self.hash, self.run, self.source, self.latest = 0, 0, 0, {}
+    def __init__(self, n_all_rows):
+        self.hash_size = 2 ** min(n_all_rows.bit_length() + 3, MAX_HASH_BITS)
+        self.latest = {}
+        self.start_frame()
 
-    def read(self, stream, models, before, column):
-        """Return whether the next residual is a copy of `column[self.source]`."""
-        key = before, column[self.source] == 0, self.run
+    def start_frame(self):
+        self.hash, self.run, self.source = 0, 0, 0
+
+    def read(self, stream, models, before, residual):
+        """Return whether the next residual is a copy of `residual`, that of `self.source`."""
+        key = before, residual == 0, self.run
         return stream.adaptive(models.setdefault(key, Model(60000 if self.run > 1 else 32768, 2)))
 
     def add(self, row, residual, is_copy):
@@ -61,6 +66,18 @@ class Copies:
         else:
             self.source, self.run = self.latest.get(self.hash, 0), 0
         self.latest[self.hash] = row + 1
+
+
+class Kind:
+    """State of the frames of a kind."""
+
+    def __init__(self, stream, width):
+        self.choices = stream.raw(4)
+        self.weights = [1.0, 0.0] * (N_WEIGHTS // 2)
+        if self.choices & FITTED:
+            self.weights = [int16_of(stream.raw(16)) / WEIGHT_UNITS for _ in range(N_WEIGHTS)]
+        self.residuals = Residuals(stream)
+        self.copy_models, self.recent, self.errors = {}, [48] * width, {}
 
 
 def first_probabilities(size):
@@ -74,58 +91,91 @@ def first_probabilities(size):
     return [(32768 - tail // 2) * 32736 // 32768 + 2 * i for i, tail in enumerate(tails)]
 
 
-def read_surface_integers(data, n_rows, width, triangles, twins):
-    """Return the rows of `surface(N, C)` of the page.
+def read_surface_integers(data, n_frames, n_rows, width, triangles, twins):
+    """Return the frames of `surface(T, N, C)` of the page, each a list of rows.
 
     `triangles` are the rows at the corners of each triangle, `twins` those of their sides.
     """
     need(1 <= width <= 16)
     stream = BitStream(stripped(data))
-    choices = stream.raw(3)
-    weights = [1.0, 0.0] * (N_WEIGHTS // 2)
-    if choices & FITTED:
-        weights = [int16_of(stream.raw(16)) / WEIGHT_UNITS for _ in range(N_WEIGHTS)]
-    around, parallelograms = find_predictors(triangles, twins, n_rows)
-    residuals = Residuals(stream)
-    copies, copy_models = [Copies(n_rows) for _ in range(width)], {}
-    rows, coded, recent = [], [], [48] * width
-    errors = [[0, 0, 0] for _ in range(width)]
-    for number in range(n_rows):
-        near = [coded[one] for one in around[number][:MAX_CONTEXTS]]
+    predictors = find_predictors(triangles, twins, n_rows)
+    copies = [Copies(n_frames * n_rows) for _ in range(width)]
+    kinds, kind, kind_models, frames, coded = {}, OWN, {}, [], []
+    for number in range(n_frames):
+        if number:
+            before, kind = kind, 0
+            for node in (1, 2):
+                model = kind_models.setdefault((before, node + kind), Model(32768, 0))
+                kind = 2 * kind + stream.adaptive(model)
+        if kind == SAME:
+            frames.append(frames[-1])
+            coded += [[0] * width] * n_rows
+            continue
+        if kind not in kinds:
+            kinds[kind] = Kind(stream, width)
+        rows = read_frame(stream, kinds[kind], copies, coded, predictors, width)
+        one, other = ([[0] * width] * n_rows for _ in range(2))
+        if kind in (CHANGE, EXTRAPOLATED):
+            one = frames[-1]
+        if kind == EXTRAPOLATED:
+            need(number > 1, "the second frame is extrapolated")
+            one = [[2 * x for x in row] for row in one]
+            other = frames[-2]
+        frames.append(
+            [
+                tuple(signed(d + x - y) for d, x, y in zip(*three, strict=True))
+                for three in zip(rows, one, other, strict=True)
+            ]
+        )
+    stream.end()
+    return frames
+
+
+def read_frame(stream, kind, copies, coded, predictors, width):
+    """Return the rows of a frame, and append their residuals to those of all frames."""
+    around, parallelograms = predictors
+    rows, first, choices, recent = [], len(coded), kind.choices, kind.recent
+    for one in copies:
+        one.start_frame()
+    for number in range(len(around)):
+        near = [coded[first + one] for one in around[number][:MAX_CONTEXTS]]
         row, own_residuals, own, before = [], [], 0, 0
+        context = context_of(number, parallelograms[number]) if choices & BY_CONTEXT else 0
         for k in range(width):
             near_sum = sum(abs(one[k]) for one in near)
             mean = near_sum * (48 // len(near)) if near else recent[k]
             column = [one[k] for one in rows]
-            prediction = predict(column, around[number], parallelograms[number], weights)
-            candidates = []
+            prediction = predict(column, around[number], parallelograms[number], kind.weights)
+            candidates, earlier_size = [], recent[k]
             if choices & BEST and parallelograms[number]:
                 candidates = [*ends(column, parallelograms[number]), prediction]
-                prediction = candidates[errors[k].index(min(errors[k]))]
+                candidates += [column[one] for one in around[number][:2]]
+                errors = kind.errors.setdefault((k, context), [0] * 5)
+                prediction = candidates[errors.index(min(errors))]
+                earlier_size = 3 * min(errors) // 4
             deviation = mean_deviation(column, parallelograms[number], prediction, mean)
-            expected = 2 * recent[k] + 72 + 2 * deviation + (mean + 48 * own if k else 2 * mean)
+            expected = 2 * earlier_size + 72 + 2 * deviation + (mean + 48 * own if k else 2 * mean)
             octave = expected.bit_length() - 1
             size = 2 * (octave - 6) + (expected >> (octave - 1)) % 2
             vote = sum((one[k] > 0) - (one[k] < 0) for one in near)
             is_copy = False
-            if copies[k].source:
-                earlier = [one[k] for one in coded]
-                is_copy = copies[k].read(stream, copy_models, before, earlier)
+            if choices & COPIES and copies[k].source:
+                source = coded[copies[k].source][k]
+                is_copy = copies[k].read(stream, kind.copy_models, before, source)
                 before = 1 if is_copy else 2
-            residual = earlier[copies[k].source] if is_copy else residuals.read(size, vote)
+            residual = source if is_copy else kind.residuals.read(size, vote)
             limited = clip(residual, -LARGEST, LARGEST)
             own = (own + abs(limited)) // 2 if k else abs(limited)
             recent[k] += (48 * abs(limited) - recent[k]) // 8
             if choices & COPIES:
-                copies[k].add(number, limited, is_copy)
+                copies[k].add(first + number, limited, is_copy)
             own_residuals.append(limited)
             row.append(signed(prediction + residual))
             for i, candidate in enumerate(candidates):
                 distance = min(abs(signed(row[k] - candidate)), LARGEST)
-                errors[k][i] += (64 * distance - errors[k][i]) // 4
+                errors[i] += (64 * distance - errors[i]) // 4
         rows.append(tuple(row))
         coded.append(own_residuals)
-    stream.end()
     return rows
 
 
@@ -148,6 +198,15 @@ def find_predictors(triangles, twins, n_rows):
         if twins[side] != side and third < row:
             parallelograms[row].append((a, b, third))
     return around, parallelograms
+
+
+def context_of(row, parallelograms):
+    """Return the number of parallelograms, and which end of the first side is the previous row."""
+    if not parallelograms:
+        return 0
+    a, b, _ = parallelograms[0]
+    end = 1 if a == row - 1 else 2 if b == row - 1 else 0
+    return min(len(parallelograms), 3), end
 
 
 def ends(column, parallelograms):

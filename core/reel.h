@@ -437,22 +437,25 @@ REEL_API int64_t reel_predictors_find(void *memory, size_t memory_size, const in
                                       const int32_t *twins, int64_t n_rows, int64_t n_faces,
                                       int32_t *order, int64_t *starts, int32_t *triples);
 
-/* Integers on a surface (surface_integers.c): n_rows x n_columns values within
-   +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns; `faces` and `twins` as above,
-   which may join other rows. Writes at most 10 bytes for each value, and 64 more; REEL_INVALID at
-   the first value that exceeds the limit, or if a face has a row that does not exist. Every row is
-   read or written. */
+/* Integers on a surface (surface_integers.c): n_frames x n_rows x n_columns values within
+   +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns and INT32_MAX rows in all;
+   `faces` and `twins` as above, which may join other rows. Writes at most 10 bytes for each value,
+   and 64 more; REEL_INVALID at the first value that exceeds the limit, or if a face has a row that
+   does not exist. Every row is read or written. The decoder needs less memory. */
 #define REEL_MAX_SURFACE_VALUE (1 << 29)
 #define REEL_MAX_SURFACE_COLUMNS 16
-REEL_API size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns);
-REEL_API int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int32_t *values,
-                                     int64_t n_rows, int64_t n_columns, const int32_t *faces,
-                                     const int32_t *twins, int64_t n_faces, uint8_t *out,
-                                     size_t capacity);
+REEL_API size_t reel_surface_integers_memory(int64_t n_frames, int64_t n_rows, int64_t n_columns,
+                                             int64_t n_faces, int64_t encodes);
+REEL_API int64_t reel_surface_integers_encode(void *memory, size_t memory_size,
+                                              const int32_t *values, int64_t n_frames,
+                                              int64_t n_rows, int64_t n_columns,
+                                              const int32_t *faces, const int32_t *twins,
+                                              int64_t n_faces, uint8_t *out, size_t capacity);
 REEL_API int64_t reel_surface_integers_decode(void *memory, size_t memory_size, const uint8_t *in,
-                                     size_t size, int64_t n_rows, int64_t n_columns,
-                                     const int32_t *faces, const int32_t *twins, int64_t n_faces,
-                                     int32_t *values);
+                                              size_t size, int64_t n_frames, int64_t n_rows,
+                                              int64_t n_columns, const int32_t *faces,
+                                              const int32_t *twins, int64_t n_faces,
+                                              int32_t *values);
 
 /* The original order of the vertices and faces of a mesh (order.c). `faces` are vertices
    0..n_verts-1, and `twins` as above; n_faces is at most 2^29. corners[i] is 3 face + first corner

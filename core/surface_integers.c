@@ -1,6 +1,7 @@
-/* Integers on a surface: a table whose rows are the corners of triangles, each row predicted from
-   earlier rows around it by weights that the encoder may fit. Residuals of repeated parts are
-   copied. docs/format.md, "Integers on a surface". */
+/* Integers on a surface: frames of a table whose rows are the corners of triangles, each row
+   predicted from earlier rows around it by weights that the encoder may fit. A frame is coded on
+   its own, or as differences to a prediction from the frames before. Residuals of repeated parts
+   are copied. docs/format.md, "Integers on a surface". */
 
 #include "symbols.h"
 
@@ -20,17 +21,25 @@
 #define N_RUNS 16        /* lengths of a run of copies, up to "15 or more" */
 #define N_LIKELY 2       /* from this length on, a further copy is probable at first */
 #define MAX_HASH_BITS 15 /* of the last residuals of a column */
-#define N_CANDIDATES 3   /* of predictions: by the first parallelogram, the last, and the mean */
+#define N_CANDIDATES 5   /* of predictions: see predict_group */
+#define N_CONTEXTS (3 * N_CLASSES) /* of rows: see find_neighbors */
+#define N_COMPARED 2048   /* rows with which the encoder compares kinds of frames */
+#define N_CHOSEN 4096     /* rows by which it makes the choices of several frames */
 #define LONG_TOKEN 15    /* of magnitudes of at least LONG */
 #define LONG 192
 
 /* Choices of the encoder for a table. */
 enum {
     FITTED = 1, /* weights are stored; otherwise parallelograms predict alone */
-    BEST = 2,   /* the first parallelogram, the last or the mean predicts: the best so far */
+    BEST = 2,   /* one of several candidates predicts: the best so far */
     COPIES = 4, /* residuals may be copied */
-    N_CHOICES = 3
+    BY_CONTEXT = 8, /* the best candidate so far is that of rows in the same context */
+    N_CHOICES = 4
 };
+
+/* Kinds of frames: equal to the frame before, coded on its own, or less the frame before, or less
+   what that frame and the one before it extrapolate to. */
+enum { SAME, OWN, CHANGE, EXTRAPOLATED, N_KINDS };
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
 typedef uint32_t vec4u __attribute__((vector_size(4 * LANES), may_alias));
@@ -41,12 +50,6 @@ typedef double vec4d __attribute__((vector_size(8 * LANES), aligned(16), may_ali
 typedef struct {
     int32_t a, b, c;
 } parallelogram;
-
-/* Columns of a row: their values, and their residuals, which saturate at LARGEST. */
-typedef struct {
-    vec4d values;
-    vec4i residuals;
-} row_group;
 
 typedef struct {
     reel_symbol_model token[N_SIZES]; /* class of a magnitude, by its predicted size */
@@ -63,20 +66,30 @@ typedef struct {
     int32_t run;   /* copies until now, at most N_RUNS - 1 */
 } copy_source;
 
+/* State of the frames of a kind. */
 typedef struct {
-    int64_t n_rows, n_columns, n_groups, n_faces;
-    const int32_t *faces, *twins;
-    int32_t *starts, *corners;          /* the faces of which each row is the latest */
-    int32_t *seen_at;                   /* of each row: the last row that it was around */
-    int32_t n_around, n_parallelograms; /* of the current row */
-    int32_t *around;                    /* earlier rows around it */
-    parallelogram *parallelograms;
-    row_group *rows; /* n_groups of each row */
-    residual_models *models;
-    int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
-    double weights[N_WEIGHTS];
+    bool is_started;
     uint32_t choices;
-    vec4i errors[MAX_COLUMNS / LANES][N_CANDIDATES]; /* decaying means of candidates, in 1/64 */
+    double weights[N_WEIGHTS];
+    residual_models models;
+    int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
+    /* Decaying mean errors of candidates in each context, in 1/64. */
+    vec4i errors[N_CONTEXTS][MAX_COLUMNS / LANES][N_CANDIDATES];
+} kind_state;
+
+typedef struct {
+    int64_t n_frames, n_rows, n_columns, n_groups, n_faces;
+    const int32_t *faces, *twins;
+    int32_t *starts, *corners; /* the faces of which each row is the latest */
+    int32_t *seen_at;          /* of each row: the last row that it was around */
+    int32_t n_around, n_parallelograms, context; /* of the current row */
+    int32_t *around;                             /* earlier rows around it */
+    parallelogram *parallelograms;
+    vec4d *values;    /* n_groups of each row of the current frame */
+    vec4i *residuals; /* the same of all frames; they saturate at LARGEST */
+    int64_t first;    /* row of the current frame among those of all */
+    kind_state *states, *state;      /* of all kinds, and that of the current frame */
+    reel_model kind_models[N_KINDS][4]; /* by the kind before, and the first bit */
     int hash_bits;
     int32_t *latest; /* for each column and hash: the row after its latest occurrence */
     copy_source sources[MAX_COLUMNS];
@@ -88,9 +101,9 @@ typedef struct {
     vec4d near, opposite, around;
 } row_means;
 
-/* Predictions of a group of columns. */
+/* Predictions of a group of columns, and the error so far of the best. */
 typedef struct {
-    vec4i values[N_CANDIDATES];
+    vec4i values[N_CANDIDATES], error;
 } candidates;
 
 /* ---- neighbors ---- */
@@ -131,7 +144,15 @@ static void start_rows(surface_coder *coder) {
     }
 }
 
-/* Find the rows around a row, and its parallelograms. */
+/* The class of the current row by its parallelograms, or -1 if it has none. */
+REEL_INLINE int class_of(const surface_coder *coder) {
+    int32_t n = coder->n_parallelograms;
+    return n < N_CLASSES ? n - 1 : N_CLASSES - 1;
+}
+
+/* Find the rows around a row, its parallelograms, and its context: how many these are, and which
+   end of the first one's side is the previous row. In a regular mesh the context determines which
+   candidate predicts well. */
 REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
     static const int8_t after[] = {1, 2, 0}, before[] = {2, 0, 1};
     int32_t n_around = 0, n_parallelograms = 0;
@@ -154,6 +175,12 @@ REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
     }
     coder->n_around = n_around;
     coder->n_parallelograms = n_parallelograms;
+    coder->context = 0;
+    if (n_parallelograms && coder->state->choices & BY_CONTEXT) {
+        const parallelogram *first_shape = coder->parallelograms;
+        int32_t end = first_shape->a == row - 1 ? 1 : first_shape->b == row - 1 ? 2 : 0;
+        coder->context = class_of(coder) + N_CLASSES * end;
+    }
 }
 
 /* Start from geometric distributions of the predicted magnitudes: the probability of a magnitude
@@ -191,70 +218,52 @@ static void start_models(residual_models *models) {
 static void allocate_coder(surface_coder *coder, reel_arena *arena) {
     size_t rows = (size_t)coder->n_rows, faces = (size_t)coder->n_faces;
     coder->n_groups = (coder->n_columns + LANES - 1) / LANES;
+    size_t groups = (size_t)coder->n_groups * rows;
     coder->starts = reel_allocate(arena, rows + 2, sizeof *coder->starts);
     coder->seen_at = reel_allocate(arena, rows, sizeof *coder->seen_at);
     coder->corners = reel_allocate(arena, faces, sizeof *coder->corners);
     coder->around = reel_allocate(arena, 2 * faces + 1, sizeof *coder->around);
     coder->parallelograms = reel_allocate(arena, faces + 1, sizeof *coder->parallelograms);
-    coder->rows = reel_allocate(arena, (size_t)coder->n_groups * rows, sizeof *coder->rows);
-    coder->models = reel_allocate(arena, 1, sizeof *coder->models);
-    int bits = reel_bit_length((uint32_t)coder->n_rows) + 3;
+    coder->values = reel_allocate(arena, groups, sizeof *coder->values);
+    coder->residuals =
+        reel_allocate(arena, (size_t)coder->n_frames * groups, sizeof *coder->residuals);
+    coder->states = reel_allocate(arena, N_KINDS, sizeof *coder->states);
+    int bits = reel_bit_length((uint32_t)(coder->n_frames * coder->n_rows)) + 3;
     coder->hash_bits = bits < MAX_HASH_BITS ? bits : MAX_HASH_BITS;
     size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
     coder->latest = reel_allocate(arena, n_hashes, sizeof *coder->latest);
 }
 
-size_t reel_surface_integers_memory(int64_t n_rows, int64_t n_faces, int64_t n_columns) {
-    surface_coder coder = {.n_rows = n_rows, .n_columns = n_columns, .n_faces = n_faces};
-    reel_arena arena = REEL_MEASURE;
-    allocate_coder(&coder, &arena);
-    return arena.used;
-}
-
-static bool prepare(surface_coder *coder, void *memory, size_t memory_size) {
-    reel_arena arena = reel_arena_of(memory, memory_size);
-    allocate_coder(coder, &arena);
-    if (arena.failed) {
-        return false;
-    }
-    sort_faces(coder);
-    return true;
-}
-
-static void start_table(surface_coder *coder) {
-    start_rows(coder);
-    start_models(coder->models);
+static void start_kind(kind_state *state) {
+    start_models(&state->models);
     for (int k = 0; k < MAX_COLUMNS; k++) {
-        coder->recent[k] = 48;
-        coder->sources[k] = (copy_source){0};
+        state->recent[k] = 48;
     }
-    for (int i = 0; i < MAX_COLUMNS / LANES * N_CANDIDATES; i++) {
-        coder->errors[i / N_CANDIDATES][i % N_CANDIDATES] = (vec4i){0};
-    }
-    if (coder->choices & COPIES) {
-        size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
-        reel_zero(coder->latest, n_hashes * sizeof *coder->latest);
-    }
+    reel_zero(state->errors, sizeof state->errors);
 }
 
-/* The class of the current row by its parallelograms, or -1 if it has none. */
-REEL_INLINE int class_of(const surface_coder *coder) {
-    int32_t n = coder->n_parallelograms;
-    return n < N_CLASSES ? n - 1 : N_CLASSES - 1;
+/* Start to code frames. */
+static void start_frames(surface_coder *coder) {
+    coder->first = 0;
+    size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
+    reel_zero(coder->latest, n_hashes * sizeof *coder->latest);
+    for (int i = 0; i < 4 * N_KINDS; i++) {
+        coder->kind_models[i / 4][i % 4] = reel_model_of(32768, 0);
+    }
 }
 
 /* Find the means of the columns of a group for the current row, which has parallelograms. */
 REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n_groups,
                             row_means *means) {
-    const row_group *rows = coder->rows + group;
+    const vec4d *rows = coder->values + group;
     vec4d near = {0}, opposite = {0}, around = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
         const parallelogram *shape = &coder->parallelograms[i];
-        near += rows[shape->a * n_groups].values + rows[shape->b * n_groups].values;
-        opposite += rows[shape->c * n_groups].values;
+        near += rows[shape->a * n_groups] + rows[shape->b * n_groups];
+        opposite += rows[shape->c * n_groups];
     }
     for (int32_t i = 0; i < coder->n_around; i++) {
-        around += rows[coder->around[i] * n_groups].values;
+        around += rows[coder->around[i] * n_groups];
     }
     double share = 1.0 / (double)coder->n_parallelograms;
     means->near = near * (0.5 * share);
@@ -286,39 +295,46 @@ REEL_INLINE vec4i select_group(vec4i is_first, vec4i first, vec4i second) {
 }
 
 /* Predict by a parallelogram. */
-REEL_INLINE vec4i complete(const row_group *rows, const parallelogram *shape, int64_t n_groups) {
-    return round_group(rows[shape->a * n_groups].values + rows[shape->b * n_groups].values -
-                       rows[shape->c * n_groups].values);
+REEL_INLINE vec4i complete(const vec4d *rows, const parallelogram *shape, int64_t n_groups) {
+    return round_group(rows[shape->a * n_groups] + rows[shape->b * n_groups] -
+                       rows[shape->c * n_groups]);
 }
 
 /* Predict the columns of a group of the current row: without parallelograms from its first
-   neighbor, or the row before it. `all` receives the candidates of BEST. */
+   neighbor, or the row before it. The candidates of BEST are the first parallelogram, the last, the
+   mean, and the first two neighbors. */
 REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t group,
                                 int64_t n_groups, candidates *all) {
     int class = class_of(coder);
+    const vec4d *rows = coder->values + group;
     if (class < 0) {
         int64_t other = coder->n_around ? coder->around[0] : row - 1;
         vec4d values = {0};
-        return __builtin_convertvector(
-            other < 0 ? values : coder->rows[other * n_groups + group].values, vec4i);
+        return __builtin_convertvector(other < 0 ? values : rows[other * n_groups], vec4i);
     }
-    double f = coder->weights[2 * class], g = coder->weights[2 * class + 1];
+    double f = coder->state->weights[2 * class], g = coder->state->weights[2 * class + 1];
     row_means means;
     find_means(coder, group, n_groups, &means);
     vec4d near = means.near;
     vec4i mean = round_group(near + (f * (near - means.opposite) + g * (means.around - near)));
-    if (!(coder->choices & BEST)) {
+    if (!(coder->state->choices & BEST)) {
         return mean;
     }
-    const row_group *rows = coder->rows + group;
-    const vec4i *errors = coder->errors[group];
+    const vec4i *errors = coder->state->errors[coder->context][group];
     vec4i *values = all->values;
     values[0] = complete(rows, coder->parallelograms, n_groups);
     values[1] = complete(rows, &coder->parallelograms[coder->n_parallelograms - 1], n_groups);
     values[2] = mean;
-    vec4i is_last = errors[1] < errors[0];
-    vec4i is_mean = errors[2] < select_group(is_last, errors[1], errors[0]);
-    return select_group(is_mean, mean, select_group(is_last, values[1], values[0]));
+    values[3] = __builtin_convertvector(rows[coder->around[0] * n_groups], vec4i);
+    values[4] = __builtin_convertvector(rows[coder->around[1] * n_groups], vec4i);
+    vec4i best = values[0];
+    all->error = errors[0];
+    for (int i = 1; i < N_CANDIDATES; i++) {
+        vec4i is_better = errors[i] < all->error;
+        best = select_group(is_better, values[i], best);
+        all->error = select_group(is_better, errors[i], all->error);
+    }
+    return best;
 }
 
 /* Update the errors of the candidates with the values of a group. */
@@ -326,7 +342,7 @@ REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const c
                                     vec4i actual) {
     const vec4i largest = {LARGEST, LARGEST, LARGEST, LARGEST};
     for (int i = 0; i < N_CANDIDATES; i++) {
-        vec4i *error = &coder->errors[group][i];
+        vec4i *error = &coder->state->errors[coder->context][group][i];
         vec4i size = (vec4i)((vec4u)actual - (vec4u)all->values[i]);
         vec4i is_negative = size < 0; /* -1 if true */
         size = (vec4i)((vec4u)(size ^ is_negative) - (vec4u)is_negative);
@@ -339,12 +355,12 @@ REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const c
    least one. */
 REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int64_t n_groups,
                                  vec4i predicted) {
-    const row_group *rows = coder->rows + group;
+    const vec4d *rows = coder->values + group;
     vec4d prediction = __builtin_convertvector(predicted, vec4d), sum = {0};
     for (int32_t i = 0; i < coder->n_parallelograms; i++) {
         const parallelogram *shape = &coder->parallelograms[i];
-        vec4d difference = rows[shape->a * n_groups].values + rows[shape->b * n_groups].values -
-                           rows[shape->c * n_groups].values - prediction;
+        vec4d difference = rows[shape->a * n_groups] + rows[shape->b * n_groups] -
+                           rows[shape->c * n_groups] - prediction;
         sum += (vec4d)((vec4l)difference & INT64_MAX);
     }
     sum *= 48.0 / (double)coder->n_parallelograms;
@@ -400,9 +416,9 @@ REEL_INLINE int32_t code_residual(reel_range_coder *coder, residual_models *mode
 
 /* Code whether a residual is a copy, and set it if it is. `before` tells whether that of the
    column before was one: 0 without an answer, 1 yes, 2 no. */
-REEL_INLINE bool code_copy(reel_range_coder *range_coder, const surface_coder *coder, int32_t source,
-                           int run, int *before, int32_t *residual) {
-    reel_model *model = &coder->models->copy[*before][source == 0][run];
+REEL_INLINE bool code_copy(reel_range_coder *range_coder, const surface_coder *coder,
+                           int32_t source, int run, int *before, int32_t *residual) {
+    reel_model *model = &coder->state->models.copy[*before][source == 0][run];
     bool is_copy = reel_even_bit(range_coder, model, *residual == source);
     *before = is_copy ? 1 : 2;
     *residual = is_copy ? source : *residual;
@@ -418,7 +434,7 @@ REEL_INLINE void find_source(surface_coder *coder, int64_t row, int64_t column, 
     int32_t *latest = &coder->latest[((uint32_t)column << coder->hash_bits) + source->hash];
     source->run = is_copy ? source->run + (source->run < N_RUNS - 1) : 0;
     source->next = is_copy ? source->next + 1 : *latest;
-    *latest = (int32_t)row + 1;
+    *latest = (int32_t)(coder->first + row) + 1;
 }
 
 /* Sizes of the residuals at the first rows around a row: sums of their magnitudes, and of their
@@ -430,8 +446,9 @@ typedef struct {
 
 REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, int64_t n_groups) {
     near_residuals near = {.n = coder->n_around < N_CONTEXT ? coder->n_around : N_CONTEXT};
+    const vec4i *own = coder->residuals + coder->first * n_groups + group;
     for (int32_t i = 0; i < near.n; i++) {
-        vec4i residuals = coder->rows[coder->around[i] * n_groups + group].residuals;
+        vec4i residuals = own[coder->around[i] * n_groups];
         vec4i is_negative = residuals < 0; /* -1 if true */
         near.sizes += (residuals ^ is_negative) - is_negative;
         near.signs += is_negative - (residuals > 0);
@@ -450,15 +467,17 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
     vec4i predicted = predict_group(coder, row, group, n_groups, &all);
     near_residuals near = sum_near(coder, group, n_groups);
     bool has_deviation = coder->n_parallelograms != 0;
+    bool has_candidates = has_deviation && coder->state->choices & BEST;
     vec4i deviation = {0};
     if (has_deviation) {
         deviation = mean_deviation(coder, group, n_groups, predicted);
     }
     for (int k = 0; k < LANES && LANES * group + k < n_columns; k++) {
         int64_t column = LANES * group + k;
-        int32_t *recent = &coder->recent[column];
+        int32_t *recent = &coder->state->recent[column];
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
-        int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * *recent + 72;
+        int32_t earlier = has_candidates ? 3 * all.error[k] >> 2 : *recent;
+        int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * earlier + 72;
         float expected = (float)(sum + (column ? mean + 48 * *own : 2 * mean));
         int32_t bits;
         __builtin_memcpy(&bits, &expected, sizeof bits);
@@ -470,12 +489,12 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         const copy_source *from = &coder->sources[column];
         bool is_copy = false;
         if (from->next) {
-            int32_t source = coder->rows[from->next * n_groups + group].residuals[k];
+            int32_t source = coder->residuals[from->next * n_groups + group][k];
             is_copy = code_copy(range_coder, coder, source, from->run, before, &residual);
         }
         if (!is_copy) {
             residual =
-                code_residual(range_coder, coder->models, size, near.signs[k], residual);
+                code_residual(range_coder, &coder->state->models, size, near.signs[k], residual);
         }
         value[k] = (int32_t)((uint32_t)predicted[k] + (uint32_t)residual);
         if (!reel_is_encoder(range_coder)) {
@@ -484,7 +503,7 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         residual = residual < LARGEST ? residual : LARGEST;
         residual = residual > -LARGEST ? residual : -LARGEST;
         coded[k] = residual;
-        if (coder->choices & COPIES) {
+        if (coder->state->choices & COPIES) {
             find_source(coder, row, column, residual, is_copy);
         }
         int32_t magnitude = residual < 0 ? -residual : residual;
@@ -492,12 +511,12 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         *own = column ? (*own + magnitude) >> 1 : magnitude;
     }
     vec4i values = {value[0], value[1], value[2], value[3]};
-    if (coder->choices & BEST && coder->n_parallelograms) {
+    if (has_candidates) {
         compare_candidates(coder, group, &all, values);
     }
-    row_group *to = &coder->rows[row * n_groups + group];
-    to->values = __builtin_convertvector(values, vec4d);
-    to->residuals = (vec4i){coded[0], coded[1], coded[2], coded[3]};
+    coder->values[row * n_groups + group] = __builtin_convertvector(values, vec4d);
+    coder->residuals[(coder->first + row) * n_groups + group] =
+        (vec4i){coded[0], coded[1], coded[2], coded[3]};
 }
 
 /* Code all rows: the encoder passes the values, the decoder where to write them. */
@@ -516,8 +535,11 @@ REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, 
     }
 }
 
-static void code_table(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
+/* Code a frame; the encoder passes its values, less their prediction from the frames before. */
+static void code_frame(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
                        int32_t *decoded) {
+    start_rows(coder);
+    reel_zero(coder->sources, sizeof coder->sources);
     if (coder->n_columns == 3) { /* positions */
         code_rows(range_coder, coder, 1, 3, given, decoded);
     } else {
@@ -552,8 +574,8 @@ static void solve(const fit_sums *sums, double weights[2]) {
 /* Add the columns of a group of the current row to the sums of a fit. */
 static void add_to_fit(const surface_coder *coder, int64_t row, int64_t group, bool is_robust,
                        fit_sums *sums) {
-    const double *weights = coder->weights + 2 * class_of(coder);
-    vec4d own = coder->rows[row * coder->n_groups + group].values;
+    const double *weights = coder->state->weights + 2 * class_of(coder);
+    vec4d own = coder->values[row * coder->n_groups + group];
     row_means means;
     find_means(coder, group, coder->n_groups, &means);
     for (int k = 0; k < LANES; k++) {
@@ -569,14 +591,14 @@ static void add_to_fit(const surface_coder *coder, int64_t row, int64_t group, b
     }
 }
 
-/* Fit the weights of each class to the table: by least squares, then by squares divided by the
+/* Fit the weights of each class to a frame: by least squares, then by squares divided by the
    size of the residuals, which a few large ones do not dominate. */
 static void fit_weights(surface_coder *coder, const int32_t *values) {
     for (int64_t i = 0; i < coder->n_rows * coder->n_groups; i++) {
         int64_t row = i / coder->n_groups, first = LANES * (i % coder->n_groups);
         for (int64_t k = 0; k < LANES; k++) {
             bool is_column = first + k < coder->n_columns;
-            coder->rows[i].values[k] =
+            coder->values[i][k] =
                 is_column ? (double)values[row * coder->n_columns + first + k] : 0.0;
         }
     }
@@ -591,17 +613,17 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
             }
         }
         for (int class = 0; class < N_CLASSES; class++) {
-            solve(&sums[class], coder->weights + 2 * class);
+            solve(&sums[class], coder->state->weights + 2 * class);
         }
     }
 }
 
 /* Code the choices, and the weights if they are fitted. */
-static void code_head(reel_range_coder *range_coder, surface_coder *coder) {
-    coder->choices = reel_code_raw(range_coder, N_CHOICES, coder->choices);
+static void code_head(reel_range_coder *range_coder, kind_state *state) {
+    state->choices = reel_code_raw(range_coder, N_CHOICES, state->choices);
     for (int i = 0; i < N_WEIGHTS; i++) {
-        double *weight = &coder->weights[i];
-        if (coder->choices & FITTED) {
+        double *weight = &state->weights[i];
+        if (state->choices & FITTED) {
             uint32_t bits = (uint32_t)(int32_t)(*weight * ONE);
             *weight = (double)(int16_t)reel_code_raw(range_coder, 16, bits) / ONE;
         } else {
@@ -610,78 +632,263 @@ static void code_head(reel_range_coder *range_coder, surface_coder *coder) {
     }
 }
 
+/* ---- frames ---- */
+
+static size_t n_values(const surface_coder *coder) {
+    return (size_t)(coder->n_rows * coder->n_columns);
+}
+
+/* What a frame, whose values are at `frame`, is predicted to be from the frames before it. */
+static uint32_t predicted_value(const surface_coder *coder, int kind, const int32_t *frame,
+                                size_t i) {
+    if (kind == OWN) {
+        return 0;
+    }
+    const int32_t *before = frame - n_values(coder);
+    uint32_t value = (uint32_t)before[i];
+    return kind == EXTRAPOLATED ? 2 * value - (uint32_t)(before - n_values(coder))[i] : value;
+}
+
+static int code_kind(reel_range_coder *range_coder, surface_coder *coder, int before, int kind) {
+    reel_model *models = coder->kind_models[before];
+    int high = reel_bit(range_coder, &models[1], kind >> 1);
+    return 2 * high + (int)reel_bit(range_coder, &models[2 + high], kind & 1);
+}
+
+/* Code all frames. The encoder passes their values, space for one frame, and the kinds, whose
+   choices and weights it has set. False if the decoder reads a kind that is not allowed. */
+static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
+                        int32_t *difference, const uint8_t *kinds, int32_t *decoded) {
+    start_frames(coder);
+    for (int kind = 0, t = 0; t < coder->n_frames; t++) {
+        size_t n = n_values(coder), at = n * (size_t)t;
+        kind = t ? code_kind(range_coder, coder, kind, kinds ? kinds[t] : 0) : OWN;
+        if (kind == EXTRAPOLATED && t < 2) {
+            return false;
+        }
+        coder->first = t * coder->n_rows;
+        coder->state = &coder->states[kind];
+        if (kind != SAME && !coder->state->is_started) {
+            code_head(range_coder, coder->state);
+            start_kind(coder->state);
+            coder->state->is_started = true;
+        }
+        if (kind == SAME) {
+            reel_zero(coder->residuals + coder->first * coder->n_groups,
+                      (size_t)(coder->n_rows * coder->n_groups) * sizeof *coder->residuals);
+        } else if (given) {
+            for (size_t i = 0; i < n; i++) {
+                uint32_t predicted = predicted_value(coder, kind, given + at, i);
+                difference[i] = (int32_t)((uint32_t)given[at + i] - predicted);
+            }
+            code_frame(range_coder, coder, difference, NULL);
+        } else {
+            code_frame(range_coder, coder, NULL, decoded + at);
+        }
+        for (size_t i = 0; decoded && kind != OWN && i < n; i++) {
+            uint32_t predicted = predicted_value(coder, kind, decoded + at, i);
+            uint32_t value = kind == SAME ? 0U : (uint32_t)decoded[at + i];
+            decoded[at + i] = (int32_t)(predicted + value);
+        }
+    }
+    return true;
+}
+
+/* ---- encoder ---- */
+
+/* The number of bits of a magnitude. */
+static int size_of(uint32_t value) {
+    return reel_bit_length(value & 0x80000000U ? 0U - value : value);
+}
+
+/* Choose the kind of a frame after the first: that with the smallest differences between
+   neighbors, or from a parallelogram, at some of the rows. */
+static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extrapolate) {
+    int n_kinds = can_extrapolate ? N_KINDS : EXTRAPOLATED;
+    int64_t costs[N_KINDS][2] = {0}, n = coder->n_columns;
+    start_rows(coder);
+    for (int64_t row = 0; row < coder->n_rows; row += 1 + coder->n_rows / N_COMPARED) {
+        find_neighbors(coder, (int32_t)row);
+        int64_t other = coder->n_around ? coder->around[0] : row ? row - 1 : row;
+        const parallelogram *shape = coder->n_parallelograms ? coder->parallelograms : NULL;
+        for (int64_t i = 0; i < n * n_kinds; i++) {
+            int64_t kind = i / n, column = i % n, rows[] = {row, other, 0, 0};
+            uint32_t values[4];
+            if (shape) {
+                rows[1] = shape->a, rows[2] = shape->b, rows[3] = shape->c;
+            }
+            for (int k = 0; k < (shape ? 4 : 2); k++) {
+                size_t at = (size_t)(rows[k] * n + column);
+                values[k] = (uint32_t)frame[at] - predicted_value(coder, (int)kind, frame, at);
+            }
+            int size = size_of(values[0] - values[1]);
+            costs[kind][0] += size;
+            costs[kind][1] += shape ? size_of(values[0] - values[1] - values[2] + values[3]) : size;
+        }
+    }
+    int best = OWN;
+    for (int kind = OWN; kind < n_kinds; kind++) {
+        for (int i = 0; i < 2; i++) {
+            costs[best][0] = costs[best][i] < costs[best][0] ? costs[best][i] : costs[best][0];
+            costs[kind][0] = costs[kind][i] < costs[kind][0] ? costs[kind][i] : costs[kind][0];
+        }
+        best = costs[kind][0] < costs[best][0] ? kind : best;
+    }
+    return best;
+}
+
+/* The bytes of a frame of a kind by itself, with choices and the weights that they require. */
+static int64_t size_with(surface_coder *coder, uint32_t choices, const int32_t *values,
+                         uint8_t *out, size_t capacity) {
+    reel_range_coder range_coder = reel_start_encoder(out, capacity);
+    coder->state->choices = choices;
+    if (choices & FITTED) {
+        fit_weights(coder, values);
+    }
+    start_frames(coder);
+    code_head(&range_coder, coder->state);
+    start_kind(coder->state);
+    code_frame(&range_coder, coder, values, NULL);
+    return reel_finish(&range_coder);
+}
+
+/* Set the choices and the weights of the current kind to those that suit a frame, of several
+   frames its first rows. */
+static void choose(surface_coder *coder, const int32_t *values, uint8_t *out, size_t capacity) {
+    /* Make one change of choices at a time, and keep those that save bytes. */
+    static const uint32_t changes[] = {BEST | BY_CONTEXT, COPIES, BY_CONTEXT, BEST, FITTED};
+    int64_t n_rows = coder->n_rows;
+    coder->n_rows = coder->n_frames > 1 && n_rows > N_CHOSEN ? N_CHOSEN : n_rows;
+    uint32_t best = FITTED;
+    int64_t smallest = size_with(coder, best, values, out, capacity);
+    for (size_t i = 0; i < sizeof changes / sizeof *changes; i++) {
+        int64_t size = size_with(coder, best ^ changes[i], values, out, capacity);
+        if (size >= 0 && size < smallest) {
+            smallest = size;
+            best ^= changes[i];
+        }
+    }
+    coder->state->choices = best;
+    if (best & FITTED) {
+        fit_weights(coder, values);
+    }
+    coder->n_rows = n_rows;
+}
+
+/* Choose the kinds of all frames, and the choices of each kind by its first frame. */
+static void choose_all(surface_coder *coder, const int32_t *given, int32_t *difference,
+                       uint8_t *kinds, uint8_t *out, size_t capacity) {
+    size_t n = n_values(coder);
+    bool is_chosen[N_KINDS] = {0};
+    for (int64_t t = 0; t < coder->n_frames; t++) {
+        const int32_t *frame = given + (size_t)t * n;
+        bool is_same = t > 0;
+        for (size_t i = 0; is_same && i < n; i++) {
+            is_same = frame[i] == (frame - n)[i];
+        }
+        kinds[t] = (uint8_t)(is_same ? SAME : t ? choose_kind(coder, frame, t > 1) : OWN);
+        if (!is_same && !is_chosen[kinds[t]]) {
+            is_chosen[kinds[t]] = true;
+            for (size_t i = 0; i < n; i++) {
+                uint32_t predicted = predicted_value(coder, kinds[t], frame, i);
+                difference[i] = (int32_t)((uint32_t)frame[i] - predicted);
+            }
+            coder->state = &coder->states[kinds[t]];
+            choose(coder, difference, out, capacity);
+        }
+    }
+}
+
 /* ---- tables ---- */
 
-static surface_coder coder_of(int64_t n_rows, int64_t n_columns, const int32_t *faces,
-                              const int32_t *twins, int64_t n_faces) {
-    return (surface_coder){.n_rows = n_rows,
+static surface_coder coder_of(int64_t n_frames, int64_t n_rows, int64_t n_columns,
+                              const int32_t *faces, const int32_t *twins, int64_t n_faces) {
+    return (surface_coder){.n_frames = n_frames,
+                           .n_rows = n_rows,
                            .n_columns = n_columns,
                            .n_faces = n_faces,
                            .faces = faces,
                            .twins = twins};
 }
 
-static int64_t encode_with(surface_coder *coder, uint32_t choices, const int32_t *values,
-                           uint8_t *out, size_t capacity) {
-    reel_range_coder range_coder = reel_start_encoder(out, capacity);
-    coder->choices = choices;
-    if (choices & FITTED) {
-        fit_weights(coder, values);
+/* Memory of the encoder: the differences of a frame, and the kinds of frames. */
+static void allocate_choices(const surface_coder *coder, reel_arena *arena, int32_t **difference,
+                             uint8_t **kinds) {
+    *difference = reel_allocate(arena, n_values(coder), sizeof **difference);
+    *kinds = reel_allocate(arena, (size_t)coder->n_frames, sizeof **kinds);
+}
+
+size_t reel_surface_integers_memory(int64_t n_frames, int64_t n_rows, int64_t n_columns,
+                                    int64_t n_faces, int64_t encodes) {
+    surface_coder coder = coder_of(n_frames, n_rows, n_columns, NULL, NULL, n_faces);
+    reel_arena arena = REEL_MEASURE;
+    allocate_coder(&coder, &arena);
+    int32_t *difference;
+    uint8_t *kinds;
+    if (encodes) {
+        allocate_choices(&coder, &arena, &difference, &kinds);
     }
-    code_head(&range_coder, coder);
-    start_table(coder);
-    code_table(&range_coder, coder, values, NULL);
-    return reel_finish(&range_coder);
+    return arena.used;
+}
+
+/* Check a table, and allocate memory: REEL_INVALID, REEL_NO_MEMORY, or 0. */
+static int64_t prepare(surface_coder *coder, reel_arena *arena) {
+    if (coder->n_rows > INT32_MAX / coder->n_frames || !has_valid_faces(coder)) {
+        return reel_failure(REEL_INVALID, 0);
+    }
+    allocate_coder(coder, arena);
+    if (arena->failed) {
+        return reel_failure(REEL_NO_MEMORY, 0);
+    }
+    sort_faces(coder);
+    for (int i = 0; i < N_KINDS; i++) {
+        coder->states[i].is_started = false;
+    }
+    return 0;
 }
 
 int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int32_t *values,
-                                     int64_t n_rows, int64_t n_columns, const int32_t *faces,
-                                     const int32_t *twins, int64_t n_faces, uint8_t *out,
-                                     size_t capacity) {
-    surface_coder coder = coder_of(n_rows, n_columns, faces, twins, n_faces);
-    if (!has_valid_faces(&coder)) {
-        return reel_failure(REEL_INVALID, 0);
+                                     int64_t n_frames, int64_t n_rows, int64_t n_columns,
+                                     const int32_t *faces, const int32_t *twins, int64_t n_faces,
+                                     uint8_t *out, size_t capacity) {
+    surface_coder coder = coder_of(n_frames, n_rows, n_columns, faces, twins, n_faces);
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    int64_t failure = prepare(&coder, &arena);
+    if (failure < 0) {
+        return failure;
     }
-    if (!prepare(&coder, memory, memory_size)) {
+    int32_t *difference;
+    uint8_t *kinds;
+    allocate_choices(&coder, &arena, &difference, &kinds);
+    if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    for (int64_t i = 0; i < n_rows * n_columns; i++) {
+    for (int64_t i = 0; i < n_frames * n_rows * n_columns; i++) {
         if (values[i] > REEL_MAX_SURFACE_VALUE || values[i] < -REEL_MAX_SURFACE_VALUE) {
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    /* Change one choice at a time, and keep those that save bytes. */
-    static const uint32_t changes[] = {BEST, COPIES, FITTED};
-    uint32_t best = FITTED;
-    int64_t smallest = encode_with(&coder, best, values, out, capacity), size = smallest;
-    for (size_t i = 0; i < sizeof changes / sizeof *changes && size >= 0; i++) {
-        size = encode_with(&coder, best ^ changes[i], values, out, capacity);
-        if (size >= 0 && size < smallest) {
-            smallest = size;
-            best ^= changes[i];
-        }
-    }
-    return coder.choices == best || size < 0 ? size
-                                             : encode_with(&coder, best, values, out, capacity);
+    choose_all(&coder, values, difference, kinds, out, capacity);
+    reel_range_coder range_coder = reel_start_encoder(out, capacity);
+    code_frames(&range_coder, &coder, values, difference, kinds, NULL);
+    return reel_finish(&range_coder);
 }
 
 int64_t reel_surface_integers_decode(void *memory, size_t memory_size, const uint8_t *in,
-                                     size_t size, int64_t n_rows, int64_t n_columns,
-                                     const int32_t *faces, const int32_t *twins, int64_t n_faces,
-                                     int32_t *values) {
-    surface_coder coder = coder_of(n_rows, n_columns, faces, twins, n_faces);
+                                     size_t size, int64_t n_frames, int64_t n_rows,
+                                     int64_t n_columns, const int32_t *faces, const int32_t *twins,
+                                     int64_t n_faces, int32_t *values) {
+    surface_coder coder = coder_of(n_frames, n_rows, n_columns, faces, twins, n_faces);
     if (size && !in[size - 1]) {
         return reel_failure(REEL_CORRUPT, size - 1);
     }
-    if (!has_valid_faces(&coder)) {
-        return reel_failure(REEL_INVALID, 0);
-    }
-    if (!prepare(&coder, memory, memory_size)) {
-        return reel_failure(REEL_NO_MEMORY, 0);
+    reel_arena arena = reel_arena_of(memory, memory_size);
+    int64_t failure = prepare(&coder, &arena);
+    if (failure < 0) {
+        return failure;
     }
     reel_range_coder range_coder = reel_start_decoder(in, size);
-    code_head(&range_coder, &coder);
-    start_table(&coder);
-    code_table(&range_coder, &coder, NULL, values);
-    return reel_finish(&range_coder);
+    return code_frames(&range_coder, &coder, NULL, NULL, NULL, values)
+               ? reel_finish(&range_coder)
+               : reel_failure(REEL_CORRUPT, range_coder.position);
 }

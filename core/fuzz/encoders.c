@@ -183,13 +183,14 @@ void fuzz_basis_encode(void) {
 
 /* ---- integers on a surface ---- */
 
-static int32_t *decode_surface(const fuzz_mesh *mesh, int64_t n_columns, fuzz_bytes from,
-                               int64_t *result) {
-    size_t size = reel_surface_integers_memory(mesh->n_verts, mesh->n_faces, n_columns);
-    int32_t *values = fuzz_allocate(mesh->n_verts * n_columns, sizeof *values);
-    *result = reel_surface_integers_decode(FUZZ_MEMORY(size), from.bytes,
-                                           from.size, mesh->n_verts, n_columns, mesh->faces,
-                                           mesh->twins, mesh->n_faces, values);
+static int32_t *decode_surface(const fuzz_mesh *mesh, int64_t n_frames, int64_t n_columns,
+                               fuzz_bytes from, int64_t *result) {
+    size_t size =
+        reel_surface_integers_memory(n_frames, mesh->n_verts, n_columns, mesh->n_faces, 0);
+    int32_t *values = fuzz_allocate(n_frames * mesh->n_verts * n_columns, sizeof *values);
+    *result = reel_surface_integers_decode(FUZZ_MEMORY(size), from.bytes, from.size, n_frames,
+                                           mesh->n_verts, n_columns, mesh->faces, mesh->twins,
+                                           mesh->n_faces, values);
     fuzz_check_code(*result);
     return values;
 }
@@ -199,30 +200,35 @@ void fuzz_surface_integers(void) {
     if (fuzz_one_in(4)) {
         fuzz_shuffle_twins(&mesh);
     }
-    int64_t n_columns = 1 + fuzz_below(REEL_MAX_SURFACE_COLUMNS), n = mesh.n_verts * n_columns;
+    int64_t n_columns = 1 + fuzz_below(REEL_MAX_SURFACE_COLUMNS), n_frames = 1 + fuzz_below(5);
+    int64_t n_each = mesh.n_verts * n_columns, n = n_frames * n_each;
     int64_t capacity = 16 * n + (1 << 16), result;
     int32_t *values = fuzz_allocate(n, sizeof *values), shift = (int32_t)fuzz_below(8);
     bool is_allowed = true;
     for (int64_t i = 0; i < n; i++) {
-        values[i] = fuzz_integer() >> shift;
+        bool is_similar = i >= n_each && fuzz_one_in(2);
+        values[i] = is_similar ? values[i - n_each] : fuzz_integer() >> shift;
         is_allowed = is_allowed && values[i] <= REEL_MAX_SURFACE_VALUE &&
                      values[i] >= -REEL_MAX_SURFACE_VALUE;
     }
+    if (n_frames > 1 && fuzz_one_in(2)) { /* equal frames */
+        memcpy(values + n_each, values, (size_t)n_each * sizeof *values);
+    }
     uint8_t *out = fuzz_allocate(capacity, 1);
-    size_t size = reel_surface_integers_memory(mesh.n_verts, mesh.n_faces, n_columns);
-    result = reel_surface_integers_encode(FUZZ_MEMORY(size), values,
-                                          mesh.n_verts, n_columns, mesh.faces, mesh.twins,
-                                          mesh.n_faces, out, (size_t)capacity);
-    FUZZ_CHECK((result >= 0) == is_allowed);
+    size_t size = reel_surface_integers_memory(n_frames, mesh.n_verts, n_columns, mesh.n_faces, 1);
+    result = reel_surface_integers_encode(FUZZ_MEMORY(size), values, n_frames, mesh.n_verts,
+                                          n_columns, mesh.faces, mesh.twins, mesh.n_faces, out,
+                                          (size_t)capacity);
+    FUZZ_CHECK(result >= 0 || !is_allowed);
     if (result < 0) {
         return;
     }
     fuzz_bytes bytes = fuzz_written(out, result);
-    int32_t *output = decode_surface(&mesh, n_columns, bytes, &result);
+    int32_t *output = decode_surface(&mesh, n_frames, n_columns, bytes, &result);
     FUZZ_CHECK(result == (int64_t)bytes.size);
     FUZZ_CHECK(!memcmp(output, values, (size_t)n * sizeof *values));
     for (int i = 0; i < 3; i++) {
-        output = decode_surface(&mesh, n_columns, fuzz_mutate(bytes), &result);
+        output = decode_surface(&mesh, n_frames, n_columns, fuzz_mutate(bytes), &result);
         fuzz_hash(output, result < 0 ? 0 : n, sizeof *output);
     }
 }

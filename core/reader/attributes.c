@@ -289,16 +289,16 @@ static int decode_patterns(reel_call *call, reel_range coded, const meshreel_att
 static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces *faces,
                              const meshreel_attribute *output, int32_t *values) {
     int64_t n_rows = output->n_rows, n_faces = (int64_t)faces->outline->n_faces;
-    size_t memory_size = reel_surface_integers_memory(n_rows, n_faces, output->width);
+    size_t memory_size = reel_surface_integers_memory(1, n_rows, output->width, n_faces, 0);
     int32_t *triangles, *twins;
     const uint8_t *bytes;
     REEL_TRY(find_row_faces(call, faces, output, &triangles, &twins));
     REEL_TRY(reel_view(call, coded, &bytes));
     void *memory = reel_scratch(call, memory_size, 1);
     REEL_NEED(memory);
-    int64_t result = reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length,
-                                                  n_rows, output->width, triangles, twins, n_faces,
-                                                  values);
+    int64_t result =
+        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, 1, n_rows,
+                                     output->width, triangles, twins, n_faces, values);
     return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
 }
 

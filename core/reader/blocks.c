@@ -528,24 +528,27 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     return reel_fail_core(call, result, coded.at, "exact values are damaged");
 }
 
-/* Decode the positions on a grid of a block of one frame, or of equal ones. */
-static int load_one_frame(reel_call *call, const meshreel_decoder *decoder,
-                          reel_track_state *state) {
+/* Decode positions on a grid along the surface. */
+static int load_on_surface(reel_call *call, const meshreel_decoder *decoder,
+                           reel_track_state *state) {
     const reel_outline *outline = &decoder->file->outline;
     const int32_t *faces = decoder->file->mesh.internal_faces;
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
+    int64_t n_frames = (int64_t)state->current.group.n_frames;
     reel_range coded = state->current.group.values;
-    int32_t *positions = reel_pool_allocate(call, &state->current.pool, outline->n_verts,
+    uint64_t n_positions = state->current.group.n_frames * outline->n_verts;
+    int32_t *positions = reel_pool_allocate(call, &state->current.pool, n_positions,
                                             N_AXES * sizeof *positions);
     const reel_chunk *mark = call->scratch.last;
-    size_t memory_size = reel_surface_integers_memory(n_verts, n_faces, N_AXES);
+    size_t memory_size = reel_surface_integers_memory(n_frames, n_verts, N_AXES, n_faces, 0);
     void *memory = positions ? reel_scratch(call, memory_size, 1) : NULL;
     REEL_NEED(memory);
     const uint8_t *bytes;
     REEL_TRY(reel_view(call, coded, &bytes));
     int64_t result =
-        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_verts,
-                                     N_AXES, faces, decoder->file->mesh.twins, n_faces, positions);
+        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_frames,
+                                     n_verts, N_AXES, faces, decoder->file->mesh.twins, n_faces,
+                                     positions);
     reel_drop_scratch(call, mark);
     state->current.exact = positions;
     return reel_fail_core(call, result, coded.at, "positions on a grid are damaged");
@@ -555,8 +558,7 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
-    bool is_single = group->n_frames == 1 || group->is_still;
-    uint64_t n_positions = (is_single ? 1 : group->n_frames) * decoder->file->outline.n_verts;
+    uint64_t n_positions = group->n_frames * decoder->file->outline.n_verts;
     REEL_TRY(reel_read_rounding(call, &state->current.pool, group, n_positions,
                                 &state->current.rounding));
     uint32_t size = definition->size;
@@ -566,15 +568,15 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     if (definition->difference) {
         type = REEL_SIGNED_INTEGERS;
     }
-    if (group->grid > 0.0 && is_single) {
-        return load_one_frame(call, decoder, state);
+    if (group->is_on_surface) {
+        return load_on_surface(call, decoder, state);
     }
     if (group->grid > 0.0) {
         type = REEL_SIGNED_INTEGERS;
         size = sizeof(int32_t);
     }
     reel_graph *graph = &state->items.graph;
-    if (!graph->starts) { /* of single frames that turn out not to be on a grid */
+    if (!graph->starts) { /* as positions on the surface need none */
         REEL_TRY(reel_find_vertex_graph(call, &decoder->pool, &decoder->file->outline,
                                         &decoder->file->mesh, graph));
     }

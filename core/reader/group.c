@@ -188,20 +188,34 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
                : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
 }
 
+/* Forms of positions on a grid: none, so that they are lossless, exact values, or integers on the
+   surface; and a flag of a step in single precision. */
+enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE };
+
 /* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */
 static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_group *group) {
     reel_range left = *payload(all, REEL_VALUES);
     REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section VALUES");
     uint64_t at = left.at;
+    uint8_t form = GRID_NONE;
     if (is_grid || payload(all, REEL_ROUNDING)->at) {
-        REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
-        group->is_still = group->grid < 0.0 && group->n_frames > 1;
-        group->grid = group->is_still ? -group->grid : group->grid;
+        REEL_TRY(reel_read_bytes(call, &left, &form, sizeof form));
     }
+    if (form & GRID_SINGLE) {
+        float step;
+        REEL_TRY(reel_read_bytes(call, &left, &step, sizeof step));
+        group->grid = (double)step;
+    } else if (form != GRID_NONE) {
+        REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
+    }
+    group->is_on_surface = (form & ~GRID_SINGLE) == GRID_ON_SURFACE;
     group->values = left;
     group->rounding = *payload(all, REEL_ROUNDING);
-    REEL_CORRUPT_IF(!(group->grid >= 0.0 && group->grid <= 1.0), at,
-                    "the step of a grid is not between 0 and 1 diagonal");
+    REEL_CORRUPT_IF(form > (GRID_ON_SURFACE | GRID_SINGLE) || (form & GRID_FORMS) == GRID_FORMS ||
+                        form == GRID_SINGLE,
+                    at, "the form of positions on a grid is unknown");
+    REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), at,
+                    "the step of a grid is not above 0 and at most 1 diagonal");
     return group->grid > 0.0 || !group->rounding.at
                ? MESHREEL_OK
                : reel_corrupt(call, group->rounding.at, "there is no grid to round");

@@ -25,10 +25,10 @@ typedef struct {
     float correction_step;
     uint64_t n_corrected, n_corrections;
     reel_range corrections;
-    /* Exact values: the step of a grid of positions, or 0; whether the block has the positions of
-       one frame, which all repeat; and the bits. */
+    /* Exact values: the step of a grid of positions, or 0; whether these are integers on the
+       surface; and the bits. */
     double grid;
-    bool is_still;
+    bool is_on_surface;
     reel_range values, rounding, missing;
 } reel_group;
 

@@ -29,9 +29,10 @@ def decode_order(order_payload, internal_faces, n_verts):
 
 
 def decode_on_surface(data, shape, faces, twins):
-    """Return a table of integers that the plain reader decodes."""
-    rows = read_surface_integers(data, shape[0], shape[1], faces.tolist(), twins.tolist())
-    return np.array(rows, np.int32).reshape(shape)
+    """Return a table of integers, or frames of one, that the plain reader decodes."""
+    n_frames, n_rows, width = (1, *shape)[-3:]
+    frames = read_surface_integers(data, n_frames, n_rows, width, faces.tolist(), twins.tolist())
+    return np.array(frames, np.int32).reshape(shape)
 
 
 def sorted_triangles(faces, n_verts):

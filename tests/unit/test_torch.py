@@ -47,9 +47,9 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("reels")
     (folder / "deeper").mkdir()
     files = {
-        "a": meshreel.encode(waving_grid(12)),
-        "b": meshreel.encode(shifted(waving_grid(20, 6, 7), (3, 0, -2)), block_frames=8),
-        "deeper/c": meshreel.encode(with_spikes(waving_grid(30, 12, 14)), max_error=1),
+        "a": meshreel.encode(waving_grid(12), effort=5),
+        "b": meshreel.encode(shifted(waving_grid(20, 6, 7), (3, 0, -2)), block_frames=8, effort=5),
+        "deeper/c": meshreel.encode(with_spikes(waving_grid(30, 12, 14)), max_error=1, effort=5),
     }
     for name, data in files.items():
         (folder / f"{name}.reel").write_bytes(data)

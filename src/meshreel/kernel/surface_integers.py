@@ -16,11 +16,11 @@ MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
 
 
 def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
-    """Encode a table of int32 of shape (N, C), whose rows are the corners of triangles.
+    """Encode frames of a table of int32, whose rows are the corners of triangles.
 
     Parameters
     ----------
-    values : int32 array of shape (N, C)
+    values : int32 array of shape (T, N, C)
         Up to `MAX_VALUE` in magnitude, at most `MAX_COLUMNS` columns.
     faces : integer array of shape (M, 3)
         Rows, in 0..N-1.
@@ -32,10 +32,11 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
     InvalidInputError
         If a value is too large.
     """
-    n_rows, n_columns = values.shape
+    n_frames, n_rows, n_columns = values.shape
     return encoded(
         "reel_surface_integers_encode",
         int32s(values),
+        n_frames,
         n_rows,
         n_columns,
         int32s(faces),
@@ -43,5 +44,5 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         len(faces),
         what="integers on a surface",
         capacity=BYTES_EACH * values.size + MORE_BYTES,
-        memory_of=("reel_surface_integers_memory", n_rows, len(faces), n_columns),
+        memory_of=("reel_surface_integers_memory", n_frames, n_rows, n_columns, len(faces), True),
     )

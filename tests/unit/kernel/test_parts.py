@@ -56,7 +56,7 @@ def test_segments_decoded_together_equal_those_decoded_alone(method):
 @pytest.mark.slow
 @pytest.mark.usefixtures("cores")
 def test_ranges_of_frames_and_modes_are_those_of_single_segments():
-    data = meshreel.encode(segments_of(n_frames=8))
+    data = meshreel.encode(segments_of(n_frames=8), effort=5)
     part = meshreel.decode(data, frames=slice(6, 30), n_modes=1).segments
     assert [one.n_frames for one in part] == [2, 8, 8, 6]
     first = meshreel.decode(data, segment=0, frames=slice(6, 8), n_modes=1)

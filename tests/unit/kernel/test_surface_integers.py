@@ -25,22 +25,45 @@ SMOOTH = grid_faces(40, 50)
 
 
 def coded(values, faces):
-    """A table and its stream, decoded."""
-    twins = twin_sides(np.asarray(faces, np.int32), len(values))
-    data = encode_on_surface(values, faces, twins)
-    return data, decode_on_surface(data, values.shape, faces, twins)
+    """A table, or frames of one, and its stream, decoded."""
+    frames = values.reshape(-1, *values.shape[-2:])
+    twins = twin_sides(np.asarray(faces, np.int32), frames.shape[1])
+    data = encode_on_surface(frames, faces, twins)
+    return data, decode_on_surface(data, frames.shape, faces, twins).reshape(values.shape)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FACES)
 def test_tables_round_trip_on_any_faces(name):
-    shapes = st.tuples(st.integers(30, 40), st.integers(1, MAX_COLUMNS))
+    shapes = st.tuples(st.integers(1, 4), st.integers(30, 40), st.integers(1, MAX_COLUMNS))
 
     @given(arrays(np.int32, shapes, elements=st.integers(-MAX_VALUE, MAX_VALUE)))
     def check(values):
         np.testing.assert_array_equal(coded(values, FACES[name])[1], values)
 
     check()
+
+
+@pytest.mark.parametrize("rate", [0, 1])
+def test_frames_that_rest_or_move_evenly_take_few_bytes(rate):
+    first = np.random.default_rng(3).integers(-500, 500, (2000, 3))
+    moved = np.repeat(first[None], 12, axis=0)
+    moved[:, 1500:] += 7 * rate * np.arange(12)[:, None, None]
+    alone = len(coded(first.astype(np.int32), SMOOTH)[0])
+    data, decoded = coded(moved.astype(np.int32), SMOOTH)
+    np.testing.assert_array_equal(decoded, moved)
+    assert len(data) < alone + 200
+
+
+def test_a_cut_between_frames_is_coded_alone():
+    rows, columns = np.divmod(np.arange(2000), 50)
+    smooth = np.stack([40 * columns, 40 * rows, rows * columns // 50], axis=1)
+    rough = np.random.default_rng(4).integers(-500, 500, (2000, 3))
+    sizes = [
+        len(coded(np.stack(frames).astype(np.int32), SMOOTH)[0])
+        for frames in ([rough], [rough, smooth])
+    ]
+    assert sizes[1] < 1.3 * sizes[0]
 
 
 def test_planes_take_few_bytes():

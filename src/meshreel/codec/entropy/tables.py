@@ -71,4 +71,4 @@ def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator
     for form, numbers in forms:
         yield form + bytes([ALONG_FACES]) + encode_patterns(numbers, along)
         if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:
-            yield form + bytes([ON_SURFACE]) + encode_on_surface(numbers, faces, twins)
+            yield form + bytes([ON_SURFACE]) + encode_on_surface(numbers[None], faces, twins)

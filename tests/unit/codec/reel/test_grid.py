@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.bitstream.container import write_varints
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.reel.normative.grid import PositionGrid, write_step
+from meshreel.codec.reel.normative.grid import ON_SURFACE, PositionGrid, write_form
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.kernel.integers import encode_integers
@@ -158,9 +158,11 @@ def test_grid_has_no_modes():
 
 
 @pytest.mark.every_case
-@pytest.mark.parametrize("start", [*map(write_step, (-0.1, 1.5, np.nan, np.inf)), None])
-def test_values_with_an_invalid_or_no_step_are_refused(start):
-    changed = with_values(lambda own: own[:7] if start is None else start + own[8:])
+@pytest.mark.parametrize("step", [-0.1, 0.0, 1.5, np.nan, np.inf, None])
+def test_values_with_an_invalid_or_no_step_are_refused(step):
+    changed = with_values(
+        lambda own: own[:4] if step is None else write_form(ON_SURFACE, step) + own[5:]
+    )
     with pytest.raises((CorruptStreamError, TruncatedStreamError)):
         meshreel.decode(changed)
 

@@ -142,7 +142,7 @@ def test_values_with_seams_are_within_their_bound_and_cost_less_than_those_of_co
 def test_normals_with_seams_are_predicted_from_the_surface():
     values = normals()[:, VERTICES]
     values[:, SIDE, 1] *= -1
-    data, header = coded(Track(values, "corner", "normal"), "0.5deg", max_error=1e-3)
+    data, header = coded(Track(values, "corner", "normal"), "0.5deg", max_error=1e-3, effort=5)
     assert (header.sharing, header.coding) == (Sharing.ROWS, Coding.ROTATIONS)
     cosines = np.einsum("tnc,tnc->tn", decoded(data).values.astype(float), values)
     assert np.degrees(np.arccos(np.clip(cosines, -1, 1))).max() <= 0.5

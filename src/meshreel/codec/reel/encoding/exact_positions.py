@@ -16,7 +16,7 @@ from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
-from meshreel.codec.reel.normative.blocks import write_exact_positions, write_grid_frame
+from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import Piece, Source
 from meshreel.errors import SolverError
@@ -105,7 +105,7 @@ class ExactPositionCoder(PositionCoder):
             )
         exact = [block, values]
         on_grid = self._on_grid(vertices)
-        return exact if on_grid is None else min(exact, on_grid, key=_size_bytes)
+        return exact if on_grid is None else min(exact, on_grid, key=size_bytes)
 
     def _on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
         """Encode the frame on its grid, with the rounding of its values."""
@@ -115,7 +115,7 @@ class ExactPositionCoder(PositionCoder):
         rounding = self.grid.rounding(coordinates, vertices)
         if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
             return None
-        return write_grid_frame(coordinates, self.grid.step, *self.sides, rounding)
+        return write_on_surface(coordinates, self.grid.step, *self.sides, rounding)
 
 
 def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
@@ -143,7 +143,8 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     return stream_of(source, coder, progress, engine)
 
 
-def _size_bytes(sections: list[tuple[Section, bytes]]) -> int:
+def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
+    """Bytes of the payloads of sections."""
     return sum(len(payload) for _, payload in sections)
 
 

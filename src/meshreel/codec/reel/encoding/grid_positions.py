@@ -15,12 +15,12 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
-from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, stream_of
+from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, size_bytes, stream_of
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
-from meshreel.codec.reel.normative.blocks import write_grid_frame, write_grid_positions
-from meshreel.codec.reel.normative.grid import MAX_COORDINATE, NO_GRID, Coordinates, PositionGrid
+from meshreel.codec.reel.normative.blocks import write_grid_positions, write_on_surface
+from meshreel.codec.reel.normative.grid import MAX_COORDINATE, Coordinates, PositionGrid
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, Source, error_bound_sections
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -29,12 +29,16 @@ from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import is_still
 from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.progress import Progress
+from meshreel.runtime.progress import Progress, silent
 
 Vertices = npt.NDArray[np.floating]
 
-RAW_RATIO = 16
-"""Modes that compress less than this many times are compared to a grid."""
+RAW_RATIO, FEW_FRAMES, RESTING_SHARE = 16, 20, 0.3
+"""Modes are compared to a grid if they compress less than this many times, if there are at most so
+many frames, or if this share of the vertices rests."""
+
+N_COMPARED = 4
+"""Frames in which resting vertices are counted."""
 
 SLACK = 1e-5
 """Share of a bound that is reserved for rounding in double precision."""
@@ -57,6 +61,8 @@ class GridPositionCoder(PositionCoder):
     """Largest error of a position, in diagonals; None guarantees nothing."""
     is_stored: bool = False
     """Whether a quantizer left the only frame on this grid, so that it may be exact."""
+    is_fast: bool = False
+    """Whether only integers on the surface are tried, unless they exceed their limits."""
 
     @property
     def is_exact(self) -> bool:
@@ -71,23 +77,26 @@ class GridPositionCoder(PositionCoder):
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.
 
         Positions are lossless if the grid exceeds the bound or the limits of the format, or if
-        that takes fewer bytes for several frames. Equal frames are coded as one.
+        that takes fewer bytes for several frames.
         """
-        coordinates = self.grid.coordinates(vertices)
+        coordinates, step = self.grid.coordinates(vertices), self.grid.step
         meets_bound = self._meets_bound(coordinates, vertices)
-        rounding = self.grid.rounding(coordinates[:1], vertices[:1]) if self.is_stored else None
+        is_single = (coordinates[1:] == coordinates[0]).all()
+        rounding = None
+        if self.is_stored and is_single:
+            rounding = self.grid.rounding(coordinates[:1], vertices[:1])
         if rounding and meets_bound and len(rounding) > vertices[0].size * MAX_ROUNDING_BYTES:
             rounding = None
+        choices = []
         is_precise = meets_bound or rounding is not None
-        is_single = (coordinates[1:] == coordinates[0]).all()
-        if is_single and is_precise and np.abs(coordinates).max() <= MAX_VALUE:
-            step, n_frames = self.grid.step, len(vertices)
-            return write_grid_frame(coordinates, step, *self.sides, rounding, n_frames=n_frames)
-        exact = write_grid_positions(vertices, NO_GRID, self.graph)
-        if len(vertices) == 1 or not meets_bound:
-            return exact
-        rounded = write_grid_positions(coordinates, self.grid.step, self.graph)
-        return min(exact, rounded, key=lambda sections: len(sections[1][1]))
+        if is_precise and np.abs(coordinates).max() <= MAX_VALUE:
+            choices.append(write_on_surface(coordinates, step, *self.sides, rounding))
+            if is_single or self.is_fast:
+                return choices[0]
+        choices.append(write_grid_positions(vertices, 0.0, self.graph))
+        if len(vertices) > 1 and meets_bound:
+            choices.append(write_grid_positions(coordinates, step, self.graph))
+        return min(choices, key=size_bytes)
 
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
         if self.bound is None:
@@ -127,8 +136,13 @@ def grid_coder(
 
 
 def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositionCoder:
-    """Return the coder of a mesh with a grid of a step in diagonals, if coordinates allow it."""
-    grid = PositionGrid(_allowed(step), frame)
+    """Return the coder of a mesh with a grid of a step in diagonals, if coordinates allow it.
+
+    The step becomes the next smaller number in single precision.
+    """
+    single = np.float32(step := _allowed(step))
+    single = single if single <= step else np.nextafter(single, np.float32(0))
+    grid = PositionGrid(float(single), frame)
     return GridPositionCoder(mesh.links, mesh.n_verts, mesh.sides, grid, None)
 
 
@@ -180,15 +194,31 @@ def frame_error(source: Source, vertices: Vertices, step: float) -> float:
 def may_use_grid(source: Source, size_bytes: int, has_one_shape: bool) -> bool:
     """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
-    A grid stores a number for each position, so it cannot compress many times, unless no vertex
-    moves. Options of the search for modes exclude it.
+    A grid stores a number for each position, so it cannot compress many times, unless many
+    vertices rest, or there are few frames, whose modes are not much smaller. Options of the search
+    for modes exclude it.
     """
     if not _takes_grid(source.config):
         return False
-    if has_one_shape:
+    if has_one_shape or source.n_frames <= FEW_FRAMES:
         return True
+    if _compresses_little(source, size_bytes):
+        return True
+    return _resting_share(source) >= RESTING_SHARE
+
+
+def _compresses_little(source: Source, size_bytes: int) -> bool:
     raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
     return size_bytes * RAW_RATIO > raw_bytes
+
+
+def _resting_share(source: Source) -> float:
+    """Return the mean share of vertices that rest from one frame to the next, of some frames."""
+    shares = []
+    for first in range(0, source.n_frames - 1, math.ceil(source.n_frames / N_COMPARED)):
+        one, following = source.sequence.read(first, first + 2)
+        shares.append(np.mean((one == following).all(axis=1)))
+    return float(np.mean(shares))
 
 
 def encode_still(source: Source, step: float, progress: Progress) -> bytes | None:
@@ -206,6 +236,13 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
     return min(own, _encoded_on(stored, source, progress), key=len)
 
 
+def encode_moving(source: Source, step: float) -> bytes:
+    """Return a stream on a grid with a step in diagonals, along the surface."""
+    moved = _on_grid(source, step, _cut(source))
+    coder = replace(step_coder(source.mesh, source.frame, step), is_fast=True)
+    return stream_of(moved, coder, silent, None)
+
+
 def _takes_grid(config: EncoderConfig) -> bool:
     """Whether no option requires modes."""
     assert isinstance(config, ReelOptions)  # those of this method
@@ -213,10 +250,21 @@ def _takes_grid(config: EncoderConfig) -> bool:
 
 
 def encode_on_grid(
-    source: Source, progress: Progress, engine: Engine | None, has_one_shape: bool
+    source: Source,
+    progress: Progress,
+    engine: Engine | None,
+    has_one_shape: bool,
+    size_bytes: int,
 ) -> bytes:
-    """Return a stream of the method `grid` of a source of `reel`, with its coded tracks."""
-    return _encoded(_on_grid(source, None, _cut(source)), progress, engine, has_one_shape)
+    """Return a stream of the method `grid` of a source of `reel`, with its coded tracks.
+
+    Exact values are tried only if modes, which take `size_bytes`, do not compress well.
+    """
+    moved = _on_grid(source, None, _cut(source))
+    grid = grid_of_frame(source) if has_one_shape else None
+    moved, coder = _with_coder(moved, grid)
+    coder = replace(coder, is_fast=not _compresses_little(source, size_bytes))
+    return stream_of(moved, coder, progress, engine)
 
 
 def _cut(source: Source) -> int | None:

@@ -57,7 +57,12 @@ def error_scale(quality: float) -> float:
 
 
 def step_of_quality(
-    quality: float, faces: Faces, blocks: Iterable[Vertices], model_size: float
+    quality: float,
+    faces: Faces,
+    blocks: Iterable[Vertices],
+    model_size: float,
+    *,
+    is_grid: bool = False,
 ) -> float:
     """Return the quantization step of a quality, in model units: that of the block that needs most.
 
@@ -70,14 +75,19 @@ def step_of_quality(
         Some of the blocks that will be coded, with vertices in the order of the faces.
     model_size : float
         Mean diagonal of the bounding boxes of frames, in model units.
+    is_grid : bool
+        Whether positions are rounded to a grid, as a single frame is, in place of modes.
     """
     frames, variances, n_frames = [], [], 0
     for block in blocks:
         n_frames, n_verts = max(n_frames, len(block)), block.shape[1]
         frames.append(block[evenly_spaced(len(block), N_FRAMES)] / np.float64(model_size))
+        if is_grid:
+            continue
         times = evenly_spaced(len(block), MAX_FRAMES)
         vertices = evenly_spaced(n_verts, MAX_VERTICES)
         variances.append(_variances(block[np.ix_(times, vertices)] / np.float64(model_size)))
+    n_frames = 1 if is_grid else n_frames
     surface = SampledSurface(faces, np.concatenate(frames))
     normals = surface.normals_per_error * (SMOOTH_ERRORS + ROUGH_ERRORS / n_frames)
     limit = NORMAL_ERROR_DEG + NORMAL_ERROR_PER_BEND * surface.bend_deg

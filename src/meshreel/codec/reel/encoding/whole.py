@@ -20,6 +20,7 @@ from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import (
     encode_frame,
+    encode_moving,
     encode_on_grid,
     encode_on_stored_grid,
     encode_still,
@@ -93,13 +94,14 @@ def encode(
     other: bytes | None = None
     has_one_shape = is_still(source.sequence)
     if bound is not None and may_use_grid(source, len(data), has_one_shape):
-        other = encode_on_grid(source, progress, engine, has_one_shape)
-    elif not has_one_shape:
-        pass  # modes code motion better
-    elif config.target.kind in SINGLE_TRIALS:
+        other = encode_on_grid(source, progress, engine, has_one_shape, len(data))
+    elif config.target.kind not in SINGLE_TRIALS:
+        other = encode_on_stored_grid(source, progress) if has_one_shape else None
+    elif has_one_shape:
         other = encode_still(source, step, progress)
-    else:
-        other = encode_on_stored_grid(source, progress)
+    elif config.target.kind is TargetKind.QUALITY and may_use_grid(source, len(data), False):
+        step = sequence.step_of_quality(config.target.value, is_grid=True)
+        other = encode_moving(source, step)
     if following is not None:
         data = following.stream(data)
     if other is not None:
@@ -176,13 +178,13 @@ class RateSearch:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return self._source.model_size
 
-    def step_of_quality(self, quality: float) -> float:
-        """Return the step of a quality, in diagonals."""
+    def step_of_quality(self, quality: float, *, is_grid: bool = False) -> float:
+        """Return the step of a quality, in diagonals; see `visibility.step_of_quality`."""
         chosen = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
         blocks = (piece.read_given() for piece in chosen)
         size = self.own_diagonal * self.diagonal
         faces = self._source.mesh.given_faces
-        return step_of_quality(quality, faces, blocks, size) / self.diagonal
+        return step_of_quality(quality, faces, blocks, size, is_grid=is_grid) / self.diagonal
 
     @cached_property
     def rounding(self) -> float:

@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.container import write_block_counts, write_varint,
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
-from meshreel.codec.reel.normative.grid import write_step
+from meshreel.codec.reel.normative.grid import EXACT, LOSSLESS, ON_SURFACE, write_form
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
@@ -69,28 +69,27 @@ def write_grid_positions(
     Parameters
     ----------
     values : array of shape (T_b, V, 3)
-        Grid coordinates, or lossless positions if the step is `NO_GRID`; in internal order.
+        Grid coordinates, or lossless positions if the step is 0; in internal order.
     """
+    form = write_form(EXACT, step) if step else bytes([LOSSLESS])
     return [
         (Section.BLOCK, write_block_counts(len(values), 0)),
-        (Section.VALUES, write_step(step) + encode_exact(values, graph)),
+        (Section.VALUES, form + encode_exact(values, graph)),
     ]
 
 
-def write_grid_frame(
+def write_on_surface(
     values: Numbers,
     step: float,
     faces: Faces,
     twins: npt.NDArray[np.int32],
     rounding: bytes | None = None,
-    *,
-    n_frames: int = 1,
 ) -> list[tuple[Section, bytes]]:
-    """Return the sections of a block of one frame on a grid, or of equal frames.
+    """Return the sections of a block of positions on a grid, coded along the surface.
 
     Parameters
     ----------
-    values : int32 array of shape (1, V, 3)
+    values : int32 array of shape (T_b, V, 3)
         Grid coordinates, in internal order, up to `MAX_VALUE` in magnitude.
     step : float
         Above 0.
@@ -100,14 +99,11 @@ def write_grid_frame(
         The other side at the edge of each side, or the side itself.
     rounding : bytes or None
         As of `PositionGrid.rounding`, so that positions are exact.
-    n_frames : int
-        Number of frames with these positions.
     """
-    signed_step = step if n_frames == 1 else -step
     return [
-        (Section.BLOCK, write_block_counts(n_frames, 0)),
+        (Section.BLOCK, write_block_counts(len(values), 0)),
         *([] if rounding is None else [(Section.ROUNDING, rounding)]),
-        (Section.VALUES, write_step(signed_step) + encode_on_surface(values[0], faces, twins)),
+        (Section.VALUES, write_form(ON_SURFACE, step) + encode_on_surface(values, faces, twins)),
     ]
 
 

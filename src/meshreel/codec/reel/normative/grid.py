@@ -17,8 +17,9 @@ Coordinates = npt.NDArray[np.int32]
 
 MAX_COORDINATE = 2**31 - 1
 
-NO_GRID = 0.0
-"""Stored step of positions that are lossless."""
+LOSSLESS, EXACT, ON_SURFACE, SINGLE = 0, 1, 2, 4
+"""Forms of positions: without a grid, coordinates as exact values, or as integers on the surface;
+and a flag of a step in single precision."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,8 @@ class PositionGrid:
         return write_varints(*map(len, rows)) + encode_integers([*lowest.reshape(3, 1), *rows])
 
 
-def write_step(step: float) -> bytes:
-    """Encode the step of a grid, or `NO_GRID`; it precedes the coordinates."""
-    return struct.pack("<d", step)
+def write_form(form: int, step: float) -> bytes:
+    """Encode `EXACT` or `ON_SURFACE`, and the step of the grid; they precede the coordinates."""
+    if float(np.float32(step)) == step:
+        return struct.pack("<Bf", form | SINGLE, step)
+    return struct.pack("<Bd", form, step)
