@@ -434,8 +434,9 @@ def read_exact_block(group, n_frames, placed, blocks, items, coding):
 def read_grid_block(group, n_frames, placed, blocks, items, coding):
     """Return the same for positions of `grid`: integers on a grid, or exact values."""
     form, rest = group["VALUES"][0], {**group}
-    need(form in (0, 1, 2, 5, 6), "the form of positions on a grid is unknown")
-    offsets = read_rounding(rest.pop("ROUNDING", None), n_frames * items.n)
+    need(form in (0, 1, 2, 5, 6, 10, 14), "the form of positions on a grid is unknown")
+    n_stored = 1 if form & 8 else n_frames
+    offsets = read_rounding(rest.pop("ROUNDING", None), n_stored * items.n)
     if form == 0:
         need(not offsets, "there is no grid to round")
         rest["VALUES"] = group["VALUES"][1:]
@@ -447,7 +448,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
     if form & 2:
         need_no_modes(rest)
         frames = read_surface_integers(
-            rest["VALUES"], n_frames, items.n, 3, items.faces, items.twins
+            rest["VALUES"], n_stored, items.n, 3, items.faces, items.twins
         )
         block = {"frames": n_frames, "modes": 0}
         integers = [number for rows in frames for item in items.order for number in rows[item]]
@@ -462,7 +463,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         if offset:
             numbers[i] = predicted.float_after(numbers[i], offset, LETTERS[placed.number_type])
     need(all(map(math.isfinite, numbers)), "positions are not finite")
-    return block, numbers
+    return block, numbers * (n_frames // n_stored)
 
 
 def read_rounding(payload, n_positions):

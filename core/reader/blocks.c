@@ -534,11 +534,11 @@ static int load_on_surface(reel_call *call, const meshreel_decoder *decoder,
     const reel_outline *outline = &decoder->file->outline;
     const int32_t *faces = decoder->file->mesh.internal_faces;
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    int64_t n_frames = (int64_t)state->current.group.n_frames;
+    int64_t n_frames = state->current.group.is_still ? 1 : (int64_t)state->current.group.n_frames;
     reel_range coded = state->current.group.values;
-    uint64_t n_positions = state->current.group.n_frames * outline->n_verts;
-    int32_t *positions = reel_pool_allocate(call, &state->current.pool, n_positions,
-                                            N_AXES * sizeof *positions);
+    int32_t *positions =
+        reel_pool_allocate(call, &state->current.pool, (uint64_t)n_frames * outline->n_verts,
+                           N_AXES * sizeof *positions);
     const reel_chunk *mark = call->scratch.last;
     size_t memory_size = reel_surface_integers_memory(n_frames, n_verts, N_AXES, n_faces, 0);
     void *memory = positions ? reel_scratch(call, memory_size, 1) : NULL;
@@ -558,7 +558,8 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
-    uint64_t n_positions = group->n_frames * decoder->file->outline.n_verts;
+    uint64_t n_stored = group->is_still ? 1 : group->n_frames;
+    uint64_t n_positions = n_stored * decoder->file->outline.n_verts;
     REEL_TRY(reel_read_rounding(call, &state->current.pool, group, n_positions,
                                 &state->current.rounding));
     uint32_t size = definition->size;

@@ -189,8 +189,8 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
 }
 
 /* Forms of positions on a grid: none, so that they are lossless, exact values, or integers on the
-   surface; and a flag of a step in single precision. */
-enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE };
+   surface; and flags of a step in single precision, and of one frame, which all repeat. */
+enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE, GRID_STILL = 8 };
 
 /* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */
 static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_group *group) {
@@ -208,11 +208,14 @@ static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_
     } else if (form != GRID_NONE) {
         REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
     }
-    group->is_on_surface = (form & ~GRID_SINGLE) == GRID_ON_SURFACE;
+    group->is_still = form & GRID_STILL;
+    group->is_on_surface = (form & GRID_FORMS) == GRID_ON_SURFACE;
     group->values = left;
     group->rounding = *payload(all, REEL_ROUNDING);
-    REEL_CORRUPT_IF(form > (GRID_ON_SURFACE | GRID_SINGLE) || (form & GRID_FORMS) == GRID_FORMS ||
-                        form == GRID_SINGLE,
+    bool is_grid_form = (form & GRID_FORMS) == GRID_EXACT || group->is_on_surface;
+    REEL_CORRUPT_IF(form > (GRID_ON_SURFACE | GRID_SINGLE | GRID_STILL) ||
+                        (form != GRID_NONE && !is_grid_form) ||
+                        (group->is_still && !group->is_on_surface),
                     at, "the form of positions on a grid is unknown");
     REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), at,
                     "the step of a grid is not above 0 and at most 1 diagonal");

@@ -26,9 +26,9 @@ typedef struct {
     uint64_t n_corrected, n_corrections;
     reel_range corrections;
     /* Exact values: the step of a grid of positions, or 0; whether these are integers on the
-       surface; and the bits. */
+       surface, and of one frame, which all repeat; and the bits. */
     double grid;
-    bool is_on_surface;
+    bool is_on_surface, is_still;
     reel_range values, rounding, missing;
 } reel_group;
 

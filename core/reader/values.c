@@ -161,6 +161,7 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
     uint64_t n_items = state->items.graph.n_items;
     uint32_t stored = outline->number_bytes;
     if (state->current.group.grid > 0.0) {
+        frame = state->current.group.is_still ? 0 : frame;
         store_grid(&state->current, state->items.order, outline->placement, stored,
                    (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
         return;

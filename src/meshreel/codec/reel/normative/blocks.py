@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.container import write_block_counts, write_varint,
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
-from meshreel.codec.reel.normative.grid import EXACT, LOSSLESS, ON_SURFACE, write_form
+from meshreel.codec.reel.normative.grid import EXACT, LOSSLESS, ON_SURFACE, STILL, write_form
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
@@ -100,10 +100,13 @@ def write_on_surface(
     rounding : bytes or None
         As of `PositionGrid.rounding`, so that positions are exact.
     """
+    n_frames, form = len(values), ON_SURFACE
+    if n_frames > 1 and (values[1:] == values[0]).all():
+        values, form = values[:1], ON_SURFACE | STILL
     return [
-        (Section.BLOCK, write_block_counts(len(values), 0)),
+        (Section.BLOCK, write_block_counts(n_frames, 0)),
         *([] if rounding is None else [(Section.ROUNDING, rounding)]),
-        (Section.VALUES, write_form(ON_SURFACE, step) + encode_on_surface(values, faces, twins)),
+        (Section.VALUES, write_form(form, step) + encode_on_surface(values, faces, twins)),
     ]
 
 

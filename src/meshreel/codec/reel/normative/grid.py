@@ -17,9 +17,9 @@ Coordinates = npt.NDArray[np.int32]
 
 MAX_COORDINATE = 2**31 - 1
 
-LOSSLESS, EXACT, ON_SURFACE, SINGLE = 0, 1, 2, 4
+LOSSLESS, EXACT, ON_SURFACE, SINGLE, STILL = 0, 1, 2, 4, 8
 """Forms of positions: without a grid, coordinates as exact values, or as integers on the surface;
-and a flag of a step in single precision."""
+and flags of a step in single precision, and of one frame, which all repeat."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class PositionGrid:
 
 
 def write_form(form: int, step: float) -> bytes:
-    """Encode `EXACT` or `ON_SURFACE`, and the step of the grid; they precede the coordinates."""
+    """Encode a form with a grid, and its step; they precede the coordinates."""
     if float(np.float32(step)) == step:
         return struct.pack("<Bf", form | SINGLE, step)
     return struct.pack("<Bd", form, step)
