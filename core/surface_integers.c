@@ -711,12 +711,13 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
         find_neighbors(coder, (int32_t)row);
         int64_t other = coder->n_around ? coder->around[0] : row ? row - 1 : row;
         const parallelogram *shape = coder->n_parallelograms ? coder->parallelograms : NULL;
-        for (int64_t i = 0; i < n * n_kinds; i++) {
-            int64_t kind = i / n, column = i % n, rows[] = {row, other, 0, 0};
+        int64_t rows[] = {row, other, 0, 0};
+        if (shape) {
+            rows[1] = shape->a, rows[2] = shape->b, rows[3] = shape->c;
+        }
+        for (int64_t i = n * OWN; i < n * n_kinds; i++) {
+            int64_t kind = i / n, column = i % n;
             uint32_t values[4];
-            if (shape) {
-                rows[1] = shape->a, rows[2] = shape->b, rows[3] = shape->c;
-            }
             for (int k = 0; k < (shape ? 4 : 2); k++) {
                 size_t at = (size_t)(rows[k] * n + column);
                 values[k] = (uint32_t)frame[at] - predicted_value(coder, (int)kind, frame, at);
@@ -727,12 +728,10 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
         }
     }
     int best = OWN;
-    for (int kind = OWN; kind < n_kinds; kind++) {
-        for (int i = 0; i < 2; i++) {
-            costs[best][0] = costs[best][i] < costs[best][0] ? costs[best][i] : costs[best][0];
-            costs[kind][0] = costs[kind][i] < costs[kind][0] ? costs[kind][i] : costs[kind][0];
-        }
-        best = costs[kind][0] < costs[best][0] ? kind : best;
+    int64_t least = INT64_MAX;
+    for (int i = 2 * OWN; i < 2 * n_kinds; i++) {
+        best = costs[i / 2][i % 2] < least ? i / 2 : best;
+        least = costs[i / 2][i % 2] < least ? costs[i / 2][i % 2] : least;
     }
     return best;
 }
