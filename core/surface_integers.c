@@ -23,16 +23,16 @@
 #define MAX_HASH_BITS 15 /* of the last residuals of a column */
 #define N_CANDIDATES 5   /* of predictions: see predict_group */
 #define N_CONTEXTS (3 * N_CLASSES) /* of rows: see find_neighbors */
-#define N_COMPARED 2048   /* rows with which the encoder compares kinds of frames */
-#define N_CHOSEN 4096     /* rows by which it makes the choices of several frames */
+#define N_COMPARED 2048  /* rows with which the encoder compares kinds of frames */
+#define N_CHOSEN 4096    /* rows by which it makes the choices of several frames */
 #define LONG_TOKEN 15    /* of magnitudes of at least LONG */
 #define LONG 192
 
 /* Choices of the encoder for a table. */
 enum {
-    FITTED = 1, /* weights are stored; otherwise parallelograms predict alone */
-    BEST = 2,   /* one of several candidates predicts: the best so far */
-    COPIES = 4, /* residuals may be copied */
+    FITTED = 1,     /* weights are stored; otherwise parallelograms predict alone */
+    BEST = 2,       /* one of several candidates predicts: the best so far */
+    COPIES = 4,     /* residuals may be copied */
     BY_CONTEXT = 8, /* the best candidate so far is that of rows in the same context */
     N_CHOICES = 4
 };
@@ -85,10 +85,10 @@ typedef struct {
     int32_t n_around, n_parallelograms, context; /* of the current row */
     int32_t *around;                             /* earlier rows around it */
     parallelogram *parallelograms;
-    vec4d *values;    /* n_groups of each row of the current frame */
-    vec4i *residuals; /* the same of all frames; they saturate at LARGEST */
-    int64_t first;    /* row of the current frame among those of all */
-    kind_state *states, *state;      /* of all kinds, and that of the current frame */
+    vec4d *values;              /* n_groups of each row of the current frame */
+    vec4i *residuals;           /* the same of all frames; they saturate at LARGEST */
+    int64_t first;              /* the first row of the current frame among those of all */
+    kind_state *states, *state; /* of all kinds, and that of the current frame */
     reel_model kind_models[N_KINDS][4]; /* by the kind before, and the first bit */
     int hash_bits;
     int32_t *latest; /* for each column and hash: the row after its latest occurrence */
@@ -649,6 +649,14 @@ static uint32_t predicted_value(const surface_coder *coder, int kind, const int3
     return kind == EXTRAPOLATED ? 2 * value - (uint32_t)(before - n_values(coder))[i] : value;
 }
 
+static void subtract_prediction(const surface_coder *coder, int kind, const int32_t *frame,
+                                int32_t *difference) {
+    for (size_t i = 0; i < n_values(coder); i++) {
+        uint32_t predicted = predicted_value(coder, kind, frame, i);
+        difference[i] = (int32_t)((uint32_t)frame[i] - predicted);
+    }
+}
+
 static int code_kind(reel_range_coder *range_coder, surface_coder *coder, int before, int kind) {
     reel_model *models = coder->kind_models[before];
     int high = reel_bit(range_coder, &models[1], kind >> 1);
@@ -677,10 +685,7 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
             reel_zero(coder->residuals + coder->first * coder->n_groups,
                       (size_t)(coder->n_rows * coder->n_groups) * sizeof *coder->residuals);
         } else if (given) {
-            for (size_t i = 0; i < n; i++) {
-                uint32_t predicted = predicted_value(coder, kind, given + at, i);
-                difference[i] = (int32_t)((uint32_t)given[at + i] - predicted);
-            }
+            subtract_prediction(coder, kind, given + at, difference);
             code_frame(range_coder, coder, difference, NULL);
         } else {
             code_frame(range_coder, coder, NULL, decoded + at);
@@ -788,10 +793,7 @@ static void choose_all(surface_coder *coder, const int32_t *given, int32_t *diff
         kinds[t] = (uint8_t)(is_same ? SAME : t ? choose_kind(coder, frame, t > 1) : OWN);
         if (!is_same && !is_chosen[kinds[t]]) {
             is_chosen[kinds[t]] = true;
-            for (size_t i = 0; i < n; i++) {
-                uint32_t predicted = predicted_value(coder, kinds[t], frame, i);
-                difference[i] = (int32_t)((uint32_t)frame[i] - predicted);
-            }
+            subtract_prediction(coder, kinds[t], frame, difference);
             coder->state = &coder->states[kinds[t]];
             choose(coder, difference, out, capacity);
         }

@@ -212,11 +212,9 @@ static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_
     group->is_on_surface = (form & GRID_FORMS) == GRID_ON_SURFACE;
     group->values = left;
     group->rounding = *payload(all, REEL_ROUNDING);
-    bool is_grid_form = (form & GRID_FORMS) == GRID_EXACT || group->is_on_surface;
-    REEL_CORRUPT_IF(form > (GRID_ON_SURFACE | GRID_SINGLE | GRID_STILL) ||
-                        (form != GRID_NONE && !is_grid_form) ||
-                        (group->is_still && !group->is_on_surface),
-                    at, "the form of positions on a grid is unknown");
+    bool is_exact = (form & ~GRID_SINGLE) == GRID_EXACT;
+    bool is_known = form == GRID_NONE || is_exact || (group->is_on_surface && form < 16);
+    REEL_CORRUPT_IF(!is_known, at, "the form of positions on a grid is unknown");
     REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), at,
                     "the step of a grid is not above 0 and at most 1 diagonal");
     return group->grid > 0.0 || !group->rounding.at

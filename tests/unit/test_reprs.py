@@ -9,7 +9,7 @@ import meshreel
 from samples.meshes import grid_faces, waving_grid
 
 GRID = waving_grid(9)
-DATA = meshreel.encode(GRID, block_frames=4)
+DATA = meshreel.encode(GRID, block_frames=4, effort=5)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_repr_of_quality_contains_the_errors():
 def test_repr_of_stream_info_contains_shape_and_size():
     stream = meshreel.info(DATA)
     assert f"9 frames, {GRID.n_verts} vertices, {GRID.n_faces} faces" in repr(stream)
-    assert f"{stream.method}, {len(DATA)} bytes, {stream.ratio:.1f} x smaller" in repr(stream)
+    assert f"reel, {len(DATA)} bytes, {stream.ratio:.1f} x smaller" in repr(stream)
     assert "cut off" not in repr(stream)
 
 

@@ -285,8 +285,8 @@ def test_read_accepts_a_path(tmp_path):
 
 
 def test_error_for_another_method_gives_the_remedy():
-    with pytest.raises(InvalidInputError, match=r"method grid, .*pca-qp.* or use meshreel\.decode"):
-        read(meshreel.encode(GRID))
+    with pytest.raises(InvalidInputError, match=r"method reel, .*pca-qp.* or use meshreel\.decode"):
+        read(meshreel.encode(GRID, effort=5))
 
 
 def test_read_refuses_other_files(tmp_path):

@@ -90,7 +90,8 @@ class GridPositionCoder(PositionCoder):
         choices = []
         is_precise = meets_bound or rounding is not None
         if is_precise and np.abs(coordinates).max() <= MAX_VALUE:
-            choices.append(write_on_surface(coordinates, step, *self.sides, rounding))
+            stored, n_frames = coordinates[:1] if is_single else coordinates, len(vertices)
+            choices.append(write_on_surface(stored, step, *self.sides, rounding, n_frames=n_frames))
             if is_single or self.is_fast:
                 return choices[0]
         choices.append(write_grid_positions(vertices, 0.0, self.graph))
@@ -260,11 +261,11 @@ def encode_on_grid(
 
     Exact values are tried only if modes, which take `size_bytes`, do not compress well.
     """
-    moved = _on_grid(source, None, _cut(source))
-    grid = grid_of_frame(source) if has_one_shape else None
-    moved, coder = _with_coder(moved, grid)
-    coder = replace(coder, is_fast=not _compresses_little(source, size_bytes))
-    return stream_of(moved, coder, progress, engine)
+    moved, is_fast = (
+        _on_grid(source, None, _cut(source)),
+        not _compresses_little(source, size_bytes),
+    )
+    return _encoded(moved, progress, engine, has_one_shape, is_fast=is_fast)
 
 
 def _cut(source: Source) -> int | None:
@@ -299,10 +300,16 @@ def _allowed(step: float) -> float:
 
 
 def _encoded(
-    source: Source, progress: Progress, engine: Engine | None, has_one_shape: bool
+    source: Source,
+    progress: Progress,
+    engine: Engine | None,
+    has_one_shape: bool,
+    *,
+    is_fast: bool = False,
 ) -> bytes:
     grid = grid_of_frame(source) if has_one_shape else None
-    return stream_of(*_with_coder(source, grid), progress, engine)
+    source, coder = _with_coder(source, grid)
+    return stream_of(source, replace(coder, is_fast=is_fast), progress, engine)
 
 
 def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:

@@ -25,7 +25,7 @@ from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import finest_step
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
-from meshreel.codec.reel.encoding.visibility import error_scale, step_of_quality
+from meshreel.codec.reel.encoding.visibility import error_scale, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
@@ -57,8 +57,8 @@ class FirstBlock:
     def step_of_quality(self, quality: float) -> float:
         """Return the step of a quality, in diagonals; limited, as later blocks may move more."""
         size = self.own_diagonal * self.diagonal
-        step = step_of_quality(quality, self.coder.mesh.faces, [self.vertices], size)
-        return min(step, MAX_LIVE_STEP * error_scale(quality) * size) / self.diagonal
+        steps = steps_of_quality(quality, self.coder.mesh.faces, [self.vertices], size)
+        return min(steps.modes, MAX_LIVE_STEP * error_scale(quality) * size) / self.diagonal
 
     @property
     def rounding(self) -> float:

@@ -7,6 +7,7 @@ angles between them. docs/codec.md, "What the user sets", has the measurements.
 """
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -56,15 +57,19 @@ def error_scale(quality: float) -> float:
     return float(2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
 
 
-def step_of_quality(
-    quality: float,
-    faces: Faces,
-    blocks: Iterable[Vertices],
-    model_size: float,
-    *,
-    is_grid: bool = False,
-) -> float:
-    """Return the quantization step of a quality, in model units: that of the block that needs most.
+class Steps(NamedTuple):
+    """Quantization steps of a quality, in model units."""
+
+    modes: float
+    """Of the block that needs most; with one frame, the same as the next."""
+    grid: float
+    """Of positions that are rounded to a grid."""
+
+
+def steps_of_quality(
+    quality: float, faces: Faces, blocks: Iterable[Vertices], model_size: float
+) -> Steps:
+    """Return the quantization steps of a quality.
 
     Parameters
     ----------
@@ -75,32 +80,27 @@ def step_of_quality(
         Some of the blocks that will be coded, with vertices in the order of the faces.
     model_size : float
         Mean diagonal of the bounding boxes of frames, in model units.
-    is_grid : bool
-        Whether positions are rounded to a grid, as a single frame is, in place of modes.
     """
     frames, variances, n_frames = [], [], 0
     for block in blocks:
         n_frames, n_verts = max(n_frames, len(block)), block.shape[1]
         frames.append(block[evenly_spaced(len(block), N_FRAMES)] / np.float64(model_size))
-        if is_grid:
-            continue
         times = evenly_spaced(len(block), MAX_FRAMES)
         vertices = evenly_spaced(n_verts, MAX_VERTICES)
         variances.append(_variances(block[np.ix_(times, vertices)] / np.float64(model_size)))
-    n_frames = 1 if is_grid else n_frames
     surface = SampledSurface(faces, np.concatenate(frames))
-    normals = surface.normals_per_error * (SMOOTH_ERRORS + ROUGH_ERRORS / n_frames)
-    limit = NORMAL_ERROR_DEG + NORMAL_ERROR_PER_BEND * surface.bend_deg
-    error = min(POSITION_ERROR, limit / normals) if normals > 0 else POSITION_ERROR
-    if n_frames == 1:  # three coordinates are rounded, those of coincident vertices alike
-        return 2.0 * error * error_scale(quality) * model_size
+    # On a grid three coordinates are rounded, those of coincident vertices alike.
+    grid = 2.0 * surface.allowed_error(1) * error_scale(quality) * model_size
+    if n_frames == 1:
+        return Steps(grid, grid)
+    error = surface.allowed_error(n_frames)
     if surface.has_seams:
         error = min(error, SEAM_ERROR)
     error *= error_scale(quality)
     rounded_vectors = 3.0 * n_frames / n_verts
     allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
     level = min(_rounding_error(allowed, each) for each in variances)
-    return float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size
+    return Steps(float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size, grid)
 
 
 def _rounding_error(allowed: float, variances: Floats) -> float:
@@ -167,3 +167,9 @@ class SampledSurface:
             cosines = cosines[has_angle] / (areas * other_areas)[has_angle]
             bends = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
             self.bend_deg = float(np.minimum(bends, MAX_BEND_DEG).mean())
+
+    def allowed_error(self, n_frames: int) -> float:
+        """Return the RMS error of positions at the default quality, in diagonals of the model."""
+        limit = NORMAL_ERROR_DEG + NORMAL_ERROR_PER_BEND * self.bend_deg
+        normals = self.normals_per_error * (SMOOTH_ERRORS + ROUGH_ERRORS / n_frames)
+        return min(POSITION_ERROR, limit / normals) if normals > 0 else POSITION_ERROR

@@ -31,7 +31,7 @@ from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
-from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, step_of_quality
+from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Piece, Source, error_bound_sections
 from meshreel.codec.targets import TargetKind
@@ -100,8 +100,8 @@ def encode(
     elif has_one_shape:
         other = encode_still(source, step, progress)
     elif config.target.kind is TargetKind.QUALITY and may_use_grid(source, len(data), False):
-        step = sequence.step_of_quality(config.target.value, is_grid=True)
-        other = encode_moving(source, step)
+        steps = sequence.steps_of_quality(config.target.value)
+        other = encode_moving(source, steps.grid / sequence.diagonal)
     if following is not None:
         data = following.stream(data)
     if other is not None:
@@ -161,6 +161,7 @@ class RateSearch:
         self._engine = engine
         self._coded: dict[float, list[tuple[int, Sections]]] = {}
         self._errors: dict[float, float] = {}
+        self._steps: dict[float, Steps] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
         self.finest_step: float = finest_step()
 
@@ -178,13 +179,19 @@ class RateSearch:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return self._source.model_size
 
-    def step_of_quality(self, quality: float, *, is_grid: bool = False) -> float:
-        """Return the step of a quality, in diagonals; see `visibility.step_of_quality`."""
-        chosen = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
-        blocks = (piece.read_given() for piece in chosen)
-        size = self.own_diagonal * self.diagonal
-        faces = self._source.mesh.given_faces
-        return step_of_quality(quality, faces, blocks, size, is_grid=is_grid) / self.diagonal
+    def steps_of_quality(self, quality: float) -> Steps:
+        """Return the steps of a quality, in model units."""
+        if quality not in self._steps:
+            chosen = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
+            blocks = (piece.read_given() for piece in chosen)
+            size = self.own_diagonal * self.diagonal
+            faces = self._source.mesh.given_faces
+            self._steps[quality] = steps_of_quality(quality, faces, blocks, size)
+        return self._steps[quality]
+
+    def step_of_quality(self, quality: float) -> float:
+        """Return the step of a quality, in diagonals."""
+        return self.steps_of_quality(quality).modes / self.diagonal
 
     @cached_property
     def rounding(self) -> float:

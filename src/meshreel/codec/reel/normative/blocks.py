@@ -84,12 +84,14 @@ def write_on_surface(
     faces: Faces,
     twins: npt.NDArray[np.int32],
     rounding: bytes | None = None,
+    *,
+    n_frames: int = 1,
 ) -> list[tuple[Section, bytes]]:
     """Return the sections of a block of positions on a grid, coded along the surface.
 
     Parameters
     ----------
-    values : int32 array of shape (T_b, V, 3)
+    values : int32 array of shape (n_frames, V, 3), or (1, V, 3) of equal frames
         Grid coordinates, in internal order, up to `MAX_VALUE` in magnitude.
     step : float
         Above 0.
@@ -99,10 +101,9 @@ def write_on_surface(
         The other side at the edge of each side, or the side itself.
     rounding : bytes or None
         As of `PositionGrid.rounding`, so that positions are exact.
+    n_frames : int
     """
-    n_frames, form = len(values), ON_SURFACE
-    if n_frames > 1 and (values[1:] == values[0]).all():
-        values, form = values[:1], ON_SURFACE | STILL
+    form = ON_SURFACE if len(values) == n_frames else ON_SURFACE | STILL
     return [
         (Section.BLOCK, write_block_counts(n_frames, 0)),
         *([] if rounding is None else [(Section.ROUNDING, rounding)]),
