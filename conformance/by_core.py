@@ -39,8 +39,7 @@ def read_by_core(data, segment=None):
     blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
     if not has_tracks:
         blocks, anchors = paper_blocks(opened)
-    starts, bounds = (leading(opened, section) for section in (Section.START, Section.ERROR_BOUND))
-    numbers = [np.frombuffer(p[0], "<f8").item() if p else None for p in (starts, bounds)]
+    info = opened.file.info
     return Reel(
         container=Container(header_of(opened), [], []),
         internal_faces=opened.internal_faces.tolist(),
@@ -48,9 +47,9 @@ def read_by_core(data, segment=None):
         order=opened.order.tolist(),
         blocks=blocks,
         surface=surface_of(sequence.surface, sequence.faces),
-        start=numbers[0],
+        start=info.start_s if leading(opened, Section.START) else None,
         times=None if opened.file.times is None else opened.file.times.tolist(),
-        error_bound=numbers[1],
+        error_bound=info.error_bound_percent if leading(opened, Section.ERROR_BOUND) else None,
         anchors=anchors,
         shape=shape_of(opened),
         positions=Floats(sequence.vertices) if has_tracks else None,

@@ -45,6 +45,7 @@ NAMES = {
     140: "TIMES",
 }
 MAX_NAME_BYTES = 4096
+MAX_COMPACT = 1024
 MAGIC = b"\x89REEL\r\n\x1a"
 
 
@@ -70,6 +71,7 @@ class Payload:
 
     def __init__(self, data):
         self.data, self.position = data, 0
+        self.is_compact = False
 
     def take(self, n):
         need(self.position + n <= len(self.data), "the data ends too early")
@@ -114,8 +116,11 @@ def read_header(payload):
     n_name_bytes = payload.varint()
     need(n_name_bytes <= MAX_NAME_BYTES, "the name is too long")
     name = payload.take(n_name_bytes).decode()
-    check_crc(payload, 0)
-    vertex_type, method, laplacian, order, _ = codes
+    vertex_type, method, laplacian, order, _, payload.is_compact = codes
+    if payload.is_compact:
+        need(len(payload.data) <= MAX_COMPACT, "a compact stream is too long")
+    else:
+        check_crc(payload, 0)
     return checked(
         Header(
             n_frames, n_verts, n_faces, float(fps), vertex_type, method, laplacian, order,
@@ -125,11 +130,14 @@ def read_header(payload):
 
 
 def read_codes(payload):
-    """Return vertex type, method, Laplacian and order, and whether the placement is in doubles."""
+    """Return vertex type, method, Laplacian, order, and whether the placement is in doubles.
+
+    Last whether the stream is compact.
+    """
     method, form = payload.byte(), payload.byte()
-    need(method < len(METHODS) and form < 64, "the form of the header is unknown")
+    need(method < len(METHODS) and form < 128, "the form of the header is unknown")
     order, laplacian = form // 2 % 4, form // 8 % 4
-    return 8 if form % 2 else 4, METHODS[method], laplacian, order, form >= 32
+    return 8 if form % 2 else 4, METHODS[method], laplacian, order, form // 32 % 2, form >= 64
 
 
 def read_placement(payload, codes):
@@ -151,7 +159,8 @@ def header_of_segment(first, data):
     payload = Payload(data)
     n_verts, n_faces = payload.varint(), payload.varint()
     codes = read_codes(payload)
-    vertex_type, method, laplacian, order, _ = codes
+    vertex_type, method, laplacian, order, _, is_compact = codes
+    need(not is_compact, "a segment is compact")
     origin, scale = first.origin, first.scale
     if payload.position < len(data):
         origin, scale = read_placement(payload, codes)
@@ -176,7 +185,10 @@ def read_sections(payload):
         start = payload.position
         number = payload.byte()
         section = payload.take(payload.varint())
-        check_crc(payload, start)
+        if not payload.is_compact:
+            check_crc(payload, start)
+        elif number == 0:
+            check_crc(payload, 0)
         need(number in NAMES or number >= 128, "a required section is unknown")
         yield start, NAMES.get(number, "unknown"), section
         if number == 0:
@@ -234,6 +246,7 @@ def read_containers(data):
         need(end is None or is_last, "a section follows INDEX or TIMES")
         if name == "unknown":
             continue
+        need(not payload.is_compact or name not in ("SEGMENT", "INDEX"), "it is not compact")
         if name == "SEGMENT":
             header = header_of_segment(containers[0].header, section)
             container = Container(header, [], [], start)

@@ -53,6 +53,7 @@ from conformance.surface import placed, read_on_surface
 from conformance.surface_integers import COPIES, Kind
 from meshreel.codec.bitstream import container as stream_container
 from meshreel.codec.bitstream.container import (
+    MAX_COMPACT,
     Header,
     write_sections,
     write_stream,
@@ -1392,6 +1393,56 @@ REFUSED["rounding_without_grid"] = partial(
     of=STREAMS["lossless_rounded"],
     n_replaced=2,
 )
+
+
+@stream
+def compact():
+    """A name, a track, and a bound and a start that are decimals, under one checksum."""
+    sheet = moving(grid(2, 2), 3, n_waves=1).replace(name="compact", start_s=2.5)
+    weight = Track(np.arange(12, dtype=np.float32).reshape(3, 4))
+    return meshreel.encode(sheet.replace(tracks={"weight": weight}), max_error=0.1)
+
+
+@stream
+def compact_with_times():
+    """Times behind the blocks, and a section that no reader knows."""
+    head, *sections, end = compact_parts()
+    return sealed(head, bare(0xF0, b"?"), *sections, bare(Section.TIMES, doubles(0, 1, 3)), end)
+
+
+def compact_parts():
+    """Return the header and the sections of a compact stream, END last."""
+    payload = Payload(three_frames())
+    read_header(payload)
+    ends = [payload.position] + [payload.position for _ in read_sections(payload)]
+    ends[-1] -= 4  # the checksum
+    return [payload.data[start:end] for start, end in zip([0, *ends], ends, strict=False)]
+
+
+def bare(section, data):
+    """Return a section without a checksum."""
+    return bytes([section]) + write_varint(len(data)) + data
+
+
+def sealed(*parts):
+    """Return the parts of a compact stream and their checksum."""
+    data = b"".join(parts)
+    return data + zlib.crc32(data).to_bytes(4, "little")
+
+
+def compact_and(*sections):
+    """Return a compact stream with further sections."""
+    *parts, end = compact_parts()
+    return sealed(*parts, *sections, end)
+
+
+REFUSED["compact_of_1025_bytes"] = lambda: compact_and(
+    bare(0xF0, bytes(1025 - len(compact_and()) - 3))
+)
+SEGMENT = write_varints(3, 1) + bytes([REEL, 4])
+COMPACT_SEGMENT = Section.SEGMENT, SEGMENT[:-1] + bytes([64 + 4])
+REFUSED["segment_that_is_compact"] = partial(with_section, 4, COMPACT_SEGMENT, 0, 1, 2, 3)
+REFUSED["compact_with_a_wrong_checksum"] = lambda: compact_and()[:-1] + b"\0"
 for reason, payload in {
     "short": bytes(7),
     "long": np.float64(1.0).tobytes() + b"\0",
@@ -1399,6 +1450,7 @@ for reason, payload in {
     "negative": np.float64(-1.0).tobytes(),
     "infinite": np.float64(np.inf).tobytes(),
     "no_number": np.float64(np.nan).tobytes(),
+    "decimal_zero": b"\1\0",
 }.items():
     REFUSED[f"error_bound_{reason}"] = partial(with_error_bound, payload)
 for reason, numbers in {
@@ -1425,13 +1477,20 @@ def main():
     write_streams(segments.STREAMS, segments.FOLDER, arguments)
 
 
+def made(name, make):
+    """Return a stream; only those named compact are compact."""
+    size = MAX_COMPACT if name.startswith("compact") else 0
+    with patch.object(stream_container, "MAX_COMPACT", size):
+        return make()
+
+
 def write_refused(streams, folder, replace_existing):
     """Write missing streams, or all."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in streams.items():
         path = folder / f"{name}.reel"
         if not path.exists() or replace_existing:
-            path.write_bytes(make())
+            path.write_bytes(made(name, make))
 
 
 def write_streams(streams, folder, arguments):
@@ -1442,7 +1501,7 @@ def write_streams(streams, folder, arguments):
         is_selected = not arguments.names or name in arguments.names
         if not is_selected or (path.exists() and not arguments.force):
             continue
-        data = streams[name]()
+        data = made(name, streams[name])
         path.write_bytes(data)
         description = json.dumps(describe_all(read_all(data)), indent=1, ensure_ascii=False)
         path.with_suffix(".json").write_text(description + "\n", "utf-8")

@@ -221,7 +221,11 @@ def number_of(container, section):
     """Return the number in an optional section, or None."""
     for payload in container.all_of(section):
         number = Payload(payload)
-        value = number.number("d")
+        if len(payload) == 8:
+            value = number.number("d")
+        else:
+            n_decimals, digits = number.byte(), number.varint()
+            value = float(digits) / math.prod([10.0] * n_decimals)
         number.end()
         need(math.isfinite(value) and (section != "ERROR_BOUND" or value > 0))
         return value

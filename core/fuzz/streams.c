@@ -35,6 +35,7 @@ typedef struct {
     int64_t n_frames[MAX_BLOCKS], n_blocks, n_polygons;
     int64_t n_of_mesh; /* sections of the mesh in this segment */
     bool refers;       /* the first ones are those of an earlier segment */
+    bool is_compact;
     size_t begins[MAX_BLOCKS + 1], ends[MAX_BLOCKS][MAX_TRACKS];
 } stream;
 
@@ -83,7 +84,9 @@ static void end_section(stream *s, int64_t id, size_t payload) {
     put_byte(s, id);
     put_varint(s, copy.size);
     put(s, copy.bytes, copy.size);
-    put_checksum(s, payload);
+    if (!s->is_compact || id == REEL_END) {
+        put_checksum(s, s->is_compact ? 0 : payload);
+    }
 }
 
 static void put_text(stream *s, const char *text) {
@@ -120,7 +123,8 @@ static void put_bits(stream *s) {
 static bool put_codes(stream *s) {
     bool has_doubles = fuzz_one_in(3);
     put_byte(s, s->method);
-    put_byte(s, fuzz_one_in(3) + 2 * s->order + 8 * fuzz_below(2) + 32 * has_doubles);
+    put_byte(s, fuzz_one_in(3) + 2 * s->order + 8 * fuzz_below(2) + 32 * has_doubles +
+                    64 * s->is_compact);
     return has_doubles;
 }
 
@@ -148,7 +152,9 @@ static void put_header(stream *s, int64_t announced) {
     }
     put_placement(s, put_codes(s));
     put_byte(s, 0);
-    put_checksum(s, 0);
+    if (!s->is_compact) {
+        put_checksum(s, 0);
+    }
 }
 
 /* ---- the surface ---- */
@@ -587,11 +593,15 @@ static void put_block(stream *s, int64_t number, int64_t n_frames) {
 static void put_end(stream *s, const stream *index) {
     uint64_t at = s->size;
     size_t payload = s->size;
+    if (s->is_compact && !fuzz_one_in(9)) {
+        end_section(s, REEL_END, payload);
+        return;
+    }
     put(s, index->bytes, index->size);
     end_section(s, REEL_INDEX, payload);
     payload = s->size;
     put(s, &at, sizeof at);
-    end_section(s, 0, payload);
+    end_section(s, REEL_END, payload);
 }
 
 /* ---- segments ---- */
@@ -696,6 +706,7 @@ static fuzz_bytes make_stream(void) {
     int64_t n_segments = fuzz_one_in(3) ? 1 + fuzz_below(MAX_SEGMENTS) : 1, announced = 0;
     int64_t n_blocks[MAX_SEGMENTS], n_frames[MAX_SEGMENTS][MAX_BLOCKS];
     stream written[MAX_SEGMENTS];
+    s.is_compact = fuzz_one_in(n_segments == 1 ? 6 : 99);
     for (int64_t k = 0; k < n_segments; k++) {
         n_blocks[k] = 1 + fuzz_below(MAX_BLOCKS);
         for (int64_t i = 0; i < n_blocks[k]; i++) {

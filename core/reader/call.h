@@ -21,6 +21,7 @@ typedef struct {
     const meshreel_host *host;
     uint64_t held; /* bytes held by the object, counted against the limit */
     reel_pool scratch;
+    bool is_compact; /* the sections have no checksums of their own */
     const uint8_t *cached; /* bytes of the file that are read without the source, or NULL */
     uint64_t cached_at, cached_size;
     meshreel_error error;

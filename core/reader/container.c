@@ -9,6 +9,7 @@
 #define MAX_NAME_BYTES 4096
 #define VERSION 3
 #define END_BYTES 14
+#define MAX_COMPACT 1024
 #define MAX_RATE ((uint64_t)1 << 32)
 #define LAST_METHOD REEL_METHOD_GRID
 #define MAX_TRACKS ((uint32_t)1 << 20)
@@ -22,7 +23,14 @@ static const uint8_t magic[8] = {0x89, 0x52, 0x45, 0x45, 0x4C, 0x0D, 0x0A, 0x1A}
 /* ---- the header ---- */
 
 /* The form of the numbers of a mesh. */
-enum { IS_DOUBLE = 1, ORDER_AT = 1, LAPLACIAN_AT = 3, IS_PLACED_BY_DOUBLES = 32, FORM_END = 64 };
+enum {
+    IS_DOUBLE = 1,
+    ORDER_AT = 1,
+    LAPLACIAN_AT = 3,
+    IS_PLACED_BY_DOUBLES = 32,
+    IS_COMPACT = 64,
+    FORM_END = 128
+};
 
 static int check_counts(reel_call *call, uint64_t n_verts, uint64_t n_faces, uint64_t at) {
     REEL_CORRUPT_IF(!n_verts || !n_faces, at, "the mesh has 0 vertices or 0 faces");
@@ -88,6 +96,18 @@ static int read_rate(reel_call *call, reel_range *left, double *fps) {
                               "the frames per second are negative, not finite or above 2^32");
 }
 
+/* Verify the checksum of a compact stream, whose first section is at byte `at`. */
+static int check_compact(reel_call *call, uint64_t at) {
+    uint64_t size = call->source->size;
+    reel_section section;
+    REEL_CORRUPT_IF(size > MAX_COMPACT, 0, "a compact stream has more than 1024 bytes");
+    do {
+        REEL_TRY(reel_section_at(call, at, size, &section));
+        at = section.end;
+    } while (section.id != REEL_END);
+    return reel_check_crc(call, 0, at - 4);
+}
+
 /* Read the header from its counts on; `left` is what remains of the file, and then follows it. */
 static int read_fields(reel_call *call, reel_pool *pool, reel_range *left, reel_outline *outline) {
     uint8_t form;
@@ -101,7 +121,9 @@ static int read_fields(reel_call *call, reel_pool *pool, reel_range *left, reel_
     REEL_TRY(reel_read_varint(call, left, &name));
     REEL_CORRUPT_IF(name > MAX_NAME_BYTES, at, "the name has more than 4096 bytes");
     REEL_TRY(reel_read_text_bytes(call, pool, left, name, &outline->name));
-    return reel_check_crc(call, 0, left->at);
+    outline->is_compact = call->is_compact = form & IS_COMPACT;
+    outline->begin = left->at + (call->is_compact ? 0 : 4);
+    return call->is_compact ? MESHREEL_OK : reel_check_crc(call, 0, left->at);
 }
 
 static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
@@ -125,9 +147,8 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
     if (failed == MESHREEL_TRUNCATED) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");
     }
-    outline->begin = left.at + 4;
     outline->is_first = true;
-    return failed;
+    return failed || !call->is_compact ? failed : check_compact(call, outline->begin);
 }
 
 /* ---- leading sections ---- */
@@ -149,13 +170,25 @@ static int grow(reel_call *call, reel_pool *pool, void **items, uint64_t count, 
     return MESHREEL_OK;
 }
 
-static int read_double(reel_call *call, const reel_section *section, double *result) {
+/* Read a number of the stream: a double, or a decimal. */
+static int read_number(reel_call *call, const reel_section *section, double *result) {
     reel_range left = section->payload;
-    REEL_CORRUPT_IF(left.length != sizeof *result, section->at,
-                    "the start or the error bound does not have 8 bytes");
-    REEL_TRY(reel_read_bytes(call, &left, result, sizeof *result));
-    REEL_CORRUPT_IF(!reel_is_finite(*result), section->payload.at,
-                    "the start or the error bound is not finite");
+    if (left.length == sizeof *result) {
+        REEL_TRY(reel_read_bytes(call, &left, result, sizeof *result));
+    } else if (left.length) {
+        uint8_t n_decimals;
+        uint64_t digits;
+        double power = 1.0;
+        REEL_TRY(reel_read_bytes(call, &left, &n_decimals, 1));
+        REEL_TRY(reel_read_varint(call, &left, &digits));
+        for (; n_decimals; n_decimals--) {
+            power *= 10.0;
+        }
+        *result = (double)digits / power;
+    }
+    bool is_number = section->payload.length && !left.length && reel_is_finite(*result);
+    REEL_CORRUPT_IF(!is_number, section->payload.at,
+                    "the start or the error bound is not a finite number");
     return MESHREEL_OK;
 }
 
@@ -241,10 +274,10 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
         return add_times(call, outline, section);
     }
     if (section->id == REEL_START) {
-        return read_double(call, section, &outline->start_s);
+        return read_number(call, section, &outline->start_s);
     }
     if (section->id == REEL_ERROR_BOUND) {
-        REEL_TRY(read_double(call, section, &outline->error_bound_percent));
+        REEL_TRY(read_number(call, section, &outline->error_bound_percent));
         return outline->error_bound_percent > 0.0
                    ? MESHREEL_OK
                    : reel_corrupt(call, section->payload.at, "the error bound is not positive");
@@ -525,9 +558,9 @@ static int check_end(scan *s, const reel_section *section) {
                : reel_corrupt(s->call, section->at, "the index contradicts the blocks");
 }
 
-/* Check that a SEGMENT follows at least one block. */
+/* Check that a SEGMENT follows at least one block of a stream that may have several segments. */
 static int check_next(scan *s, const reel_section *section) {
-    return !s->outline->n_blocks
+    return !s->outline->n_blocks || s->call->is_compact
                ? reel_corrupt(s->call, section->at, "a segment is out of place")
                : MESHREEL_OK;
 }
@@ -618,6 +651,7 @@ static int begin_segment(reel_call *call, const reel_section *section, const ree
     reel_copy(outline->placement, file->placement, sizeof outline->placement);
     REEL_TRY(read_counts(call, &left, outline));
     REEL_TRY(read_codes(call, &left, outline, &form));
+    REEL_CORRUPT_IF(form & IS_COMPACT, section->at, "a segment is compact");
     REEL_TRY(left.length ? read_placement(call, &left, outline, form) : MESHREEL_OK);
     REEL_CORRUPT_IF(left.length, section->at, "the section SEGMENT is longer than its numbers");
     reset_outline(outline);
@@ -864,12 +898,14 @@ int reel_read_outline(reel_call *call, reel_pool *pool, reel_outline *outline,
     REEL_UNSUPPORTED_IF(call->source->size > REEL_MAX_FILE_BYTES, 0, "more than 2^40 bytes");
     REEL_TRY(read_header(call, pool, outline));
     reset_outline(outline);
-    int failed = read_indexed(call, pool, outline, segments);
-    if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
-        return failed;
+    if (!outline->is_compact) {
+        int failed = read_indexed(call, pool, outline, segments);
+        if (failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
+            return failed;
+        }
+        reset_outline(outline);
+        *segments = (reel_segments){0};
     }
-    reset_outline(outline);
-    *segments = (reel_segments){0};
     return read_scanned(call, pool, outline, segments);
 }
 

@@ -59,7 +59,7 @@ typedef struct {
     uint64_t n_blocks, blocks_capacity, n_frames;
     uint32_t longest; /* frames of the longest block */
     uint64_t end;     /* end of the complete blocks */
-    bool is_whole;
+    bool is_compact, is_whole;
     meshreel_error damage; /* why it is not whole */
     uint64_t n_polygons, n_corners;
 } reel_outline;

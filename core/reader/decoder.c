@@ -5,12 +5,12 @@
 #define PIECE_BYTES ((uint64_t)16 << 20) /* of values converted or predicted at once */
 
 int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshreel_error *error) {
-    REEL_INVALID_IF(!file || !decoder, "a pointer to a file or a decoder is NULL");
+    REEL_INVALID_IF(!file || !decoder, "a pointer is NULL");
     *decoder = NULL;
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
     }
-    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_call call = reel_begin_file_call(file, 0);
     if (reel_is_of_paper(file)) {
         return reel_end_call(
             &call,
@@ -56,12 +56,12 @@ void meshreel_end(meshreel_decoder *decoder) {
 
 static reel_call begin_call(const meshreel_decoder *decoder) {
     const meshreel_file *file = decoder->file;
-    return reel_begin_call(&file->source, &file->host, reel_decoder_bytes(decoder));
+    return reel_begin_file_call(file, reel_decoder_bytes(decoder));
 }
 
 static int check_track(const meshreel_decoder *decoder, uint32_t track, uint32_t n_modes,
                        meshreel_error *error) {
-    REEL_INVALID_IF(!decoder, "a pointer to a decoder is NULL");
+    REEL_INVALID_IF(!decoder, "a pointer is NULL");
     REEL_INVALID_IF(track >= decoder->file->info.n_tracks, "the track does not exist");
     bool may_rest = !track && decoder->file->outline.method == REEL_METHOD_REEL;
     return n_modes && !may_rest
@@ -80,7 +80,7 @@ int meshreel_load(meshreel_decoder *decoder, uint32_t track, uint32_t block, uin
 int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
                       meshreel_modes *modes, meshreel_error *error) {
     REEL_TRY(modes ? meshreel_load(decoder, track, block, 0, error)
-                   : reel_invalid(error, "a pointer to modes is NULL"));
+                   : reel_invalid(error, "a pointer is NULL"));
     int failed = MESHREEL_OK;
     const reel_track *definition = &decoder->file->tracks[track];
     reel_track_state *state = &decoder->tracks[track];
@@ -216,7 +216,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     REEL_TRY(find_layout(decoder, track, layout, &to, error));
     const reel_outline *outline = &decoder->file->outline;
     REEL_INVALID_IF(first > outline->n_frames || count > outline->n_frames - first ||
-                    (!values && count), "the frames do not exist, or a pointer to values is NULL");
+                    (!values && count), "the frames do not exist, or a pointer is NULL");
     REEL_INVALID_IF((uintptr_t)values % to.size, "values are not aligned to their number type");
     reel_call call = begin_call(decoder);
     uint64_t done = 0;
@@ -242,8 +242,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
 
 int meshreel_normals(meshreel_decoder *decoder, uint32_t type, const void *positions,
                      void *normals, meshreel_error *error) {
-    REEL_INVALID_IF(!decoder || !positions || !normals,
-                    "a pointer to a decoder, positions or normals is NULL");
+    REEL_INVALID_IF(!decoder || !positions || !normals, "a pointer is NULL");
     REEL_INVALID_IF(type != MESHREEL_FLOAT32 && type != MESHREEL_FLOAT64,
                     "normals are floats or doubles");
     REEL_INVALID_IF((uintptr_t)positions % type || (uintptr_t)normals % type,

@@ -15,6 +15,12 @@
 
 uint32_t meshreel_abi(void) { return MESHREEL_ABI; }
 
+reel_call reel_begin_file_call(const meshreel_file *file, uint64_t held) {
+    reel_call call = reel_begin_call(&file->source, &file->host, held);
+    call.is_compact = file->outline.is_compact;
+    return call;
+}
+
 /* ---- opening ---- */
 
 static void fill_info(meshreel_file *file) {
@@ -145,8 +151,7 @@ static int open_file(const meshreel_source *source, const meshreel_host *host,
 int meshreel_open(const meshreel_source *source, const meshreel_host *host, meshreel_file **file,
                   meshreel_error *error) {
     REEL_INVALID_IF(!source || !host || !file || (!source->bytes && !source->read) ||
-                    !host->allocate || !host->release,
-                    "a pointer to a source, a host, a file or a callback is NULL");
+                    !host->allocate || !host->release, "a pointer is NULL");
     return open_file(source, host, NULL, 0, file, error);
 }
 
@@ -230,11 +235,11 @@ static meshreel_section describe_section(const reel_section *section) {
 
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                         meshreel_section *section, meshreel_error *error) {
-    REEL_INVALID_IF(!file || !section, "a pointer to a file or a section is NULL");
+    REEL_INVALID_IF(!file || !section, "a pointer is NULL");
     uint64_t at = offset ? offset : file->outline.begin;
     REEL_INVALID_IF(at < file->outline.begin || at >= file->outline.end,
                     "no section begins at this byte");
-    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_call call = reel_begin_file_call(file, 0);
     reel_section result;
     int failed = reel_section_at(&call, at, file->outline.end, &result);
     if (!failed && check) {
@@ -270,7 +275,7 @@ int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track
     if (!file || !group || number >= file->info.n_blocks || track >= file->info.n_tracks) {
         return reel_invalid(error, "the block or track does not exist, or a pointer is NULL");
     }
-    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_call call = reel_begin_file_call(file, 0);
     reel_group result;
     int failed = reel_is_of_paper(file)
                      ? reel_read_paper_group(&call, &file->outline, number, check != 0, &result)
@@ -381,11 +386,11 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
 }
 
 int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
-    REEL_INVALID_IF(!file, "a pointer to a file is NULL");
+    REEL_INVALID_IF(!file, "a pointer is NULL");
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
     }
-    reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
+    reel_call call = reel_begin_file_call(file, file->pool.held);
     reel_pool pool = {NULL, 0};
     int failed = file->has_mesh ? MESHREEL_OK : read_mesh(&call, file, &pool);
     file->has_mesh = !failed;
@@ -412,7 +417,7 @@ int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     if (failed || file->has_surface) {
         return failed;
     }
-    reel_call call = reel_begin_call(&file->source, &file->host, file->pool.held);
+    reel_call call = reel_begin_file_call(file, file->pool.held);
     reel_pool pool = {NULL, 0};
     failed = reel_read_surface(&call, &pool, &file->faces, &file->surface);
     file->has_surface = !failed;

@@ -129,7 +129,7 @@ int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uin
     REEL_TRY(read_textures(call, pool, &left, n_images, result));
     return !left.length
                ? MESHREEL_OK
-               : reel_corrupt(call, left.at, "bytes follow the last texture");
+               : reel_corrupt(call, left.at, "bytes follow the last part or texture");
 }
 
 /* ---- images ---- */

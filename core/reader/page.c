@@ -47,7 +47,7 @@ int page_open(double size, double memory_limit, meshreel_file **file, meshreel_e
 
 /* Verify the checksum of an image, whose number is valid. */
 int page_check_image(const meshreel_file *file, uint32_t number, meshreel_error *error) {
-    reel_call call = reel_begin_call(&file->source, &file->host, 0);
+    reel_call call = reel_begin_file_call(file, 0);
     const reel_section *section = file->outline.leading;
     for (; section->id != REEL_IMAGE || number; section++) {
         number -= section->id == REEL_IMAGE;

@@ -4,7 +4,6 @@
 
 #define MAX_VARINT_BYTES 9
 #define PIECE 4096
-#define LONG_SECTION 256 /* bytes from which computing tables pays */
 #define MAX_DOUBLE 0x1.fffffffffffffp1023
 
 bool reel_is_finite(double number) { return number >= -MAX_DOUBLE && number <= MAX_DOUBLE; }
@@ -13,14 +12,16 @@ static int truncated(reel_call *call, uint64_t at) {
     return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; fetch it again");
 }
 
+static int cut_off(reel_call *call, uint64_t at) {
+    return reel_fail(call, MESHREEL_TRUNCATED, at, "a section ends inside a number or a text");
+}
+
 /* Fail because a section ends behind `limit`: the end of the file, or of the bytes that the index
    lists. */
 static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
     REEL_CORRUPT_IF(limit < call->source->size, at,
                     "a section is longer than the index or the blocks allow");
-    return at >= limit ? truncated(call, at)
-                       : reel_fail(call, MESHREEL_TRUNCATED, at,
-                                   "the file ends inside a section; fetch it again");
+    return truncated(call, at);
 }
 
 static int unreadable(reel_call *call, reel_range range, const char *message) {
@@ -82,15 +83,6 @@ static const uint32_t crc_table[16] = {
     0x9B64C2B0U, 0x86D3D2D4U, 0xA00AE278U, 0xBDBDF21CU,
 };
 
-static uint32_t update_crc(uint32_t sum, const uint8_t *bytes, size_t size) {
-    for (size_t i = 0; i < size; i++) {
-        sum ^= bytes[i];
-        sum = sum >> 4 ^ crc_table[sum & 15U];
-        sum = sum >> 4 ^ crc_table[sum & 15U];
-    }
-    return sum;
-}
-
 /* CRC-32 of a 4-bit value and the 28 - 4 k bits of 0 that follow it: of[k]. */
 typedef struct {
     uint32_t of[8][16];
@@ -106,21 +98,23 @@ static void compute_tables(crc_tables *tables) {
     }
 }
 
-/* `update_crc` of 4 bytes at a time. */
-static uint32_t update_long_crc(const crc_tables *tables, uint32_t sum, const uint8_t *bytes,
-                                size_t size) {
-    size_t i = 0;
-    for (; i + 4 <= size; i += 4) {
-        sum ^= bytes[i] | (uint32_t)bytes[i + 1] << 8 | (uint32_t)bytes[i + 2] << 16 |
-               (uint32_t)bytes[i + 3] << 24;
+static uint32_t update_crc(const crc_tables *tables, uint32_t sum, const uint8_t *bytes,
+                           size_t size) {
+    for (; size >= 4; bytes += 4, size -= 4) {
+        sum ^= bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 |
+               (uint32_t)bytes[3] << 24;
         uint32_t next = 0;
-#pragma GCC unroll 8
         for (int k = 0; k < 8; k++) {
             next ^= tables->of[k][sum >> 4 * k & 15U];
         }
         sum = next;
     }
-    return update_crc(sum, bytes + i, size - i);
+    for (; size; size--) {
+        sum ^= *bytes++;
+        sum = sum >> 4 ^ crc_table[sum & 15U];
+        sum = sum >> 4 ^ crc_table[sum & 15U];
+    }
+    return sum;
 }
 
 int reel_cache(reel_call *call, reel_range range) {
@@ -135,15 +129,12 @@ int reel_cache(reel_call *call, reel_range range) {
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
-    bool is_long = length >= LONG_SECTION;
     uint32_t sum = ~0U, stored;
-    if (is_long) {
-        compute_tables(&tables);
-    }
+    compute_tables(&tables);
     for (uint64_t done = 0; done < length;) {
         size_t size = length - done < PIECE ? (size_t)(length - done) : PIECE;
         REEL_TRY(reel_read(call, at + done, piece, size));
-        sum = is_long ? update_long_crc(&tables, sum, piece, size) : update_crc(sum, piece, size);
+        sum = update_crc(&tables, sum, piece, size);
         done += size;
     }
     REEL_TRY(reel_read(call, at + length, &stored, sizeof stored));
@@ -153,7 +144,7 @@ int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
 
 int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size) {
     if (left->length < size) {
-        return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a number");
+        return cut_off(call, left->at);
     }
     REEL_TRY(reel_read(call, left->at, to, size));
     *left = (reel_range){left->at + size, left->length - size};
@@ -173,7 +164,7 @@ int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value) {
         }
     }
     return size < MAX_VARINT_BYTES
-               ? reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside an integer")
+               ? cut_off(call, left->at)
                : reel_corrupt(call, left->at, "an integer has more than 9 bytes");
 }
 
@@ -205,7 +196,7 @@ int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_
 int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
                          meshreel_text *text) {
     if (size > left->length) {
-        return reel_fail(call, MESHREEL_TRUNCATED, left->at, "a section ends inside a text");
+        return cut_off(call, left->at);
     }
     char *bytes = reel_pool_allocate(call, pool, size, 1);
     uint64_t at = left->at;
@@ -257,10 +248,11 @@ int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *
     if (failed) {
         return failed == MESHREEL_TRUNCATED ? fail_at_limit(call, at, limit) : failed;
     }
-    if (left.length < 4 || length > left.length - 4) {
+    uint64_t checksum = call->is_compact && id != REEL_END ? 0 : 4;
+    if (left.length < checksum || length > left.length - checksum) {
         return fail_at_limit(call, at, limit);
     }
-    *result = (reel_section){id, at, {left.at, length}, left.at + length + 4};
+    *result = (reel_section){id, at, {left.at, length}, left.at + length + checksum};
     return MESHREEL_OK;
 }
 
@@ -272,7 +264,7 @@ bool reel_is_known(uint32_t id) {
 
 int reel_section_check(reel_call *call, const reel_section *section) {
     uint64_t length = section->payload.at + section->payload.length - section->at;
-    REEL_TRY(reel_check_crc(call, section->at, length));
+    REEL_TRY(call->is_compact ? MESHREEL_OK : reel_check_crc(call, section->at, length));
     bool is_needed = !(section->id & REEL_OPTIONAL) && !reel_is_known(section->id);
     return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->at,
                                  "a section needs a newer version; update meshreel")

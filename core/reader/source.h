@@ -53,7 +53,7 @@ typedef struct {
 typedef struct {
     uint32_t id;
     uint64_t at;        /* offset of the section */
-    reel_range payload; /* followed by its checksum */
+    reel_range payload; /* followed by its checksum, but in compact streams only that of END */
     uint64_t end;       /* end of the checksum */
 } reel_section;
 
@@ -91,7 +91,7 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
 /* Parse the section at a byte of the file, which must end before `limit`. */
 int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result);
 
-/* Verify the checksum of a section, and that it is known or optional. */
+/* Verify the checksum of a section, if it has its own, and that it is known or optional. */
 int reel_section_check(reel_call *call, const reel_section *section);
 
 /* Whether this build knows sections with this id. */

@@ -84,7 +84,7 @@ static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outl
     for (uint32_t i = 0; i < surface->n_parts; i++) {
         REEL_TRY(read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]));
     }
-    REEL_CORRUPT_IF(left.length, left.at, "bytes follow the last part");
+    REEL_CORRUPT_IF(left.length, left.at, "bytes follow the last part or texture");
     REEL_CORRUPT_IF(surface->n_parts && (n_verts || n_faces), payload.at,
                     "parts have fewer vertices or faces than the mesh");
     surface->parts = parts;

@@ -216,7 +216,7 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
     }
     uint64_t at = reel_group_bytes(outline, state->current.block, 0).at;
     return size < outline->number_bytes
-               ? reel_fail(call, MESHREEL_RANGE, at, "a position exceeds float; decode to doubles")
+               ? reel_fail(call, MESHREEL_RANGE, at, "a number exceeds float; decode to doubles")
                : reel_fail(call, MESHREEL_CORRUPT, at, "a position is not finite");
 }
 

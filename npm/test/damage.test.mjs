@@ -108,9 +108,9 @@ test("a truncated stream yields its complete blocks or an error", async () => {
 /** Change one to three bytes of a payload, and update its checksum. */
 function damage(whole, section, random) {
   const bytes = whole.slice();
-  const { begin, end } = section;
+  const { begin, payload } = section;
   for (let i = 0; i < 1 + Math.floor(3 * random()); i++) {
-    bytes[begin + Math.floor((end - 4 - begin) * random())] = Math.floor(256 * random());
+    bytes[begin + Math.floor(payload.length * random())] = Math.floor(256 * random());
   }
   seal(bytes, section);
   return bytes;

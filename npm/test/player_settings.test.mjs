@@ -119,7 +119,7 @@ test("loop without a value repeats", () => {
 
 test("invalid values are rejected", () => {
   const wrong = [
-    [{ loop: "false" }, /loop must have no value, or "repeat" or "pingpong"; got loop="false"/],
+    [{ loop: "false" }, /loop must be "loop" or "repeat" or "pingpong"; got loop="false"/],
     [{ autoplay: "false" }, /autoplay is a boolean attribute.*got autoplay="false"/],
     [{ speed: "fast" }, /speed must be a number; got speed="fast"/],
     [{ speed: "" }, /speed must be a number/],

@@ -2,10 +2,12 @@
 
 from functools import cached_property
 from io import BytesIO
+from unittest.mock import patch
 
 import numpy as np
 
 from conformance.reader import read_layout, read_track
+from meshreel.codec.bitstream import container
 from meshreel.codec.bitstream.container import Header, read_varint, write_header, write_sections
 from meshreel.codec.bitstream.layout import Section, VertexType
 from meshreel.codec.open_stream import whole_stream
@@ -31,6 +33,11 @@ def raw_stream(header, sections):
 def parts_of(stream):
     """Return the sections of a stream as pairs of id and payload, without INDEX and END."""
     return [part for part in stream.sections if part[0] not in (Section.INDEX, Section.END)]
+
+
+def not_compact():
+    """Context in which streams of any size have checksums of their sections, and an index."""
+    return patch.object(container, "MAX_COMPACT", 0)
 
 
 class Stream:

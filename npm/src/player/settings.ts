@@ -113,7 +113,7 @@ export function parseSettings(read: ReadAttribute) {
     alt: read("alt"),
     loading: parseChoice(read, "loading", ["eager", "lazy"]) ?? "eager",
     autoplay: parseFlag(read, "autoplay"),
-    loop: parseLoop(read("loop")),
+    loop: parseLoop(read),
     speed: parseNumber(read, "speed") ?? 1,
     start: parseStart(read),
     interpolate: parseChoice(read, "interpolate", ["", "true", "false"]) !== "false",
@@ -162,13 +162,9 @@ function parseFlag(read: ReadAttribute, name: AttributeName): boolean {
   throw new InvalidInputError(`${name} is a boolean attribute without a value; got ${name}="${value}"`);
 }
 
-function parseLoop(value: string | null): Loop {
-  if (value === null) return false;
-  if (value === "" || value === "loop" || value === "repeat") return true;
-  if (value === "pingpong") return value;
-  throw new InvalidInputError(
-    `loop must have no value, or "repeat" or "pingpong"; got loop="${value}"`,
-  );
+function parseLoop(read: ReadAttribute): Loop {
+  const loop = parseChoice(read, "loop", ["", "loop", "repeat", "pingpong"]);
+  return loop === "pingpong" ? loop : loop !== undefined;
 }
 
 function parseNumber(read: ReadAttribute, name: AttributeName): number | undefined {

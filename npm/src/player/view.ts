@@ -104,7 +104,7 @@ export class View implements ContextHolder {
         if (this.#isVisible) this.#reacquireContext();
         return;
       }
-      const message = "the browser has dropped the WebGL context of this player; it may restore it";
+      const message = "the browser dropped the WebGL context of this player; it may restore it";
       delegate.onContextLost(new MeshReelError(message));
     };
     const restored = () => {
@@ -290,7 +290,7 @@ export class View implements ContextHolder {
       releaseContext(this);
       this.#hasFailed = true;
       const reason = error instanceof Error ? error.message : String(error);
-      const message = `this browser does not support WebGL 2, which the player needs (${reason})`;
+      const message = `the player needs WebGL 2, which this browser does not support (${reason})`;
       this.#delegate.onError(new MeshReelError(message));
     }
   }

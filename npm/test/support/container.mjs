@@ -11,6 +11,7 @@ export const INDEX = 130;
 export const PARTS = 134;
 export const IMAGE = 137;
 export const TRACK = 138;
+export const TIMES = 140;
 export const HARD_EDGES = 139;
 
 const TABLE = Uint32Array.from({ length: 256 }, (_, byte) => {
@@ -28,22 +29,30 @@ export function crc32(bytes) {
 /** Position of the number of frames in a header; those of vertices and faces follow. */
 export const FRAMES_AT = 9;
 
-export function headerSize(bytes) {
+/** Return the size of the header, and whether the stream is compact. */
+function headerOf(bytes) {
   let [, position] = varintAt(bytes, FRAMES_AT);
   for (let i = 0; i < 2; i++) [, position] = varintAt(bytes, position);
   const [rate, codes] = varintAt(bytes, position);
   const form = codes + (rate ? 1 : 9);
   const [name, begin] = varintAt(bytes, form + 1 + (bytes[form] & 32 ? 32 : 16));
-  return begin + name + 4;
+  const isCompact = (bytes[form] & 64) !== 0;
+  return { size: begin + name + (isCompact ? 0 : 4), isCompact };
+}
+
+export function headerSize(bytes) {
+  return headerOf(bytes).size;
 }
 
 /** Parse all sections of a stream: `position` to `end`, with the payload at `begin`. */
 export function sectionsOf(bytes) {
   const sections = [];
-  for (let position = headerSize(bytes); position < bytes.length;) {
+  const { size, isCompact } = headerOf(bytes);
+  for (let position = size; position < bytes.length;) {
     const [length, begin] = varintAt(bytes, position + 1);
-    const end = begin + length + 4;
-    sections.push({ id: bytes[position], position, begin, end, payload: bytes.subarray(begin, end - 4) });
+    const id = bytes[position];
+    const end = begin + length + (isCompact && id !== END ? 0 : 4);
+    sections.push({ id, position, begin, end, payload: bytes.subarray(begin, begin + length) });
     position = end;
   }
   return sections;
@@ -55,21 +64,21 @@ export function groupsOf(bytes) {
   for (const { id, position, end } of sectionsOf(bytes)) {
     if (id === BLOCK) blocks.push([]);
     if (id === BLOCK || id === TRACK_BLOCK) blocks.at(-1).push([position, end]);
-    else if (id !== INDEX && id !== END && blocks.length) blocks.at(-1).at(-1)[1] = end;
+    else if (![INDEX, END, TIMES].includes(id) && blocks.length) blocks.at(-1).at(-1)[1] = end;
   }
   return blocks;
 }
 
-/** Update the checksum of a section that was changed in place. */
-export function seal(bytes, { position, end }) {
+/** Update the checksum of a section that was changed in place, or of the compact stream. */
+export function seal(bytes, section) {
+  const { position, end } = headerOf(bytes).isCompact ? { position: 0, end: bytes.length } : section;
   const sum = crc32(bytes.subarray(position, end - 4));
   new DataView(bytes.buffer, bytes.byteOffset).setUint32(end - 4, sum, true);
 }
 
 /** Update the checksum of the header. */
 export function sealHeader(bytes) {
-  const end = headerSize(bytes);
-  seal(bytes, { position: 0, end });
+  seal(bytes, { position: 0, end: headerSize(bytes) });
 }
 
 export function sectionBytes(id, payload) {

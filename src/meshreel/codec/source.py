@@ -1,6 +1,5 @@
 """Input of an encoder: a mesh in internal order, and frames divided into blocks."""
 
-import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -12,7 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.bitstream.container import Header, Sections, write_stream, write_varints
+from meshreel.codec.bitstream.container import (
+    Header,
+    Sections,
+    write_number,
+    write_stream,
+    write_varints,
+)
 from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_mesh
@@ -351,4 +356,4 @@ class Source:
 
 def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
     """Return the section that states a guaranteed bound in diagonals; none without a bound."""
-    return [] if bound is None else [(Section.ERROR_BOUND, struct.pack("<d", 100.0 * bound))]
+    return [] if bound is None else [(Section.ERROR_BOUND, write_number(100.0 * bound))]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.bitstream.container import write_varint
+from meshreel.codec.bitstream.container import write_number, write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.model.timing import Timing
 
@@ -23,7 +23,7 @@ def timing_sections(timing: Timing) -> Iterator[tuple[Section, bytes]]:
     if timing.times is not None and len(timing.times) > 1:
         yield Section.TIMES, write_times(timing.times)
     elif timing.start_s:
-        yield Section.START, _TIME.pack(timing.start_s)
+        yield Section.START, write_number(timing.start_s)
 
 
 def write_times(times_s: Floats) -> bytes:

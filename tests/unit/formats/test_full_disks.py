@@ -67,7 +67,7 @@ def limited(monkeypatch):
     slow_but(
         [(".obj", 1000), (".npz", 20_000)],
         [
-            *((extension, limit) for extension in WRITTEN for limit in (300, 1000)),
+            *((extension, limit) for extension in WRITTEN for limit in (300, 900)),
             *((extension, 20_000) for extension in WRITTEN if extension in LARGE),
         ],
     ),

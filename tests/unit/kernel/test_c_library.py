@@ -126,7 +126,7 @@ def test_cpp_program_decodes_on_threads(tmp_path):
     damaged.write_bytes(STREAM.read_bytes()[:100])
     failed = subprocess.run([program, damaged], capture_output=True, timeout=TIME_LIMIT_S)
     assert (failed.returncode, failed.stdout) == (1, b"")
-    assert failed.stderr == b"the file ends inside a section; fetch it again\n"
+    assert failed.stderr == b"the file ends too early; fetch it again\n"
 
 
 @pytest.mark.parametrize("installed", ["gcc"], indirect=True)

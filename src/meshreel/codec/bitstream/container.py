@@ -8,8 +8,10 @@ import zlib
 from collections.abc import Iterable, Sequence
 from ctypes import c_float
 from dataclasses import dataclass
+from decimal import Decimal
 from hashlib import blake2b
 from io import BytesIO
+from itertools import chain, islice, starmap
 from typing import BinaryIO
 
 from meshreel.codec.bitstream.layout import (
@@ -26,17 +28,18 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 
 Sections = Iterable[tuple[Section, bytes]]
 
-_IS_DOUBLE, _IS_PLACED_BY_DOUBLES = 1, 32
+_IS_DOUBLE, _IS_PLACED_BY_DOUBLES, _IS_COMPACT = 1, 32, 64
 _ORDER_AT, _LAPLACIAN_AT = 1, 3
 _MAX_RATE = 2**32
+_MAX_DECIMALS, _DECIMAL_END = 22, 2**42  # so that a decimal takes at most 7 bytes
 _CHECKSUM = struct.Struct("<I")
 _COUNTS = struct.Struct("<II")
 
 MIN_FRAMING = 6
 """Bytes of a section without its payload, if that has fewer than 128 bytes."""
 
-SMALL_STREAM = 1024
-"""Size in bytes of a stream up to the index, from which a single block has an index."""
+MAX_COMPACT = 1024
+"""Size in bytes up to which a stream of one block is compact: one checksum, no index."""
 
 MAX_SHARED = 255
 """Most sections of a mesh that a segment shares with an earlier one."""
@@ -83,6 +86,15 @@ def read_varint(data: bytes | memoryview, position: int) -> tuple[int, int]:
     )
 
 
+def write_number(value: float) -> bytes:
+    """Encode a finite number: as a decimal if that is exact and shorter, otherwise as a double."""
+    sign, digits, exponent = Decimal(repr(float(value))).normalize().as_tuple()
+    n_decimals, whole = max(-int(exponent), 0), int("".join(map(str, digits)))
+    whole *= 10 ** max(int(exponent), 0)
+    is_decimal = not sign and n_decimals <= _MAX_DECIMALS and whole < _DECIMAL_END
+    return bytes([n_decimals]) + write_varint(whole) if is_decimal else _pack("d", value)
+
+
 def write_text(text: str) -> bytes:
     """Return the length of a text in UTF-8, in bytes, and its bytes."""
     data = text.encode("utf-8", errors="replace")
@@ -114,11 +126,15 @@ def read_block_counts(payload: bytes) -> tuple[int, int]:
 
 def write_sections(sections: Sequence[tuple[Section, bytes]]) -> list[bytes]:
     """Encode each section: id, length, payload, and a checksum of all three."""
-    encoded = []
-    for section, payload in sections:
-        body = bytes([section]) + write_varint(len(payload)) + payload
-        encoded.append(body + _CHECKSUM.pack(zlib.crc32(body)))
-    return encoded
+    return [_with_checksum(_without_checksum(*section)) for section in sections]
+
+
+def _without_checksum(section: Section, payload: bytes) -> bytes:
+    return bytes([section]) + write_varint(len(payload)) + payload
+
+
+def _with_checksum(data: bytes) -> bytes:
+    return data + _CHECKSUM.pack(zlib.crc32(data))
 
 
 @dataclass(frozen=True)
@@ -152,21 +168,25 @@ class Header:
 
 def write_header(header: Header) -> bytes:
     """Encode a header, with its checksum."""
+    return _with_checksum(_header(header))
+
+
+def _header(header: Header, compact: int = 0) -> bytes:
+    """Encode a header without its checksum; `compact` is added to the form."""
     name = header.name.encode("utf-8", errors="replace")[:MAX_NAME_BYTES]
     name = name.decode("utf-8", errors="ignore").encode()  # drop a character that the cut split
     is_integer = 0.0 <= header.fps < _MAX_RATE and header.fps == int(header.fps)
     rate = write_varint(1 + int(header.fps)) if is_integer else b"\0" + _pack("d", header.fps)
-    body = (
+    return (
         MAGIC
         + bytes([FORMAT_VERSION])
         + write_varints(header.n_frames, header.n_verts, header.n_faces)
         + rate
-        + _codes(header)
+        + _codes(header, compact)
         + _placement(header)
         + write_varint(len(name))
         + name
     )
-    return body + _CHECKSUM.pack(zlib.crc32(body))
 
 
 def write_segment(header: Header, first: Header) -> bytes:
@@ -184,9 +204,9 @@ def write_segment(header: Header, first: Header) -> bytes:
     return payload + _placement(header) if is_placed else payload
 
 
-def _codes(header: Header) -> bytes:
+def _codes(header: Header, compact: int = 0) -> bytes:
     """Return the method, and the form of the numbers."""
-    form = _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64)
+    form = compact | _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64)
     form |= header.order << _ORDER_AT | header.laplacian << _LAPLACIAN_AT
     form |= _IS_PLACED_BY_DOUBLES * (not _is_placed_by_floats(header))
     return bytes([header.method, form])
@@ -415,17 +435,11 @@ class StreamWriter:
         self._places[-1].append(BlockPlace(n_frames, start, tuple(sizes)))
 
     def finish(self, trailing: Sections = ()) -> None:
-        """Write sections that follow the blocks, the index, and the end marker.
-
-        A small stream of one block has no index, which would find nothing that a reader has not.
-        """
+        """Write sections that follow the blocks, the index, and the end marker."""
         self._write(b"".join(write_sections(list(trailing))))
-        ending = [(Section.END, b"")]
-        if len(self._places) > 1 or len(self._places[0]) > 1 or self.size_bytes > SMALL_STREAM:
-            index = write_index(self._places[0], self._further)
-            position = INDEX_POSITION.pack(self.size_bytes)
-            ending = [(Section.INDEX, index), (Section.END, position)]
-        self._write(b"".join(write_sections(ending)))
+        index = write_index(self._places[0], self._further)
+        position = INDEX_POSITION.pack(self.size_bytes)
+        self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
         self._file.flush()
 
     def _write(self, data: bytes) -> None:
@@ -438,12 +452,29 @@ Segment = tuple[Header, Sections, Iterable[tuple[int, Sections]]]
 
 
 def write_stream(*segments: Segment) -> bytes:
-    """Encode a stream of at least one segment."""
+    """Encode a stream of at least one segment.
+
+    A single segment of one block is compact if it then has at most `MAX_COMPACT` bytes.
+    """
+    (header, sections, blocks), *further = segments
+    leading, blocks = list(sections), iter(blocks)
+    first = [(n_frames, list(sections)) for n_frames, sections in islice(blocks, 2)]
+    if not further and len(first) == 1:
+        sections = [*leading, *first[0][1]]
+        is_small = sum(len(payload) for _, payload in sections) <= MAX_COMPACT
+        if is_small and len(data := _compact_stream(header, sections)) <= MAX_COMPACT:
+            return data
     file = BytesIO()
     writer = StreamWriter(file)
-    for header, leading, blocks in segments:
-        writer.begin_segment(header, leading)
-        for block in blocks:
+    for segment, sections, its_blocks in [(header, leading, chain(first, blocks)), *further]:
+        writer.begin_segment(segment, sections)
+        for block in its_blocks:
             writer.write_block(*block)
     writer.finish()
     return file.getvalue()
+
+
+def _compact_stream(header: Header, sections: list[tuple[Section, bytes]]) -> bytes:
+    """Encode a compact stream."""
+    encoded = starmap(_without_checksum, [*sections, (Section.END, b"")])
+    return _with_checksum(_header(header, _IS_COMPACT) + b"".join(encoded))

@@ -6,12 +6,14 @@ from io import BytesIO
 import pytest
 
 from meshreel.codec.bitstream.container import (
+    MAX_COMPACT,
     BlockPlace,
     Header,
     StreamWriter,
     read_varint,
     write_header,
     write_index,
+    write_number,
     write_sections,
     write_stream,
     write_varint,
@@ -24,7 +26,7 @@ from meshreel.codec.bitstream.layout import (
     VertexType,
 )
 from meshreel.errors import CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
-from samples.streams import Stream, parts_of, raw_stream
+from samples.streams import Stream, not_compact, parts_of, raw_stream
 
 HEADER = Header(2, 3, 1, 0.0, VertexType.FLOAT64, 0, 0, 0, (0.0, 0.0, 0.0), 1.0)
 LEADING = [(Section.CONNECTIVITY, b"abc")]
@@ -234,7 +236,8 @@ def stream_of(header):
     return write_stream((header, [], [(175, block)]))
 
 
-BEHIND = stream_of(FULL_HEADER)[len(write_header(FULL_HEADER)) :]
+with not_compact():
+    BEHIND = stream_of(FULL_HEADER)[len(write_header(FULL_HEADER)) :]
 
 
 FORM_AT = 9 + 2 + 2 + 3 + 9 + 1
@@ -280,7 +283,7 @@ REFUSED = {
     "version 0": (with_byte(8, 0), UnsupportedVersionError, NEWER),
     "version 127": (with_byte(8, 127), UnsupportedVersionError, NEWER),
     "version 128": (with_byte(8, 128), UnsupportedVersionError, "is experimental; decode it with"),
-    "form": (with_byte(FORM_AT, 64), UnsupportedVersionError, "needs a newer version"),
+    "form": (with_byte(FORM_AT, 128), UnsupportedVersionError, "needs a newer version"),
     **{
         f"{name} {value}": (
             stream_of(replace(FULL_HEADER, **{name: value})),
@@ -314,3 +317,42 @@ def test_truncated_varint_is_refused():
 def test_too_long_varint_is_refused():
     with pytest.raises(CorruptStreamError, match="longer than 9 bytes"):
         read_varint(b"\xff" * 20, 0)
+
+
+def test_small_stream_of_one_block_has_one_checksum():
+    header = replace(FULL_HEADER, n_frames=1)
+    data = write_stream((header, LEADING, BLOCKS[:1]))
+    n_sections = len(LEADING) + len(BLOCKS[0][1])
+    usual = raw_stream(header, [*LEADING, *BLOCKS[0][1]])
+    assert len(data) == len(usual) - 4 * (1 + n_sections)
+    stream = Stream(data)
+    assert stream.header == header
+    assert parts_of(stream) == [*LEADING, *BLOCKS[0][1]]
+    for position in range(len(data)):
+        with pytest.raises((CorruptStreamError, UnsupportedVersionError)):
+            Stream(data[:position] + bytes([data[position] ^ 4]) + data[position + 1 :])
+        with pytest.raises(CorruptStreamError):
+            Stream(data[:position])
+
+
+@pytest.mark.parametrize("n_more", [0, 1])
+def test_longer_streams_have_a_checksum_of_each_section(n_more):
+    header = replace(HEADER, n_frames=1)
+    size = MAX_COMPACT - len(write_stream((header, [], BLOCKS[:1]))) - 3
+    filled = [(Section.CONNECTIVITY, bytes(size + n_more))]
+    data = write_stream((header, filled, BLOCKS[:1]))
+    assert (len(data) == MAX_COMPACT) == (n_more == 0)
+    assert parts_of(Stream(data)) == [*filled, *BLOCKS[0][1]]
+
+
+@pytest.mark.parametrize("value", [0.1, 0.01, 25.0, 1e-9, 1e22, 1 / 3, -2.5, 0.1 + 0.2, 5e-324])
+def test_numbers_are_exact_in_at_most_8_bytes(value):
+    payload = write_number(value)
+    assert len(payload) <= 8
+    data = raw_stream(HEADER, [(Section.START, payload), *SECTIONS])
+    assert Stream(data).file.info.start_s == value
+
+
+@pytest.mark.parametrize(("value", "size"), [(0.1, 2), (0.01, 2), (25.0, 2), (0.345, 3), (1e-9, 2)])
+def test_short_decimals_take_few_bytes(value, size):
+    assert len(write_number(value)) == size
