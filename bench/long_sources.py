@@ -118,7 +118,6 @@ class LongSequence:
         self.name = f"{base.name}, {kind}"
         self.surface: Surface = PLAIN
         self.tracks: Mapping[str, TrackSource] = {}
-        self.is_portable = True
         self.scenes = scenes_of(KINDS[kind], n_frames, base.n_frames, seed)
         vertices = base.vertices.astype(np.float32)
         self._centers = vertices.mean(axis=1, keepdims=True)

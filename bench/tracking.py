@@ -36,7 +36,7 @@ from meshreel.codec.reel.normative.blocks import write_basis
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories, fix_signs
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.kernel.basis import time_order
-from meshreel.kernel.fields import decode_fields
+from meshreel.kernel.library import call
 from meshreel.metrics.position_errors import position_errors
 from meshreel.paper import pipeline
 from meshreel.paper.basis import advance_basis, align_basis, ritz_vectors
@@ -291,7 +291,9 @@ def measure_reel(sequence: meshreel.MeshSequence, length: int, _: list[int]) -> 
     for number in range(opened.n_blocks):
         payload = dict(opened.group(number))[Section.BASIS]
         n_modes, n_frames = opened.file.group(number).n_modes, opened.file.block(number).n_frames
-        integers = decode_fields(payload, n_modes, 3 * n_frames, time_order(3, n_frames))
+        integers, order = np.empty((n_modes, 3 * n_frames), np.int32), time_order(3, n_frames)
+        arguments = payload, n_modes, n_modes, *order, integers
+        call("reel_fields_decode", *arguments, what="basis", memory_of=order.memory_of)
         bases.append(integers.reshape(n_modes, 3, n_frames).astype(np.int64))
     differences = [subtract_similar(block, before) for before, block in pairwise(bases)]
     return {

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from meshreel.errors import CorruptStreamError
-from meshreel.kernel.fields import MAX_MAGNITUDE, decode_fields, encode_fields
+from meshreel.kernel.fields import MAX_MAGNITUDE, encode_fields
+from samples.coded_fields import decode_fields
 from samples.costs import draws
 from samples.passes import as_order
 

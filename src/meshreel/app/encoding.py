@@ -12,7 +12,6 @@ from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.track_bounds import TrackTargets, without_units
 from meshreel.formats.notes import note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 
 
@@ -36,7 +35,6 @@ def encode_and_measure(
     notes: list[str],
     *,
     progress: Progress = silent,
-    engine: Engine | None = None,
 ) -> Encoded:
     """Encode a sequence, and measure the errors of the stream.
 
@@ -46,13 +44,11 @@ def encode_and_measure(
         Error bounds of tracks.
     notes : list of str
         Receives notes on changes, and on what the stream omits.
-    engine : Engine, optional
-        Its workers encode blocks of frames.
     """
     sequence = without_reordering(given, config.order)
     notes += filter(None, [joined_note(given, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
-    data = encode_with(config, sequence, tracks=tracks, progress=progress, engine=engine)
+    data = encode_with(config, sequence, tracks=tracks, progress=progress)
     has_sted = config.is_chosen("sted")
     achieved = measure_stream(
         sequence, data, with_sted=has_sted, with_normals=True, progress=progress

@@ -27,7 +27,6 @@ from meshreel.model.surface_selection import (
     select,
 )
 from meshreel.model.tracks import track_by_name, value_range
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 
 
@@ -38,7 +37,6 @@ class EncodeCall(PaperOptions, ReelOptions):
     attributes: Names = ALL
     tracks: TrackTargets | None = None
     progress: Progress = silent
-    engine: Engine | None = None
 
     def __post_init__(self) -> None:
         """Check nothing: `config` does."""
@@ -74,9 +72,6 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         and normals, which they predict, then make the file smaller. `reel` only.
     progress : callable, optional
         Called with the stage and the completed share, 0..1.
-    engine : Engine, optional
-        Workers that encode blocks of `reel` in parallel, to the same bytes. Not used by searches
-        for an error (`kg`, `sted`) or by other methods.
 
     Returns
     -------
@@ -103,7 +98,7 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     """
     config = call.config
     sequence = without_reordering(sequence, config.order)
-    return encode_with(config, sequence, call.attributes, call.tracks, call.progress, call.engine)
+    return encode_with(config, sequence, call.attributes, call.tracks, call.progress)
 
 
 def encode_with(
@@ -112,7 +107,6 @@ def encode_with(
     attributes: Names = ALL,
     tracks: TrackTargets | None = None,
     progress: Progress = silent,
-    engine: Engine | None = None,
 ) -> bytes:
     """Encode a sequence with options that are already checked, as `encode`.
 
@@ -124,7 +118,7 @@ def encode_with(
         If the mesh is too large for the method, or no stream meets the target.
     """
     if sequence.n_segments > 1:
-        return encode_segments(config, sequence, attributes, tracks, progress, engine)
+        return encode_segments(config, sequence, attributes, tracks, progress)
     surface = select(sequence.surface, attributes)
     if surface.cells is not None and config.method_row.positions_only:
         raise InvalidInputError(
@@ -135,7 +129,7 @@ def encode_with(
     progress("encoding connectivity", 0.0)
     bounds = kept_bounds(config, sequence.tracks, tracks)
     source = Source(sequence.segments[0], config, surface, bounds)
-    return next(config.method_row.encode([source], progress, engine))
+    return next(config.method_row.encode([source], progress))
 
 
 def encode_segments(
@@ -144,7 +138,6 @@ def encode_segments(
     attributes: Names,
     tracks: TrackTargets | None,
     progress: Progress,
-    engine: Engine | None,
 ) -> bytes:
     """Return a stream of all segments; the options apply to the sequence as a whole.
 
@@ -191,7 +184,7 @@ def encode_segments(
             (source.sequence.faces, source.sequence.n_verts),
         )
         edited.append(replace(source, edit=edits.edit_to(*mesh)) if is_edited else source)
-    streams = list(config.method_row.encode(edited, progress, engine))
+    streams = list(config.method_row.encode(edited, progress))
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from meshreel.codec.subspace.trajectories import BoundingFrame
     from meshreel.codec.track_bounds import TrackTargets
     from meshreel.model.tracks import Track
-    from meshreel.runtime.engine.engine import Engine
     from meshreel.runtime.progress import Progress
 
     Vertices = npt.NDArray[np.floating]
@@ -122,9 +121,7 @@ class Method(Protocol):
             Whether one block is the whole sequence, so that no other is read meanwhile.
         """
 
-    def encode(
-        self, sources: "Sequence[Source]", progress: "Progress", engine: "Engine | None"
-    ) -> "Iterator[bytes]":
+    def encode(self, sources: "Sequence[Source]", progress: "Progress") -> "Iterator[bytes]":
         """Yield a stream for each segment of a sequence; all together meet the target.
 
         Raises

@@ -34,7 +34,7 @@ from meshreel.codec.times import timing_sections
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
 from meshreel.model.extent import Extent
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence
+from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import TrackSource
@@ -187,7 +187,7 @@ class CodedMesh:
 
 @dataclass(frozen=True)
 class Piece:
-    """A range of frames of a sequence, readable in this or another process."""
+    """A range of frames of a sequence."""
 
     sequence: FrameSource
     start: int
@@ -202,17 +202,6 @@ class Piece:
     def read_given(self) -> Vertices:
         """Read positions in the given order."""
         return self.sequence.read(self.start, self.stop)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Send the frames of this piece if another process cannot read them.
-        if self.sequence.is_portable:
-            return Piece, (self.sequence, self.start, self.stop, self.order)
-        vertices = self.sequence.read(self.start, self.stop)
-        return _piece_of, (vertices, self.sequence.faces, self.order)
-
-
-def _piece_of(vertices: Any, faces: Faces, order: Integers) -> Piece:
-    return Piece(MeshSequence(vertices, faces), 0, len(vertices), order)
 
 
 @dataclass(frozen=True)

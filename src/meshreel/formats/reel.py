@@ -242,11 +242,6 @@ class StoredSegment(Timed):
         return {**self._reel.tracks}
 
     @property
-    def is_portable(self) -> bool:
-        """False: another process gets copies of the frames."""
-        return False
-
-    @property
     def files(self) -> tuple[Path, ...]:
         """The file."""
         return (self.path,)

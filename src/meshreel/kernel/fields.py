@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.library import call, encoded
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.library import encoded
 
 MAX_MAGNITUDE = (1 << 31) - 1
 MAX_NEAR = 16
@@ -100,33 +100,6 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: CodingOrder | None = 
         capacity=BYTES_EACH * values.size + BYTES_AT_FIRST,
         memory_of=order.memory_of,
     )
-
-
-def decode_fields(
-    data: bytes,
-    n_rows: int,
-    n_columns: int,
-    passes: CodingOrder | None = None,
-    n_wanted: int | None = None,
-) -> npt.NDArray[np.int32]:
-    """Decode integers of shape (rows, columns) that `encode_fields` wrote with the same passes.
-
-    Only the first `n_wanted` rows, if fewer. The caller must bound both counts: any number of zeros
-    takes few bytes.
-
-    Raises
-    ------
-    CorruptStreamError
-        If bytes are missing or left over.
-    """
-    if data and not data[-1]:
-        raise CorruptStreamError("the fields end before their section does")
-    n_wanted = n_rows if n_wanted is None else min(n_wanted, n_rows)
-    values = np.empty((n_wanted, n_columns), np.int32)
-    order = _checked(passes, n_columns)
-    arguments = data, n_rows, n_wanted, *order, values
-    call("reel_fields_decode", *arguments, what="fields", memory_of=order.memory_of)
-    return values
 
 
 def _checked(passes: CodingOrder | None, n_columns: int) -> CodingOrder:

@@ -24,7 +24,7 @@ BATCH_VERTICES = 16
 division of a level."""
 
 MIN_VERTICES = 512
-"""Minimum part of a level that one thread decodes, about a millisecond."""
+"""Minimum part of a level that one thread prepares, about a millisecond."""
 
 _POINTER = ctypes.c_void_p
 
@@ -66,29 +66,6 @@ class Choice:
     """Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest."""
 
 
-def decode_values(
-    mesh: Hierarchy,
-    residuals: npt.NDArray[np.int32],
-    n_learned: int,
-    key: Floats | None = None,
-    prepared: Prepared | None = None,
-) -> Floats:
-    """Decode fields of shape (V, K), in quantization steps.
-
-    Parameters
-    ----------
-    residuals : int32 array of shape (K, V)
-        In coding order, like all arrays of this module.
-    n_learned : int
-        Number of modes that the weights adapt to.
-    key : float64 array of shape (V, K of the key block), optional
-        Values of the key block.
-    prepared : Prepared, optional
-        `prepared_weights` of this mesh, key and `n_learned`; computed if None.
-    """
-    return _run(mesh, residuals, n_learned, key, prepared, None, None)
-
-
 def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
     """Initial weights, shared by blocks with the same key or without one: 608 bytes per vertex."""
     n_levels = len(mesh.smooth_starts)
@@ -100,7 +77,7 @@ def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None)
         arguments = ctypes.byref(core_mesh), ctypes.byref(fields)
         call("reel_predict_prepare", *arguments, part.start, part.stop, what="fields")
 
-    stages = independent_parts(mesh, _decoded_part_sizes())
+    stages = independent_parts(mesh, _prepared_part_sizes())
     in_threads(fill, [part for parts in stages for part in parts])
     return prepared
 
@@ -119,17 +96,45 @@ def encode_values(
     ----------
     target : float64 array of shape (V, K)
         Values to approximate, in quantization steps.
-    n_learned, key, prepared
-        As in `decode_values`.
+    n_learned : int
+        Number of modes that the weights adapt to.
+    key : float64 array of shape (V, K of the key block), optional
+        Values of the key block, in coding order like all arrays of this module.
+    prepared : Prepared, optional
+        `prepared_weights` of this mesh, key and `n_learned`; computed if None.
 
     Raises
     ------
     InvalidInputError
         If a residual is too large for a stream.
     """
-    residuals = np.empty(target.shape[::-1], np.int32)
+    n_verts, n_modes = target.shape
+    residuals, values = np.empty((n_modes, n_verts), np.int32), np.empty((n_verts, n_modes))
     target = np.ascontiguousarray(target)
-    return residuals, _run(mesh, residuals, n_learned, key, prepared, target, choice)
+    core_mesh = _mesh(mesh)
+    fields = _fields(mesh, n_modes, n_learned, residuals, values, key, prepared)
+    counts = np.zeros((n_modes, 2))
+
+    def run(part: slice) -> Floats:
+        part_counts, zones = counts.copy(), np.empty(n_modes)
+        arrays = map(_address, (target, part_counts, zones))
+        core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays)
+        arguments = map(ctypes.byref, (core_mesh, fields, core_choice))
+        call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
+        return part_counts
+
+    for parts in independent_parts(mesh, lambda _: CHUNK_VERTICES):
+        if len(parts) == 1:
+            counts = run(parts[0])
+            continue
+        results = [counts] * len(parts)
+
+        def fill(number: int, parts: list[slice] = parts, results: list[Floats] = results) -> None:
+            results[number] = run(parts[number])
+
+        in_threads(fill, range(len(parts)))
+        counts = np.sum(results, axis=0)
+    return residuals, values
 
 
 def _mesh(mesh: Hierarchy) -> _Mesh:
@@ -161,49 +166,6 @@ def _fields(
     return _Fields(len(mesh.order), n_modes, n_learned, n_key, *arrays)
 
 
-def _run(
-    mesh: Hierarchy,
-    residuals: npt.NDArray[np.int32],
-    n_learned: int,
-    key: Floats | None,
-    prepared: Prepared | None,
-    target: Floats | None,
-    choice: Choice | None,
-) -> Floats:
-    n_modes, n_verts = residuals.shape
-    values = np.empty((n_verts, n_modes))
-    core_mesh = _mesh(mesh)
-    fields = _fields(mesh, n_modes, n_learned, residuals, values, key, prepared)
-    counts = np.zeros((n_modes, 2))
-
-    def run(part: slice) -> Floats:
-        part_counts = counts.copy()
-        arguments = [ctypes.byref(core_mesh), ctypes.byref(fields)]
-        if choice is None:
-            call("reel_predict_decode", *arguments, part.start, part.stop, what="fields")
-            return part_counts
-        zones = np.empty(n_modes)
-        arrays = map(_address, (target, part_counts, zones))
-        core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays)
-        arguments.append(ctypes.byref(core_choice))
-        call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
-        return part_counts
-
-    part_size = _decoded_part_sizes() if choice is None else _encoded_part_size
-    for parts in independent_parts(mesh, part_size):
-        if len(parts) == 1:
-            counts = run(parts[0])
-            continue
-        results = [counts] * len(parts)
-
-        def fill(number: int, parts: list[slice] = parts, results: list[Floats] = results) -> None:
-            results[number] = run(parts[number])
-
-        in_threads(fill, range(len(parts)))
-        counts = np.sum(results, axis=0)
-    return values
-
-
 def _address(array: npt.NDArray[Any] | None) -> int | None:
     if array is None:
         return None
@@ -229,12 +191,8 @@ def independent_parts(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> l
     return [parts for parts in stages if parts]
 
 
-def _encoded_part_size(_: int) -> int:
-    return CHUNK_VERTICES
-
-
-def _decoded_part_sizes() -> Callable[[int], int]:
-    """The part size of a level that is only decoded, by its size: several parts per core."""
+def _prepared_part_sizes() -> Callable[[int], int]:
+    """The part size of a level whose weights are prepared, by its size: several parts per core."""
     n_parts = 4 * n_cores()
 
     def size_of_parts(n_verts: int) -> int:

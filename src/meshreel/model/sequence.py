@@ -100,10 +100,6 @@ class FrameSource(Protocol):
     def extent(self) -> Extent:
         """Extent of the positions of all frames."""
 
-    @property
-    def is_portable(self) -> bool:
-        """Whether another process can read the frames through a pickled copy without frames."""
-
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
 
@@ -386,11 +382,6 @@ class MeshSequence(Timed):
             np.max([extent.high for extent in extents], axis=0),
             float(np.average([extent.mean_diagonal for extent in extents], weights=weights)),
         )
-
-    @property
-    def is_portable(self) -> bool:
-        """Whether another process can read the frames through a pickled copy without frames."""
-        return bool(self._segments) and all(segment.is_portable for segment in self._segments)
 
     @property
     def files(self) -> tuple[Path, ...]:

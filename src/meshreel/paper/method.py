@@ -15,7 +15,6 @@ from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.paper.variants import VARIANTS, Variant, equal_blocks
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 
 PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
@@ -55,10 +54,8 @@ class PaperMethod:
         """Memory for encoding with blocks of this many frames, independent of the number type."""
         return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
-    def encode(
-        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
-    ) -> Iterator[bytes]:
-        """Yield the stream of the only source; the engine is not used."""
+    def encode(self, sources: Sequence[Source], progress: Progress) -> Iterator[bytes]:
+        """Yield the stream of the only source."""
         (source,) = sources
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
         yield source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))

@@ -22,7 +22,7 @@ from meshreel.errors import InvalidInputError
 from samples.meshes import waving_grid
 
 OPTIONS = {option.name: option for option in all_options()}
-OTHERS = {"sequence", "attributes", "tracks", "progress", "engine"}
+OTHERS = {"sequence", "attributes", "tracks", "progress"}
 """Parameters of `encode` that are not encoding options."""
 
 IN_WORDS = {

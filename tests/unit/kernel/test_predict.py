@@ -3,28 +3,17 @@
 import numpy as np
 import pytest
 
-from conformance.hierarchy import resolutions_of
-from conformance.prediction import predict_fields
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.predict import (
     Choice,
-    decode_values,
     encode_values,
     prepared_weights,
 )
+from samples.coded_fields import decode_values
 from samples.meshes import irregular_sequence, waving_grid
 
 PLAIN = Choice(first_shaped=1 << 30, gain=0.0, rate_weight=0.0)
-
-
-def decode_slowly(sequence, size, residuals, n_learned, key=None):
-    """Decode with the plain reader, in the layout of `decode_values`."""
-    resolutions = resolutions_of(sequence.faces.tolist(), sequence.n_verts, size)
-    order = [vertex.number for resolution in resolutions for vertex in resolution]
-    known = [] if key is None else [dict(zip(order, one, strict=True)) for one in key.T.tolist()]
-    fields = predict_fields(resolutions, residuals.tolist(), size, n_learned, known)
-    return np.array([[field[v] for field in fields] for v in order])
 
 
 def sample(sequence, size=7, n_modes=6, seed=3):
@@ -34,36 +23,50 @@ def sample(sequence, size=7, n_modes=6, seed=3):
     return mesh, np.rint(rng.laplace(scale=scales, size=(n_modes, mesh.n_verts))).astype(np.int32)
 
 
+def sample_values(sequence, size, n_modes=6, seed=2):
+    """Return a hierarchy, and smooth values in steps."""
+    mesh, _ = sample(sequence, size)
+    steps = np.random.default_rng(seed).normal(size=(mesh.n_verts, n_modes))
+    return mesh, 100 * steps.cumsum(axis=0)
+
+
+def assert_predicted(mesh, residuals, values, n_learned, key=None):
+    """Assert that these residuals, without a loss, are the encoding of these values."""
+    chosen, coded = encode_values(mesh, values, PLAIN, n_learned, key)
+    np.testing.assert_array_equal(chosen, residuals)
+    np.testing.assert_array_equal(coded, values)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 16])
 @pytest.mark.parametrize("sequence", [waving_grid(1, 8, 9), irregular_sequence(1)])
 def test_plain_reader_predicts_the_same_bits(sequence, size):
     mesh, residuals = sample(sequence, size)
-    expected = decode_slowly(sequence, size, residuals, 4)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, 4), expected)
+    assert_predicted(mesh, residuals, decode_values(sequence, residuals, size, 4), 4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_learned", [0, 2, 9])
 def test_plain_reader_predicts_the_same_bits_with_weights_of_a_key_block(n_learned):
-    mesh, residuals = sample(waving_grid(1, 8, 9))
-    key = decode_values(mesh, sample(waving_grid(1, 8, 9), seed=4)[1], 9)
-    expected = decode_slowly(waving_grid(1, 8, 9), 7, residuals, n_learned, key)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, n_learned, key), expected)
+    sequence = waving_grid(1, 8, 9)
+    mesh, residuals = sample(sequence)
+    key = decode_values(sequence, sample(sequence, seed=4)[1], 7, 9)
+    expected = decode_values(sequence, residuals, 7, n_learned, key)
+    assert_predicted(mesh, residuals, expected, n_learned, key)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e4, 1e7])
 @pytest.mark.parametrize("choice", [PLAIN, Choice(1, 0.6, 0.1)])
 def test_encoder_and_decoder_predict_the_same_bits(scale, choice):
-    mesh, _ = sample(irregular_sequence(1), 16)
+    sequence = irregular_sequence(1)
+    mesh, _ = sample(sequence, 16)
     targets = scale * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
     residuals, values = encode_values(mesh, targets, choice, 5)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, 5), values)
+    np.testing.assert_array_equal(decode_values(sequence, residuals, 16, 5), values)
 
 
 def test_values_are_within_half_a_step_without_a_rate_weight():
-    mesh, _ = sample(waving_grid(1, 20, 31), 16)
-    targets = 100 * np.random.default_rng(2).normal(size=(mesh.n_verts, 9)).cumsum(axis=0)
+    mesh, targets = sample_values(waving_grid(1, 20, 31), 16, 9)
     _, values = encode_values(mesh, targets, PLAIN, 5)
     assert np.abs(values - targets).max() <= 0.5 + 1e-9
 
@@ -77,10 +80,10 @@ def test_weights_stay_small_when_parts_separate():
 
 
 def test_values_do_not_depend_on_the_split_of_a_level(monkeypatch):
-    mesh, residuals = sample(waving_grid(1, 20, 31), 16)
-    whole = decode_values(mesh, residuals, 5)
-    monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, 5), whole)
+    mesh, targets = sample_values(waving_grid(1, 20, 31), 16)
+    residuals, whole = encode_values(mesh, targets, PLAIN, 5)
+    monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
+    assert_predicted(mesh, residuals, whole, 5)
 
 
 @pytest.mark.parametrize("size", [7, 16])
@@ -88,20 +91,16 @@ def test_values_do_not_depend_on_the_split_of_a_level(monkeypatch):
 def test_prepared_weights_give_the_same_bits(size, has_key, monkeypatch):
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
     monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
-    mesh, residuals = sample(waving_grid(1, 20, 31), size)
-    key = (
-        decode_values(mesh, sample(waving_grid(1, 20, 31), size, 11, 4)[1], 9) if has_key else None
-    )
+    mesh, targets = sample_values(waving_grid(1, 20, 31), size)
+    key = sample_values(waving_grid(1, 20, 31), size, 11, 4)[1] if has_key else None
     prepared = prepared_weights(mesh, 5, key)
-    alone = decode_values(mesh, residuals, 5, key)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, 5, key, prepared), alone)
-    choice = Choice(1, 0.6, 0.1)
-    for ours, expected in zip(
-        encode_values(mesh, 1.3 * alone, choice, 5, key, prepared),
-        encode_values(mesh, 1.3 * alone, choice, 5, key),
-        strict=True,
-    ):
-        np.testing.assert_array_equal(ours, expected)
+    for choice in (PLAIN, Choice(1, 0.6, 0.1)):
+        for ours, expected in zip(
+            encode_values(mesh, targets, choice, 5, key, prepared),
+            encode_values(mesh, targets, choice, 5, key),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(ours, expected)
 
 
 @pytest.mark.slow
@@ -110,11 +109,8 @@ def test_prepared_weights_give_the_same_bits(size, has_key, monkeypatch):
 def test_plain_reader_predicts_the_same_bits_of_many_modes(n_modes, n_learned):
     sequence = irregular_sequence(1)
     mesh, residuals = sample(sequence, 16, n_modes)
-    expected = decode_slowly(sequence, 16, residuals, n_learned)
-    np.testing.assert_array_equal(decode_values(mesh, residuals, n_learned), expected)
-    chosen, values = encode_values(mesh, expected, PLAIN, n_learned)
-    np.testing.assert_array_equal(chosen, residuals)
-    np.testing.assert_array_equal(values, expected)
+    expected = decode_values(sequence, residuals, 16, n_learned)
+    assert_predicted(mesh, residuals, expected, n_learned)
 
 
 @pytest.mark.parametrize("value", [1e10, -1e10, np.nan, np.inf])

@@ -1,8 +1,10 @@
 """Encoding of one input by a worker."""
 
 import math
+import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +12,7 @@ from meshreel.app.encoding import encode_and_measure
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
 from meshreel.codec.surface.uv_grid import has_uvs
-from meshreel.errors import InvalidInputError, Keyword, Message
+from meshreel.errors import InvalidInputError, Keyword, Message, WorkerDiedError
 from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
@@ -20,7 +22,6 @@ from meshreel.formats.supported_options import supported_only
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
-from meshreel.runtime.engine.engine import Engine, worker_died
 from meshreel.runtime.version import __version__
 
 if TYPE_CHECKING:
@@ -62,12 +63,6 @@ class EncodeOptions:
             return None
         return replace(self, block_share=smaller[-1 if is_death else 0])
 
-    @property
-    def are_cut(self) -> bool:
-        """Whether sequences are coded in independent blocks."""
-        is_cut = self.config.block_frames is not None or self.config.memory is not None
-        return is_cut and not self.config.method_row.positions_only
-
     def as_dict(self) -> dict[str, Any]:
         """Options that differ from the default, in plain types."""
         chosen = {option.name: getattr(self.config, option.name) for option in self.config.chosen}
@@ -76,6 +71,13 @@ class EncodeOptions:
             name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
         }
         return {**chosen, "tracks": self.tracks} if self.tracks else chosen
+
+
+def worker_died(error: BaseException) -> bool:
+    """Whether a call failed because a worker died: our process, another pool's, or Dask's."""
+    dask = sys.modules.get("distributed")
+    kinds = (WorkerDiedError, BrokenExecutor, *([dask.KilledWorker] if dask else []))
+    return isinstance(error, kinds)
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,11 @@ class EncodedInput:
     """The fields of a `Record` that encoding determines."""
 
 
-def encode_input(
-    source: str, options: EncodeOptions, version: str, engine: Engine | None = None
-) -> EncodedInput:
+def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedInput:
     """Encode and measure the sequence at a path or an address.
 
     Writes no files: a stopped worker leaves nothing behind, and a remote worker needs access only
-    to the inputs. With an engine, its workers encode blocks of frames.
+    to the inputs.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def encode_input(
                 opened = registered(opened, replace(reading, register=options.reading.register))
             else:
                 notes.append("not registered: all frames have the same faces")
-        return _measured(opened, reading.registrations, options, notes, began, engine)
+        return _measured(opened, reading.registrations, options, notes, began)
 
 
 def _memory(options: EncodeOptions) -> float | None:
@@ -135,12 +135,11 @@ def _measured(
     options: EncodeOptions,
     notes: list[str],
     began: float,
-    engine: Engine | None,
 ) -> EncodedInput:
     """Encode and measure an opened input."""
     sequence, config = _suited(opened, options, notes)
     tracks = _present(sequence, options, notes)
-    encoded = encode_and_measure(sequence, config, tracks, notes, engine=engine)
+    encoded = encode_and_measure(sequence, config, tracks, notes)
     for registration in registrations:
         from meshreel.registration.report import Report  # imports SciPy
 

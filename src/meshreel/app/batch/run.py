@@ -3,8 +3,16 @@
 import os
 import threading
 from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from collections.abc import Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,11 +20,10 @@ from time import monotonic
 from typing import Any
 
 from meshreel.app.batch.discovery import BatchInput
-from meshreel.app.batch.encode_input import EncodedInput, EncodeOptions, encode_input
+from meshreel.app.batch.encode_input import EncodedInput, EncodeOptions, encode_input, worker_died
 from meshreel.app.batch.manifest import DONE, FAILED, Record
 from meshreel.app.batch.plan import Plan
 from meshreel.errors import Keyword, MeshReelError, Message, StoreError
-from meshreel.runtime.engine.engine import Engine, wait_for_any, worker_died
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
 
@@ -25,6 +32,8 @@ MIN_SUBMITTED = 256
 
 They suffice for workers that join a cluster later, and bound the memory for finished streams.
 """
+
+POLL_S = 0.5
 
 MANIFEST_SHARE, QUICK_S = 0.1, 0.02
 """Share of the time for writing the manifest, unless that is quick: stores are slow, and with many
@@ -77,7 +86,7 @@ def run_batch(
     executor : concurrent.futures.Executor or None
         Its workers need access to the inputs only. None only if there is nothing to encode.
     n_workers : int, default 1
-        Number of its workers. If there are fewer inputs, they share the blocks of each input.
+        Number of its workers.
     progress : callable, optional
         Called with the completed fraction of inputs.
     """
@@ -85,21 +94,22 @@ def run_batch(
     run.begin()
     try:
         if executor is not None:
-            _encode_all(run, plan, Engine(executor, n_workers), progress)
+            _encode_all(run, plan, executor, n_workers, progress)
     finally:
         run.end()
     return run.report()
 
 
-def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> None:
-    is_shared = plan.options.are_cut and len(plan.to_encode) < engine.n_workers
-    outcomes = _together(plan, engine) if is_shared else _separately(plan, engine)
+def _encode_all(
+    run: "_Run", plan: Plan, executor: Executor, n_workers: int, progress: Progress
+) -> None:
     n_inputs, n_writers = len(plan.to_encode), plan.folder.n_writers
-    stage = f"encoding, {engine.n_workers} at a time" if engine.n_workers else "encoding"
+    stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
     progress(stage, Count(0, n_inputs, "inputs"))
     # Ctrl-C does not interrupt these threads, and waits for them: every stream gets its record.
     with ThreadPoolExecutor(n_writers, "meshreel-write") as writers:
         writing: deque[Future[None]] = deque()
+        outcomes = _outcomes(plan, executor, n_workers)
         for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
             writing.append(writers.submit(run.finish, batch_input, outcome))
             del outcome  # releases its stream during the wait for the next
@@ -110,7 +120,9 @@ def _encode_all(run: "_Run", plan: Plan, engine: Engine, progress: Progress) -> 
             future.result()
 
 
-def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
+def _outcomes(
+    plan: Plan, executor: Executor, n_workers: int
+) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
     """Yield inputs in order of completion; each is encoded by one worker.
 
     An input whose worker died is retried alone at the end: it may not be the cause.
@@ -118,7 +130,7 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
     waiting = deque((batch_input, plan.options) for batch_input in _largest_first(plan))
     pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
     alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
-    limit = max(MIN_SUBMITTED, 2 * engine.n_workers)
+    limit = max(MIN_SUBMITTED, 2 * n_workers)
     try:
         while waiting or pending or alone:
             if not (waiting or pending):
@@ -126,8 +138,8 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
             while waiting and len(pending) < limit:
                 batch_input, options = waiting.popleft()
                 item = str(batch_input.source), options, __version__
-                pending[_submitted(engine.executor, item)] = batch_input, options
-            for future in wait_for_any(pending):
+                pending[_submitted(executor, item)] = batch_input, options
+            for future in _wait_for_any(pending):
                 batch_input, options = pending.pop(future)
                 error = _error_of(future)
                 smaller = options.smaller(error) if error else None
@@ -139,6 +151,15 @@ def _separately(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Futur
     finally:
         for future in pending:
             future.cancel()
+
+
+def _wait_for_any(futures: "Iterable[Future[EncodedInput]]") -> "set[Future[EncodedInput]]":
+    """Wait until one or more futures are done, and return them."""
+    while True:
+        # With a timeout, because Windows delivers Ctrl-C only between waits.
+        done = wait(futures, timeout=POLL_S, return_when=FIRST_COMPLETED).done
+        if done:
+            return done
 
 
 def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Future[EncodedInput]":
@@ -153,23 +174,6 @@ def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Fut
 
 def _error_of(future: "Future[EncodedInput]") -> BaseException | None:
     return CancelledError() if future.cancelled() else future.exception()
-
-
-def _together(plan: Plan, engine: Engine) -> Iterator[tuple[BatchInput, "Future[EncodedInput]"]]:
-    """Yield inputs in sequence; all workers encode blocks of the current one."""
-    for batch_input in _largest_first(plan):
-        retry: EncodeOptions | None = plan.options
-        while retry is not None:
-            options, retry = retry, None
-            outcome: Future[EncodedInput] = Future()
-            try:
-                outcome.set_result(
-                    encode_input(str(batch_input.source), options, __version__, engine)
-                )
-            except Exception as error:
-                outcome.set_exception(error)
-                retry = options.smaller(error)
-        yield batch_input, outcome
 
 
 def _largest_first(plan: Plan) -> list[BatchInput]:

@@ -88,8 +88,6 @@ def batch_command(
 
     OUT_DIR/manifest.json lists the result, size and error of each input. A second run encodes only
     new, changed and failed inputs. A failed input does not stop the others, but the exit code is 1.
-    With --block-frames or --memory, and more workers than sequences, several workers encode the
-    blocks of one sequence (method reel); the bytes are the same.
 
     Examples:
 
@@ -164,10 +162,7 @@ def _executor(
                 print_notes([f"waiting for workers; 'dask worker {scheduler}' starts one"])
             yield executor, n_workers
         return
-    n_workers = workers or n_cores()
-    # More workers than inputs are useful only if they share the blocks of an input.
-    if not plan.options.are_cut:
-        n_workers = min(n_workers, len(plan.to_encode))
+    n_workers = min(workers or n_cores(), len(plan.to_encode))
     with ProcessExecutor(n_workers) as executor:
         yield executor, n_workers
 

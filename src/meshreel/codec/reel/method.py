@@ -13,7 +13,6 @@ from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.files import FrameDecoder
 from meshreel.model.extent import extent_of
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
@@ -80,20 +79,18 @@ class ReelMethod:
             + 3 * number_bytes * n_blocks * n_positions
         )
 
-    def encode(
-        self, sources: Sequence[Source], progress: Progress, engine: Engine | None
-    ) -> Iterator[bytes]:
+    def encode(self, sources: Sequence[Source], progress: Progress) -> Iterator[bytes]:
         """Yield the stream of each segment; raises as `whole.encode` and `encode_segments`."""
         if len(sources) == 1:
-            return iter([self._encode(sources[0], progress, engine)])
+            return iter([self._encode(sources[0], progress)])
         from meshreel.codec.reel.encoding.segments import encode_segments
 
-        return encode_segments(self._encode, sources, progress, engine)
+        return encode_segments(self._encode, sources, progress)
 
-    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+    def _encode(self, source: Source, progress: Progress) -> bytes:
         from meshreel.codec.reel.encoding import whole
 
-        return whole.encode(source, progress, engine)
+        return whole.encode(source, progress)
 
     def live_coder(self, start: LiveStart) -> "BlockCoder":
         """Return the coder of frames added in order; raises as `LiveCoder`."""
@@ -134,10 +131,10 @@ class LosslessMethod(ReelMethod):
         together = max(1, min(together, MAX_BLOCK_POSITIONS // n_verts))
         return -(-n_frames // -(-n_frames // together))
 
-    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+    def _encode(self, source: Source, progress: Progress) -> bytes:
         from meshreel.codec.reel.encoding import exact_positions
 
-        return exact_positions.encode(source, progress, engine)
+        return exact_positions.encode(source, progress)
 
     def live_coder(self, start: LiveStart) -> "BlockCoder":
         """Return the coder of frames added in order; raises as `LivePositionCoder`."""
@@ -181,10 +178,10 @@ class GridMethod(LosslessMethod):
                 Keyword("step"),
             )
 
-    def _encode(self, source: Source, progress: Progress, engine: Engine | None) -> bytes:
+    def _encode(self, source: Source, progress: Progress) -> bytes:
         from meshreel.codec.reel.encoding import grid_positions
 
-        return grid_positions.encode(source, progress, engine)
+        return grid_positions.encode(source, progress)
 
     def _position_coder(self, start: LiveStart) -> "PositionCoder":
         from meshreel.codec.reel.encoding.grid_positions import grid_coder

@@ -125,7 +125,7 @@ def _stored_frames(
     path, (n_frames, n_verts, _) = stored.path, stored.shape
     verify_member(path, positions)
     dtype, read = stored.dtype.newbyteorder("="), CheckedReader(path, stored.read)
-    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,), is_portable=True)
+    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,))
     with errors_naming(path):
         return frames.open(about, tracks, options.max_loaded_bytes, options.progress)
 

@@ -61,8 +61,6 @@ class StoredFrames(Timed):
     surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
     """Files with the positions."""
-    is_portable: bool = False
-    """Whether `read_range` can be pickled and used in another process."""
     tracks: Mapping[str, TrackSource] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -217,8 +215,6 @@ class Description:
         read_range: Callable[[int, int], Vertices],
         files: Sequence[Path],
         tracks: Mapping[str, TrackSource],
-        *,
-        is_portable: bool = False,
     ) -> StoredFrames:
         """Return the sequence with frames in files; parameters as of `StoredFrames`.
 
@@ -237,7 +233,6 @@ class Description:
             extent=survey.extent,
             read_range=read_range,
             files=tuple(files),
-            is_portable=is_portable,
             tracks=tracks,
             **vars(self),
         )
@@ -284,8 +279,6 @@ class ReadableFrames:
     """Returns the positions of frames start..stop - 1."""
     files: tuple[Path, ...] = ()
     """Files with the positions."""
-    is_portable: bool = False
-    """Whether `read` can be pickled and used in another process."""
 
     def open(
         self,
@@ -317,11 +310,4 @@ class ReadableFrames:
             progress("reading", Count(stop, self.n_frames, "frames"))
         if is_loaded:
             return about.loaded(vertices, read_tracks(tracks))
-        return about.stored(
-            (self.n_frames, self.n_verts),
-            survey,
-            self.read,
-            self.files,
-            tracks,
-            is_portable=self.is_portable,
-        )
+        return about.stored((self.n_frames, self.n_verts), survey, self.read, self.files, tracks)

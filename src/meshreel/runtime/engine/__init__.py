@@ -1,1 +1,1 @@
-"""Executors of this machine and of a Dask cluster, and calls on any executor."""
+"""Executors of this machine and of a Dask cluster."""

@@ -3,9 +3,7 @@
 import json
 import math
 import os
-import signal
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -22,12 +20,11 @@ from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
 from meshreel.model.tracks import Track
 from meshreel.runtime.engine.cluster import cluster_executor
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.engine.processes import ProcessExecutor
 from samples.clusters import local_cluster
 from samples.engines import InlineExecutor
 from samples.meshes import quad_sheet, waving_grid
-from samples.tasks import encode_or_die, process_id
+from samples.tasks import encode_or_die
 
 OPTIONS = EncodeOptions(config_of(quality=60))
 
@@ -360,56 +357,6 @@ def test_inputs_of_a_broken_pool_are_encoded_by_the_next_run(inputs, out, monkey
             report = run_batch(plan_batch(inputs, out, OPTIONS), executor)
         assert n_failures is None or len(report.failed) == n_failures
     assert set(report.encoded) | set(report.up_to_date) == {"walk.npz", "a/cloth", "dies_once.npz"}
-
-
-LONG = EncodeOptions(config_of(quality=60, block_frames=4))
-
-
-def check_shared(folder, executor, monkeypatch):
-    """One sequence is shared by two workers, one of which is killed; the bytes are the same."""
-    sequence = waving_grid(120)
-    (folder / "in").mkdir()
-    meshreel.save(sequence, folder / "in" / "long.npz")
-    victim, map_in_order = executor.submit(process_id).result(60), Engine.map_in_order
-
-    def killing_one(*arguments):
-        for number, result in enumerate(map_in_order(*arguments)):
-            if number == 5:
-                os.kill(victim, signal.SIGKILL)
-            yield result
-
-    monkeypatch.setattr(Engine, "map_in_order", killing_one)
-    report = run_batch(plan_batch(folder / "in", folder / "out", LONG), executor, 2)
-    assert report.summary == "0 up to date, 1 encoded, 0 failed"
-    expected = meshreel.encode(meshreel.load(folder / "in" / "long.npz"), **asdict(LONG.config))
-    assert (folder / "out" / "long.reel").read_bytes() == expected
-
-
-@pytest.mark.slow
-def test_long_sequence_is_shared_by_idle_workers(tmp_path, monkeypatch):
-    with ProcessExecutor(2) as executor:
-        check_shared(tmp_path, executor, monkeypatch)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_long_sequence_is_shared_on_a_cluster_despite_a_killed_worker(
-    tmp_path, cluster, monkeypatch
-):
-    check_shared(tmp_path, cluster, monkeypatch)
-
-
-@pytest.mark.parametrize(
-    ("options", "n_workers", "is_shared"), [(LONG, 2, False), (LONG, 3, True), (OPTIONS, 3, False)]
-)
-def test_blocks_are_shared_when_there_are_more_workers_than_inputs(
-    inputs, out, options, n_workers, is_shared
-):
-    executor = InlineExecutor()
-    run_batch(plan_batch(inputs, out, options), executor, n_workers)
-    sources = [isinstance(arguments[0], str) for arguments in executor.calls]
-    assert sources == [not is_shared] * 2
 
 
 @pytest.fixture

@@ -17,13 +17,10 @@ from meshreel.codec.reel.normative.fields import decode_basis
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError, UnsupportedVersionError
-from meshreel.kernel import fields as field_coder
 from meshreel.kernel.basis import time_order
-from meshreel.kernel.predict import decode_values
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.decoder import coded_blocks
-from meshreel.runtime.engine.engine import Engine
-from meshreel.runtime.engine.processes import ProcessExecutor
+from samples.coded_fields import decode_fields, decode_values
 from samples.meshes import grid_faces, irregular_sequence, kg_error_percent, waving_grid
 from samples.streams import Stream, layout_of, layouts, parts_of, raw_stream, recorded
 
@@ -66,7 +63,7 @@ def wanted_fields(block, matrices):
 
 def decoded_fields(block, mesh):
     """Decoded fields of shape (V, K), in internal order."""
-    values = decode_values(mesh.hierarchy, block.fields, block.layout.n_learned)
+    values = decode_values(mesh, block.fields, STENCIL, block.layout.n_learned)
     return float(block.layout.step) * values[mesh.number]
 
 
@@ -114,10 +111,10 @@ def test_integers_of_a_block_round_trip():
     sections = dict(write_field_block(block, mesh))
     assert layout_of(sections, 20) == block.layout
     order = time_order(3, 20, block.layout.coding)
-    times = field_coder.decode_fields(sections[Section.BASIS], block.n_modes, 60, order)
+    times = decode_fields(sections[Section.BASIS], block.n_modes, 60, order)
     np.testing.assert_array_equal(times.reshape(block.basis.shape), block.basis)
     coded = sections[Section.COEFFICIENTS]
-    fields = field_coder.decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)
+    fields = decode_fields(coded, block.n_modes, mesh.n_verts, mesh.coding_order)
     np.testing.assert_array_equal(fields, block.fields)
 
 
@@ -269,14 +266,6 @@ def test_block_becomes_a_key_block_when_the_previous_one_does_not_help():
     result = layouts(meshreel.encode(HELD_FIRST, **OPTIONS))
     assert [one.reference for one in result] == [0, 0, 1, 2, 3, 4]
     assert all(one.n_reused for one in result[2:])
-
-
-@pytest.mark.slow
-def test_workers_give_the_same_bytes_with_several_key_blocks():
-    alone = meshreel.encode(HELD_FIRST, **OPTIONS)
-    with ProcessExecutor(2) as executor:
-        engine = Engine(executor, 2)
-        assert meshreel.encode(HELD_FIRST, engine=engine, **OPTIONS) == alone
 
 
 @pytest.mark.slow

@@ -10,9 +10,9 @@ from concurrent.futures import CancelledError
 
 import pytest
 
+from meshreel.app.batch.encode_input import worker_died
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.engine.cluster import cluster_executor
-from meshreel.runtime.engine.engine import Engine, worker_died
 from samples.clusters import local_cluster
 from samples.tasks import (
     cores_and_blas_threads,
@@ -47,11 +47,6 @@ def executor(cluster):
         yield opened
 
 
-def test_map_in_order_keeps_the_order_when_later_calls_end_first(executor):
-    items = [(number, 0.3 if number == 0 else 0.0) for number in range(10)]
-    assert list(Engine(executor, 2).map_in_order(slow_square, items)) == [n * n for n in range(10)]
-
-
 def test_equal_calls_run_separately(executor):
     outcomes = [executor.submit(process_id) for _ in range(4)]
     assert os.getpid() not in {outcome.result(60) for outcome in outcomes}
@@ -64,27 +59,28 @@ def test_workers_use_as_many_cores_as_they_have_threads(executor):
     assert set(blas) == {1}
 
 
-def test_map_in_order_recovers_when_a_worker_is_killed_from_outside(executor):
+def test_no_call_is_lost_when_a_worker_is_killed_from_outside(executor):
     process = executor.submit(process_id).result(60)
-    results = Engine(executor, 2).map_in_order(slow_square, [(number, 0.1) for number in range(20)])
-    assert next(results) == 0
+    outcomes = [executor.submit(slow_square, number, 0.1) for number in range(20)]
+    assert outcomes[0].result(60) == 0
     os.kill(process, signal.SIGKILL)
-    assert list(results) == [n * n for n in range(1, 20)]
+    assert [outcome.result(60) for outcome in outcomes] == [n * n for n in range(20)]
 
 
 def test_other_calls_succeed_when_a_call_kills_its_workers(executor):
     deadly = executor.submit(die_always)
     assert worker_died(deadly.exception(120))
-    assert list(Engine(executor, 2).map_in_order(square, [(5,), (6,)])) == [25, 36]
+    assert [executor.submit(square, number).result(60) for number in (5, 6)] == [25, 36]
 
 
 def test_context_closes_immediately_while_calls_run_and_wait(cluster):
     """Two calls run and two wait; Dask chooses the order, because it steals work."""
 
     def interrupted():
-        with cluster_executor(cluster.scheduler_address) as (executor, n_workers):
+        with cluster_executor(cluster.scheduler_address) as (executor, _):
             threading.Timer(1.0, _thread.interrupt_main).start()
-            list(Engine(executor, n_workers).map_in_order(slow_square, [(2, 600)] * 4))
+            outcomes = [executor.submit(slow_square, 2, 600) for _ in range(4)]
+            wait_until(outcomes[0].done, "a call")
 
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):

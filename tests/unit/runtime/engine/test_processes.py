@@ -1,6 +1,5 @@
 """Calls on worker processes: order, limits, errors, and processes that die."""
 
-import itertools
 import multiprocessing
 import os
 import signal
@@ -10,7 +9,6 @@ from functools import partial
 import pytest
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.engine.processes import ProcessExecutor
 from meshreel.runtime.threads import n_cores
 from samples.tasks import (
@@ -71,41 +69,10 @@ def test_submit_raises_when_the_call_cannot_be_pickled(executor):
 
 
 @pytest.mark.slow
-def test_map_in_order_keeps_the_order_when_later_calls_end_first(executor):
-    items = [(number, 0.2 if number == 0 else 0.0) for number in range(12)]
-    assert list(Engine(executor, 2).map_in_order(slow_square, items)) == [n * n for n in range(12)]
-
-
-def test_map_in_order_accepts_bound_arguments(executor):
-    assert list(Engine(executor, 2).map_in_order(partial(pow, 2), [(3,), (4,)])) == [8, 16]
-
-
-def test_map_in_order_reads_two_items_per_worker_by_default(executor):
-    read = []
-    items = ((number,) for number in itertools.count() if not read.append(number))
-    results = Engine(executor, 2).map_in_order(square, items)
-    assert next(results) == 0
-    assert len(read) == 4
-    del results
-
-
-def test_map_in_order_is_empty_without_items(executor):
-    assert list(Engine(executor, 2).map_in_order(square, [])) == []
-
-
-def test_map_in_order_raises_in_order(executor):
-    results = Engine(executor, 2).map_in_order(divmod, [(7, 2), (7, 0), (7, 3)])
-    assert next(results) == (3, 1)
-    with pytest.raises(ZeroDivisionError):
-        next(results)
-    assert list(results) == []
-
-
-@pytest.mark.slow
-def test_map_in_order_recovers_when_workers_are_killed_in_the_middle(executor, tmp_path):
+def test_calls_are_repeated_when_their_workers_are_killed(executor, tmp_path):
     call = partial(die_once_if, folder=str(tmp_path), deadly={3, 4, 8})
-    results = Engine(executor, 2).map_in_order(call, [(number,) for number in range(12)])
-    assert list(results) == [n * n for n in range(12)]
+    outcomes = [executor.submit(call, number) for number in range(12)]
+    assert [outcome.result(60) for outcome in outcomes] == [n * n for n in range(12)]
     assert len(list(tmp_path.iterdir())) == 3
 
 

@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
 from itertools import chain, starmap
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,12 +19,10 @@ from meshreel.codec.reel.encoding.corrections import check_error_bound, correcti
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
-from meshreel.codec.reel.normative.mesh import Connectivity, FieldMesh, shared_field_mesh
+from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, Piece, error_bound_sections
+from meshreel.codec.source import CodedMesh, error_bound_sections
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.kernel.fields import decode_fields, encode_fields
-from meshreel.kernel.predict import decode_values
 from meshreel.runtime.threads import in_chunks, one_blas_thread
 
 Vertices = npt.NDArray[np.floating]
@@ -77,20 +73,19 @@ class FieldBlockCoder:
         return BlockFrames(np.ascontiguousarray(vertices), self.frame, numbers)
 
     def code(
-        self, frames: BlockFrames, key: "KeyBlock | None" = None, reference: int = 0
+        self, frames: BlockFrames, key: KeyFields | None = None, reference: int = 0
     ) -> "CodedFrames":
         """Encode a block; the bytes do not depend on the number of cores.
 
         Parameters
         ----------
-        key : KeyBlock, optional
-            The block that this one refers to.
+        key : KeyFields, optional
+            Fields of the block that this one refers to.
         reference : int, default 0
-            How many blocks the key precedes this one by.
+            How many blocks earlier that one is.
         """
         with one_blas_thread():
-            key_fields = None if key is None else key.fields
-            analyzed = analyze_fields(frames, self.mesh, self.choices, key_fields, reference)
+            analyzed = analyze_fields(frames, self.mesh, self.choices, key, reference)
             if key is not None and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.n_modes:
                 analyzed = analyze_fields(frames, self.mesh, self.choices)
             corrections = None
@@ -109,28 +104,7 @@ class FieldBlockCoder:
             ),
             analyzed=analyzed,
             corrections=corrections,
-            key=KeyBlock(
-                self.mesh, analyzed.block.fields, self.choices.n_learned, analyzed.new_fields
-            ),
-            is_key=not analyzed.block.layout.reference,
         )
-
-    def code_piece(self, piece: Piece, key: "KeyBlock", reference: int) -> "CodedPiece":
-        """Read a block and encode it."""
-        frames = self.frames(piece.read_given(), piece.order)
-        coded = self.code(frames, key, reference)
-        new_key = coded.key if coded.is_key else None
-        return CodedPiece(frames.n_frames, list(coded.sections), new_key)
-
-
-@dataclass(frozen=True)
-class CodedPiece:
-    """An encoded block, which can be sent to another process."""
-
-    n_frames: int
-    sections: list[tuple[Section, bytes]]
-    key: "KeyBlock | None"
-    """The block if it is a new key block, to which the following blocks refer."""
 
 
 @dataclass(frozen=True)
@@ -141,10 +115,11 @@ class CodedFrames:
     """Iterator of (Section, bytes). Entropy coded while iterated, which is possible once."""
     analyzed: AnalyzedFields
     corrections: Corrections | None
-    key: "KeyBlock"
-    """The block as a key block."""
-    is_key: bool
-    """Whether it refers to no block, so that others may refer to it."""
+
+    @property
+    def is_key(self) -> bool:
+        """Whether it refers to no block, so that others may refer to it."""
+        return not self.analyzed.block.layout.reference
 
     def decoded(self, frames: BlockFrames) -> Vertices:
         """Decoded positions of these frames, in internal order."""
@@ -179,45 +154,6 @@ class CodedFrames:
         return float(np.vdot(errors, errors))
 
 
-@dataclass(frozen=True)
-class KeyBlock:
-    """A block that others refer to.
-
-    Only its coded fields are pickled: the core of another process decodes them.
-    """
-
-    mesh: FieldMesh
-    residuals: npt.NDArray[np.int32]
-    """int32 array of shape (K, V). As in `FieldBlock`."""
-    n_learned: int
-    """As in `Layout`."""
-    fields: KeyFields
-
-    @property
-    def n_modes(self) -> int:
-        """Number of its modes, K."""
-        return len(self.residuals)
-
-    @cached_property
-    def _coded(self) -> bytes:
-        return encode_fields(self.residuals, self.mesh.coding_order)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _decoded_key, (self.mesh.connectivity, self.n_modes, self.n_learned, self._coded)
-
-
-@lru_cache(maxsize=1)
-def _decoded_key(
-    connectivity: Connectivity, n_modes: int, n_learned: int, coded: bytes
-) -> KeyBlock:
-    """Return a key block from another process; the last one is cached."""
-    mesh = shared_field_mesh(*connectivity)
-    with one_blas_thread():
-        residuals = decode_fields(coded, n_modes, mesh.n_verts, mesh.coding_order)
-        values = decode_values(mesh.hierarchy, residuals, n_learned)
-    return KeyBlock(mesh, residuals, n_learned, KeyFields(values))
-
-
 class KeyedBlocks:
     """Codes consecutive blocks; each refers to the last key block.
 
@@ -226,14 +162,14 @@ class KeyedBlocks:
 
     def __init__(self, coder: FieldBlockCoder) -> None:
         self._coder = coder
-        self._key: KeyBlock | None = None
+        self._key: KeyFields | None = None
         self._reference = 0
 
     def code(self, frames: BlockFrames) -> CodedFrames:
         """Encode the next block."""
         coded = self._coder.code(frames, self._key, self._reference)
         if coded.is_key:
-            self._key, self._reference = coded.key, 0
+            self._key, self._reference = coded.analyzed.new_fields, 0
         self._reference += 1
         return coded
 

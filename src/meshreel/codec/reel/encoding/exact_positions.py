@@ -2,10 +2,9 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, islice
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,14 +17,13 @@ from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import PositionGrid
-from meshreel.codec.source import Piece, Source
+from meshreel.codec.source import Source
 from meshreel.errors import SolverError
 from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.sequence import Faces
 from meshreel.model.tracks import Track
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
@@ -50,9 +48,6 @@ class PositionCoder(ABC):
         """Adjacent vertices of each vertex."""
         return neighbors(self.links, self.n_verts)
 
-    def __reduce__(self) -> tuple[Any, ...]:  # without the neighbors, which are derived
-        return type(self), tuple(getattr(self, each.name) for each in fields(self))
-
     @property
     @abstractmethod
     def is_exact(self) -> bool:
@@ -65,11 +60,6 @@ class PositionCoder(ABC):
     @abstractmethod
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order."""
-
-    def code_piece(self, piece: Piece) -> CodedBlock:
-        """Read and encode a block; returns its number of frames and sections."""
-        vertices = piece.read()
-        return len(vertices), self.code(vertices)
 
 
 @dataclass(frozen=True)
@@ -118,15 +108,13 @@ class ExactPositionCoder(PositionCoder):
         return write_on_surface(coordinates, self.grid.step, *self.sides, rounding)
 
 
-def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+def encode(source: Source, progress: Progress) -> bytes:
     """Encode the source to a stream with lossless positions.
 
     Parameters
     ----------
     source : Source
     progress : callable
-    engine : Engine or None
-        Workers that encode blocks; None uses this process.
 
     Raises
     ------
@@ -140,7 +128,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
     if source.n_frames == 1 and (grid := grid_of_frame(source)):
         source = source.with_changes(origin=grid.frame.origin)
         coder = replace(coder, sides=source.mesh.sides, grid=grid)
-    return stream_of(source, coder, progress, engine)
+    return stream_of(source, coder, progress)
 
 
 def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
@@ -148,30 +136,26 @@ def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
     return sum(len(payload) for _, payload in sections)
 
 
-def stream_of(
-    source: Source, coder: PositionCoder, progress: Progress, engine: Engine | None
-) -> bytes:
+def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes:
     """Encode the source to a stream; its tracks are already encoded.
 
     Parameters
     ----------
-    progress, engine
+    progress
         As in `encode`.
     """
-    blocks: Iterator[CodedBlock]
-    if engine is not None:
-        blocks = engine.map_in_order(coder.code_piece, ((piece,) for piece in source.pieces()))
-    else:
-        n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
-        blocks = _coded(coder, source.pieces(), n_together)
+    n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
+    blocks = _coded(coder, source.blocks(), n_together)
     coded = _with_progress(blocks, source.sequence.n_frames, progress)
     data = source.stream(coder.leading_sections(), coded)
     return FollowingTracks(source, progress).stream(data) if source.tracks else data
 
 
-def _coded(coder: PositionCoder, pieces: Iterator[Piece], n_together: int) -> Iterator[CodedBlock]:
+def _coded(
+    coder: PositionCoder, blocks: Iterator[Vertices], n_together: int
+) -> Iterator[CodedBlock]:
     """Yield frames and sections of each block, encoding several in parallel."""
-    while several := [piece.read() for piece in islice(pieces, n_together)]:
+    while several := list(islice(blocks, n_together)):
         yield from _in_parallel(coder, several)
 
 

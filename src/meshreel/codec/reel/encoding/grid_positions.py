@@ -28,7 +28,6 @@ from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import is_still
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Progress, silent
 
 Vertices = npt.NDArray[np.floating]
@@ -147,7 +146,7 @@ def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositi
     return GridPositionCoder(mesh.links, mesh.n_verts, mesh.sides, grid, None)
 
 
-def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
+def encode(source: Source, progress: Progress) -> bytes:
     """Return a stream of the source with positions on a grid; parameters as in `whole.encode`.
 
     Raises
@@ -156,7 +155,7 @@ def encode(source: Source, progress: Progress, engine: Engine | None) -> bytes:
         If a bound cannot be guaranteed.
     """
     source = source.with_changes(tracks=encode_tracks(source, progress))
-    return _encoded(source, progress, engine, is_still(source.sequence))
+    return _encoded(source, progress, is_still(source.sequence))
 
 
 def suits_one_frame(source: Source) -> bool:
@@ -181,7 +180,7 @@ def encode_frame(source: Source, progress: Progress, step: float | None) -> byte
     InvalidInputError
         If a bound cannot be guaranteed.
     """
-    return encode(_on_grid(source, step), progress, None)
+    return encode(_on_grid(source, step), progress)
 
 
 def frame_error(source: Source, vertices: Vertices, step: float) -> float:
@@ -231,7 +230,7 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
         return None
     stored = grid_of_frame(source)
     moved, coder = _with_coder(_on_grid(source, step, _cut(source)), stored)
-    own = stream_of(moved, coder, progress, None)
+    own = stream_of(moved, coder, progress)
     if stored is None or coder.is_stored:
         return own
     return min(own, _encoded_on(stored, source, progress), key=len)
@@ -241,7 +240,7 @@ def encode_moving(source: Source, step: float) -> bytes:
     """Return a stream on a grid with a step in diagonals, along the surface."""
     moved = _on_grid(source, step, _cut(source))
     coder = replace(step_coder(source.mesh, source.frame, step), is_fast=True)
-    return stream_of(moved, coder, silent, None)
+    return stream_of(moved, coder, silent)
 
 
 def _takes_grid(config: EncoderConfig) -> bool:
@@ -253,7 +252,6 @@ def _takes_grid(config: EncoderConfig) -> bool:
 def encode_on_grid(
     source: Source,
     progress: Progress,
-    engine: Engine | None,
     has_one_shape: bool,
     size_bytes: int,
 ) -> bytes:
@@ -265,7 +263,7 @@ def encode_on_grid(
         _on_grid(source, None, _cut(source)),
         not _compresses_little(source, size_bytes),
     )
-    return _encoded(moved, progress, engine, has_one_shape, is_fast=is_fast)
+    return _encoded(moved, progress, has_one_shape, is_fast=is_fast)
 
 
 def _cut(source: Source) -> int | None:
@@ -282,7 +280,7 @@ def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
 def _encoded_on(grid: PositionGrid, source: Source, progress: Progress) -> bytes:
     coder = replace(step_coder(source.mesh, grid.frame, grid.step), is_stored=True)
     moved = source.with_changes(origin=grid.frame.origin)
-    return stream_of(_on_grid(moved, grid.step, _cut(source)), coder, progress, None)
+    return stream_of(_on_grid(moved, grid.step, _cut(source)), coder, progress)
 
 
 def _on_grid(source: Source, step: float | None, block_frames: int | None = None) -> Source:
@@ -302,14 +300,13 @@ def _allowed(step: float) -> float:
 def _encoded(
     source: Source,
     progress: Progress,
-    engine: Engine | None,
     has_one_shape: bool,
     *,
     is_fast: bool = False,
 ) -> bytes:
     grid = grid_of_frame(source) if has_one_shape else None
     source, coder = _with_coder(source, grid)
-    return stream_of(source, replace(coder, is_fast=is_fast), progress, engine)
+    return stream_of(source, replace(coder, is_fast=is_fast), progress)
 
 
 def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:

@@ -15,7 +15,6 @@ from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.rate import rate_bpvf
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import results_in_order
 
@@ -24,14 +23,14 @@ TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20
 at a time on all cores; tiny ones one at a time on one, since their threads would mostly wait for
 the interpreter's lock."""
 
-EncodeOne = Callable[[Source, Progress, Engine | None], bytes]
+EncodeOne = Callable[[Source, Progress], bytes]
 
 JOINT_TARGETS = (TargetKind.KG, TargetKind.SIZE, TargetKind.BPVF)
 """Targets of the sequence as a whole, which one step for all segments has to meet."""
 
 
 def encode_segments(
-    encode: EncodeOne, sources: Sequence[Source], progress: Progress, engine: Engine | None
+    encode: EncodeOne, sources: Sequence[Source], progress: Progress
 ) -> Iterator[bytes]:
     """Yield a stream for each segment; together they meet the target of their options.
 
@@ -44,7 +43,7 @@ def encode_segments(
         Encodes one segment.
     sources : sequence of Source
         The segments, all with the same options and `whole_extent`.
-    progress, engine
+    progress
         As in `codec.methods.Method.encode`.
 
     Raises
@@ -66,9 +65,9 @@ def encode_segments(
     total, done = sum(source.n_frames for source in sources), 0
 
     def encode_one(source: Source) -> tuple[bytes, int]:
-        if _n_positions(source) <= SMALL_POSITIONS:  # in this process, without workers
-            return encode(source, silent, None), source.n_frames
-        return encode(source, _after(progress, done, total), engine), source.n_frames
+        if _n_positions(source) <= SMALL_POSITIONS:
+            return encode(source, silent), source.n_frames
+        return encode(source, _after(progress, done, total)), source.n_frames
 
     progress("encoding", Count(done, total, "frames"))
     for stream, n_frames in results_in_order(encode_one, sources, _is_parallel):
@@ -109,7 +108,7 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
             return meter.value
 
         def encode_one(source: Source) -> bytes:
-            return whole.encode(source, silent, None, step=step)
+            return whole.encode(source, silent, step=step)
 
         streams = results_in_order(encode_one, sources, _is_parallel)
         size_bytes = len(join_streams(list(streams)))
@@ -139,7 +138,7 @@ def _searches(sources: Sequence[Source]) -> Iterator[whole.RateSearch | _FrameSe
     """Yield a search for each segment, which keeps its blocks for further steps."""
     for source in sources:
         is_frame = suits_one_frame(source)
-        yield _FrameSearch(source) if is_frame else whole.RateSearch(source, silent, None)
+        yield _FrameSearch(source) if is_frame else whole.RateSearch(source, silent)
 
 
 def _n_positions(source: Source) -> int:

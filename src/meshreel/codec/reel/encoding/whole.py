@@ -11,7 +11,6 @@ from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
-    KeyBlock,
     KeyedBlocks,
     coder_of,
 )
@@ -38,7 +37,6 @@ from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
 from meshreel.model.sequence import MeshSequence, is_still
-from meshreel.runtime.engine.engine import Engine
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread, prefetch
 
@@ -56,17 +54,13 @@ CACHED_POSITION_BYTES = 36
 
 
 @one_blas_thread()  # set once, because each limit waits for another thread
-def encode(
-    source: Source, progress: Progress, engine: Engine | None, *, step: float | None = None
-) -> bytes:
+def encode(source: Source, progress: Progress, *, step: float | None = None) -> bytes:
     """Encode the source to a stream that meets its target; segments of one frame on a grid.
 
     Parameters
     ----------
     source : Source
     progress : callable
-    engine : Engine or None
-        Workers that encode blocks; None uses this process.
     step : float, optional
         Quantization step, in diagonals, that is known to meet the target.
 
@@ -79,11 +73,11 @@ def encode(
     assert isinstance(config, ReelOptions)  # those of this method
     if source.whole_extent is not None and suits_one_frame(source):
         if step is None and config.target.kind is not TargetKind.MAX_ERROR:
-            step, _ = step_for_target(config, RateSearch(source, progress, None))
+            step, _ = step_for_target(config, RateSearch(source, progress))
         return encode_frame(source, progress, step)
     if source.bounds:
         source = source.with_changes(tracks=encode_tracks(source, progress))
-    sequence = RateSearch(source, progress, engine)
+    sequence = RateSearch(source, progress)
     bound = None
     if step is None:
         step, bound = step_for_target(config, sequence, has_tracks=bool(source.tracks))
@@ -94,7 +88,7 @@ def encode(
     other: bytes | None = None
     has_one_shape = is_still(source.sequence)
     if bound is not None and may_use_grid(source, len(data), has_one_shape):
-        other = encode_on_grid(source, progress, engine, has_one_shape, len(data))
+        other = encode_on_grid(source, progress, has_one_shape, len(data))
     elif config.target.kind not in SINGLE_TRIALS:
         other = encode_on_stored_grid(source, progress) if has_one_shape else None
     elif has_one_shape:
@@ -139,7 +133,7 @@ class RateSearch:
 
     Parameters
     ----------
-    source, progress, engine
+    source, progress
         As in `encode`.
 
     Attributes
@@ -150,7 +144,7 @@ class RateSearch:
         Finest step that the stream can represent.
     """
 
-    def __init__(self, source: Source, progress: Progress, engine: Engine | None) -> None:
+    def __init__(self, source: Source, progress: Progress) -> None:
         self._source = source
         self._n_frames = source.n_frames
         self.dtype: np.dtype[np.floating] = source.dtype
@@ -158,7 +152,6 @@ class RateSearch:
         assert isinstance(config, ReelOptions)  # those of this method
         self._target = config.target
         self._progress = progress
-        self._engine = engine
         self._coded: dict[float, list[tuple[int, Sections]]] = {}
         self._errors: dict[float, float] = {}
         self._steps: dict[float, Steps] = {}
@@ -302,8 +295,6 @@ class RateSearch:
         if self._best is not None and self._best[0] == step:
             blocks = iter(self._best[1])
             self._best = None  # sections can be iterated once
-        elif self._engine is not None and not self._errors:
-            blocks = self._coded_by_workers(self._coder.with_step(step, bound), self._engine)
         else:
             blocks = self._coded_here(step, bound)
             if self._is_cut:  # analyze a block while the previous one is entropy coded
@@ -315,29 +306,6 @@ class RateSearch:
         read, blocks = self._blocks(), KeyedBlocks(self._coder.with_step(step, bound))
         for frames in read:
             yield frames.n_frames, blocks.code(frames).sections
-
-    def _coded_by_workers(
-        self, coder: FieldBlockCoder, engine: Engine
-    ) -> Iterator[tuple[int, Sections]]:
-        """Yield frames and sections of each block; workers encode all but the first.
-
-        If one of them becomes a key block, the following blocks are restarted with it.
-        """
-        first, *others = self._pieces
-        frames = coder.frames(first.read_given(), first.order)
-        coded = coder.code(frames)
-        yield frames.n_frames, coded.sections
-        key: KeyBlock | None = coded.key
-        while others:
-            items = ((piece, key, number) for number, piece in enumerate(others, start=1))
-            n_coded = 0
-            for coded_piece in engine.map_in_order(coder.code_piece, items):
-                yield coded_piece.n_frames, coded_piece.sections
-                n_coded += 1
-                if coded_piece.key is not None:
-                    key = coded_piece.key
-                    break
-            others = others[n_coded:]
 
     @cached_property
     def _pieces(self) -> list[Piece]:

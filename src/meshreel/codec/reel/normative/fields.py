@@ -73,6 +73,11 @@ class KeyFields:
     """
     _prepared: dict[int, Prepared | None] = field(default_factory=dict)
 
+    @property
+    def n_modes(self) -> int:
+        """Number of its modes, K."""
+        return int(self.values.shape[1])
+
     def is_prepared(self, n_learned: int) -> bool:
         """Whether `prepared` is cached."""
         return n_learned in self._prepared

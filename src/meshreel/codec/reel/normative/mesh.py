@@ -1,8 +1,7 @@
 """Hierarchy, prediction stencils and coding order of the vertices of a mesh."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,30 +16,16 @@ from meshreel.model.sequence import Faces
 MAX_PREPARED_VERTICES = 1 << 16
 """Maximum size of a mesh whose prepared weights are cached: 608 bytes a vertex, at most 40 MB."""
 
-Connectivity = tuple[bytes, int, int]
-"""Faces as the bytes of int32, number of vertices, stencil size."""
-
 
 @dataclass(frozen=True)
 class FieldMesh:
-    """A mesh, with the hierarchy that encoder and decoder derive from its connectivity.
-
-    Only connectivity is pickled; a process caches the derived parts of the last meshes.
-    """
+    """A mesh, with the hierarchy that encoder and decoder derive from its connectivity."""
 
     faces: Faces
     """int32 array of shape (M, 3). In internal order, like all vertices here."""
     n_verts: int
     stencil_size: int
     """Number of vertices that predict one."""
-
-    @property
-    def connectivity(self) -> Connectivity:
-        """Arguments of `shared_field_mesh`."""
-        return self.faces.tobytes(), self.n_verts, self.stencil_size
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return shared_field_mesh, self.connectivity
 
     @cached_property
     def neighbors(self) -> Neighbors:
@@ -79,10 +64,3 @@ class FieldMesh:
         is_last = np.diff(levels.level_resolutions, append=-1) != 0
         ends = levels.level_starts[1:][is_last]
         return coding_order(levels.contexts, np.concatenate([[0], ends]).astype(np.int64))
-
-
-@lru_cache(maxsize=2)
-def shared_field_mesh(faces: bytes, n_verts: int, stencil_size: int) -> FieldMesh:
-    """Return the mesh of a connectivity, cached so that its hierarchy is derived once."""
-    triangles = np.frombuffer(faces, np.int32).reshape(-1, 3)
-    return FieldMesh(triangles, n_verts, stencil_size)
