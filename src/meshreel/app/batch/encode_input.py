@@ -4,7 +4,6 @@ import math
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -74,10 +73,9 @@ class EncodeOptions:
 
 
 def worker_died(error: BaseException) -> bool:
-    """Whether a call failed because a worker died: our process, another pool's, or Dask's."""
+    """Whether a call failed because a worker died, a process of this machine or of Dask."""
     dask = sys.modules.get("distributed")
-    kinds = (WorkerDiedError, BrokenExecutor, *([dask.KilledWorker] if dask else []))
-    return isinstance(error, kinds)
+    return isinstance(error, (WorkerDiedError, *([dask.KilledWorker] if dask else [])))
 
 
 @dataclass(frozen=True)

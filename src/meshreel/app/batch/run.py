@@ -1,4 +1,4 @@
-"""Encoding of the inputs of a plan by the workers of any executor."""
+"""Encoding of the inputs of a plan by the workers of an executor."""
 
 import os
 import threading
@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     CancelledError,
     Executor,
     Future,
@@ -84,7 +83,8 @@ def run_batch(
     Parameters
     ----------
     executor : concurrent.futures.Executor or None
-        Its workers need access to the inputs only. None only if there is nothing to encode.
+        Its workers need access to the inputs only, and it must replace workers that die. None only
+        if there is nothing to encode.
     n_workers : int, default 1
         Number of its workers.
     progress : callable, optional
@@ -138,7 +138,7 @@ def _outcomes(
             while waiting and len(pending) < limit:
                 batch_input, options = waiting.popleft()
                 item = str(batch_input.source), options, __version__
-                pending[_submitted(executor, item)] = batch_input, options
+                pending[executor.submit(encode_input, *item)] = batch_input, options
             for future in _wait_for_any(pending):
                 batch_input, options = pending.pop(future)
                 error = _error_of(future)
@@ -160,16 +160,6 @@ def _wait_for_any(futures: "Iterable[Future[EncodedInput]]") -> "set[Future[Enco
         done = wait(futures, timeout=POLL_S, return_when=FIRST_COMPLETED).done
         if done:
             return done
-
-
-def _submitted(executor: Executor, item: tuple[str, EncodeOptions, str]) -> "Future[EncodedInput]":
-    """The future of an input; it has failed if the executor is broken."""
-    try:
-        return executor.submit(encode_input, *item)
-    except BrokenExecutor as error:
-        failed: Future[EncodedInput] = Future()
-        failed.set_exception(error)
-        return failed
 
 
 def _error_of(future: "Future[EncodedInput]") -> BaseException | None:

@@ -3,8 +3,6 @@
 import json
 import math
 import os
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -347,18 +345,6 @@ def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
         check_deaths(inputs, out, executor, monkeypatch)
 
 
-@pytest.mark.slow
-def test_inputs_of_a_broken_pool_are_encoded_by_the_next_run(inputs, out, monkeypatch):
-    """The pool of the standard library refuses all calls after the death of a process."""
-    monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
-    meshreel.save(waving_grid(), inputs / "dies_once.npz")
-    for n_failures in (None, 0):
-        with ProcessPoolExecutor(1, get_context("spawn")) as executor:
-            report = run_batch(plan_batch(inputs, out, OPTIONS), executor)
-        assert n_failures is None or len(report.failed) == n_failures
-    assert set(report.encoded) | set(report.up_to_date) == {"walk.npz", "a/cloth", "dies_once.npz"}
-
-
 @pytest.fixture
 def cluster():
     pytest.importorskip("distributed", reason="the extra [dask] is not installed")
@@ -400,7 +386,6 @@ class TightExecutor(InlineExecutor):
     [
         (MemoryError(), [1 / 4, 1 / 16]),
         (WorkerDiedError("died during this call"), [1 / 16]),
-        (BrokenExecutor(), [1 / 16]),
     ],
 )
 def test_input_is_retried_in_smaller_blocks_without_memory(inputs, out, error, shares):
