@@ -100,6 +100,11 @@ def test_batch_rejects_invalid_options_before_writing(inputs, out, options, word
     assert not out.exists()
 
 
+def test_batch_rejects_an_address_as_output_folder(inputs):
+    done = run(inputs, "s3://bucket/streams")
+    assert_fails(done, "s3://bucket/streams: the output folder must be on this machine")
+
+
 def test_batch_names_the_extra_when_dask_is_missing(inputs, out, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = run(inputs, out, "--scheduler", "tcp://127.0.0.1:9")

@@ -51,7 +51,7 @@ class BatchInput:
         return digest.hexdigest()
 
 
-def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> list[BatchInput]:
+def find_inputs(folder: Path | str, *, but_not: Path | None = None) -> list[BatchInput]:
     """Find all sequences in a folder and its subfolders, in natural order.
 
     An input is a file with a whole sequence, or a folder with frame files. Hidden files, hidden
@@ -60,7 +60,7 @@ def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> lis
     Parameters
     ----------
     folder : Path, or str of a remote folder
-    but_not : Path or str, optional
+    but_not : Path, optional
         A subfolder to skip: that of the outputs.
 
     Raises
@@ -71,10 +71,10 @@ def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> lis
     files: dict[Path, Path | RemoteFile] = {}
     if is_remote(folder):
         top: Path | str = folder.rstrip("/")
-        files |= _remote_files(folder.rstrip("/"), but_not)
+        files |= _remote_files(folder.rstrip("/"))
     else:
         top = Path(folder).absolute()
-        files |= _local_files(top, None if is_remote(but_not) else but_not)
+        files |= _local_files(top, but_not)
     inputs = list(_inputs_among(files, top))
     if not inputs:
         raise InvalidInputError(
@@ -84,11 +84,11 @@ def find_inputs(folder: Path | str, *, but_not: Path | str | None = None) -> lis
     return inputs
 
 
-def _local_files(folder: Path, but_not: Path | str | None) -> Iterator[tuple[Path, Path]]:
+def _local_files(folder: Path, but_not: Path | None) -> Iterator[tuple[Path, Path]]:
     """Yield relative and absolute paths of all visible files."""
     if not folder.is_dir():
         raise InvalidInputError(f"there is no folder {str(folder)!r}; name the folder of inputs")
-    skipped = Path(but_not).resolve() if but_not else None
+    skipped = but_not.resolve() if but_not else None
     for parent in _folders_under(folder):
         if parent == folder or parent.resolve() != skipped:
             for path in _visible(parent):
@@ -111,13 +111,10 @@ def _visible(folder: Path) -> list[Path]:
     return [path for path in folder.iterdir() if not path.name.startswith(".")]
 
 
-def _remote_files(top: str, but_not: Path | str | None) -> Iterator[tuple[Path, RemoteFile]]:
+def _remote_files(top: str) -> Iterator[tuple[Path, RemoteFile]]:
     """Yield all visible files that a store lists, with their relative paths."""
-    skipped = f"{but_not}".rstrip("/") + "/" if is_remote(but_not) else None
     for file in files_below(top):
-        is_hidden = any(part.startswith(".") for part in Path(file.name).parts)
-        is_output = skipped is not None and f"{top}/{file.name}".startswith(skipped)
-        if not is_hidden and not (is_output and skipped != f"{top}/"):
+        if not any(part.startswith(".") for part in Path(file.name).parts):
             yield Path(file.name), file
 
 

@@ -1,14 +1,15 @@
 """The manifest of a batch: the outcome of each input, stored after each of them."""
 
 import json
+import os
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from meshreel.app.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.version import __version__
 
 MANIFEST_NAME = "manifest.json"
@@ -92,9 +93,9 @@ def summary_of(records: Collection[Record]) -> dict[str, Any]:
 class Manifest:
     """The records of an output folder."""
 
-    folder: OutFolder
+    path: Path
     input_dir: str
-    """Path of the input folder relative to the output folder."""
+    """Path of the input folder relative to the output folder, or its remote address."""
     records: dict[str, Record]
     """By the name of the input; includes removed inputs."""
     _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
@@ -110,12 +111,7 @@ class Manifest:
         lines = ",\n".join(self._line(name, record) for name, record in self.records.items())
         text = json.dumps(head, indent=1).removesuffix("\n}")
         text = f'{text},\n "inputs": {{\n{lines}\n }}\n}}'
-        self.folder.write(MANIFEST_NAME, text.encode(), overwrite=True)
-
-    @property
-    def name(self) -> str:
-        """Its path or address."""
-        return self.folder.called(MANIFEST_NAME)
+        write_file(self.path, text.encode(), overwrite=True)
 
     def _line(self, name: str, record: Record) -> str:
         """A record as a line of JSON, cached because most records never change again."""
@@ -126,35 +122,48 @@ class Manifest:
         return line
 
 
-def read_manifest(input_dir: Path | str, out_dir: Path | str, *, force: bool = False) -> Manifest:
+def write_file(path: Path, data: bytes, *, overwrite: bool) -> None:
+    """Write a file atomically, and create its folders; raises as `replace_all_when_done`."""
+    with replace_all_when_done([path], overwrite=overwrite, makes_folder=True) as (temporary,):
+        temporary.write_bytes(data)
+
+
+def read_manifest(input_dir: Path | str, out_dir: Path, *, force: bool = False) -> Manifest:
     """Read the manifest of an output folder; it has no records if the file does not exist.
 
     Raises
     ------
     InvalidInputError
         If the file is not a manifest, or belongs to another input folder and `force` is false.
-    StoreError
-        If a remote folder cannot be read.
     """
-    folder = out_folder(out_dir)
-    seen_from_out = folder.relative_path_to(input_dir)
-    manifest = Manifest(folder, seen_from_out, {})
-    if not folder.has(MANIFEST_NAME):
-        return manifest
+    path, seen_from_out = out_dir / MANIFEST_NAME, _seen_from(out_dir, input_dir)
+    if not path.exists():
+        return Manifest(path, seen_from_out, {})
     try:
-        facts = json.loads(folder.read(MANIFEST_NAME))
+        facts = json.loads(path.read_bytes())
         if (facts["made_by"], facts["layout"]) != (MADE_BY, LAYOUT):
             raise ValueError
         records = {str(name): Record(**record) for name, record in facts["inputs"].items()}
     except (ValueError, TypeError, KeyError, AttributeError):
         raise InvalidInputError(
-            f"{manifest.name} is not a manifest that this build of {MADE_BY} wrote; move it away, "
+            f"{path} is not a manifest that this build of {MADE_BY} wrote; move it away, "
             "or name another folder for the outputs"
         ) from None
     if facts.get("input_dir") != seen_from_out and not force:
         raise InvalidInputError(
-            f"{manifest.name} is of the inputs in {facts.get('input_dir')}, seen from there, not "
+            f"{path} is of the inputs in {facts.get('input_dir')}, seen from there, not "
             f"of {input_dir}; name another folder for the outputs, or use ",
             Keyword("force", True),
         )
-    return Manifest(folder, seen_from_out, records)
+    return Manifest(path, seen_from_out, records)
+
+
+def _seen_from(out_dir: Path, input_dir: Path | str) -> str:
+    """Relative path to the input folder, valid if both are moved; or its remote address."""
+    if not isinstance(input_dir, Path):
+        return input_dir
+    try:
+        relative = os.path.relpath(input_dir.resolve(), out_dir.resolve())
+    except ValueError:  # on another drive
+        return input_dir.resolve().as_posix()
+    return Path(relative).as_posix()

@@ -7,9 +7,9 @@ from pathlib import Path
 from meshreel.app.batch.discovery import BatchInput, find_inputs
 from meshreel.app.batch.encode_input import EncodeOptions
 from meshreel.app.batch.manifest import DONE, FAILED, PENDING, Manifest, Record, read_manifest
-from meshreel.app.batch.out_folder import OutFolder, out_folder
 from meshreel.errors import Keyword, Message
 from meshreel.formats.supported_options import check_supported
+from meshreel.runtime.outputs.checks import check_output_folder
 
 
 @dataclass(frozen=True)
@@ -17,8 +17,7 @@ class Plan:
     """The inputs of a run: up to date, refused, or to be encoded."""
 
     input_dir: Path | str
-    folder: OutFolder
-    """The output folder."""
+    out_dir: Path
     options: EncodeOptions
     manifest: Manifest
     """Records of earlier runs."""
@@ -34,7 +33,7 @@ class Plan:
 
 def plan_batch(
     input_dir: Path | str,
-    out_dir: Path | str,
+    out_dir: Path,
     options: EncodeOptions,
     *,
     force: bool = False,
@@ -46,8 +45,9 @@ def plan_batch(
 
     Parameters
     ----------
-    input_dir, out_dir : Path, or str of a remote folder
-        The second need not exist.
+    input_dir : Path, or str of a remote folder
+    out_dir : Path
+        Need not exist.
     force : bool, default False
         Encode everything, and replace outputs of other programs or inputs.
 
@@ -57,11 +57,11 @@ def plan_batch(
         If there are no inputs, the output folder belongs to another batch, or an option does not
         apply to any input.
     """
-    out_folder(out_dir).check()
+    check_output_folder(out_dir)
     inputs = find_inputs(input_dir, but_not=out_dir)
     check_supported([batch_input.source for batch_input in inputs], options.reading)
     manifest = read_manifest(input_dir, out_dir, force=force)
-    plan = Plan(input_dir, manifest.folder, options, manifest, [], {}, {}, set())
+    plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
     rivals = _rivals(inputs)
     for batch_input in inputs:
         earlier = manifest.records.get(batch_input.name)
@@ -72,19 +72,16 @@ def plan_batch(
             batch_input.fingerprint(),
             options.as_dict(),
         )
-        folder, is_there = plan.folder, plan.folder.has(batch_input.output)
+        output = out_dir / batch_input.output
+        is_there = output.exists()
         if batch_input in rivals:
             plan.refused[batch_input.name] = _refused(record, earlier, rivals[batch_input])
-        elif not force and _is_up_to_date(record, earlier, folder):
+        elif not force and _is_up_to_date(record, earlier, output):
             plan.up_to_date.append(batch_input.name)
-        elif is_there and folder.is_one_of(batch_input.output, batch_input.files):
-            plan.refused[batch_input.name] = _refused(
-                record, earlier, _is_input(folder.called(batch_input.output))
-            )
+        elif is_there and any(output.samefile(file) for file in batch_input.files):
+            plan.refused[batch_input.name] = _refused(record, earlier, _is_input(output))
         elif is_there and not force and not _owns(earlier):
-            plan.refused[batch_input.name] = _refused(
-                record, earlier, _exists(folder.called(batch_input.output))
-            )
+            plan.refused[batch_input.name] = _refused(record, earlier, _exists(output))
         else:
             plan.to_encode[batch_input] = record
             plan.replaced.update([batch_input] if is_there else [])
@@ -101,7 +98,7 @@ def _owns(earlier: Record | None) -> bool:
     return earlier is not None and earlier.owns_output
 
 
-def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) -> bool:
+def _is_up_to_date(record: Record, earlier: Record | None, output: Path) -> bool:
     if earlier is None or earlier.state != DONE:
         return False
     unchanged = (earlier.output, earlier.fingerprint, earlier.options) == (
@@ -109,10 +106,10 @@ def _is_up_to_date(record: Record, earlier: Record | None, folder: OutFolder) ->
         record.fingerprint,
         record.options,
     )
-    return unchanged and folder.size_bytes(record.output) == earlier.size_bytes
+    return unchanged and output.is_file() and output.stat().st_size == earlier.size_bytes
 
 
-def _exists(output: str) -> str:
+def _exists(output: Path) -> str:
     return Message(
         f"{output} exists and was not made from this input; use ",
         Keyword("force", True),
@@ -120,7 +117,7 @@ def _exists(output: str) -> str:
     )
 
 
-def _is_input(output: str) -> str:
+def _is_input(output: Path) -> str:
     return f"{output} is the input under another name, which is never replaced; remove the link"
 
 

@@ -1,7 +1,6 @@
 """Encoding of the inputs of a plan by the workers of an executor."""
 
 import os
-import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import (
@@ -12,7 +11,6 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -20,9 +18,9 @@ from typing import Any
 
 from meshreel.app.batch.discovery import BatchInput
 from meshreel.app.batch.encode_input import EncodedInput, EncodeOptions, encode_input, worker_died
-from meshreel.app.batch.manifest import DONE, FAILED, Record
+from meshreel.app.batch.manifest import DONE, FAILED, Record, write_file
 from meshreel.app.batch.plan import Plan
-from meshreel.errors import Keyword, MeshReelError, Message, StoreError
+from meshreel.errors import Keyword, MeshReelError, Message
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
 
@@ -35,8 +33,7 @@ They suffice for workers that join a cluster later, and bound the memory for fin
 POLL_S = 0.5
 
 MANIFEST_SHARE, QUICK_S = 0.1, 0.02
-"""Share of the time for writing the manifest, unless that is quick: stores are slow, and with many
-inputs it is large.
+"""Share of the time for writing the manifest, unless that is quick: with many inputs it is large.
 """
 
 
@@ -76,9 +73,9 @@ def run_batch(
     """Encode the inputs of a plan; inputs fail independently.
 
     The stream of each input is written atomically, so finished inputs remain if the run is stopped.
-    The manifest is written after each input, but slow writes (many inputs, a store) take at most a
-    tenth of the time: if the run is killed, inputs that it does not list as done are encoded again.
-    The manifest is complete at the end, or when the run is stopped.
+    The manifest is written after each input, but slow writes (of many inputs) take at most a tenth
+    of the time: if the run is killed, inputs that it does not list as done are encoded again. The
+    manifest is complete at the end, or when the run is stopped.
 
     Parameters
     ----------
@@ -103,21 +100,16 @@ def run_batch(
 def _encode_all(
     run: "_Run", plan: Plan, executor: Executor, n_workers: int, progress: Progress
 ) -> None:
-    n_inputs, n_writers = len(plan.to_encode), plan.folder.n_writers
+    n_inputs = len(plan.to_encode)
     stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
     progress(stage, Count(0, n_inputs, "inputs"))
-    # Ctrl-C does not interrupt these threads, and waits for them: every stream gets its record.
-    with ThreadPoolExecutor(n_writers, "meshreel-write") as writers:
-        writing: deque[Future[None]] = deque()
+    # Ctrl-C does not interrupt this thread, and waits for it: every stream gets its record.
+    with ThreadPoolExecutor(1, "meshreel-write") as writer:
         outcomes = _outcomes(plan, executor, n_workers)
         for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
-            writing.append(writers.submit(run.finish, batch_input, outcome))
+            writer.submit(run.finish, batch_input, outcome).result()
             del outcome  # releases its stream during the wait for the next
-            if len(writing) == n_writers:
-                writing.popleft().result()
             progress(stage, Count(n_encoded, n_inputs, "inputs"))
-        for future in writing:
-            future.result()
 
 
 def _outcomes(
@@ -172,11 +164,10 @@ def _largest_first(plan: Plan) -> list[BatchInput]:
 
 
 class _Run:
-    """Updates the records during a run, from several threads."""
+    """Updates the records during a run."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._lock = threading.Lock()
         self._next_write_s = 0.0
 
     def begin(self) -> None:
@@ -193,7 +184,9 @@ class _Run:
         pending = self._plan.to_encode[batch_input]
         try:
             encoded = outcome.result()
-            self._write_stream(batch_input, encoded.data)
+            is_replaced = batch_input in self._plan.replaced
+            output = self._plan.out_dir / batch_input.output
+            write_file(output, encoded.data, overwrite=is_replaced)
             record = replace(pending, state=DONE, **encoded.figures)
         except Exception as error:
             record = replace(
@@ -202,13 +195,11 @@ class _Run:
                 owns_output=batch_input in self._plan.replaced,
                 error=_reason_of(error, batch_input.name, self._plan.input_dir),
             )
-        with self._lock:
-            self._plan.manifest.records[batch_input.name] = record
-            if (began_s := monotonic()) >= self._next_write_s:
-                with suppress(StoreError):  # the next write, or the last, may succeed
-                    self._plan.manifest.write()
-                if (taken_s := monotonic() - began_s) > QUICK_S:
-                    self._next_write_s = began_s + taken_s / MANIFEST_SHARE
+        self._plan.manifest.records[batch_input.name] = record
+        if (began_s := monotonic()) >= self._next_write_s:
+            self._plan.manifest.write()
+            if (taken_s := monotonic() - began_s) > QUICK_S:
+                self._next_write_s = began_s + taken_s / MANIFEST_SHARE
 
     def end(self) -> None:
         """Write the complete manifest."""
@@ -224,11 +215,6 @@ class _Run:
             {**plan.refused, **{name: record for name, record in tried.items()
                                 if record.state == FAILED}},
         )  # fmt: skip
-
-    def _write_stream(self, batch_input: BatchInput, data: bytes) -> None:
-        self._plan.folder.write(
-            batch_input.output, data, overwrite=batch_input in self._plan.replaced
-        )
 
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Message:

@@ -49,8 +49,7 @@ def batch_command(
         str,
         Argument(
             "OUT_DIR",
-            "Folder for one .reel per input, in the same sub-folders; created if missing. Or a "
-            "remote folder.",
+            "Folder for one .reel per input, in the same sub-folders; created if missing.",
         ),
     ],
     encoding: Annotated[Encoding, ENCODING],
@@ -97,13 +96,14 @@ def batch_command(
 
     - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
 
-    - `meshreel batch s3://captures s3://streams`
+    - `meshreel batch s3://captures streams/`
     """
     from meshreel.app.batch.encode_input import EncodeOptions
     from meshreel.app.batch.plan import plan_batch
     from meshreel.app.cli.console import print_json, print_notes
     from meshreel.codec.options import config_of
     from meshreel.model.surface_selection import listed_names
+    from meshreel.runtime.stores.address import is_remote, refuse_address
 
     if workers is not None and scheduler is not None:
         raise click.UsageError("--workers and --scheduler cannot be combined; give one")
@@ -111,12 +111,9 @@ def batch_command(
     listed_names(reading.attributes)  # raises before any work
     tracks = track_targets(track)
     options = EncodeOptions(config, reading, tracks)
-    plan = plan_batch(
-        _folder(input_dir),
-        _folder(out_dir),
-        options,
-        force=force,
-    )
+    refuse_address(out_dir, "the output folder")
+    inputs = input_dir.rstrip("/") if is_remote(input_dir) else Path(input_dir)
+    plan = plan_batch(inputs, Path(out_dir), options, force=force)
     report = _run(plan, workers, scheduler)
     records = report.encoded.items()
     print_notes(
@@ -125,7 +122,7 @@ def batch_command(
     for name, record in report.failed.items():
         print_error(Message.prefixed(f"{name}: ", record.error or ""))
     if as_json:
-        print_json({"manifest": plan.manifest.name, **report.as_dict()})
+        print_json({"manifest": str(plan.manifest.path), **report.as_dict()})
     else:
         _print_report(report, out_dir)
     if report.failed:
@@ -165,13 +162,6 @@ def _executor(
     n_workers = min(workers or n_cores(), len(plan.to_encode))
     with ProcessExecutor(n_workers) as executor:
         yield executor, n_workers
-
-
-def _folder(text: str) -> Path | str:
-    """A path, or an address."""
-    from meshreel.runtime.stores.address import is_remote
-
-    return text.rstrip("/") if is_remote(text) else Path(text)
 
 
 def _print_report(report: "BatchReport", out_dir: str) -> None:

@@ -98,7 +98,6 @@ class RemoteFile:
 
     name: str
     """Path relative to the listed folder, with slashes."""
-    address: str
     size_bytes: int
     version: str
     """A string that changes with the file; empty if the store provides none."""
@@ -121,7 +120,6 @@ def files_below(folder: str) -> list[RemoteFile]:
     return [
         RemoteFile(
             file.removeprefix(prefix),
-            address_of(filesystem, file),
             int(details.get("size") or 0),
             next((str(details[key]) for key in _VERSIONS if details.get(key)), ""),
         )

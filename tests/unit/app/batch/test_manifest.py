@@ -1,12 +1,10 @@
-"""The manifest on disk, and the output folder."""
+"""The manifest and other files of the output folder."""
 
 import json
-from pathlib import Path
 
 import pytest
 
-from meshreel.app.batch.manifest import MANIFEST_NAME, Record, read_manifest
-from meshreel.app.batch.out_folder import OutFolder
+from meshreel.app.batch.manifest import MANIFEST_NAME, Record, read_manifest, write_file
 from meshreel.errors import InvalidInputError
 
 RECORD = Record("done", "walk.reel", True, "abc", {"kg": 0.5}, seconds=1.5, notes=["cut"])
@@ -83,26 +81,23 @@ def test_other_files_are_rejected_as_manifest(folders, text, force):
 
 
 def test_write_creates_the_folders_of_a_file(tmp_path):
-    folder = OutFolder(tmp_path / "out")
-    folder.write("deep/er/x.reel", b"12", overwrite=False)
-    assert (folder.has("deep/er"), folder.size_bytes("deep/er/x.reel")) == (True, 2)
-    assert (folder.size_bytes("deep"), folder.has("y")) == (None, False)
-    assert folder.read("deep/er/x.reel") == b"12"
+    write_file(tmp_path / "out/deep/er/x.reel", b"12", overwrite=False)
+    assert (tmp_path / "out/deep/er/x.reel").read_bytes() == b"12"
     assert [path.name for path in (tmp_path / "out/deep/er").iterdir()] == ["x.reel"]
 
 
 def test_file_is_replaced_only_with_overwrite(tmp_path):
-    folder = OutFolder(tmp_path)
-    folder.write("x.reel", b"old", overwrite=False)
+    path = tmp_path / "x.reel"
+    write_file(path, b"old", overwrite=False)
     with pytest.raises(InvalidInputError, match="exists"):
-        folder.write("x.reel", b"new", overwrite=False)
-    assert folder.read("x.reel") == b"old"
-    folder.write("x.reel", b"new", overwrite=True)
-    assert folder.read("x.reel") == b"new"
+        write_file(path, b"new", overwrite=False)
+    assert path.read_bytes() == b"old"
+    write_file(path, b"new", overwrite=True)
+    assert path.read_bytes() == b"new"
 
 
 def test_input_paths_are_relative_to_the_folder(tmp_path):
-    folder = OutFolder(tmp_path / "out")
-    assert folder.relative_path_to(tmp_path / "in" / "a") == "../in/a"
-    assert folder.relative_path_to("s3://bucket/in") == "s3://bucket/in"
-    assert Path(folder.called("x.reel")) == tmp_path / "out" / "x.reel"
+    out = tmp_path / "out"
+    assert read_manifest(tmp_path / "in" / "a", out).input_dir == "../in/a"
+    assert read_manifest("s3://bucket/in", out).input_dir == "s3://bucket/in"
+    assert read_manifest(tmp_path / "in", out).path == out / MANIFEST_NAME

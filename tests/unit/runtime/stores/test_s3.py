@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.runtime.stores.transfer import check_remote_folder
 from samples.meshes import waving_grid
 from samples.stores import put
 
@@ -71,8 +70,6 @@ def test_missing_objects_and_buckets_are_named(bucket):
     for address in (f"{bucket}/none.reel", "s3://no-such-bucket/walk.reel"):
         with pytest.raises(meshreel.StoreError, match=f"there is no {address}"):
             meshreel.open(address)
-    with pytest.raises(meshreel.StoreError, match="there is no bucket s3://no-such-bucket"):
-        check_remote_folder("s3://no-such-bucket/streams")
 
 
 def test_missing_credentials_are_named(bucket, monkeypatch):
