@@ -1,21 +1,13 @@
-"""Print the binary interface of `include/meshreel.h`: `python core/abi.py`.
+"""The binary interface of `include/meshreel.h`, with which tests compare bindings."""
 
-Functions, enum values, and the offsets of structure fields are stored in `reader/abi.txt`; a test
-compares them. A changed or removed line breaks compiled programs: raise MESHREEL_ABI with it.
-`--write` updates the file.
-"""
-
-import argparse
 import re
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 import compile as core
 
 HEADER = core.INCLUDE / "meshreel.h"
-STORED = core.READER / "abi.txt"
 
 
 def functions() -> list[str]:
@@ -50,12 +42,11 @@ def _program() -> str:
             offset = f"offsetof({name}, {field})"
             lines.append(f'    printf("offset {name}.{field} %zu\\n", {offset});')
     includes = f'#include <stdio.h>\n#include "{HEADER.as_posix()}"\n'
-    start = '    printf("abi %d\\n", MESHREEL_ABI);'
-    return "\n".join([includes, "int main(void) {", start, *lines, "    return 0;", "}", ""])
+    return "\n".join([includes, "int main(void) {", *lines, "    return 0;", "}", ""])
 
 
-def described() -> str:
-    """Return the binary interface, one item per line.
+def layouts() -> list[str]:
+    """Return the enum values, and the sizes and field offsets of structures, one per line.
 
     Raises
     ------
@@ -70,24 +61,4 @@ def described() -> str:
         source.write_text(_program())
         subprocess.run([*compiler, str(source), "-o", str(program)], check=True)
         done = subprocess.run([program], check=True, capture_output=True, text=True)
-    first, *others = done.stdout.splitlines()
-    return "\n".join([first, *(f"function {name}" for name in functions()), *others, ""])
-
-
-def main() -> None:
-    """Print the interface, or store it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="update reader/abi.txt")
-    options = parser.parse_args()
-    try:
-        interface = described()
-    except RuntimeError as error:
-        sys.exit(str(error))
-    if options.write:
-        STORED.write_text(interface)
-    else:
-        print(interface, end="")
-
-
-if __name__ == "__main__":
-    main()
+    return done.stdout.splitlines()

@@ -5,8 +5,7 @@
     python release/interface.py --release  # also stores it in released.txt, with the version
 
 A test compares `interface.txt`, so that no change of the interface goes unnoticed, and lets no line
-of `released.txt` disappear before the next major version; docs/policies.md. The binary interface of
-the C library is `core/reader/abi.txt`.
+of `released.txt` disappear before the next major version; docs/policies.md.
 """
 
 import argparse

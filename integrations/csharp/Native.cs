@@ -1,5 +1,5 @@
 // Functions, structures and callbacks of core/include/meshreel.h, for Meshreel.cs. Names of structures and fields are
-// those of the header, which documents them; a test compares sizes and offsets with core/reader/abi.txt.
+// those of the header, which documents them; a test compares sizes and offsets.
 #pragma warning disable 169, 649 // fields that the library alone reads or fills
 
 using System;

@@ -159,15 +159,6 @@ def test_shared_library_exports_the_header_and_needs_no_other_library(installed,
     assert (prefix / "lib" / f"libmeshreel.so.{number}").exists()
 
 
-def test_abi_equals_the_stored_one(monkeypatch):
-    """A different line breaks programs: increase MESHREEL_ABI, and see core/abi.py."""
-    monkeypatch.syspath_prepend(str(CORE))
-    from abi import STORED, described
-
-    need("cc")
-    assert described() == STORED.read_text()
-
-
 def test_example_plays_a_file_in_a_window(installed, tmp_path):
     prefix, compiler = installed
     if not has_sdl():
