@@ -2,7 +2,6 @@
 
 import ctypes
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from meshreel.kernel.library import library
 from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.structures import NUMBER_TYPES
 from samples import c_reader
+from samples.c_interface import layouts
 from samples.c_reader import (
     DAMAGED,
     Code,
@@ -31,7 +31,6 @@ from samples.c_reader import (
 )
 from samples.costs import draws
 
-ROOT = Path(__file__).parents[2]
 NORMAL = 3
 """`MESHREEL_TRACK_NORMAL`."""
 
@@ -213,10 +212,7 @@ def test_normals_equal_those_of_the_core():
 # ---- information about a file ----
 
 
-def test_structures_have_the_layout_of_the_header(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "core"))
-    from abi import layouts
-
+def test_structures_have_the_layout_of_the_header():
     results = []
     for name, structure in c_reader.STRUCTURES.items():
         results.append(f"size meshreel_{name} {ctypes.sizeof(structure)}")

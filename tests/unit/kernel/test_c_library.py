@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compile import FLAGS
 
 import meshreel
+from samples.c_interface import functions
 
 ROOT = Path(__file__).parents[3]
 CORE, EXAMPLE = ROOT / "core", ROOT / "examples" / "engine"
@@ -138,10 +140,7 @@ def test_threaded_example_builds_with_cmake(installed, tmp_path):
     assert run(tmp_path / "threads", STREAM)
 
 
-def test_shared_library_exports_the_header_and_needs_no_other_library(installed, monkeypatch):
-    monkeypatch.syspath_prepend(str(CORE))
-    from abi import functions
-
+def test_shared_library_exports_the_header_and_needs_no_other_library(installed):
     prefix, _ = installed
     if sys.platform == "darwin":
         pytest.skip("names of libraries differ")
@@ -199,10 +198,7 @@ def test_code_of_the_guide_compiles(tmp_path):
     run("cc", "-fsyntax-only", *warnings, f"-I{CORE / 'include'}", program)
 
 
-def test_versions_and_flags_are_those_of_the_package(monkeypatch):
-    monkeypatch.syspath_prepend(str(CORE))
-    from compile import FLAGS
-
+def test_versions_and_flags_are_those_of_the_package():
     header = (CORE / "include" / "meshreel.h").read_text()
     assert f'#define MESHREEL_VERSION "{meshreel.__version__}"' in header
     recipe = (CORE / "CMakeLists.txt").read_text()

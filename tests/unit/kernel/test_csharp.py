@@ -18,6 +18,7 @@ from meshreel.kernel.library import NAME
 from meshreel.kernel.library import library as core
 from meshreel.model.materials import SLOTS
 from samples import c_reader
+from samples.c_interface import layouts
 from samples.c_reader import CModes, CSurface, Decoder, File, Layout, RefusalError
 from samples.meshes import waving_grid
 from samples.programs import output_of
@@ -203,10 +204,7 @@ def material_lines(m):
         yield f"texture {' '.join(map(str, numbers))} '{t.uv}' {moved}"
 
 
-def test_structures_have_the_layout_of_c(describe, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "core"))
-    from abi import layouts
-
+def test_structures_have_the_layout_of_c(describe):
     layout = re.compile(r"(size|offset) meshreel_(?!section\b)")
     expected = {line for line in layouts() if layout.match(line)}
     assert set(output_of("mono", describe, "layouts").splitlines()) == expected

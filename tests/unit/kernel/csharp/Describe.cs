@@ -185,7 +185,7 @@ internal static class Describe
         }
     }
 
-    /// <summary>Structures as core/abi.py lists them.</summary>
+    /// <summary>Structures as samples/c_interface.py lists them.</summary>
     private static void Layouts()
     {
         foreach (Type type in typeof(Native).GetNestedTypes(System.Reflection.BindingFlags.NonPublic))
