@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.text.decimal_text import decimal_values
 from meshreel.model.geometry.polygons import Integers
 
 BLOCK_WORDS = 1 << 16  # words parsed at a time, to bound memory
@@ -87,15 +86,24 @@ class TokenLines:
     def floats(self, tokens: Integers) -> npt.NDArray[np.float64]:
         """Parse words as correctly rounded float64, in the shape of `tokens`.
 
+        Parameters
+        ----------
+        tokens : integer array
+            Numbers of words, ascending when flattened.
+
         Raises
         ------
         FormatError
             If a word is not a number; the message names the first one and its line.
         """
         flat = tokens.ravel()
-        values, is_read = decimal_values(self.text, self.starts[flat], self.ends[flat])
-        if not is_read.all():
-            values[~is_read] = self._floats_one_by_one(flat[~is_read])
+        values = np.empty(len(flat))
+        for block, found in _blocks(flat, values):
+            words = self._words(block)
+            try:
+                found[:] = words
+            except ValueError:
+                raise self._not_a_float(block, words) from None
         return values.reshape(tokens.shape)
 
     def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
@@ -175,16 +183,17 @@ class TokenLines:
             )
         return self.floats(self.first[rows][:, None] + n_before + np.arange(3))
 
-    def _floats_one_by_one(self, tokens: Integers) -> npt.NDArray[np.float64]:
-        values = np.empty(len(tokens))
-        for block, found in _blocks(tokens, values):
-            ranges = zip(self.starts[block].tolist(), self.ends[block].tolist(), strict=True)
-            words = [self.text[start:end] for start, end in ranges]
-            try:
-                found[:] = np.array(words, dtype=np.float64)
-            except ValueError:
-                raise self._not_a_float(block, words) from None
-        return values
+    def _words(self, tokens: Integers) -> list[bytes]:
+        """Return words, given their ascending numbers."""
+        first, last = tokens[0], tokens[-1]
+        # Splitting is three times as fast as slicing, but creates the words between these too.
+        if last - first < 2 * len(tokens):
+            words = self.text[self.starts[first] : self.ends[last]].split()
+            if len(words) == len(tokens):
+                return words
+            return [words[place] for place in (tokens - first).tolist()]
+        ranges = zip(self.starts[tokens].tolist(), self.ends[tokens].tolist(), strict=True)
+        return [self.text[start:end] for start, end in ranges]
 
     def _codes(self) -> npt.NDArray[np.uint8]:
         return np.frombuffer(self.text, dtype=np.uint8)

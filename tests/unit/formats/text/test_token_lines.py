@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.text.token_lines import split_lines
+from meshreel.formats.text.token_lines import BLOCK_WORDS, split_lines
 
 
 def words(lines):
@@ -60,6 +60,14 @@ def test_floats_equal_those_of_python():
     lines = split_lines(" ".join(texts).encode())
     result = lines.floats(np.arange(len(texts)))
     np.testing.assert_array_equal(result, np.array([float(text) for text in texts]))
+    assert np.signbit(result[texts.index("-0")])
+
+
+@pytest.mark.parametrize("step", [1, 2, 7])
+def test_floats_parse_any_selection_in_blocks(step):
+    numbers = np.arange(BLOCK_WORDS * step + 100) / 8
+    lines = split_lines(" \n".join(map(str, numbers.tolist())).encode())
+    assert np.array_equal(lines.floats(np.arange(1, len(numbers), step)), numbers[1::step])
 
 
 def test_integers_accept_signs_and_slashes():
