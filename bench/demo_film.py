@@ -21,9 +21,10 @@ from tempfile import TemporaryDirectory
 from PIL import Image, ImageDraw
 
 import meshreel
-from meshreel.rendering.lettering import FAINT_INK, INK, font_of_size
+from meshreel.rendering.lettering import INK, font_of_size
 from web_browser import PACKAGE, MeasuredPage, opened, served
 
+FAINT_INK = (92, 99, 112)
 REPOSITORY = "KayKit-Game-Assets/KayKit-Character-Pack-Adventures-1.0"
 COMMIT = "672074b73ba276876a19e8816ecdc5241817ab47"
 MODEL = "addons/kaykit_character_pack_adventures/Characters/gltf/Knight.glb"

@@ -10,7 +10,6 @@ Font = ImageFont.ImageFont | ImageFont.FreeTypeFont
 Ink = tuple[int, int, int]
 
 INK: Ink = (34, 38, 46)
-FAINT_INK: Ink = (92, 99, 112)
 
 _LINE_SPACING = 1.3
 _SPELLINGS = {
@@ -72,14 +71,14 @@ def draw_lines(
     ink: Ink = INK,
     align: str = "left",
 ) -> None:
-    """Draw lines of text below `place`, their upper left, upper middle or upper right corner.
+    """Draw lines of text below `place`, their upper left or upper middle.
 
     Raises
     ------
     InvalidInputError
-        If `align` is not "left", "center" or "right".
+        If `align` is not "left" or "center".
     """
-    anchors = {"left": "la", "center": "ma", "right": "ra"}
+    anchors = {"left": "la", "center": "ma"}
     if align not in anchors:
         raise InvalidInputError(f"align must be one of {list(anchors)}; got {align!r}")
     for number, line in enumerate(lines):

@@ -1,8 +1,10 @@
 """Rendered meshes: Fig. 3 (growing numbers of rows) and Fig. 7 (all variants)."""
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +18,7 @@ from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.color_bars import draw_color_bar
 from meshreel.rendering.colormap import Image, colorize, round_up
 from meshreel.rendering.documents import Picture
-from meshreel.rendering.picture import contact_sheet, save_png
+from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.rendering.rasterizer import render
 from meshreel.rendering.visibility import nearness, visible_faces
 from meshreel.studies.runs import Result, Store, done
@@ -28,6 +30,9 @@ PANEL_PX = 270
 
 SHEET_PX, SHEET_DPI = 1700, 170
 """Width within which columns fit, and a resolution at which titles are as large as text."""
+
+GAP_PX, LINE_PX, LETTER_PX = 16, 23, 11
+"""Space between panels, height of a line of a title, and width of its letters."""
 
 MAX_ASPECT = 2.5  # of a panel, and its inverse
 ENLARGEMENT = 3
@@ -111,18 +116,30 @@ def save_sheet(
     columns: Sequence[tuple[str, list[Image]]], path: Path, row_titles: Sequence[str] = ()
 ) -> None:
     """Write columns of panels with titles, wrapped into several bands if they are too wide."""
-    last = columns[-1][1]
-    n_bands = -(-len(columns) // max(1, SHEET_PX // last[0].shape[1]))
+    heights, width = [len(panel) for panel in columns[-1][1]], columns[-1][1][0].shape[1]
+    n_bands = -(-len(columns) // max(1, SHEET_PX // width))
     n_across = -(-len(columns) // n_bands)
-    blank = "", [np.full_like(panel, 255) for panel in last]
-    columns = [*columns, *[blank] * (-len(columns) % n_across)]
-    bands = []
-    for start in range(0, len(columns), n_across):
-        titles, panels = zip(*columns[start : start + n_across], strict=True)
-        rows = list(zip(*panels, strict=True))
-        bands.append(contact_sheet(rows, column_titles=titles, row_titles=row_titles))
-    sheet = contact_sheet([[band] for band in bands]) if len(bands) > 1 else bands[0]
-    save_png(sheet, path, overwrite=True, dpi=SHEET_DPI)
+    left = 3 * GAP_PX if row_titles else GAP_PX
+    titles = [_wrapped(title, width // LETTER_PX) for title, _ in columns]
+    title_px = LINE_PX * max(len(title.splitlines()) for title in titles) + GAP_PX
+    band_px = title_px + sum(height + GAP_PX for height in heights)
+    sheet_width, sheet_height = left + n_across * (width + GAP_PX), n_bands * band_px
+    figure = blank_figure(sheet_width / SHEET_DPI, sheet_height / SHEET_DPI)
+
+    def write(text: str, x: float, y: float, **style: Any) -> None:
+        figure.text(x / sheet_width, 1 - y / sheet_height, text, fontsize=8, ha="center", **style)
+
+    for number, (title, (_, panels)) in enumerate(zip(titles, columns, strict=True)):
+        band, column = divmod(number, n_across)
+        x, y = left + column * (width + GAP_PX), band * band_px + title_px
+        write(title, x + width / 2, y - GAP_PX / 2, va="bottom")
+        for row, (panel, height) in enumerate(zip(panels, heights, strict=True)):
+            if row_titles and column == 0:
+                write(row_titles[row], left / 2, y + height / 2, va="center", rotation=90)
+            centered_x = x + (width - panel.shape[1]) // 2
+            figure.figimage(panel, centered_x, sheet_height - y - len(panel), origin="upper")
+            y += height + GAP_PX
+    save_figure(figure, path, overwrite=True, dpi=SHEET_DPI)
 
 
 def detail_corner(
@@ -202,6 +219,10 @@ def _outlined(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> I
     )
     outlined[inside] = image[inside]
     return outlined
+
+
+def _wrapped(title: str, n_letters: int) -> str:
+    return "\n".join(textwrap.fill(line, n_letters) for line in title.splitlines())
 
 
 def _row_title(result: Result) -> str:
