@@ -150,6 +150,7 @@ def _write_gif(
     palette: PillowImage.Image,
     period_s: float,
 ) -> None:
+    # `Image.save(save_all=True)` keeps all pictures in memory, for files of the same size.
     previous: PillowImage.Image | None = None
     for number, picture in enumerate(pictures):
         image = picture.quantize(palette=palette, dither=PillowImage.Dither.NONE)
