@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "bench"))
 from corpus.tables import TABLES as CORPUS_TABLES  # noqa: E402
 from corpus.tables import n_broken  # noqa: E402
-from questions.tables import Answers, anchors_table, blocks_table, rows_table  # noqa: E402
+from questions.tables import Answers, blocks_table, rows_table  # noqa: E402
 
 RESULTS = ROOT / "docs" / "results"
 FROM_RESULTS = ("paper", "benchmarks", "codec", "corpus", "equations")
@@ -301,11 +301,6 @@ def search_blocks() -> str:
     return _search_table("blocks", blocks_table)
 
 
-def search_anchors() -> str:
-    """KG error and STED of sets of anchors at equal rate, relative to farthest points."""
-    return _search_table("anchors", anchors_table)
-
-
 def _search_table(question: str, make: Callable[[Answers], Table]) -> str:
     """The table of an open question of the paper, for all sequences."""
     made = make([(one["name"], one[question]) for one in results("questions")["sequences"]])
@@ -448,7 +443,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "alternatives": alternatives,
     "search-rows": search_rows,
     "search-blocks": search_blocks,
-    "search-anchors": search_anchors,
     "large-mesh": large_mesh,
     "comparison": comparison,
     "bd-rates": bd_rates,

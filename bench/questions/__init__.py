@@ -1,1 +1,1 @@
-"""Searches for the open questions of the paper: rows, blocks and anchors (Section V)."""
+"""Searches for the open questions of the paper: rows and blocks (Section V)."""

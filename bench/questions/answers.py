@@ -21,7 +21,7 @@ Answer = dict[str, Any]
 
 def search_answers(results: Mapping[str, Result]) -> dict[str, Answer]:
     """The answers of one sequence, from the results of its searches, by question."""
-    functions = {"rows": rows_answer, "blocks": blocks_answer, "anchors": anchors_answer}
+    functions = {"rows": rows_answer, "blocks": blocks_answer}
     return {question: functions[question](results[question]) for question in SEARCHES}
 
 
@@ -160,25 +160,3 @@ def blocks_answer(figures: Result) -> Answer:
         "best": min(comparable, key=lambda n_blocks: comparable[n_blocks], default=None),
         "usual": figures["usual_blocks"],
     }
-
-
-def anchors_answer(figures: Result) -> Answer:
-    """Errors of sets of anchors relative to farthest points at equal rate.
-
-    Returns
-    -------
-    dict with "n_anchors", the errors of "farthest" points, and "changes": by choice and error the
-    change in percent (None if not comparable)
-    """
-    farthest = figures["farthest"]
-    names = [name for name in farthest[0] if name != "rate_bpvf"]
-    changes: dict[str, dict[str, float | None]] = {}
-    for choice, result in figures["choices"].items():
-        changes[choice] = {}
-        for name in names:
-            # The inverse of the curve: rate and error change places.
-            inverse = [(one[name], one["rate_bpvf"]) for one in farthest if one[name]]
-            usual = rate_at_error(inverse, result["rate_bpvf"]) if result[name] else None
-            changes[choice][name] = None if usual is None else 100 * (result[name] / usual - 1)
-    usual_errors = {name: farthest[len(farthest) // 2][name] for name in names}
-    return {"n_anchors": figures["n_anchors"], "farthest": usual_errors, "changes": changes}

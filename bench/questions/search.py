@@ -1,24 +1,18 @@
-"""Runs that search for the open questions of the paper's Section V: rows, blocks and anchors."""
+"""Runs that search for the open questions of the paper's Section V: rows and blocks."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
-
-import numpy as np
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.metrics.nmsve import nmsve_per_frame
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper.stream import read
-from meshreel.paper.sweeps import ANCHORS, BITS, MODES
+from meshreel.paper.sweeps import ANCHORS
 from meshreel.paper.variants import TRACKED_BLOCK_FRAMES
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Outcome, Run, finite
-from questions.anchor_choices import ANCHOR_CHOICES, table_stream
 
 ROWS = (2, 3, 5, 8, 12, 20, 30, 50, 80)
 BIT_COUNTS = (5, 6, 7, 8, 9, 10, 11, 12)
@@ -27,27 +21,20 @@ BLOCK_COUNTS = (1, 2, 3, 4, 6, 8, 12, 16)
 BLOCK_ROWS = (2, 5, 12, 30)
 BLOCK_BIT_COUNTS = (6, 8, 10)
 
-NEAR_BITS = (BITS - 1, BITS, BITS + 1)
-"""Bits of streams with farthest points, between which their error at any rate is interpolated."""
-
 MIN_IMPROVEMENT = 0.01
 """More rows or more bits are not tried if the last of them reduced no error by this fraction."""
 
 ERRORS = ("kg_error_percent", "sted")
 
-SEARCHES = ("rows", "blocks", "anchors")
+SEARCHES = ("rows", "blocks")
 """The questions."""
 
 Point = dict[str, Any]
 
 
 def search_runs(sequence: MeshSequence) -> dict[str, Run]:
-    """The searches by question: "rows", "blocks" and "anchors"."""
-    return {
-        "rows": rows_run(sequence),
-        "blocks": blocks_run(sequence),
-        "anchors": anchors_run(sequence),
-    }
+    """The searches by question: "rows" and "blocks"."""
+    return {"rows": rows_run(sequence), "blocks": blocks_run(sequence)}
 
 
 def rows_run(sequence: MeshSequence) -> Run:
@@ -105,36 +92,6 @@ def blocks_run(sequence: MeshSequence) -> Run:
     return Run("numbers of blocks", "search_blocks", setting, measure)
 
 
-def anchors_run(sequence: MeshSequence) -> Run:
-    """A run that compares sets of equally many anchors, with 20 rows and 8 bits of `pca-qp`.
-
-    The figures are "n_anchors"; "farthest", the points of farthest points with 7, 8 and 9 bits; and
-    "choices", a point of each choice by its name, with the processor "seconds" of choosing.
-    """
-    setting = {"modes": MODES, "bits": list(NEAR_BITS), "anchors": ANCHORS}
-    errors = (*ERRORS, "nmsve_mean")
-
-    def measure(progress: Progress) -> Outcome:
-        modes = min(MODES, sequence.n_frames)
-        streams = [
-            encode(sequence, "pca-qp", n_modes=modes, bits=bits, anchors=ANCHORS)
-            for bits in NEAR_BITS
-        ]
-        farthest, choices = read(streams[0]).anchors, {}
-        for name, choose in ANCHOR_CHOICES.items():
-            progress(f"anchors: {name}", 0.0)
-            start = time.process_time()
-            anchors = choose(sequence, farthest)
-            seconds = time.process_time() - start
-            result = measured(sequence, table_stream(sequence, anchors), errors)
-            choices[name] = {**result, "seconds": seconds}
-        points = [measured(sequence, data, errors) for data in streams]
-        return Outcome({"n_anchors": len(farthest), "farthest": points, "choices": choices})
-
-    setting["choices"] = list(ANCHOR_CHOICES)
-    return Run("sets of anchors", "search_anchors", setting, measure)
-
-
 def measured(sequence: MeshSequence, data: bytes, errors: Sequence[str] = ERRORS) -> Point:
     """The rate of a stream without the order of vertices and faces, and errors of its frames."""
     # The order is a separate section; all others are the same without it.
@@ -143,7 +100,6 @@ def measured(sequence: MeshSequence, data: bytes, errors: Sequence[str] = ERRORS
     values: dict[str, Callable[[], float]] = {
         "kg_error_percent": lambda: position_errors(original, decoded).kg_error_percent,
         "sted": lambda: sted(original, decoded, sequence.faces).sted,
-        "nmsve_mean": lambda: float(np.mean(nmsve_per_frame(original, decoded, sequence.faces))),
     }
     rate = 8 * size / (sequence.n_verts * sequence.n_frames)
     return {"rate_bpvf": rate, **finite({name: values[name]() for name in errors})}

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from meshreel.paper.sweeps import BITS, MODES
-from meshreel.rendering.documents import NONE, Table, significant
+from meshreel.rendering.documents import NONE, Table
 from questions.answers import RATES, Answer, shown_knee
 from questions.search import BLOCK_COUNTS, ERRORS
 
@@ -63,24 +63,3 @@ def blocks_table(answers: Answers) -> Table:
         for name, answer in answers
     ]
     return Table("The ideal number of blocks", header, tuple(rows))
-
-
-def anchors_table(answers: Answers) -> Table:
-    """Question 3: errors of sets of anchors at equal rate."""
-    choices = list(dict.fromkeys(choice for _, answer in answers for choice in answer["changes"]))
-    header = ("sequence", "anchors", "farthest points, KG %, STED", *choices)
-    rows = [
-        (
-            name,
-            str(answer["n_anchors"]),
-            ", ".join(significant(answer["farthest"][error]) for error in ERRORS),
-            *(
-                ", ".join(
-                    _percent(answer["changes"].get(choice, {}).get(error)) for error in ERRORS
-                )
-                for choice in choices
-            ),
-        )
-        for name, answer in answers
-    ]
-    return Table("The ideal anchors", header, tuple(rows))

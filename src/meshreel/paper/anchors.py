@@ -37,12 +37,12 @@ def choose_anchors(
     connected = np.setdiff1d(np.arange(n_verts), isolated, assume_unique=True)
     n_anchors = max(n_components - len(isolated), int(np.ceil(share * len(connected))))
     if rng is not None:
-        return first_of_components(rng.permutation(connected), faces, n_verts, n_anchors)
+        return _first_of_components(rng.permutation(connected), faces, n_verts, n_anchors)
     adjacency = adjacency_matrix(faces, n_verts)[connected][:, connected]
     return np.sort(connected[farthest_points(csr_array(adjacency), n_anchors)])
 
 
-def first_of_components(ranked: Integers, faces: Faces, n_verts: int, n_anchors: int) -> Integers:
+def _first_of_components(ranked: Integers, faces: Faces, n_verts: int, n_anchors: int) -> Integers:
     """Return the first vertex of each component in a ranking, and the first of all others.
 
     Parameters

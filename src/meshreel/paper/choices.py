@@ -9,7 +9,7 @@ from meshreel.codec.option import Range
 from meshreel.errors import InvalidInputError
 
 AnchorValues = Literal["positions", "coefficients"]
-AnchorSet = Literal["farthest", "random", "optimized"]
+AnchorSet = Literal["farthest", "random"]
 QuantizedSignal = Literal["coefficients", "deltas"]
 Dictionary = Literal["difference", "whole"]
 Rotation = Literal["ritz", "none"]
@@ -28,11 +28,10 @@ class PaperChoices:
     anchor_values : {"positions", "coefficients"}
         Coded values of each anchor: its positions in all T frames (Eq. 12), or its K
         coefficients. With coefficients, its motion outside the span of the K modes is lost.
-    anchor_set : {"farthest", "random", "optimized"}
-        Farthest-point samples in edge counts; a random subset; or farthest points that are
-        exchanged for vertices with which a trial of all blocks decodes to a smaller error
-        (`anchor_exchange`). Every component gets at least one anchor. A list of vertices in
-        ``encode(anchors=[...])`` replaces this choice and `anchor_seed`.
+    anchor_set : {"farthest", "random"}
+        Farthest-point samples in edge counts, or a random subset. Every component gets at least one
+        anchor. A list of vertices in ``encode(anchors=[...])`` replaces this choice and
+        `anchor_seed`.
     anchor_seed : int
         Seed of the random subset, 0 or larger.
     anchor_bits : int or None

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, tee
+from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +18,12 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
-from meshreel.paper.anchor_exchange import exchange_anchors
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import tracked_from, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import (
-    CodedBlock,
     Quantized,
     analyse,
-    delta_errors,
     modes_needed,
     n_frequencies,
 )
@@ -49,8 +46,7 @@ class PaperBlockCoder:
     ----------
     known : iterable of float arrays of shape (T_b, V, 3)
         Blocks that determine the number of modes of a tracked basis, which is the same in all
-        blocks, and optimized anchors: all blocks, or only the first if the others are not known
-        yet.
+        blocks: all blocks, or only the first if the others are not known yet.
     progress : callable, optional
         Called before the graph Fourier basis is computed.
 
@@ -72,9 +68,7 @@ class PaperBlockCoder:
         config = mesh.config
         assert isinstance(config, PaperOptions)  # those of these methods
         self._variant = variant_named(config.method)
-        is_optimized = choices(config).anchor_set == "optimized"
-        # Only optimized anchors read blocks twice, for which `tee` may keep them in memory.
-        blocks, trial_blocks = tee(known) if is_optimized else (iter(known), iter(()))
+        blocks = iter(known)
         first = next(blocks)
         _check_modes(mesh, self._variant, len(first))
         self._config = _with_modes_for_all(config, frame, chain([first], blocks))
@@ -87,9 +81,6 @@ class PaperBlockCoder:
         if self._variant.basis is Basis.GRAPH:
             n_modes = n_frequencies(self._config.n_modes, mesh.n_verts)
             self._mesh.graph_fourier_basis(n_modes, progress)
-        if is_optimized:
-            anchors = exchange_anchors(self._mesh, self._trial_errors(trial_blocks))
-            self._mesh, self._dictionary = self._mesh.with_anchors(anchors), None
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
@@ -109,24 +100,13 @@ class PaperBlockCoder:
             Always empty: these methods code positions.
         """
         variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
-        block, reference = self._analyse(vertices)
+        reference = tracked_from(variant, self._dictionary, n_frames)
+        block = analyse(vertices, self._frame, mesh, self._config, reference)
+        self._dictionary = block.basis
         if choices(self._config).dictionary == "whole":
             reference = None
         exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
         return write_coded_block(block, n_frames, variant, reference, exact)
-
-    def _analyse(self, vertices: Vertices) -> tuple[CodedBlock, Quantized | None]:
-        """The next block, and the dictionary that its own is tracked from."""
-        reference = tracked_from(self._variant, self._dictionary, len(vertices))
-        block = analyse(vertices, self._frame, self._mesh, self._config, reference)
-        self._dictionary = block.basis
-        return block, reference
-
-    def _trial_errors(self, blocks: Iterable[Vertices]) -> Iterator[npt.NDArray[np.float64]]:
-        """Errors of the decoded deltas of blocks, of shape (V, 3 T_b)."""
-        for vertices in blocks:
-            block, _ = self._analyse(vertices)
-            yield delta_errors(block, vertices, self._frame, self._mesh, self._config)
 
 
 def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:

@@ -1,6 +1,6 @@
 """The mesh model shared by encoder and decoder: Laplacian, anchors, isolated vertices."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -81,12 +81,6 @@ class MeshModel:
         """The last graph Fourier basis, by its number of modes."""
         return {}
 
-    def with_anchors(self, anchors: Integers) -> "MeshModel":
-        """The same mesh with other anchors, and with the last graph Fourier basis."""
-        other = replace(self, anchors=anchors)
-        other._last_basis.update(self._last_basis)
-        return other
-
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Solve Eq. 12: values at all vertices, of shape (V, K); 0 at isolated vertices.
 
@@ -106,11 +100,7 @@ class MeshModel:
     @cached_property
     def anchor_responses(self) -> Floats:
         """Solutions of Eq. 12, of shape (V, A), for zero deltas and each anchor in turn at 1."""
-        return self.responses(self.anchors)
-
-    def responses(self, vertices: Integers) -> Floats:
-        """Columns of the inverse of the matrix of Eq. 12, of shape (V, N), at N vertices."""
-        return self._system.responses(vertices)
+        return self._system.responses(self.anchors)
 
     @cached_property
     def _system(self) -> ReconstructionSystem:

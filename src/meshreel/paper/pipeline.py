@@ -202,27 +202,6 @@ def analyse(
     return CodedBlock(basis, anchors, coefficients)
 
 
-def delta_errors(
-    block: CodedBlock,
-    vertices: npt.NDArray[np.floating],
-    frame: BoundingFrame,
-    mesh: MeshModel,
-    config: PaperOptions,
-) -> Floats:
-    """Errors of a block's decoded deltas that anchors can reduce, of shape (V, 3 T).
-
-    The other arguments are those of `analyse`.
-    """
-    matrices = to_matrices(vertices, frame)
-    if block.basis is not None and choices(config).anchor_values == "coefficients":
-        # Motion outside the span of the modes is lost at anchors too.
-        basis = _columns(block.basis)
-        matrices = expand(basis, project(basis, matrices))
-    deltas_of, _ = _signals_of_frames(block.values, mesh)
-    errors = deltas_of(slice(None)) - _deltas(matrices, mesh)
-    return errors.reshape(-1, mesh.n_verts).T
-
-
 def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
     """Return a function that computes frames of a block, vertices in output order.
 

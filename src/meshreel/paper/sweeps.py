@@ -32,7 +32,6 @@ WHOLE_DICTIONARIES = "dictionary=whole"
 FINE_ANCHORS = "anchor-bits=16"
 NO_ROTATION = "rotation=none"
 UNCENTERED = "centering=none"
-OPTIMIZED_ANCHORS = "anchor-set=optimized"
 RANDOM_ANCHORS = tuple(f"anchor-set=random,anchor-seed={seed}" for seed in (1, 2, 3))
 RANDOM_COEFFICIENTS = tuple(f"{COEFFICIENTS},{choices}" for choices in RANDOM_ANCHORS)
 
@@ -43,7 +42,6 @@ CHOICE_NAMES = {
     FINE_ANCHORS: "anchors of 16 bits",
     NO_ROTATION: "without rotation",
     UNCENTERED: "without centering",
-    OPTIMIZED_ANCHORS: "optimized anchors",
     **{text: f"random anchors {number}" for number, text in enumerate(RANDOM_ANCHORS, 1)},
     **{
         text: f"coefficients of random anchors {number}"
@@ -169,10 +167,8 @@ _ALTERNATIVES = (
     ("pca-qp", COEFFICIENTS),
     ("pca-qp", FINE_ANCHORS),
     ("pca-qp", UNCENTERED),
-    ("pca-qp", OPTIMIZED_ANCHORS),
     *(("pca-qp", choices) for choices in (*RANDOM_ANCHORS, *RANDOM_COEFFICIENTS)),
     ("blocks", COEFFICIENTS),
-    ("blocks", OPTIMIZED_ANCHORS),
     ("blocks", WHOLE_DICTIONARIES),
     ("blocks", NO_ROTATION),
 )

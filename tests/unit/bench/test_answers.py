@@ -5,7 +5,6 @@ import pytest
 from PIL import Image
 
 from questions.answers import (
-    anchors_answer,
     blocks_answer,
     envelope,
     knee,
@@ -13,7 +12,7 @@ from questions.answers import (
     search_answers,
 )
 from questions.plot import draw_rows
-from questions.tables import anchors_table, blocks_table, rows_table
+from questions.tables import blocks_table, rows_table
 
 
 def point(rate, error, modes=20, bits=8, **others):
@@ -128,35 +127,9 @@ def test_numbers_of_blocks_without_common_errors_are_not_compared():
     assert answer["best"] == 1
 
 
-def anchor_figures():
-    farthest = [
-        {"rate_bpvf": rate, "kg_error_percent": 1 / rate, "sted": 2 / rate, "nmsve_mean": 0.0}
-        for rate in (1, 2, 4)
-    ]
-    other = {"rate_bpvf": 3.0, "kg_error_percent": 0.5, "sted": 0.5, "nmsve_mean": 0.1}
-    outside = {**other, "rate_bpvf": 9.0}
-    choices = {"other": {**other, "seconds": 1.0}, "outside": {**outside, "seconds": 1.0}}
-    return {"n_anchors": 12, "farthest": farthest, "choices": choices}
-
-
-def test_anchors_are_compared_at_equal_rate():
-    answer = anchors_answer(anchor_figures())
-    changes = answer["changes"]["other"]
-    assert changes["kg_error_percent"] == pytest.approx(50)
-    assert changes["sted"] == pytest.approx(-25)
-    assert changes["nmsve_mean"] is None
-    assert answer["farthest"]["kg_error_percent"] == 0.5
-    assert answer["n_anchors"] == 12
-
-
-def test_anchors_beyond_the_measured_rates_are_not_compared():
-    assert set(anchors_answer(anchor_figures())["changes"]["outside"].values()) == {None}
-
-
 RESULTS = {
     "rows": {"points": power_law_points()},
     "blocks": {"points": block_points(n1=1.0, n2=1.1), "usual_blocks": 2},
-    "anchors": anchor_figures(),
 }
 
 
@@ -164,18 +137,15 @@ def test_tables_have_a_row_for_each_sequence():
     answers = search_answers(RESULTS)
     tables = {
         question: make([("walk", answers[question])])
-        for question, make in (
-            ("rows", rows_table), ("blocks", blocks_table), ("anchors", anchors_table)
-        )
-    }  # fmt: skip
+        for question, make in (("rows", rows_table), ("blocks", blocks_table))
+    }
     for table in tables.values():
         assert all(len(row) == len(table.header) for row in table.rows)
-    rows, blocks, anchors = (tables[question].rows for question in ("rows", "blocks", "anchors"))
+    rows, blocks = (tables[question].rows for question in ("rows", "blocks"))
     assert rows[0][1:6] == ("KG", "2 x 5", "4 x 6", "8 x 7", "16 x 8")
     assert rows[0][6:] == ("1.00", "none (0.00)", "-", "+20.0 %", "-", "-")
     assert blocks[0][:3] == ("walk", "1", "+10.0 %")
     assert blocks[0][-1] == "+10.0 % (2)"
-    assert anchors[0] == ("walk", "12", "0.5, 1", "+50.0 %, -25.0 %", "-, -")
 
 
 @pytest.mark.slow
