@@ -171,20 +171,16 @@ def without_identities(results: Iterable[Result]) -> list[Result]:
 
 
 def sequence_identity(sequence: MeshSequence) -> dict[str, Any]:
-    """Name, shape and a hash of the content; of several segments the largest counts."""
+    """Name, shape and a hash of the content."""
     digest = hashlib.sha256()
-    segments = sequence.segments
-    for segment in segments:
-        for array in (segment.read(0, segment.n_frames), segment.faces):
-            digest.update(f"{array.dtype.str} {array.shape}".encode())
-            digest.update(array.tobytes())
-    several = {"n_segments": len(segments)} if len(segments) > 1 else {}
+    for array in (sequence.vertices, sequence.faces):
+        digest.update(f"{array.dtype.str} {array.shape}".encode())
+        digest.update(array.tobytes())
     return {
         "name": sequence.name,
         "n_frames": sequence.n_frames,
-        **several,
-        "n_verts": max(segment.n_verts for segment in segments),
-        "n_faces": max(len(segment.faces) for segment in segments),
+        "n_verts": sequence.n_verts,
+        "n_faces": len(sequence.faces),
         "fps": sequence.fps,
         "sha256": digest.hexdigest(),
     }

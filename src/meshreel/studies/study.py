@@ -134,7 +134,7 @@ def evaluate(
     Parameters
     ----------
     sequences : sequence of MeshSequence
-        The latter only for studies of surfaces.
+        Each of one segment.
     out : Path
         A new or empty folder, or one of an earlier run.
     command : str
@@ -253,12 +253,9 @@ def parts_of_report(
 
 def _shape_text(sequence: Mapping[str, Any]) -> str:
     """Description of a sequence, from its identity in the results."""
-    segments = ", "
-    if "n_segments" in sequence:
-        segments = f" in {counted(sequence['n_segments'], 'segment')}, up to "
     return (
-        f"{counted(sequence['n_frames'], 'frame')}{segments}"
-        f"{counted(sequence['n_verts'], 'vertex')}, {counted(sequence['n_faces'], 'face')} "
+        f"{counted(sequence['n_frames'], 'frame')}, {counted(sequence['n_verts'], 'vertex')}, "
+        f"{counted(sequence['n_faces'], 'face')} "
         f"(SHA-256 of the content begins with `{sequence['sha256'][:12]}`)."
     )
 

@@ -45,8 +45,8 @@ def evaluate_command(
 ) -> None:
     """Compare rate, distortion and speed of our methods with other codecs, on your data.
 
-    If the faces of an input change, distances between surfaces are measured, and `reel` is compared
-    with Draco, which codes each frame for itself.
+    The faces must be the same in every frame. For captures, run `meshreel register` first, or
+    measure distances between surfaces with `meshreel compare`.
 
     Writes report.md, figures/ and results/ (each run as JSON). Existing results are
     not measured again. This needs the extras [peers] and [plot], and [paper] for methods of the
@@ -61,8 +61,6 @@ def evaluate_command(
     - `meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3`
 
     - `meshreel evaluate walk.npz --peers none --json`
-
-    - `meshreel evaluate capture/ --quick`
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.methods import METHOD_NAMES, own_name
@@ -75,7 +73,6 @@ def evaluate_command(
         own_sweeps,
     )
     from meshreel.evaluation.recorded import read_recorded
-    from meshreel.evaluation.surfaces import compare_surface_codecs
     from meshreel.paper.sweeps import option_sweeps
     from meshreel.runtime.extras import PAPER
     from meshreel.studies.study import checked_names
@@ -92,6 +89,5 @@ def evaluate_command(
         compare_positions({name: sweeps[name] for name in chosen}, others, recorded, quick=quick),
         inputs,
         out,
-        of_surfaces=None if recorded else compare_surface_codecs(chosen, others, quick=quick),
         as_json=as_json,
     )

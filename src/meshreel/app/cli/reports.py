@@ -3,12 +3,12 @@
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 from click.core import ParameterSource
 
 from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
+from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.load import load_any
 from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.notes import listed, note_left_out
@@ -56,7 +56,6 @@ def write_report(
     out: Path,
     *,
     flag_frames: int = 0,
-    of_surfaces: Study[Any] | None = None,
     as_json: bool,
 ) -> None:
     """Run a study on the inputs, and print the paths of its report.
@@ -67,8 +66,6 @@ def write_report(
         Sources of sequences; the flag if empty.
     flag_frames : int
         Number of frames of the flag.
-    of_surfaces : Study, optional
-        Replaces the study if the faces of an input change. Default: such inputs are refused.
     as_json : bool
         Print all figures instead.
     """
@@ -76,17 +73,12 @@ def write_report(
     with shown_progress() as progress:
         reading = ReadOptions(progress=progress, notes=notes)
         sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
-        if of_surfaces is None:
-            for sequence, source in zip(sequences, inputs, strict=True):
-                single_segment(sequence, f"{study.program} of {source}")
-        chosen: Study[Any] = study
-        if of_surfaces and any(given.n_segments > 1 for given in sequences):
-            chosen = of_surfaces
-        else:
-            sequences = [_without_tracks(sequence, notes) for sequence in sequences]
+        for sequence, source in zip(sequences, inputs, strict=True):
+            _check_faces(sequence, f"{study.program} of {source}")
+        sequences = [_without_tracks(sequence, notes) for sequence in sequences]
         sequences = sequences or [simulate_flag(flag_frames, progress=progress)]
-        command = command_line(chosen.program)
-        evaluation = evaluate(chosen, sequences, out, command=command, progress=progress)
+        command = command_line(study.program)
+        evaluation = evaluate(study, sequences, out, command=command, progress=progress)
     print_notes([*notes, *evaluation.notes])
     if as_json:
         print_json({**evaluation.as_dict(), "notes": notes})
@@ -94,6 +86,17 @@ def write_report(
     n_figures = sum(len(pictures) for _, pictures in evaluation.measured)
     figures = f"{n_figures} in {out / 'figures'}"
     print_table("Written", {"report": str(evaluation.report), "figures": figures})
+
+
+def _check_faces(sequence: MeshSequence, purpose: str) -> None:
+    """Raise ConnectivityChangeError if the faces change."""
+    try:
+        single_segment(sequence, purpose)
+    except ConnectivityChangeError as error:
+        raise ConnectivityChangeError(
+            f"{error}; run `meshreel register` first, or measure distances between surfaces with "
+            "`meshreel compare`"
+        ) from None
 
 
 def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
