@@ -280,7 +280,6 @@ MISSING = {
     "decode walk.reel -o walk.usdc": "usd",
     "decode walk.reel -o walk.vtkhdf": "hdf",
     "decode walk.reel -o walk.h5": "hdf",
-    "decode walk.reel -o walk.xdmf": "hdf",
     "decode walk.reel -o walk.vat": "textures",
     "encode frame.drc -o frame.reel": "draco",
     "encode https://example.invalid/walk.npz -o walk.reel": "remote",

@@ -9,7 +9,13 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.registry import FOLDER_FORMATS, format_of, is_written, written_extensions
+from meshreel.formats.registry import (
+    FOLDER_FORMATS,
+    INSTEAD,
+    format_of,
+    is_written,
+    written_extensions,
+)
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.runtime.outputs.checks import check_output_paths
@@ -140,7 +146,7 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     if not is_written(found := format_of(path)):
         raise FormatError(
             f"{path}: {found.extension} files can be read, but not written; "
-            f"writable are {', '.join(written_extensions())}"
+            + INSTEAD.get(found.extension, f"writable are {', '.join(written_extensions())}")
         )
     _check_start_number(path, start_number)
     if isinstance(found, SequenceFormat):

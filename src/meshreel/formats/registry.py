@@ -102,6 +102,9 @@ PROGRAMS = {
 }
 """Extensions of scenes that only their programs read completely, and these programs."""
 
+INSTEAD = dict.fromkeys((".xdmf", ".xmf"), "ParaView and VisIt also read .vtkhdf and .pvd")
+"""Advice for formats that are read, but not written; otherwise all written formats are listed."""
+
 
 def extension_of(path: str | os.PathLike[str]) -> str:
     """Return the extension that selects the format of a path, in lower case; empty for none."""

@@ -1,7 +1,6 @@
 """Sequences whose faces change, written and read back."""
 
 from dataclasses import replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -151,9 +150,7 @@ def test_notes_name_what_is_left_out_once(changing, tmp_path, notes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz", ".pvd", ".xdmf"]
-)
+@pytest.mark.parametrize("extension", [".vtkhdf", ".abc", ".usdc", ".usda", ".usdz", ".pvd"])
 def test_one_file_has_the_mesh_of_each_segment(textured, tmp_path, extension, notes):
     meshreel.save(textured, tmp_path / f"a{extension}", notes=notes)
     loaded = meshreel.load(tmp_path / f"a{extension}")
@@ -353,18 +350,6 @@ def test_usd_keeps_materials_and_images_of_each_segment(tmp_path, extension):
         if one.IsA(shade.Shader) and one.HasAttribute("inputs:roughness")
     ]
     assert roughness.count(0.125) == len([one for one in roughness if one is not None]) / 2
-
-
-def test_grids_of_xdmf_refer_to_the_faces_of_their_segment(textured, tmp_path):
-    h5py = pytest.importorskip("h5py")
-    meshreel.save(textured, tmp_path / "a.xdmf")
-    grids = ElementTree.parse(tmp_path / "a.xdmf").findall("Domain/Grid/Grid")
-    with h5py.File(tmp_path / "a.xdmf.h5") as file:
-        for grid, frame in zip(grids, textured, strict=True):
-            places = [grid.findtext(f"{name}/DataItem") for name in ("Topology", "Geometry")]
-            faces, points = (file[place.strip().removeprefix("a.xdmf.h5:")][:] for place in places)
-            np.testing.assert_array_equal(faces, frame.faces)
-            np.testing.assert_array_equal(points, frame.vertices)
 
 
 def test_vtk_reads_the_pieces_of_a_collection(textured, tmp_path):

@@ -17,7 +17,6 @@ EXACT = {
     ".pvd": None,
     ".h5": "h5py",
     ".vtkhdf": "h5py",
-    ".xdmf": "h5py",
     ".usda": "pxr",
     ".abc": "alembic3d",
 }

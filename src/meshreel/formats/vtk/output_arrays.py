@@ -1,4 +1,4 @@
-"""Data arrays that VTK and XDMF writers store for attributes, groups and tracks."""
+"""Data arrays that VTK writers store for attributes, groups and tracks."""
 
 import re
 from collections.abc import Mapping

@@ -13,14 +13,13 @@ import numpy.typing as npt
 
 from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import read_bytes
-from meshreel.formats.kinds import OF_CELLS, SequenceFormat
+from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xdmf_writing import write_xdmf, xdmf_data_files
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.runtime.extras import HDF
 
@@ -144,11 +143,7 @@ FORMATS = tuple(
         "XDMF",
         read_meshes=read_xdmf,
         extra=HDF,
-        write=write_xdmf,
-        holds_segments=True,
         names_files=True,
-        holds_tracks=OF_CELLS,
-        data_files=xdmf_data_files,
     )
     for extension in (".xdmf", ".xmf")
 )

@@ -22,14 +22,12 @@ from meshreel.formats.surfaces.cells import (
     cell_mesh,
 )
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, TRACK_KIND, local_name
+from meshreel.formats.vtk.xml_arrays import local_name
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
-UNIT = "unit"
-"""XML attribute that meshreel adds: the unit of an array."""
 
 CELLS = {
     1: ("polyvertex", POLY_VERTEX, 0), 2: ("polyline", POLY_LINE, 0), 3: ("polygon", POLYGON, 0),
@@ -45,12 +43,6 @@ CELLS = {
 SHORT_NAMES = {
     "tri": "triangle", "quad": "quadrilateral", "tet": "tetrahedron", "hex": "hexahedron",
 }  # fmt: skip
-VTK_CELLS = {
-    1: ("Polyvertex", 1), 3: ("Polyline", 2),
-    **{kind: (name.title(), number) for number, (name, kind, _) in CELLS.items()},
-}  # fmt: skip
-"""Name and number of the XDMF type of each VTK type that it has."""
-
 BY_NAME = {name: (kind, n_points) for name, kind, n_points in CELLS.values()}
 
 
@@ -100,8 +92,6 @@ class GridFrames:
     def _array(self, index: int, attribute: Element, counts: Mapping[Domain, int]) -> DataArray:
         name, center = attribute.get("Name", ""), _center(attribute)
         item, n_items = self._items.item_of(attribute), counts[CENTERS[center]]
-        # Kind and unit that meshreel stores with data.
-        kind = attribute.get(TRACK_KIND, attribute.get(ATTRIBUTE_KIND, ""))
 
         def describe() -> Field | None:
             n_numbers, dtype = self._items.describe(item)
@@ -112,7 +102,7 @@ class GridFrames:
                     f"of each {center} need {n_items} or a multiple of it",
                 )
                 return None
-            return Field(dtype, n_numbers // n_items, "", kind, attribute.get(UNIT, ""))
+            return Field(dtype, n_numbers // n_items)
 
         return DataArray(
             CENTERS[center],
@@ -120,9 +110,6 @@ class GridFrames:
             partial(self._items.read, item),
             partial(self._items.key, item),
             describe,
-            kind=kind,
-            is_track=TRACK_KIND in attribute.attrib,
-            is_attribute=ATTRIBUTE_KIND in attribute.attrib,
         )
 
     def _note_left_out(self, index: int) -> None:

@@ -124,15 +124,10 @@ def test_moving_the_folder_keeps_the_fingerprint(folder):
     assert after.fingerprint() == old
 
 
-@pytest.mark.parametrize("extension", [".pvd", ".xdmf"])
-def test_files_that_a_written_sequence_references_belong_to_the_input(tmp_path, extension):
-    if extension == ".xdmf":
-        pytest.importorskip("h5py")
-    written = save(waving_grid(3), tmp_path / f"walk{extension}")
+def test_files_that_a_written_sequence_references_belong_to_the_input(tmp_path):
+    written = save(waving_grid(3), tmp_path / "walk.pvd")
     [result] = find_inputs(tmp_path)
-    assert result.name == f"walk{extension}"
+    assert result.name == "walk.pvd"
     assert set(result.files) == set(written)
     written[0].unlink()
-    assert [source.name for source in find_inputs(tmp_path)] == [
-        "walk_frames" if extension == ".pvd" else "walk.xdmf.h5"
-    ]
+    assert [source.name for source in find_inputs(tmp_path)] == ["walk_frames"]

@@ -4,20 +4,19 @@ import numpy as np
 import pytest
 
 from conformance.sources import boxes, mixed_cells, of_type, waving
-from meshreel import Cells, FormatError, MeshSequence, Track, load, save
+from meshreel import MeshSequence, Track, load, save
 
 pytest.importorskip("vtkmodules")
 pytest.importorskip("h5py")
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
-from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
 from samples.vtk import grid, write_mesh
 
 POINTS, HEXAHEDRA = boxes(3, 2, 2)
 TIMES = [0.0, 0.1, 0.2, 0.25]
-FILES = ("a_%d.vtu", "a.pvd", "a.vtkhdf", "a.xdmf")
+FILES = ("a_%d.vtu", "a.pvd", "a.vtkhdf")
 
 
 def block():
@@ -30,14 +29,10 @@ def block():
     return MeshSequence(vertices, cells=of_type(12, HEXAHEDRA), times=TIMES, tracks=tracks)
 
 
-def all_types(*without):
-    """Return cells of all types but some, between random points."""
-    cells = mixed_cells(80, 60)
-    keep = ~np.isin(cells.types, without)
-    nodes = np.split(cells.nodes, cells.starts[1:-1])
-    chosen = np.concatenate([row for row, kept in zip(nodes, keep, strict=True) if kept])
+def all_types():
+    """Return cells of all types between random points."""
     points = np.random.default_rng(2).random((60, 3))
-    return MeshSequence(waving(points, 2), cells=Cells(cells.types[keep], chosen), fps=10)
+    return MeshSequence(waving(points, 2), cells=mixed_cells(80, 60), fps=10)
 
 
 def saved_and_loaded(sequence, folder, name):
@@ -66,23 +61,13 @@ def test_files_return_cells_values_and_times(tmp_path, name):
 
 @pytest.mark.parametrize("name", FILES)
 def test_files_return_cells_of_all_types(tmp_path, name):
-    without = (15, 16, 34) if name == "a.xdmf" else ()
-    sequence = all_types(*without)
+    sequence = all_types()
     assert_same_cells(saved_and_loaded(sequence, tmp_path, name), sequence)
-
-
-def test_xdmf_has_no_prisms_of_more_sides(tmp_path):
-    with pytest.raises(FormatError, match=r"no cells of type 15, 16, 34 of VTK; write \.vtu"):
-        save(all_types(), tmp_path / "a.xdmf")
 
 
 @pytest.mark.parametrize(
     ("name", "reader"),
-    [
-        ("a_%d.vtu", vtkXMLUnstructuredGridReader),
-        ("a.vtkhdf", vtkHDFReader),
-        ("a.xdmf", vtkXdmfReader),
-    ],
+    [("a_%d.vtu", vtkXMLUnstructuredGridReader), ("a.vtkhdf", vtkHDFReader)],
 )
 def test_vtk_reads_the_same_cells_and_values(tmp_path, name, reader):
     sequence, made = block(), reader()

@@ -1,11 +1,16 @@
+import sys
+
 import numpy as np
 import pytest
 
+from conformance.sources import mixed_cells as mixed_cells_of_volumes
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
+from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import CORNERS, COUNTS, N_VERTS, positions_of, read_damaged
+from samples.meshes import waving_grid
 from samples.opening import open_source
 
 POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)
@@ -143,6 +148,22 @@ def test_load_reads_numbers_of_binary_files(tmp_path, endian, order):
     assert loaded.vertices[0].tobytes() == POSITIONS[0].tobytes()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="names of files have no colons there")
+def test_name_of_a_data_file_may_contain_a_colon(tmp_path):
+    path = write_hdf_steps(tmp_path, dataset_of_step)
+    (tmp_path / "a.h5").rename(tmp_path / "shot:1.h5")
+    path.write_text(path.read_text().replace("a.h5", "shot:1.h5"))
+    assert positions_of(load(path)).tobytes() == POSITIONS.tobytes()
+
+
+@pytest.mark.parametrize("extension", ["xdmf", "xmf"])
+def test_error_for_writing_names_formats_that_paraview_reads(tmp_path, extension):
+    message = rf"\.{extension} files can be read, but not written; .* read \.vtkhdf and \.pvd$"
+    with pytest.raises(FormatError, match=message):
+        save(waving_grid(2), tmp_path / f"a.{extension}")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_data_files_outside_the_folder_need_allow_outside(tmp_path):
     POSITIONS[0].astype("<f4").tofile(tmp_path / "a.bin")
     (tmp_path / "in").mkdir()
@@ -181,6 +202,26 @@ def test_load_reads_every_type_of_cells(tmp_path, kind, cells, more, sizes):
     assert (None if sizes_found is None else sizes_found.tolist()) == sizes
     assert loaded.n_verts == N_VERTS
     assert (loaded.surface.cells is not None) == (kind == "Tetrahedron")
+
+
+XDMF_TYPES = {
+    5: 4, 9: 5, 10: 6, 12: 9, 13: 8, 14: 7, 21: 34, 22: 36, 23: 37, 24: 38, 25: 48, 26: 40, 27: 39,
+    28: 35, 29: 50, 32: 41, 33: 49,
+}  # fmt: skip
+"""Type in XDMF of each type of VTK with a fixed number of nodes."""
+
+
+def test_mixed_cells_may_have_all_types(tmp_path):
+    cells = mixed_cells_of_volumes(80, N_VERTS * 6)
+    nodes = np.split(cells.nodes.tolist(), cells.starts[1:-1])
+    pairs = zip(cells.types.tolist(), nodes, strict=True)
+    rows = [(kind, row.tolist()) for kind, row in pairs if kind in XDMF_TYPES]
+    mixed = [number for kind, row in rows for number in (XDMF_TYPES[kind], *row)]
+    points = np.random.default_rng(2).random((N_VERTS * 6, 3))
+    faces = topology(inline(np.array(mixed)), "Mixed")
+    found = load(store(tmp_path, step(points, faces=faces))).surface.cells
+    assert found.types.tolist() == [kind for kind, _ in rows]
+    assert found.nodes.tolist() == [node for _, row in rows for node in row]
 
 
 def test_load_reads_xy_points_and_separate_columns(tmp_path):
