@@ -10,9 +10,6 @@ from meshreel.kernel.library import encoded, int32s
 
 Faces = npt.NDArray[np.int32]
 
-MAX_ITEMS = 1 << 26
-"""Maximum number of vertices, and of faces, of a mesh."""
-
 BYTES_EACH = 96
 MORE_BYTES = 1024
 
@@ -44,7 +41,7 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
     Raises
     ------
     InvalidInputError
-        If a vertex does not exist, or there are more than `MAX_ITEMS`.
+        If a vertex does not exist, or there are more than 2^26 vertices or faces.
     """
     faces = int32s(faces)
     internal_faces = np.empty_like(faces)

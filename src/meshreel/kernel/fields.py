@@ -14,9 +14,6 @@ from meshreel.errors import InvalidInputError
 from meshreel.kernel.library import encoded
 
 MAX_MAGNITUDE = (1 << 31) - 1
-MAX_NEAR = 16
-"""Maximum number of context neighbors of a column."""
-
 BYTES_EACH, BYTES_AT_FIRST = 16, 1 << 16
 """Bounds of the bytes of an integer, and of the extra bytes before probabilities have adapted."""
 
@@ -47,7 +44,7 @@ def coding_order(near: npt.NDArray[np.integer], pass_starts: Integers) -> Coding
     Parameters
     ----------
     near : integer array of shape (n_columns, n)
-        Context neighbors of each coded column, at most `MAX_NEAR`, padded with -1; all are coded
+        Context neighbors of each coded column, at most 16, padded with -1; all are coded
         before it, in its pass or an earlier one.
     pass_starts : int64 array
         The first column of each pass, and the number of columns.

@@ -17,7 +17,6 @@ Smooth = npt.NDArray[np.float32]
 _Levels = tuple[Integers, Integers, Integers, npt.NDArray[np.int64]]
 _Stencils = tuple[Integers, Hops, Integers]
 
-MAX_STENCIL = 16
 N_SMOOTH_FIELDS = 16
 N_NEIGHBORS = 8
 MAX_SMOOTH_ROWS = 4
@@ -136,7 +135,7 @@ def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
     Raises
     ------
     InvalidInputError
-        If `stencil_size` is not in 1..`MAX_STENCIL`.
+        If `stencil_size` is not in 1..16.
     """
     if len(graph.starts) <= MIN_PARALLEL_VERTICES or n_cores() == 1:
         levels, stencils, smooth = _hierarchy(graph, stencil_size)

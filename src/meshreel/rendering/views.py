@@ -17,8 +17,6 @@ NAMED_VIEWS = {"front": (0.0, 0.0), "side": (90.0, 0.0), "top": (0.0, 90.0)}
 ON_THE_FLOOR = 0.05
 """A mesh is on the floor if its lowest point is this close, relative to its height."""
 
-_AXES = {"x": 0, "y": 1, "z": 2}
-
 Frames = Iterable[npt.NDArray[np.floating]]
 
 

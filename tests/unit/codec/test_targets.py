@@ -18,7 +18,6 @@ from meshreel.codec.reel.encoding.effort import (
 from meshreel.codec.reel_options import ReelOptions, Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.mesh import MAX_STENCIL
 from samples.costs import slow_but
 from samples.meshes import irregular_sequence, waving_grid
 from samples.orders import shuffled
@@ -283,7 +282,7 @@ def test_number_of_modes_rises_as_the_error_bound_falls():
 def test_parameters_of_every_effort_fit_the_format(effort):
     for tune in Tune:
         choices = choices_for(effort, tune, None)
-        assert 1 <= choices.stencil_size <= MAX_STENCIL
+        assert 1 <= choices.stencil_size <= 16
         assert 0 <= choices.n_learned <= 255
 
 

@@ -69,9 +69,7 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     return values, fix_signs(vectors[..., ::-1][..., :n_modes])
 
 
-def joint_trajectories(
-    frames: npt.NDArray[np.floating], n_modes: int, least: float = 0.0
-) -> tuple[Floats, Floats]:
+def joint_trajectories(frames: npt.NDArray[np.floating], n_modes: int) -> tuple[Floats, Floats]:
     """Leading singular values and temporal basis vectors, jointly for all three coordinates.
 
     A mode is one field on the mesh with a temporal basis vector of 3 T numbers, instead of a field
@@ -85,8 +83,6 @@ def joint_trajectories(
         of float32 are accumulated in float64.
     n_modes : int
         At most this many; fewer if the matrix has a lower rank.
-    least : float, default 0
-        Only modes whose singular value exceeds this, but at least one.
 
     Returns
     -------
@@ -97,10 +93,10 @@ def joint_trajectories(
     if stacked.shape[0] <= stacked.shape[1]:
         gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
         with one_blas_thread():
-            return _leading_trajectories(gram, n_modes, least)
+            return _leading_trajectories(gram, n_modes, 0.0)
     gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
     with one_blas_thread():
-        eigenvalues, vectors = _leading(gram, n_modes, least)
+        eigenvalues, vectors = _leading(gram, n_modes, 0.0)
     singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
     divisors = np.where(singular_values > 0, singular_values, 1.0)
     return singular_values, fix_signs(stacked @ vectors / divisors)

@@ -29,8 +29,8 @@ GEOMETRY_TYPE = 7
 
 POINT_CLOUD, TRIANGLE_MESH = 0, 1
 
-POSITION, NORMAL, COLOR, UV, GENERIC = range(5)
-"""Attribute types of Draco."""
+POSITION, NORMAL, COLOR, UV = range(4)
+"""Attribute types of Draco; 4 is generic."""
 
 TYPE_NAMES = ("positions", "normals", "color", "uv", "generic")
 NORMALS_NAME = "normals"
