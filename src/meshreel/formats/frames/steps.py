@@ -6,7 +6,7 @@ Floating-point results are tracks, and so are other arrays that change; the rest
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -84,7 +84,7 @@ def loaded_array(
         domain,
         name,
         lambda: values,
-        partial(checksum, values),
+        cache(partial(checksum, values)),
         lambda: field,
         role,
         kind,
@@ -121,6 +121,13 @@ class Step:
     def mesh(self) -> PolygonMesh:
         """The surface of the cells: 2D cells, and the boundary of solid cells."""
         return self.surface.mesh(self.read_points())
+
+    def sharing(self, before: "Step") -> "Step":
+        """Return the step with surface and arrays of another one where they are equal."""
+        surface = before.surface if before.surface.equals(self.surface) else self.surface
+        arrays = {_contents(array): array for array in before.data}
+        data = [arrays.get(_contents(array), array) for array in self.data]
+        return replace(self, surface=surface, data=data)
 
     @property
     def sizes(self) -> dict[Domain, int]:
@@ -190,6 +197,13 @@ class Step:
         return Frame(self.mesh, surface, fields, notes)
 
 
+def _contents(array: DataArray) -> object:
+    """Return a key that is equal for arrays with the same description and values."""
+    field = array.describe()
+    facts = None if field is None else tuple(vars(field).values())
+    return array.domain, array.name, array.identify(), facts
+
+
 def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Convert values to a type that attributes allow, without loss if one can represent them."""
     if values.dtype in VALUE_TYPES:
@@ -213,9 +227,8 @@ def _attribute_kind(array: DataArray, dtype: np.dtype[Any], width: int) -> Kind:
     return Kind.OTHER
 
 
-def _is_track(array: DataArray) -> bool:
+def _is_track(array: DataArray, field: Field | None) -> bool:
     """Whether an array is a track even if it never changes: declared as such, or real numbers."""
-    field = array.describe()
     if array.is_track or array.is_attribute or field is None or array.role == NORMALS:
         return array.is_track
     is_other = _attribute_kind(array, field.dtype, field.n_columns) is Kind.OTHER
@@ -235,6 +248,7 @@ class StepFrames:
     def __init__(self, read: Callable[[int], Step], notes: list[str]) -> None:
         self._read, self._notes = read, notes
         self._identities: dict[int, dict[Key, list[object]]] = {}
+        self._described: dict[int, list[tuple[Key, Field]]] = {}
         self._tracks: set[Key] = set()
         self._attributes: set[Key] = set()
 
@@ -242,11 +256,14 @@ class StepFrames:
         """Return the surface of a step, whose arrays are compared with those of other frames."""
         step = self._read(index)
         identities: dict[Key, list[object]] = {}
+        described: list[tuple[Key, Field]] = []
         for array in step.arrays:
             identities.setdefault(array.key, []).append(array.identify())
-            self._tracks |= {array.key} if _is_track(array) else set()
+            if (field := array.describe()) is not None:
+                described.append((array.key, field))
+            self._tracks |= {array.key} if _is_track(array, field) else set()
             self._attributes |= {array.key} if array.is_attribute else set()
-        self._identities[index] = identities
+        self._identities[index], self._described[index] = identities, described
         return step.mesh
 
     def constant_arrays(self, index: int) -> list[DataArray]:
@@ -263,13 +280,11 @@ class StepFrames:
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the other arrays as tracks of consecutive steps that share their faces."""
         changing = self._changing()
-        described: list[dict[Key, Field]] = []
-        for index in frames if changing else ():
-            fields: dict[Key, Field] = {}
-            for array in self._read(index).arrays:
-                if array.key in changing and (field := array.describe()) is not None:
-                    add_field(fields, array.key, field)
-            described.append(fields)
+        described: list[dict[Key, Field]] = [{} for _ in frames]
+        for fields, index in zip(described, frames, strict=True):
+            for key, field in self._described[index]:
+                if key in changing:
+                    add_field(fields, key, field)
 
         def read(index: int, key: Key) -> Values:
             step = self._read(frames[index])
@@ -314,9 +329,9 @@ class Piece:
         for array in self.arrays:
             if (field := array.describe()) is not None:
                 add_field(fields, array.key, field)
-        surface = cell_mesh(self.cells, len(self.points))
-        n_points, n_cells = len(self.points), len(self.cells.types)
-        return Step(n_points, n_cells, surface, lambda: self.points, self.arrays, tuple(left_out))
+        points, n_cells = self.points, len(self.cells.types)
+        surface = cell_mesh(self.cells, len(points))
+        return Step(len(points), n_cells, surface, lambda: points, self.arrays, tuple(left_out))
 
 
 def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, tuple[str, ...]]:

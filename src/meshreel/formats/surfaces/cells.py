@@ -227,6 +227,21 @@ class CellSurface:
         """Number of vertices of the surface, given the number of points."""
         return n_points if isinstance(self.kept, slice) else len(self.kept)
 
+    @property
+    def size_bytes(self) -> int:
+        """Size of its arrays."""
+        return sum(one.nbytes for one in self._contents if isinstance(one, np.ndarray))
+
+    def equals(self, other: "CellSurface") -> bool:
+        """Whether all contents are equal."""
+        return all(map(np.array_equal, self._contents, other._contents))
+
+    @property
+    def _contents(self) -> list[Any]:
+        volume = self.volume
+        cells = [None, None] if volume is None else [volume.types, volume.nodes]
+        return [value for name, value in vars(self).items() if name != "volume"] + cells
+
     def mesh(self, points: Vertices) -> PolygonMesh:
         """Return the polygon mesh for points of shape (N, 3)."""
         return PolygonMesh(points[self.kept], self.counts, self.corners, self.volume)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -13,7 +14,7 @@ from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
-from meshreel.formats.frames.steps import Step, StepFrames
+from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
@@ -50,8 +51,9 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         parts.setdefault(part, []).append((_time(element), _file(path, element, options)))
     if not parts:
         raise FormatError("lists no files")
+    steps = _FileSteps(options)
     return [
-        read_or_defer_error(name, partial(_scene_mesh, name, files, options))
+        read_or_defer_error(name, partial(_scene_mesh, name, files, steps, options))
         for (group, part), files in parts.items()
         for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
@@ -75,9 +77,11 @@ def _file(path: Path, element: Element, options: ReadOptions) -> Path:
     return found
 
 
-def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions) -> SceneMesh:
+def _scene_mesh(
+    name: str, files: list[tuple[float, Path]], steps: "_FileSteps", options: ReadOptions
+) -> SceneMesh:
     if options.skip_bad:
-        files = _files_with_faces(files, options)
+        files = _files_with_faces(files, steps, options)
     pieces: dict[float, list[Path]] = {}
     for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
@@ -88,18 +92,19 @@ def _scene_mesh(name: str, files: list[tuple[float, Path]], options: ReadOptions
         if (file_order := file_order_times(len(files), options)) is None:
             raise _equal_times_error(several, {time: len(pieces[time]) for time in pieces})
         times = file_order
-    read = _PieceFrames(name, times, frames, options.notes)
+    read = _PieceFrames(name, times, frames, steps, options.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
 
 
 def _files_with_faces(
-    files: list[tuple[float, Path]], options: ReadOptions
+    files: list[tuple[float, Path]], steps: "_FileSteps", options: ReadOptions
 ) -> list[tuple[float, Path]]:
     """Return the times and files of steps with faces; a note lists the others."""
-    kept, empty = [], []
+    kept: list[tuple[float, Path]] = []
+    empty = []
     for time, path in files:
         try:
-            _read_step(path, time)
+            steps.read(path, time, kept[-1][1] if kept else None)
             kept.append((time, path))
         except EmptyMeshError:
             empty.append(f"{path.name} (time {time:g})")
@@ -140,6 +145,52 @@ def _read_step(path: Path, time: float) -> Step:
             raise EmptyMeshError(*error.args, remedy, Keyword("skip_bad", True)) from None
 
 
+class _FileSteps:
+    """Steps of files, each parsed once while all are small enough to be kept."""
+
+    def __init__(self, options: ReadOptions) -> None:
+        self._max_bytes, self._skips_bad = options.max_loaded_bytes, options.skip_bad
+        self._kept: dict[Path, Step] = {}
+        self._kept_bytes = 0
+        self._last: tuple[Path, Step] | None = None
+
+    def read(self, path: Path, time: float, before: Path | None) -> Step:
+        """Read the step of a file; raises as `read_pvd`.
+
+        Parameters
+        ----------
+        before : Path, optional
+            File of the frame before, with which the step shares what is equal.
+        """
+        last = self._last
+        if last is not None and last[0] == path:
+            return last[1]
+        if path in self._kept:
+            return self._kept[path]
+        step = _read_step(path, time)
+        other = None if before is None else self._kept.get(before)
+        if other is not None:
+            step = step.sharing(other)
+        self._last = path, step
+        self._keep(path, time, step, other)
+        return step
+
+    def _keep(self, path: Path, time: float, step: Step, other: Step | None) -> None:
+        """Keep a step, unless all become too large; count what it does not share with another."""
+        shared: Sequence[DataArray] = () if other is None else other.data
+        new = [array for array in step.data if not any(array is one for one in shared)]
+        self._kept_bytes += sum(array.read().nbytes for array in new)
+        if other is not None and other.surface is step.surface and not self._skips_bad:
+            # Callers keep the positions that they have read.
+            step = replace(step, read_points=lambda: _read_step(path, time).read_points())
+        else:
+            self._kept_bytes += step.surface.size_bytes + step.read_points().nbytes
+        if self._max_bytes is None or self._kept_bytes <= self._max_bytes:
+            self._kept[path] = step
+        else:
+            self._kept.clear()
+
+
 class _PieceFrames:
     """Frames that consist of one file or of several files merged into one mesh.
 
@@ -150,7 +201,14 @@ class _PieceFrames:
         The files of each frame.
     """
 
-    def __init__(self, name: str, times: Floats, files: list[list[Path]], notes: list[str]) -> None:
+    def __init__(
+        self,
+        name: str,
+        times: Floats,
+        files: list[list[Path]],
+        steps: _FileSteps,
+        notes: list[str],
+    ) -> None:
         self._name, self._times, self._notes = name, times, notes
         n_series = max(len(one) for one in files)
         series: list[list[tuple[Path, float]]] = [[] for _ in range(n_series)]
@@ -159,7 +217,8 @@ class _PieceFrames:
             places.append([len(series[number]) for number in range(len(one))])
             for number, file in enumerate(one):
                 series[number].append((file, time))
-        self._places, self._pieces = places, [_file_frames(one, notes) for one in series]
+        self._places = places
+        self._pieces = [_file_frames(one, steps, notes) for one in series]
 
     def frame(self, index: int) -> PolygonMesh:
         return self._mesh(index).frame(0)
@@ -198,15 +257,13 @@ def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
     return read(place)
 
 
-def _file_frames(files: list[tuple[Path, float]], notes: list[str]) -> StepFrames:
+def _file_frames(
+    files: list[tuple[Path, float]], steps: _FileSteps, notes: list[str]
+) -> StepFrames:
     """Return the frames of files with one step each, given with their times."""
-    last: dict[int, Step] = {}
 
     def read(index: int) -> Step:
-        if index not in last:
-            last.clear()
-            last[index] = _read_step(*files[index])
-        return last[index]
+        return steps.read(*files[index], files[index - 1][0] if index else None)
 
     return StepFrames(read, notes)
 

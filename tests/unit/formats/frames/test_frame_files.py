@@ -15,6 +15,7 @@ from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.save import save
+from meshreel.formats.vtk import pvd
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
@@ -85,6 +86,35 @@ def test_frames_are_parsed_once(tmp_path, extension, max_bytes, is_changing):
     assert [run.n_frames for run in runs] == ([6, 4, 1] if is_changing else [6])
     assert len(parsed) == len(paths)
     assert isinstance(runs[0], MeshSequence if max_bytes is None else StoredFrames)
+
+
+@pytest.fixture
+def parsed_files(monkeypatch):
+    """The contents of the parsed files of a collection."""
+    parsed, read = [], pvd.READERS[".vtu"]
+    monkeypatch.setitem(pvd.READERS, ".vtu", lambda data: parsed.append(data) or read(data))
+    return parsed
+
+
+@pytest.mark.parametrize("is_changing", [False, True])
+@pytest.mark.parametrize("options", [{}, {"skip_bad": True}], ids=str)
+def test_files_of_collections_are_parsed_once(tmp_path, parsed_files, options, is_changing):
+    expected = load(frames_of(tmp_path, ".vtp", is_changing=is_changing))
+    save(expected, tmp_path / "walk.pvd", notes=[])
+    loaded = load(tmp_path / "walk.pvd", **options)
+    assert len(parsed_files) == loaded.n_frames == (11 if is_changing else 6)
+    for run, other in zip(loaded.segments, expected.segments, strict=True):
+        positions = [one.read(0, run.n_frames) for one in (run, other)]
+        np.testing.assert_array_equal(*positions, strict=True)
+        assert_same_tracks(run.tracks, other.tracks)
+
+
+def test_files_of_collections_are_parsed_again_for_what_is_not_kept(tmp_path, parsed_files):
+    save(load(frames_of(tmp_path, ".vtp")), tmp_path / "walk.pvd", notes=[])
+    opened = open_source(tmp_path / "walk.pvd")
+    assert len(parsed_files) == 6 + 1  # the attributes of the first frame
+    opened.tracks["heat"].read(2, 5)
+    assert len(parsed_files) == 6 + 1 + 3
 
 
 @pytest.mark.parametrize("extension", [".ply", ".vtp", ".stl"])
