@@ -8,7 +8,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +28,8 @@ from meshreel.formats.solvers.ensight_files import (
     Part,
     Tables,
     find_columns,
+    find_order,
     find_parts,
-    open_geometry,
-    open_variable,
     read_cells,
     read_columns,
     read_lines,
@@ -256,9 +255,6 @@ def _numbers(words: list[str]) -> Floats:
     return numbers
 
 
-N_KEPT = 32
-"""Files whose tables are remembered."""
-
 SAME_TIME = 1e-5
 """Largest difference of equal times, relative to the interval of frames."""
 
@@ -321,10 +317,9 @@ class _Steps:
         others = (variable.name for variable in case.variables if variable not in self.variables)
         note_kinds(options.notes, "variables at other times than the geometry", others)
         self._lines = lru_cache(maxsize=2)(read_lines)
-        self._find = lru_cache(maxsize=N_KEPT)(
-            lambda path: find_parts(open_geometry(path, self._lines))
-        )
-        self._columns = lru_cache(maxsize=N_KEPT)(self._find_columns)
+        self._order = cache(find_order)
+        self._find = cache(lambda path: find_parts(self._open(path, path)))
+        self._columns = cache(self._find_columns)
 
     def parts(self, index: int) -> dict[int, Part]:
         """Return the parts of a frame by number."""
@@ -381,7 +376,7 @@ class _Steps:
     def values(self, variable: Variable, index: int, number: int) -> Singles:
         """Read the values of a variable at the nodes or elements of a part."""
         place = path, width, step = self._place(variable, index)
-        tables = open_variable(path, self._geometry(step), self._lines)
+        tables = self._open(path, self._geometry_file(step))
         at_nodes, part = variable.domain is Domain.VERTEX, self.part(step, number)
         return read_values(tables, part, self._columns(*place), width, at_nodes=at_nodes)
 
@@ -396,11 +391,16 @@ class _Steps:
         return path, variable.width, self.elements_step(index)
 
     def _find_columns(self, path: Path, width: int, step: int) -> Columns:
-        tables = open_variable(path, self._geometry(step), self._lines)
+        tables = self._open(path, self._geometry_file(step))
         return find_columns(tables, self.parts(step), width)
 
     def _geometry(self, index: int) -> Tables:
-        return open_geometry(self._geometry_file(index), self._lines)
+        path = self._geometry_file(index)
+        return self._open(path, path)
+
+    def _open(self, path: Path, geometry: Path) -> Tables:
+        """Open a file that is encoded as a geometry file."""
+        return Tables(path, self._order(geometry), self._lines)
 
     def _geometry_file(self, index: int) -> Path:
         return self._case.file(self._case.geometry, index)
@@ -421,8 +421,7 @@ class _PartFrames:
 
     def __init__(self, steps: _Steps, number: int, notes: list[str]) -> None:
         self._steps, self._number, self._notes = steps, number, notes
-        # Consecutive frames with the same file of elements share their surface.
-        self._surface_at = lru_cache(maxsize=1)(steps.surface)
+        self._surfaces: dict[int, CellSurface] = {}
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the surface of the part in a frame."""
@@ -458,7 +457,13 @@ class _PartFrames:
         return field_tracks([fields] * len(frames), sizes, read, self._notes)
 
     def _surface(self, index: int) -> CellSurface:
-        return self._surface_at(self._steps.elements_step(index), self._number)
+        """Return the surface of a frame, read once for its values too; equal ones are shared."""
+        step = self._steps.elements_step(index)
+        if step not in self._surfaces:
+            surface = self._steps.surface(step, self._number)
+            before = next(reversed(self._surfaces.values()), surface)
+            self._surfaces[step] = before if before.equals(surface) else surface
+        return self._surfaces[step]
 
 
 FORMATS = tuple(

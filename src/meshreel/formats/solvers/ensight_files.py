@@ -25,18 +25,16 @@ FIRST_TABLES = FIRST_PART + EXTENTS_BYTES + LINE_BYTES + 4
 MAX_PART = 1 << 16
 """Part numbers above this mean that bytes are swapped."""
 
-ReadLines = Callable[[Path], list[str]]
-
 
 class Tables:
     """A file, read in order.
 
     Parameters
     ----------
-    order : str
-        Byte order: "<" or ">".
-    lines : list of str, optional
-        The lines of a text file; None if it is binary.
+    order : str, optional
+        Byte order: "<" or ">"; None for a text file.
+    read_lines : function of a path
+        Reads the lines of a text file.
 
     Attributes
     ----------
@@ -44,10 +42,13 @@ class Tables:
         The next byte, or line of a text file.
     """
 
-    def __init__(self, path: Path, order: str, lines: list[str] | None) -> None:
-        self.path, self.order, self.lines, self.position = path, order, lines, 0
+    def __init__(
+        self, path: Path, order: str | None, read_lines: Callable[[Path], list[str]]
+    ) -> None:
+        self.path, self.order, self.position = path, order, 0
+        self.lines: list[str] | None = read_lines(path) if order is None else None
         with os_errors_naming(path):
-            self._size = path.stat().st_size if lines is None else len(lines)
+            self._size = path.stat().st_size if self.lines is None else len(self.lines)
 
     @property
     def is_at_end(self) -> bool:
@@ -120,13 +121,8 @@ def read_lines(path: Path) -> list[str]:
     return read_bytes(path).decode("latin-1").splitlines()
 
 
-def open_geometry(path: Path, lines: ReadLines) -> Tables:
-    """Open a geometry file, after the line with its encoding.
-
-    Parameters
-    ----------
-    lines : function of a path
-        Reads the lines of a text file.
+def find_order(path: Path) -> str | None:
+    """Return the byte order of a geometry file, and of files of variables with it; None if text.
 
     Raises
     ------
@@ -138,17 +134,10 @@ def open_geometry(path: Path, lines: ReadLines) -> Tables:
     if b"fortran binary" in start[: 2 * LINE_BYTES].lower():
         raise FormatError(f"{path.name} is Fortran binary; write it as C binary or text")
     if not start[:LINE_BYTES].lower().startswith(b"c binary"):
-        return Tables(path, "", lines(path))
+        return None
     at = FIRST_PART + (EXTENTS_BYTES if start[FIRST_PART:].startswith(b"extents") else 0)
     number = start[at + LINE_BYTES : at + LINE_BYTES + 4]
-    tables = Tables(path, "<" if int.from_bytes(number, "little") <= MAX_PART else ">", None)
-    tables.line()
-    return tables
-
-
-def open_variable(path: Path, like: Tables, lines: ReadLines) -> Tables:
-    """Open the file of a variable, which is encoded as the geometry."""
-    return Tables(path, like.order, None if like.lines is None else lines(path))
+    return "<" if int.from_bytes(number, "little") <= MAX_PART else ">"
 
 
 N_NODES = {
@@ -213,8 +202,8 @@ def find_parts(tables: Tables) -> dict[int, Part]:
     FormatError
         If the file is truncated or damaged, or contains an unknown type of element.
     """
-    tables.line()
-    tables.line()
+    for _ in range(2 if tables.lines is not None else 3):  # binary files begin with "C Binary"
+        tables.line()
     has_numbers = []
     for what in ("node id", "element id"):
         line = tables.line().lower()

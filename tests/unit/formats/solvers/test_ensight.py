@@ -1,9 +1,12 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
+from meshreel.formats.solvers.ensight_files import read_lines
 from samples.datasets import positions_of, read_damaged
 from samples.ensight import FORMATS, block, case, geometry, part, variable
 
@@ -115,6 +118,27 @@ def test_variables_are_tracks(tmp_path, form):
     assert loaded.tracks["speed"].values.tolist() == speed[:, :4].tolist()
     assert loaded.tracks["load"].values.tolist() == load_.tolist()
     assert loaded.tracks["fixed"].values.reshape(3, 2).tolist() == [[3, 4]] * 3
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_tables_are_read_once(tmp_path, form, monkeypatch):
+    """Geometry files are read for positions and elements, and not again for values."""
+    heat = np.arange(15, dtype=np.float32).reshape(3, 5)
+    files = {f"h{3 + 2 * i:02}": variable(form, (1, {"coordinates": heat[i]})) for i in range(3)}
+    path, reads = moving(tmp_path, form, ["scalar per node: 1 heat h**"], **files), []
+    read_numbers: Any = np.fromfile
+
+    def read_counted(path, *args, offset=0):
+        reads.append((path.name, offset))
+        return read_numbers(path, *args, offset=offset)
+
+    monkeypatch.setattr(np, "fromfile", read_counted)
+    monkeypatch.setattr(
+        "meshreel.formats.solvers.ensight.read_lines",
+        lambda path: reads.append(path.name) or read_lines(path),
+    )
+    assert load(path).tracks["heat"].values.reshape(3, 4).tolist() == heat[:, :4].tolist()
+    assert len(reads) == len(set(reads)) >= 6
 
 
 def test_undefined_values_and_missing_types_are_nan(tmp_path, notes):
