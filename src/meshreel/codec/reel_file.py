@@ -298,7 +298,7 @@ class ReelFile(Timed):
             If the frames, or a block, take more memory than allowed.
         """
         if not isinstance(chosen, slice):
-            return frame_of(self, chosen)
+            return frame_of(self.segments, self.starts, chosen)
         wanted = frame_range(chosen, self.n_frames)
         parts, held_bytes = [], 0
         for number, frames in frames_by_segment(self.starts, wanted):

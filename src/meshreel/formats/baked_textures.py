@@ -11,11 +11,12 @@ from subprocess import DEVNULL, PIPE, Popen
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
 
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
-from meshreel.model.sequence import MeshSequence, Segmented
+from meshreel.model.sequence import MeshSequence
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
 from meshreel.rendering.film_files import write_mp4
@@ -144,7 +145,10 @@ class TextureJob:
         return registration
 
     def write(
-        self, registration: Registration, sequence: Segmented, progress: Progress = silent
+        self,
+        registration: Registration,
+        sequence: MeshSequence | ReelFile,
+        progress: Progress = silent,
     ) -> None:
         """Write the textures for a registered sequence; arguments as `bake`."""
         images = self.textures.images()

@@ -34,7 +34,6 @@ __all__ = [
     "FrameSource",
     "MeshFrame",
     "MeshSequence",
-    "Segmented",
     "Vertices",
     "concatenate",
     "frames_by_segment",
@@ -102,25 +101,6 @@ class FrameSource(Protocol):
 
     def read(self, start: int, stop: int) -> Vertices:
         """Positions of frames start..stop - 1, of shape (stop - start, V, 3), all finite."""
-
-
-class Segmented(Protocol):
-    """What `MeshSequence` and `ReelFile` share: frames by number, and segments."""
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames of all segments, T."""
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """First frame of each segment, and the number of all frames."""
-
-    @property
-    def segments(self) -> Sequence[Any]:
-        """Segments, whose frames count from 0."""
-
-    def __getitem__(self, chosen: int, /) -> MeshFrame:
-        """Return a frame."""
 
 
 class MeshSequence(Timed):
@@ -427,7 +407,7 @@ class MeshSequence(Timed):
         """Return a frame, or the frames of a slice without a step as a sequence."""
         if isinstance(chosen, slice):
             return self.part(frame_range(chosen, self.n_frames))
-        return frame_of(self, chosen)
+        return frame_of(self.segments, self.starts, chosen)
 
     def __iter__(self) -> Iterator[MeshFrame]:
         for segment in self.segments:
@@ -521,8 +501,14 @@ def frames_by_segment(starts: tuple[int, ...], frames: range) -> Iterator[tuple[
             yield number, range(start - first, stop - first)
 
 
-def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
-    """Return a frame of a `MeshSequence` or a `ReelFile`; negative numbers count from the end.
+def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsIndex) -> MeshFrame:
+    """Return a frame of several segments; negative numbers count from the end.
+
+    Parameters
+    ----------
+    segments : sequence of FrameSource or ReelFile
+    starts : tuple of int
+        First frame of each, and the number of all frames.
 
     Raises
     ------
@@ -531,8 +517,8 @@ def frame_of(sequence: Segmented, number: SupportsIndex) -> MeshFrame:
     TypeError
         If the number is not an integer.
     """
-    index, local = segment_of_frame(sequence.starts, frame_number(number, sequence.n_frames))
-    segment = sequence.segments[index]
+    index, local = segment_of_frame(starts, frame_number(number, starts[-1]))
+    segment = segments[index]
     return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
 
 

@@ -7,8 +7,9 @@ import numpy as np
 from PIL import Image as PillowImage
 
 from meshreel.arrays import Bytes, Floats, Integers, Singles
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
-from meshreel.model.sequence import Faces, MeshSequence, Segmented, frames_of, segment_of_frame
+from meshreel.model.sequence import Faces, MeshSequence, frames_of, segment_of_frame
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind
 from meshreel.registration.register import Registration
@@ -169,7 +170,7 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
 
 def bake(
     registration: Registration,
-    sequence: Segmented,
+    sequence: MeshSequence | ReelFile,
     images: Iterable[PillowImage.Image],
     size: Size,
     progress: Progress = silent,

@@ -11,11 +11,11 @@ import numpy as np
 
 from meshreel.arrays import rows_as_bytes
 from meshreel.codec.error_bounds import ErrorBound
+from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.sequence import (
     FrameSource,
     MeshSequence,
-    Segmented,
     frames_of,
     segment_of_frame,
     tracks_of_all,
@@ -160,7 +160,9 @@ class Registration:
         """Return a raw frame with its cleaned surface."""
         return _raw_frame(self.raw, self.frames, number)
 
-    def distances_of(self, sequence: Segmented, progress: Progress = silent) -> Distances:
+    def distances_of(
+        self, sequence: MeshSequence | ReelFile, progress: Progress = silent
+    ) -> Distances:
         """Return the distances of a sequence or a file, such as the encoded one.
 
         Frames without a surface do not count.
@@ -177,7 +179,7 @@ class Registration:
                 progress("measuring", Count(len(errors), n_frames, "frames"))
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
-    def _mesh(self, sequence: Segmented, number: int) -> TriangleMesh:
+    def _mesh(self, sequence: MeshSequence | ReelFile, number: int) -> TriangleMesh:
         frame = sequence[number]
         return TriangleMesh(self.frames.normalized(frame.vertices), frame.faces)
 

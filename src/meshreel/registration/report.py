@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.surface_distance import point_psnr_db
 from meshreel.model.frame_choice import evenly_spaced
-from meshreel.model.sequence import MeshFrame, Segmented
+from meshreel.model.sequence import MeshFrame, MeshSequence
 from meshreel.registration.register import Distances, Registration
 from meshreel.runtime.counting import change_text, counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
@@ -60,7 +61,10 @@ class Report:
 
     @classmethod
     def measured(
-        cls, registration: Registration, decoded: Segmented, progress: Progress = silent
+        cls,
+        registration: Registration,
+        decoded: MeshSequence | ReelFile,
+        progress: Progress = silent,
     ) -> "Report":
         """Measure a decoded sequence or a file, and the registered sequence."""
         return cls(
@@ -121,7 +125,7 @@ class Report:
 
 
 def point_psnr(
-    registration: Registration, sequence: Segmented, progress: Progress = silent
+    registration: Registration, sequence: MeshSequence | ReelFile, progress: Progress = silent
 ) -> PointPsnr:
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
     raw, numbers = registration.raw, _measured_numbers(registration)
