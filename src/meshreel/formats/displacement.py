@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from meshreel.errors import InvalidInputError, Keyword, Message
-from meshreel.formats.frames.stored_frames import Description, ReadableFrames
+from meshreel.formats.frames.stored_frames import Description
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
@@ -77,14 +77,9 @@ def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) 
         )
     tracks = {other: kept for other, kept in segment.tracks.items() if other != name}
     about = Description(segment.faces, segment.name, segment.timing, segment.surface)
-    frames = ReadableFrames(
-        segment.n_frames,
-        segment.n_verts,
-        segment.dtype,
-        _reader(segment, track, factor),
-        getattr(segment, "files", ()),
-    )
-    return frames.open(about, tracks, max_loaded_bytes)
+    shape, files = (segment.n_frames, segment.n_verts), getattr(segment, "files", ())
+    read = _reader(segment, track, factor)
+    return about.open(shape, segment.dtype, read, files, tracks, max_loaded_bytes)
 
 
 def _reader(

@@ -25,7 +25,6 @@ from meshreel.formats.frames.stored_frames import (
     CheckedReader,
     Description,
     RawArray,
-    ReadableFrames,
 )
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.notes import (
@@ -249,10 +248,9 @@ def _open_frames(positions: RawArray, about: Description, options: ReadOptions) 
     """Return the sequence of a point cache, loaded if it is small enough."""
     n_frames, n_verts, _ = positions.shape
     path, dtype = positions.path, np.dtype(np.float32)
-    read = CheckedReader(path, positions.read)
-    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,))
+    read, max_bytes = CheckedReader(path, positions.read), options.max_loaded_bytes
     with errors_naming(path):
-        return frames.open(about, {}, options.max_loaded_bytes, options.progress)
+        return about.open((n_frames, n_verts), dtype, read, [path], {}, max_bytes, options.progress)
 
 
 def single_precision(stream: FrameStream) -> Iterator[Vertices]:

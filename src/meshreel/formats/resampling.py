@@ -1,12 +1,13 @@
 """Frames at a constant rate, interpolated between frames at other times."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.frames.stored_frames import Description, ReadableFrames, StoredTrack
+from meshreel.formats.frames.stored_frames import Description, StoredTrack
 from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
 from meshreel.model.sequence import FrameSource, MeshSequence
@@ -108,14 +109,9 @@ def _resampled(
     timing = Timing.of_times(wanted)
     about = Description(segment.faces, segment.name, timing, segment.surface)
     tracks = {name: resampled_track(track) for name, track in segment.tracks.items()}
-    frames = ReadableFrames(
-        len(wanted),
-        segment.n_verts,
-        segment.dtype,
-        lambda start, stop: between(segment.read, start, stop),
-        getattr(segment, "files", ()),
-    )
-    return frames.open(about, tracks, max_loaded_bytes)
+    shape, files = (len(wanted), segment.n_verts), getattr(segment, "files", ())
+    read = partial(between, segment.read)
+    return about.open(shape, segment.dtype, read, files, tracks, max_loaded_bytes)
 
 
 def _unit_length(normals: Values) -> Values:

@@ -24,7 +24,7 @@ from meshreel.formats.arrays.named_arrays import (
 from meshreel.formats.arrays.named_tracks import TRACKS_FOLDER, Candidate, array_names, named_tracks
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.stored_frames import CheckedReader, ReadableFrames, changed_error
+from meshreel.formats.frames.stored_frames import CheckedReader, changed_error
 from meshreel.formats.hdf import (
     Dataset,
     HdfOutput,
@@ -101,10 +101,10 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 candidates, n_frames, n_verts, about, options.notes
             ).items()
         }
+    shape, max_bytes = (n_frames, n_verts), options.max_loaded_bytes
     read = CheckedReader(path, _reader(path, positions, layout))
-    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,))
     with errors_naming(path):
-        return frames.open(about, tracks, options.max_loaded_bytes, options.progress)
+        return about.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
 
 
 def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:

@@ -39,7 +39,6 @@ from meshreel.formats.frames.stored_frames import (
     CheckedReader,
     Description,
     RawArray,
-    ReadableFrames,
 )
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -124,10 +123,16 @@ def _stored_frames(
     """Return frames that stay in the file, after reading and verifying them once."""
     path, (n_frames, n_verts, _) = stored.path, stored.shape
     verify_member(path, positions)
-    dtype, read = stored.dtype.newbyteorder("="), CheckedReader(path, stored.read)
-    frames = ReadableFrames(n_frames, n_verts, dtype, read, (path,))
     with errors_naming(path):
-        return frames.open(about, tracks, options.max_loaded_bytes, options.progress)
+        return about.open(
+            (n_frames, n_verts),
+            stored.dtype.newbyteorder("="),
+            CheckedReader(path, stored.read),
+            [path],
+            tracks,
+            options.max_loaded_bytes,
+            options.progress,
+        )
 
 
 def _track(path: Path, found: NamedTrack) -> TrackSource:

@@ -237,6 +237,53 @@ class Description:
             **vars(self),
         )
 
+    def open(
+        self,
+        shape: tuple[int, int],
+        dtype: np.dtype[np.floating],
+        read: Callable[[int, int], Vertices],
+        files: Sequence[Path],
+        tracks: Mapping[str, TrackSource],
+        max_loaded_bytes: int | None,
+        progress: Progress = silent,
+    ) -> FrameSource:
+        """Return the sequence, loaded if it is within a size; all positions are read once now.
+
+        Parameters
+        ----------
+        shape : tuple of int
+            Numbers of frames and vertices, at least 1.
+        dtype : dtype
+            float32 or float64. Type of the positions.
+        read, files, tracks
+            As of `StoredFrames`.
+        max_loaded_bytes : int, optional
+            Size of positions and tracks that are loaded at most. Default: all are.
+
+        Raises
+        ------
+        InvalidInputError
+            If a position is not finite or the description does not fit.
+        """
+        n_frames, n_verts = shape
+        frame_bytes = n_verts * 3 * dtype.itemsize
+        size = n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
+        is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
+        vertices: Vertices = np.empty((n_frames * is_loaded, n_verts, 3), dtype)
+        survey, step = FrameSurvey(), max(1, BLOCK_BYTES // frame_bytes)
+        for start in range(0, n_frames, step):
+            stop = min(start + step, n_frames)
+            block = read(start, stop)
+            validate_finite(block, first_frame=start)
+            if is_loaded:
+                vertices[start:stop] = block
+            else:
+                survey.add(block)
+            progress("reading", Count(stop, n_frames, "frames"))
+        if is_loaded:
+            return self.loaded(vertices, read_tracks(tracks))
+        return self.stored(shape, survey, read, files, tracks)
+
 
 @dataclass(frozen=True)
 class RawArray:
@@ -264,50 +311,3 @@ class RawArray:
         if len(numbers) < (stop - start) * size:
             raise changed_error(f"{self.path} (frame {start + len(numbers) // size})")
         return native(numbers).reshape(-1, *self.shape[1:])
-
-
-@dataclass(frozen=True, eq=False)
-class ReadableFrames:
-    """Positions of shape (T, V, 3) that are read from a file, or computed, a range at a time."""
-
-    n_frames: int
-    n_verts: int
-    """At least 1."""
-    dtype: np.dtype[np.floating]
-    """float32 or float64. Type of the positions that `read` returns."""
-    read: Callable[[int, int], Vertices]
-    """Returns the positions of frames start..stop - 1."""
-    files: tuple[Path, ...] = ()
-    """Files with the positions."""
-
-    def open(
-        self,
-        about: Description,
-        tracks: Mapping[str, TrackSource],
-        max_loaded_bytes: int | None,
-        progress: Progress = silent,
-    ) -> FrameSource:
-        """Return the sequence, loaded if it is within a size; all positions are read once now.
-
-        Raises
-        ------
-        InvalidInputError
-            If a position is not finite or the description does not fit.
-        """
-        frame_bytes = self.n_verts * 3 * self.dtype.itemsize
-        size = self.n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
-        is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
-        vertices: Vertices = np.empty((self.n_frames * is_loaded, self.n_verts, 3), self.dtype)
-        survey, step = FrameSurvey(), max(1, BLOCK_BYTES // frame_bytes)
-        for start in range(0, self.n_frames, step):
-            stop = min(start + step, self.n_frames)
-            block = self.read(start, stop)
-            validate_finite(block, first_frame=start)
-            if is_loaded:
-                vertices[start:stop] = block
-            else:
-                survey.add(block)
-            progress("reading", Count(stop, self.n_frames, "frames"))
-        if is_loaded:
-            return about.loaded(vertices, read_tracks(tracks))
-        return about.stored((self.n_frames, self.n_verts), survey, self.read, self.files, tracks)
