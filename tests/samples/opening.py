@@ -6,6 +6,7 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
+from meshreel.model.surface import PLAIN
 
 
 def open_source(source, *, topology=None, max_loaded_bytes=0, **options):
@@ -26,10 +27,12 @@ def stored(sequence, read_range, n_frames=None):
     return StoredFrames(
         n_frames=n_frames or sequence.n_frames,
         n_verts=sequence.n_verts,
-        faces=sequence.faces,
+        read_faces=lambda: sequence.faces,
+        read_surface=lambda: PLAIN,
+        read_tracks=dict,
         timing=sequence.timing,
         name=sequence.name,
         dtype=sequence.dtype,
-        extent=sequence.extent,
+        read_extent=lambda: sequence.extent,
         read_range=read_range,
     )

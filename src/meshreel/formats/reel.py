@@ -3,14 +3,10 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
-from functools import cached_property
 from io import FileIO
 from itertools import pairwise, starmap
 from pathlib import Path
 from typing import Any, BinaryIO, cast
-
-import numpy as np
 
 from meshreel.codec.decoder import decode
 from meshreel.codec.inspect import StreamInfo, file_info
@@ -19,21 +15,18 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.formats.file_errors import errors_naming, refuse_pipe
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.frames.stored_frames import FrameSurvey
+from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import (
-    Faces,
     MeshSequence,
     Vertices,
     positions_size_bytes,
 )
-from meshreel.model.surface import Surface
-from meshreel.model.timing import Timed, Timing
-from meshreel.model.tracks import TrackSource
+from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.stores.address import is_remote, without_query
 from meshreel.runtime.stores.ranged_file import open_ranged
@@ -168,103 +161,54 @@ def _stored(path: Path, options: ReadOptions) -> MeshSequence:
         reel.require_whole()
     name, timing = reel.name or path.stem, reel.timing.at_rate(options.fps)
     segments = [
-        StoredSegment(reel, number, path, name, timing.part(frames))
+        _stored_segment(reel, number, path, name, timing.part(frames))
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))
     ]
     return MeshSequence.of_segments(segments, name, timing)
 
 
-@dataclass(frozen=True, eq=False)
-class StoredSegment(Timed):
-    """A `FrameSource` with the frames of a segment of a `.reel` file.
+def _stored_segment(
+    whole: ReelFile, number: int, path: Path, name: str, timing: Timing
+) -> StoredFrames:
+    """Return the frames of a segment.
 
-    Nothing decoded is kept here: the file keeps the last segments that were read, so that a
+    Nothing decoded is kept in it: the file keeps the last segments that were read, so that a
     sequence of many segments takes little memory.
     """
 
-    whole: ReelFile
-    number: int
-    """Number of the segment."""
-    path: Path
-    """Path of the file, for errors."""
-    name: str
-    timing: Timing
-    """As in `MeshSequence`."""
-    change: Callable[[Surface], Surface] = lambda surface: surface
-    """Returns the surface to show instead."""
+    def read(what: Callable[[ReelFile], Any]) -> Any:
+        with errors_naming(path):
+            return what(whole.segments[number])
 
-    def replace(self, **changes: Any) -> "StoredSegment":
-        """Return the segment with another timing, name or surface."""
-        if "surface" in changes:
-            surface = changes.pop("surface")
-            changes["change"] = lambda _: surface
-        return replace(self, **changes)
+    def pieces(frames: range) -> Iterator[tuple[int, Vertices]]:
+        with errors_naming(path):
+            for start, vertices in whole.segments[number].pieces(frames):
+                yield start, _finite(vertices, start)
 
-    def changed(self, change: Callable[[Surface], Surface]) -> "StoredSegment":
-        """Return the segment with another surface, which `change` derives from the present one."""
-        before = self.change
-        return replace(self, change=lambda surface: change(before(surface)))
-
-    @property
-    def _reel(self) -> ReelFile:
-        return self.whole.segments[self.number]
-
-    @property
-    def n_frames(self) -> int:  # type: ignore[override]
-        """Number of frames, T."""
-        return self.whole.starts[self.number + 1] - self.whole.starts[self.number]
-
-    @property
-    def n_verts(self) -> int:
-        """Number of vertices, V."""
-        return self._reel.n_verts
-
-    @property
-    def dtype(self) -> np.dtype[np.floating]:
-        """Number type of the positions."""
-        return self._reel.dtype
-
-    @property
-    def faces(self) -> Faces:
-        """Vertex indices of each triangle, of shape (M, 3)."""
-        with errors_naming(self.path):
-            return self._reel.faces
-
-    @property
-    def surface(self) -> Surface:
-        """Polygons, attributes, groups, parts and materials of the mesh."""
-        with errors_naming(self.path):
-            return self.change(self._reel.surface)
-
-    @property
-    def tracks(self) -> dict[str, TrackSource]:
-        """Tracks by name, decoded when they are read."""
-        return {**self._reel.tracks}
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The file."""
-        return (self.path,)
-
-    @cached_property
-    def extent(self) -> Extent:
-        """Extent of the positions; all frames are decoded on first use."""
+    def read_extent() -> Extent:
         survey = FrameSurvey()
-        for _, vertices in self.pieces(range(self.n_frames)):
+        for _, vertices in pieces(range(n_frames)):
             survey.add(vertices)
         return survey.extent
 
-    def read(self, start: int, stop: int) -> Vertices:
-        """Decode the positions of frames start..stop - 1, with the index rules of slices."""
-        start, stop, _ = slice(start, stop).indices(self.n_frames)
-        with errors_naming(self.path):
-            return _finite(self._reel.read(start, max(start, stop)), start)
-
-    def pieces(self, frames: range) -> Iterator[tuple[int, Vertices]]:
-        """Yield runs of frames: number of the first, and positions of shape (T_run, V, 3)."""
-        with errors_naming(self.path):
-            for start, vertices in self._reel.pieces(frames):
-                yield start, _finite(vertices, start)
+    n_frames = whole.starts[number + 1] - whole.starts[number]
+    return StoredFrames(
+        n_frames=n_frames,
+        n_verts=read(lambda segment: segment.n_verts),
+        dtype=read(lambda segment: segment.dtype),
+        name=name,
+        read_range=lambda start, stop: read(
+            lambda segment: _finite(segment.read(start, stop), start)
+        ),
+        read_faces=lambda: read(lambda segment: segment.faces),
+        read_surface=lambda: read(lambda segment: segment.surface),
+        read_tracks=lambda: read(lambda segment: {**segment.tracks}),
+        read_extent=read_extent,
+        timing=timing,
+        files=(path,),
+        keeps_mesh=False,
+        pieces=pieces,
+    )
 
 
 def _finite(vertices: Vertices, first_frame: int) -> Vertices:

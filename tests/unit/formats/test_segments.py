@@ -9,9 +9,9 @@ from meshreel.codec import reel_file
 from meshreel.codec.reel_file import MAX_OPEN_SEGMENTS, ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.formats.frames import frame_stream
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.reel import StoredSegment
 from meshreel.formats.save import save
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
@@ -110,7 +110,7 @@ def opened(path, **options):
 
 def test_stored_segments_are_those_that_load_decodes(path):
     result, expected = opened(path), meshreel.load(path)
-    assert all(isinstance(segment, StoredSegment) for segment in result.segments)
+    assert all(isinstance(segment, StoredFrames) for segment in result.segments)
     assert (result.starts, result.name, result.fps) == (expected.starts, "a", expected.fps)
     assert result.raw_size_bytes == expected.raw_size_bytes
     for one, other in zip(result.segments, expected.segments, strict=True):
@@ -133,7 +133,7 @@ def test_segments_are_stored_above_max_loaded_bytes(path, surplus, is_stored):
     expected = meshreel.load(path)
     size = sum(segment.read(0, segment.n_frames).nbytes for segment in expected.segments)
     result = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
-    assert isinstance(result.segments[0], StoredSegment) == is_stored
+    assert isinstance(result.segments[0], StoredFrames) == is_stored
 
 
 def test_stored_segments_have_the_selected_attributes(path):
@@ -194,14 +194,14 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
 def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
     monkeypatch.setattr(frame_stream, "MAX_KEPT_BYTES", limit)
     monkeypatch.setattr(reel_file, "MAX_OPEN_SEGMENTS", 1)
-    surface_of, numbers = vars(StoredSegment)["surface"].fget, []
+    surface_of, numbers = vars(ReelFile)["surface"].fget, []
 
     def counted(segment):
-        numbers.append(segment.number)
+        numbers.append(segment._number)
         return surface_of(segment)
 
     sequence = opened(path)
-    monkeypatch.setattr(StoredSegment, "surface", property(counted))
+    monkeypatch.setattr(ReelFile, "surface", property(counted))
     meshreel.save(sequence, tmp_path / "a.vtkhdf", notes=[])
     assert max(np.bincount(numbers)) <= n_decodings + 1
     assert min(np.bincount(numbers)) >= n_decodings

@@ -240,7 +240,7 @@ class SegmentedStream:
 
 def _blocks(source: Any, frames: range) -> Iterator[Vertices]:
     """Yield the positions of consecutive frames, in as large blocks as the source decodes."""
-    if hasattr(source, "pieces"):
-        yield from (block for _, block in source.pieces(frames))
+    if (pieces := getattr(source, "pieces", None)) is not None:
+        yield from (block for _, block in pieces(frames))
     else:
         yield from (source.read(index, index + 1) for index in frames)

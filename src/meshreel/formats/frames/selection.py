@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from meshreel.formats.file_errors import errors_naming
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import ALL, Names, select
@@ -16,7 +17,6 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
 
     Parameters
     ----------
-    sequence : MeshSequence, StoredFrames, or a sequence that decodes its surface
     names : str or sequence of str
         As `meshreel.model.surface_selection.select` takes them.
     path : Path
@@ -31,8 +31,8 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
         return sequence
     with errors_naming(path):
         surface = select(sequence.surface, names)
-    if (changed := getattr(sequence, "changed", None)) is not None:  # keep no decoded surface
-        return cast("FrameSource", changed(partial(select, names=names)))
+    if isinstance(sequence, StoredFrames) and not sequence.keeps_mesh:
+        return sequence.changed(partial(select, names=names))
     return with_surface(sequence, surface)
 
 

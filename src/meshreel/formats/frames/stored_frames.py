@@ -2,8 +2,9 @@
 
 import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -35,49 +36,101 @@ from meshreel.model.validation import (
 )
 from meshreel.runtime.progress import Count, Progress, silent
 
+MESH = {"faces", "surface", "tracks"}
+
 
 @dataclass(frozen=True, eq=False)
 class StoredFrames(Timed):
-    """A `FrameSource` whose positions are in files.
-
-    Raises
-    ------
-    InvalidInputError
-        If a face has a vertex index out of range, or the surface or a track does not fit.
-    """
+    """A `FrameSource` whose positions, and perhaps faces, surface and tracks, are in files."""
 
     n_frames: int
     n_verts: int
-    faces: Faces
-    """Integer array of shape (M, 3)."""
-    name: str
     dtype: np.dtype[np.floating]
     """float32 or float64."""
-    extent: Extent
-    """Bounding box of all frames, in `dtype`."""
+    name: str
     read_range: Callable[[int, int], Vertices]
     """Reads the positions of frames start..stop - 1, of shape (stop - start, V, 3)."""
+    read_faces: Callable[[], Faces]
+    read_surface: Callable[[], Surface]
+    read_tracks: Callable[[], Mapping[str, TrackSource]]
+    read_extent: Callable[[], Extent]
+    """Returns the bounding box of all frames, in `dtype`."""
     timing: Timing = UNTIMED
-    surface: Surface = PLAIN
     files: tuple[Path, ...] = ()
     """Files with the positions."""
-    tracks: Mapping[str, TrackSource] = field(default_factory=dict)
+    keeps_mesh: bool = True
+    """Whether faces, surface and tracks are in memory."""
+    pieces: Callable[[range], Iterator[tuple[int, Vertices]]] | None = None
+    """Yields runs of consecutive frames that are read together: number of the first, and positions.
+    Default: frames are read one at a time.
+    """
+
+    @property
+    def faces(self) -> Faces:
+        """Integer array of shape (M, 3)."""
+        return self.read_faces()
+
+    @property
+    def surface(self) -> Surface:
+        """As in `MeshSequence`."""
+        return self.read_surface()
+
+    @property
+    def tracks(self) -> Mapping[str, TrackSource]:
+        """Tracks by name, whose values are read on demand."""
+        return self.read_tracks()
+
+    @cached_property
+    def extent(self) -> Extent:
+        """Bounding box of all frames."""
+        return self.read_extent()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "faces", read_only(validate_faces(self.faces, self.n_verts)))
         self.timing.check(self.n_frames)
-        surface = self.surface.validated(self.n_verts, self.faces)
-        object.__setattr__(self, "surface", surface)
-        check_tracks(self.tracks, self.n_frames, self.n_verts, len(self.faces), surface)
 
     def replace(self, **changes: Any) -> "StoredFrames":
-        """Return the frames with other values of some parameters."""
+        """Return the frames with other values of some parameters of `MeshSequence`.
+
+        Raises
+        ------
+        InvalidInputError
+            If faces, surface or tracks do not fit.
+        """
+        if given := MESH & changes.keys():
+            mesh = {name: changes.pop(name, getattr(self, name)) for name in MESH}
+            readers = _mesh_readers(self.n_frames, self.n_verts, **mesh)
+            changes |= {name: readers[name] for name in map("read_{}".format, given)}
         return replace(self, **changes)
+
+    def changed(self, change: Callable[[Surface], Surface]) -> "StoredFrames":
+        """Return the frames with another surface, which `change` derives from the present one."""
+        read = self.read_surface
+        return replace(self, read_surface=lambda: change(read()))
 
     def read(self, start: int, stop: int) -> Vertices:
         """Read the positions of frames start..stop - 1, with the index rules of slices."""
         start, stop, _ = slice(start, stop).indices(self.n_frames)
         return self.read_range(start, max(start, stop))
+
+
+def _mesh_readers(
+    n_frames: int,
+    n_verts: int,
+    faces: Faces,
+    surface: Surface,
+    tracks: Mapping[str, TrackSource],
+) -> dict[str, Any]:
+    """Return the functions of `StoredFrames` for a mesh in memory; raises as its `replace`."""
+    faces = read_only(validate_faces(faces, n_verts))
+    surface = surface.validated(n_verts, faces)
+    check_tracks(tracks, n_frames, n_verts, len(faces), surface)
+    mesh = {"faces": faces, "surface": surface, "tracks": tracks}
+    return {f"read_{name}": partial(_same, value) for name, value in mesh.items()}
+
+
+def _same(value: Any) -> Any:
+    """Return the value; partial applications can be pickled."""
+    return value
 
 
 def checksum(values: npt.NDArray[Any]) -> int:
@@ -230,11 +283,12 @@ class Description:
             n_frames=n_frames,
             n_verts=n_verts,
             dtype=survey.dtype,
-            extent=survey.extent,
+            name=self.name,
+            timing=self.timing,
             read_range=read_range,
+            read_extent=partial(_same, survey.extent),
             files=tuple(files),
-            tracks=tracks,
-            **vars(self),
+            **_mesh_readers(n_frames, n_verts, self.faces, self.surface, tracks),
         )
 
     def open(
