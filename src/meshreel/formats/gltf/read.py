@@ -131,7 +131,6 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             posed.frame,
             posed.surface,
             times.fps or None,
-            positions=posed.positions,
         )
 
     meshes = [
@@ -400,7 +399,7 @@ class PosedMesh:
     """Returns the mesh at rest."""
     _blocks: dict[int, Vertices] = field(default_factory=dict)
 
-    def positions(self, start: int, stop: int) -> Vertices:
+    def _positions(self, start: int, stop: int) -> Vertices:
         """Return the float32 positions of frames start..stop - 1."""
         geometry, blocks = self._geometry, []
         carriers = self.mesh.carriers
@@ -421,11 +420,13 @@ class PosedMesh:
         faces = self._faces
         step = max(1, BLOCK_BYTES // faces.vertices.nbytes)
         first = 0 if index == 0 else 1 + (index - 1) // step * step
-        if first not in self._blocks:
-            self._blocks.clear()
+        block = self._blocks.get(first)
+        if block is None:  # several threads may read frames
             stop = min(first + step, len(self.times_s)) if index else 1
-            self._blocks[first] = self.positions(first, stop)
-        return PolygonMesh(self._blocks[first][index - first], faces.counts, faces.corners)
+            block = self._positions(first, stop)
+            self._blocks.clear()
+            self._blocks[first] = block
+        return PolygonMesh(block[index - first], faces.counts, faces.corners)
 
     def surface(self, index: int) -> Surface:
         """Return the surface of the mesh, which is the same in all frames."""

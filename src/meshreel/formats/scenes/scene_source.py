@@ -1,10 +1,10 @@
 """Opening of one sequence from a file of several meshes: selected or merged, and checked."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -127,10 +127,7 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
         If a position is not finite; the message names the frame.
     """
     with errors_naming(path):
-        if mesh.positions is None:
-            runs = _read_frames(mesh, options)
-        else:
-            runs = [_read_blocks(mesh, mesh.positions, options)]
+        runs = _read_frames(mesh, options)
         # Surfaces and tracks depend on what changes in any frame.
         starts, timing = [run.start for run in runs], _timing(mesh, options)
         for run, stop in zip(runs, [*starts[1:], len(mesh.times_s)], strict=True):
@@ -146,35 +143,38 @@ def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
     return timing.at_rate(options.fps or declared or None)
 
 
-def _read_blocks(
-    mesh: SceneMesh, positions: Callable[[int, int], Vertices], options: ReadOptions
-) -> "_SceneRun":
-    """Read the frames of a mesh whose faces never change."""
-    n_frames, run = len(mesh.times_s), _SceneRun(mesh, 0, mesh.frame(0), options.max_loaded_bytes)
-    step = max(1, BLOCK_BYTES // run.first.vertices.nbytes)
-    for start in range(0, n_frames, step):
-        stop = min(start + step, n_frames)
-        run.add_block(positions(start, stop))
-        options.progress("reading", Count(stop, n_frames, "frames"))
-    return run
-
-
 def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
     """Read the frames of a mesh, and compare their faces."""
     runs: list[_SceneRun] = []
     n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
-    for index in range(n_frames):
-        frame = mesh.frame(index)
-        if not runs or not frame.has_faces_of(runs[-1].first):
-            if runs:
-                runs[-1].check()
-            kept_bytes = sum(run.kept_bytes for run in runs)
-            limit = None if budget is None else max(0, budget - kept_bytes)
-            runs.append(_SceneRun(mesh, index, frame, limit))
-        if runs[-1].add(frame) or index + 1 == n_frames:
-            options.progress("reading", Count(index + 1, n_frames, "frames"))
-    runs[-1].check()
+    last: PolygonMesh | None = None
+    for start, frames in _read_blocks(mesh):
+        begins = {
+            place
+            for place, (frame, before) in enumerate(zip(frames, [last, *frames], strict=False))
+            if before is None or not frame.has_faces_of(before)
+        }
+        for place, stop in pairwise(sorted({0, *begins, len(frames)})):
+            if place in begins:
+                kept_bytes = sum(run.kept_bytes for run in runs)
+                limit = None if budget is None else max(0, budget - kept_bytes)
+                runs.append(_SceneRun(mesh, start + place, frames[place], limit))
+            runs[-1].add(np.array([frame.vertices for frame in frames[place:stop]]))
+        last = frames[-1]
+        options.progress("reading", Count(start + len(frames), n_frames, "frames"))
     return runs
+
+
+def _read_blocks(mesh: SceneMesh) -> Iterator[tuple[int, list[PolygonMesh]]]:
+    """Yield frames whose positions take little memory together, and the number of the first."""
+    frames: list[PolygonMesh] = []
+    block_bytes, n_frames = 0, len(mesh.times_s)
+    for index in range(n_frames):
+        frames.append(mesh.frame(index))
+        block_bytes += frames[-1].vertices.nbytes
+        if block_bytes > BLOCK_BYTES or index + 1 == n_frames:
+            yield index + 1 - len(frames), frames
+            frames, block_bytes = [], 0
 
 
 class _SceneRun:
@@ -195,8 +195,7 @@ class _SceneRun:
         self._mesh, self._max_bytes = mesh, max_bytes
         self._survey = FrameSurvey()
         self._blocks: list[Vertices] = []
-        self._unchecked: list[Any] = []
-        self._n_checked = 0
+        self._n_frames = 0
         self._is_loaded = True
 
     @property
@@ -204,24 +203,10 @@ class _SceneRun:
         """Size of the kept frames."""
         return sum(block.nbytes for block in self._blocks)
 
-    def add(self, frame: PolygonMesh) -> bool:
-        """Add the next frame; return whether it completed a block, which is then checked."""
-        self._unchecked.append(frame.vertices)
-        is_complete = len(self._unchecked) * frame.vertices.nbytes > BLOCK_BYTES
-        if is_complete:
-            self.check()
-        return is_complete
-
-    def check(self) -> None:
-        """Check the frames since the last block."""
-        if self._unchecked:
-            self.add_block(np.stack(self._unchecked))
-            self._unchecked.clear()
-
-    def add_block(self, block: Vertices) -> None:
+    def add(self, block: Vertices) -> None:
         """Check the next frames, of shape (K, V, 3), and keep them unless all become too large."""
-        validate_finite(block, first_frame=self.start + self._n_checked)
-        self._n_checked += len(block)
+        validate_finite(block, first_frame=self.start + self._n_frames)
+        self._n_frames += len(block)
         self._survey.add(block)
         self._blocks.append(block)
         is_large = self._max_bytes is not None and self.kept_bytes > self._max_bytes
@@ -249,8 +234,6 @@ class _SceneRun:
     def _read(self, start: int, stop: int) -> Vertices:
         """Return the positions of frames start..stop - 1 of the run, of shape (K, V, 3)."""
         mesh, dtype = self._mesh, self._survey.dtype
-        if mesh.positions is not None and start < stop:
-            return mesh.positions(self.start + start, self.start + stop).astype(dtype, copy=False)
         vertices: Vertices = np.empty((stop - start, *self.first.vertices.shape), dtype)
         for row, index in enumerate(range(self.start + start, self.start + stop)):
             vertices[row] = mesh.frame(index).vertices

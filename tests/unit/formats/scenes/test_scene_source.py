@@ -59,29 +59,6 @@ def test_large_frames_stay_in_the_file():
     np.testing.assert_array_equal(result.extent.low, sequence.extent.low)
 
 
-def in_blocks(mesh, sequence, reads):
-    """A scene mesh that also gives positions of several frames, and records the ranges read."""
-
-    def positions(start, stop):
-        reads.append((start, stop))
-        return sequence.vertices[start:stop]
-
-    return replace(mesh, positions=positions)
-
-
-@pytest.mark.parametrize("max_loaded_bytes", [None, 100])
-def test_positions_of_several_frames_are_read_at_once(monkeypatch, max_loaded_bytes):
-    sequence, reads = quad_sheet(), []
-    monkeypatch.setattr(
-        "meshreel.formats.scenes.scene_source.BLOCK_BYTES", 2 * sequence.vertices[0].nbytes
-    )
-    mesh = in_blocks(scene_mesh(sequence, "/sheet"), sequence, reads)
-    result = opened([mesh], max_loaded_bytes=max_loaded_bytes)
-    n_frames = sequence.n_frames
-    assert reads == [(start, min(start + 2, n_frames)) for start in range(0, n_frames, 2)]
-    assert result.read(0, n_frames).tobytes() == sequence.vertices.tobytes()
-
-
 def test_error_lists_the_meshes_if_none_is_selected():
     meshes = [scene_mesh(quad_sheet(), name) for name in ("/a", "/b")]
     with pytest.raises(InvalidInputError, match=r"2 meshes: /a, /b; choose one with object"):
@@ -209,8 +186,11 @@ def test_merging_renames_different_materials_of_one_name():
     np.testing.assert_array_equal(result.groups[0].numbers[n_faces:], expected)
 
 
-def test_changing_faces_begin_another_segment():
+@pytest.mark.parametrize("n_together", [1, 3, 9])
+def test_changing_faces_begin_another_segment(n_together, monkeypatch):
     mesh = scene_mesh(quad_sheet(4), "/a")
+    block_bytes = n_together * mesh.frame(0).vertices.nbytes - 1
+    monkeypatch.setattr("meshreel.formats.scenes.scene_source.BLOCK_BYTES", block_bytes)
     other = PolygonMesh(np.zeros((9, 3), np.float32), np.array([3]), np.array([0, 1, 2], np.int32))
     frames = [mesh.frame(0), mesh.frame(1), other, other]
     segments = opened([SceneMesh("/a", mesh.times_s, frames.__getitem__)]).segments
