@@ -14,8 +14,9 @@ from meshreel.formats.gltf.mesh_writer import (
     describe_losses,
     mesh_json,
     split_at_seams,
+    static_normals,
+    wants_normals,
 )
-from meshreel.formats.gltf.morph_mesh import static_normals, wants_normals
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.gltf.write import (
     COMPRESSED_ADVICE,

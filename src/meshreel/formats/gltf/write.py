@@ -15,8 +15,14 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.gltf.container import MESHOPT, QUANTIZATION, BufferWriter, Json
 from meshreel.formats.gltf.materials import Materials
-from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams, write_mesh
-from meshreel.formats.gltf.morph_mesh import MorphMesh, ShadingMesh, fit_part
+from meshreel.formats.gltf.mesh_writer import (
+    MorphMesh,
+    ShadingMesh,
+    describe_losses,
+    fit_part,
+    split_at_seams,
+    write_mesh,
+)
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.notes import NoteKind, add_note, add_once, written_times

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.formats.gltf.container import BufferWriter, write_container
 from meshreel.formats.gltf.materials import Materials
-from meshreel.formats.gltf.mesh_writer import split_at_seams, write_mesh
-from meshreel.formats.gltf.morph_mesh import MorphMesh, NormalTargets
+from meshreel.formats.gltf.mesh_writer import MorphMesh, NormalTargets, split_at_seams, write_mesh
 from meshreel.formats.gltf.morphs import IDENTITY, Placement
 from meshreel.formats.gltf.write import NodeTree, assemble_document
 from meshreel.formats.scenes.parts import split_parts

@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.mesh_writer import describe_losses, split_at_seams
-from meshreel.formats.gltf.morph_mesh import (
+from meshreel.formats.gltf.mesh_writer import (
+    describe_losses,
     fit_part,
     select_normal_targets,
+    split_at_seams,
     static_normals,
 )
 from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_morphs, measure
