@@ -8,6 +8,7 @@ import pytest
 import meshreel
 from meshreel.codec.bitstream.container import write_varints
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.reel.encoding.stored_grid import coarse_grid
 from meshreel.codec.reel.normative.grid import ON_SURFACE, PositionGrid, write_form
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
@@ -278,3 +279,40 @@ def test_invalid_rounding_is_refused(payload, message):
     ]
     with pytest.raises(CorruptStreamError, match=message):
         meshreel.decode(raw_stream(stream.header, parts))
+
+
+def on_coarse_grid(noise, n_more=0):
+    """Positions near a grid of 10 cells along the longest side, far from the origin, and others."""
+    rng = np.random.default_rng(8)
+    cells = np.concatenate([[[0, 0, 0], [10, 4, 7]], rng.integers(0, (11, 5, 8), (200, 3))])
+    more = rng.uniform((0, 0, 0), (10, 4, 7), (n_more, 3))
+    positions = 0.25 * np.concatenate([cells, more]) + (40, -3, 9)
+    return positions + rng.uniform(-noise, noise, positions.shape)
+
+
+def test_coarse_grid_is_found_within_the_tolerance():
+    positions = on_coarse_grid(noise=1e-3)
+    step, origin = coarse_grid(positions, tolerance=3e-3)
+    assert step == pytest.approx(0.25, rel=2e-3)
+    cells = (positions - origin) / step
+    assert np.abs(cells - np.rint(cells)).max() * step < 4e-3
+    assert coarse_grid(positions, tolerance=5e-4) is None
+
+
+def test_a_single_position_off_a_coarse_grid_excludes_it():
+    assert coarse_grid(on_coarse_grid(0.0, n_more=1), tolerance=1e-3) is None
+    assert coarse_grid(np.zeros((5, 3)), tolerance=1e-3) is None
+
+
+@pytest.mark.parametrize("target", [{"max_error": 0.1}, {"quality": 80}])
+@pytest.mark.parametrize("n_frames", [1, 3])
+def test_positions_near_a_coarse_grid_are_stored_on_it(target, n_frames):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    faces = [[0, 2, 1], [0, 3, 2], [0, 1, 4], [1, 2, 4]]
+    moving = np.stack([corners + np.float32([i, 0, 0]) for i in range(n_frames)])
+    pyramid = meshreel.MeshSequence(moving, np.array(faces))
+    shaken = np.random.default_rng(1).normal(size=moving.shape) * 0.01
+    other = pyramid.replace(vertices=(moving + shaken).astype(np.float32))
+    data = meshreel.encode(pyramid, **target)
+    np.testing.assert_allclose(meshreel.decode(data).vertices, moving, atol=1e-6)
+    assert len(data) <= len(meshreel.encode(other, **target)) - 12

@@ -16,7 +16,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
 from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, size_bytes, stream_of
-from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
+from meshreel.codec.reel.encoding.stored_grid import coarse_grid, grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_positions, write_on_surface
@@ -238,9 +238,8 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
 
 def encode_moving(source: Source, step: float) -> bytes:
     """Return a stream on a grid with a step in diagonals, along the surface."""
-    moved = _on_grid(source, step, _cut(source))
-    coder = replace(step_coder(source.mesh, source.frame, step), is_fast=True)
-    return stream_of(moved, coder, silent)
+    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), None)
+    return stream_of(moved, replace(coder, is_fast=True), silent)
 
 
 def _takes_grid(config: EncoderConfig) -> bool:
@@ -312,15 +311,33 @@ def _encoded(
 def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
     """Return the source and its coder; both are for the stored grid if that suffices.
 
-    It must be coarser, and meet the bound.
+    It must be coarser, and meet the bound. Otherwise they are for a coarse grid that approximates
+    few frames as well.
     """
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if stored is None or stored.step <= coder.grid.step:
-        return source, coder
-    on_stored = replace(coder, grid=stored, is_stored=True)
-    frame = sequence.read(0, 1)
-    coordinates = stored.coordinates(frame)
-    if on_stored._meets_bound(coordinates, frame) or stored.rounding(coordinates, frame):
-        return source.with_changes(origin=stored.frame.origin), on_stored
+    if stored is not None and stored.step > coder.grid.step:
+        on_stored = replace(coder, grid=stored, is_stored=True)
+        frame = sequence.read(0, 1)
+        coordinates = stored.coordinates(frame)
+        if on_stored._meets_bound(coordinates, frame) or stored.rounding(coordinates, frame):
+            return source.with_changes(origin=stored.frame.origin), on_stored
+    coarse = _coarse_grid(source, coder) if source.n_frames <= FEW_FRAMES else None
+    if coarse is not None:
+        return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
     return source, coder
+
+
+def _coarse_grid(source: Source, coder: GridPositionCoder) -> PositionGrid | None:
+    """Return a coarser grid than that of the coder with errors as small; None without one."""
+    vertices, step = source.sequence.read(0, source.n_frames), coder.grid.step * source.frame.scale
+    # RMS errors are at most those of the coder's grid, or largest ones if these are bounded.
+    tolerance = step / (2.0 if coder.bound is not None else math.sqrt(12.0))
+    coarse = coarse_grid(vertices, tolerance)
+    if coarse is None:
+        return None
+    step, origin = coarse
+    frame = replace(source.frame, origin=origin)
+    grid = step_coder(source.mesh, frame, step / frame.scale).grid
+    meets_bound = replace(coder, grid=grid)._meets_bound(grid.coordinates(vertices), vertices)
+    return grid if meets_bound else None

@@ -1,4 +1,4 @@
-"""The grid on which a quantizer left positions, found through the rounding of floats and text."""
+"""Grids on which positions lie: through the rounding of floats and text, or within a tolerance."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,6 +12,12 @@ from meshreel.codec.source import Source
 
 MIN_STEP = 8
 """Smallest step of a grid, in tolerances; finer ones are the last digit of text."""
+
+MAX_CELLS, MIN_GAIN = 64, 1.5
+"""Of a coarse grid: cells along a side of the box, and least ratio of its step to other steps."""
+
+N_SAMPLED = 64
+"""Positions that select coarse grids, which all positions then verify."""
 
 TEXT_DIGITS = range(4, 8)
 """Significant digits that text may have left of a float."""
@@ -51,6 +57,35 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
         near = (rest.min() + rest.max()) / 2
         origin.append(near + round((column[0] + column[-1] - 2 * near) / 2 / step) * step)
     return step, tuple(map(float, origin))
+
+
+def coarse_grid(
+    positions: npt.NDArray[np.floating], tolerance: float
+) -> tuple[float, tuple[float, ...]] | None:
+    """Return step and origin of the coarsest grid that divides the bounding box; None without one.
+
+    Parameters
+    ----------
+    positions : array of shape (..., 3)
+    tolerance : float
+        Largest distance from the grid along an axis, in model units. Without such a grid, steps
+        are twice as long.
+    """
+    offsets = positions.reshape(-1, 3).astype(np.float64)
+    low = offsets.min(axis=0)
+    offsets -= low
+    extent = offsets.max(axis=0)
+    steps = np.unique(extent[:, None] / np.arange(1, MAX_CELLS + 1))[::-1]
+    steps = steps[steps > MIN_GAIN * 2.0 * tolerance]
+    sample = offsets[:: len(offsets) // N_SAMPLED + 1]
+    cells = sample / steps[:, None, None]
+    distances = np.abs(cells - np.rint(cells)).max(axis=(1, 2)) * steps
+    for step in steps[distances <= tolerance]:
+        cells = offsets / step
+        if np.abs(cells - np.rint(cells)).max() * step <= tolerance:
+            origin = (low + np.rint(extent / 2 / step) * step).astype(np.float32)
+            return float(step), tuple(map(float, origin))
+    return None
 
 
 def _tolerance(values: npt.NDArray[np.floating]) -> float:
