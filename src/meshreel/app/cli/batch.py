@@ -149,9 +149,9 @@ def _executor(
 ) -> "Iterator[tuple[Executor, int]]":
     """The processes or the cluster that encode, and the number of their workers."""
     from meshreel.app.cli.console import print_notes
-    from meshreel.runtime.engine.cluster import cluster_executor
-    from meshreel.runtime.engine.processes import ProcessExecutor
     from meshreel.runtime.threads import n_cores
+    from meshreel.runtime.workers.cluster import cluster_executor
+    from meshreel.runtime.workers.processes import ProcessExecutor
 
     if scheduler is not None:
         with cluster_executor(scheduler) as (executor, n_workers):

@@ -18,8 +18,8 @@ from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
 from meshreel.model.tracks import Track
-from meshreel.runtime.engine.cluster import cluster_executor
-from meshreel.runtime.engine.processes import ProcessExecutor
+from meshreel.runtime.workers.cluster import cluster_executor
+from meshreel.runtime.workers.processes import ProcessExecutor
 from samples.clusters import local_cluster
 from samples.engines import InlineExecutor
 from samples.meshes import quad_sheet, waving_grid

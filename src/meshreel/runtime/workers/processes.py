@@ -2,7 +2,7 @@
 
 A pool of the standard library breaks when one of its processes dies. Therefore there
 is one pool per process, which serves one thread of the parent: the call that killed it is known,
-and other calls continue. See docs/engine.md.
+and other calls continue. See docs/workers.md.
 """
 
 import multiprocessing

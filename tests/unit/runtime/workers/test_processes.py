@@ -9,8 +9,8 @@ from functools import partial
 import pytest
 
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.runtime.engine.processes import ProcessExecutor
 from meshreel.runtime.threads import n_cores
+from meshreel.runtime.workers.processes import ProcessExecutor
 from samples.tasks import (
     cores_and_blas_threads,
     die_always,

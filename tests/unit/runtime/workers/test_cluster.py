@@ -12,7 +12,7 @@ import pytest
 
 from meshreel.app.batch.encode_input import worker_died
 from meshreel.errors import InvalidInputError
-from meshreel.runtime.engine.cluster import cluster_executor
+from meshreel.runtime.workers.cluster import cluster_executor
 from samples.clusters import local_cluster
 from samples.tasks import (
     cores_and_blas_threads,
@@ -112,7 +112,7 @@ def test_calls_fail_when_the_scheduler_stops():
 
 
 def test_cluster_executor_fails_when_no_scheduler_answers(monkeypatch):
-    monkeypatch.setattr("meshreel.runtime.engine.cluster.CONNECT_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("meshreel.runtime.workers.cluster.CONNECT_TIMEOUT_S", 0.5)
     with (
         pytest.raises(InvalidInputError, match="no Dask scheduler answers at 'tcp://127"),
         cluster_executor("tcp://127.0.0.1:9"),
