@@ -1,9 +1,11 @@
 /* Fuzzes the core: random content is encoded and decoded, then its bytes are damaged and decoded
-   again. Each run is repeated in other memory, and must produce the same results.
+   again; stored streams are changed and decoded. Each run is repeated in other memory, and must
+   produce the same results.
 
    Built for libFuzzer (-fsanitize=fuzzer), or with -DREEL_FUZZ_LOOP as a program: `fuzz [seconds
-   [seed [first [count]]]]`, 0 seconds for no limit. A failure prints the arguments that reproduce
-   it. The final hash covers all results, and is the same for every compiler and machine. */
+   [seed [first [count]]]]`, 0 seconds for no limit. -DREEL_FUZZ_STREAMS names the folder
+   conformance/, whose streams are read. A failure prints the arguments that reproduce it with these
+   streams. The final hash covers all results, and is the same for every compiler and machine. */
 
 #include "fuzz.h"
 
@@ -27,10 +29,11 @@ static uint8_t pool[POOL] __attribute__((aligned(GAP)));
 static size_t used;
 static int fill;
 
-static void (*const targets[])(void) = {fuzz_streams, fuzz_streams,      fuzz_surface_integers,
-                                        fuzz_hierarchy, fuzz_basis_encode, fuzz_exact,
-                                        fuzz_polygons,  fuzz_cells,        fuzz_closest,
-                                        fuzz_decimate};
+static void (*const targets[])(void) = {
+    fuzz_integers, fuzz_connectivity, fuzz_hierarchy, fuzz_basis_encode,
+    fuzz_exact,    fuzz_polygons,     fuzz_cells,     fuzz_surface_integers,
+    fuzz_closest,  fuzz_decimate,     fuzz_streams,   fuzz_streams,
+    fuzz_streams,  fuzz_streams,      fuzz_streams,   fuzz_streams};
 #define N_TARGETS (sizeof targets / sizeof *targets)
 
 static uint64_t mix(uint64_t number) {

@@ -87,6 +87,8 @@ void fuzz_run_backward(void *user, void (*task)(void *shared, uint32_t i), void 
 /* ---- targets ---- */
 
 void fuzz_streams(void);
+void fuzz_integers(void);
+void fuzz_connectivity(void);
 void fuzz_surface_integers(void);
 void fuzz_cells(void);
 void fuzz_decimate(void);

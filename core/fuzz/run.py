@@ -18,6 +18,7 @@ sys.path.insert(0, str(FUZZ.parent))
 import compile as core  # noqa: E402
 
 LOOP = ("-DREEL_FUZZ_LOOP",)
+STREAMS = f'-DREEL_FUZZ_STREAMS="{FUZZ.parents[1] / "conformance"}"'
 LIBFUZZER = ("-fsanitize=fuzzer",)
 # Forced inlining compiles slowly with sanitizers; without it, and at -O1, the program is nearly as
 # fast.
@@ -35,7 +36,7 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
     flags = [flag for flag in core.FLAGS if not flag.startswith("-std")]
     folders = (core.CORE, core.READER, FUZZ)
     files = [str(file) for folder in folders for file in sorted(folder.glob("*.c"))]
-    command = [*compiler, "-std=gnu11", *flags, *extra, *files, "-o", str(output)]
+    command = [*compiler, "-std=gnu11", *flags, STREAMS, *extra, *files, "-o", str(output)]
     subprocess.run(command, check=True)
     return output
 

@@ -71,6 +71,7 @@ def fuzz_checksum(library, compiler, folder):
     core, program = ROOT / "core", folder / "fuzz"
     files = sorted(str(file) for file in (core / "fuzz").glob("*.c"))
     flags = ["-std=gnu11", "-O1", "-DREEL_FUZZ_LOOP", f"-I{core}"]
+    flags += [f'-DREEL_FUZZ_STREAMS="{ROOT / "conformance"}"']
     linked = [str(library), f"-Wl,-rpath,{library.parent}"]
     command = [compiler, *flags, *files, *linked, "-o", str(program)]
     subprocess.run(command, check=True, timeout=TIME_LIMIT_S)
