@@ -1,5 +1,6 @@
-/* Coding of cells: as a list, or by a walk from cell to cell across their
-   sides. docs/format.md, CELLS. */
+/* Coding of cells: as a list, or by a walk from cell to cell across their sides. Cells and nodes
+   are numbered in the order of the walk; their "given" numbers are those of the input.
+   docs/format.md, CELLS. */
 
 #include "cells.h"
 #include "integers.h"
@@ -7,28 +8,28 @@
 
 #define NONE (-1)
 #define MAX_NODES 27
-#define MAX_LOOKUPS 64   /* open sides at a node, and edges of a node, that are considered */
-#define MAX_CANDIDATES 4 /* nodes that are coded by their rank */
-#define MAX_PROPOSALS 8  /* nodes that are ranked */
-#define MAX_AROUND 48    /* nodes near a side that are coded by their place */
-#define ENTRY_BITS 7     /* of a side, a rotation and a direction */
+#define MAX_LOOKUPS 64   /* limit of searches in the open sides or the edges of a node */
+#define MAX_PROPOSALS 8  /* nodes that are ranked as the likely next one */
+#define MAX_CANDIDATES 4 /* first of these, which are coded by their rank */
+#define MAX_AROUND 48    /* nodes near the entered side, which are coded by their place in a list */
+#define ENTRY_BITS 7     /* bits of an entry: a side, a rotation and a direction */
 #define AROUND_CLASSES 16
 #define EDGE_CLASSES 8
 
-/* A side of a visited cell across from which no cell was visited yet. `next`
-   links the open sides at each corner, as side * REEL_MAX_SIDES + corner. */
+/* A side of a visited cell; it is open while no cell across it was visited. The open sides at each
+   node form a linked list; a link is side * REEL_MAX_SIDES + corner. */
 typedef struct {
     int32_t cell;
-    int32_t next[REEL_MAX_SIDE_CORNERS];
-    uint8_t number;
+    int32_t next[REEL_MAX_SIDE_CORNERS]; /* link after that of each corner */
+    uint8_t number; /* number of the side in its cell */
     bool is_open;
 } open_side;
 
-/* An edge of visited cells, in a list at its lower node. */
+/* An edge of visited cells, in a linked list at its lower node. */
 typedef struct {
-    int32_t high, next;
-    int32_t middle; /* node on the edge, or NONE */
-    int32_t n_cells;
+    int32_t high, next; /* higher node; next edge in the list */
+    int32_t middle;     /* node on the edge, or NONE */
+    int32_t n_cells;    /* visited cells at the edge */
 } walked_edge;
 
 typedef struct {
@@ -41,7 +42,7 @@ typedef struct {
     reel_integer_model place[AROUND_CLASSES];
     reel_model is_shared, is_new_middle;
     reel_integer_model far;
-    reel_integer_model first[REEL_N_SHAPES], step[REEL_N_SHAPES][2]; /* of a list */
+    reel_integer_model first[REEL_N_SHAPES], step[REEL_N_SHAPES][2]; /* used by list_cells */
 } cell_models;
 
 typedef struct {
@@ -50,38 +51,39 @@ typedef struct {
     uint8_t *types;
     int32_t *nodes, *starts;
     int64_t n_cells, n_nodes, n_verts;
-    int64_t n_done, n_named;
+    int64_t n_done, n_named; /* visited cells; numbered nodes */
     open_side *sides;
     int32_t n_sides, next_side; /* sides are visited in the order in which they open */
-    int32_t *sides_at;          /* first open side at each node */
-    uint8_t *is_outer;          /* nodes of a side known to be on the surface */
+    int32_t *sides_at;          /* link to the first open side at each node */
+    uint8_t *is_outer;          /* whether a node is on a side without a cell across it */
     walked_edge *edges;
     int32_t n_edges;
-    int32_t *edges_at; /* first edge at its lower node */
+    int32_t *edges_at; /* first edge of each lower node */
     bool failed;
-    /* Encoder. */
-    reel_cell_list given;
-    const int32_t *mates;
-    int32_t *name, *given_of, *given_cells;
-    uint8_t *is_visited;
+    /* Encoder only. */
+    reel_cell_list given; /* cells of the input */
+    const int32_t *mates; /* for each side of them, the same side of another cell, or itself */
+    int32_t *name;        /* internal number of each given node */
+    int32_t *given_of, *given_cells; /* given number of each internal node, and cell */
+    uint8_t *is_visited;  /* whether each given cell was visited */
 } cell_walk;
 
-/* A cell that is being coded. `known` has a bit for each node that is known. */
+/* The cell that is being coded. */
 typedef struct {
     const reel_cell_type *type;
     const reel_cell_shape *shape;
     int32_t nodes[MAX_NODES];
-    uint32_t known;
-    int entry;            /* number of its side across which it was entered, or NONE */
-    const int32_t *given; /* encoder: its nodes, or NULL */
+    uint32_t known;       /* set of the nodes that are known, as bits */
+    int entry;            /* number of the side through which the walk entered, or NONE */
+    const int32_t *given; /* encoder: its given nodes; else NULL */
 } new_cell;
 
-/* A node that may be the next one of a cell: proposed by how many open sides,
-   and the most visited cells at an edge between such a side and the new cell.
- */
+/* A node that may be the next one of a cell. Open sides that share an edge with the cell propose
+   it. */
 typedef struct {
     int32_t node;
-    int votes, cells_at_edge;
+    int votes;         /* open sides that propose it */
+    int cells_at_edge; /* maximum of the numbers of visited cells at the shared edges */
 } proposal;
 
 static const reel_cell_shape *shape_of(const cell_walk *walk, int32_t cell) {
@@ -97,8 +99,7 @@ static int32_t side_node(const cell_walk *walk, const open_side *side, int corne
     return walk->nodes[walk->starts[side->cell] + shape->sides[side->number][corner]];
 }
 
-/* The first link at or after `link` in the list of a node that is of an open
-   side; others leave the list. */
+/* Return the first link from `link` on whose side is open; remove links before it from the list. */
 static int32_t open_link(cell_walk *walk, int32_t *link) {
     while (*link != NONE && !walk->sides[*link / REEL_MAX_SIDES].is_open) {
         *link = walk->sides[*link / REEL_MAX_SIDES].next[*link % REEL_MAX_SIDES];
@@ -137,6 +138,8 @@ static int32_t name_of(const cell_walk *walk, const new_cell *cell, int slot) {
     return reel_is_encoder(&walk->coder) ? walk->name[cell->given[slot]] : NONE;
 }
 
+/* Code a node that is not a candidate: a new one, one of those around the entered side, or any
+   other by its distance from the newest. */
 static int32_t code_new_or_far(cell_walk *walk, const new_cell *cell, int slot, reel_model *model,
                                const int32_t *around, int n_around) {
     int32_t node = name_of(walk, cell, slot);
@@ -166,6 +169,7 @@ static int32_t code_new_or_far(cell_walk *walk, const new_cell *cell, int slot, 
     return back <= last ? (int32_t)(last - back) : fail(walk);
 }
 
+/* Whether a node is a known corner of a cell. */
 static bool contains(const new_cell *cell, int32_t node) {
     for (int i = 0; i < cell->shape->n_corners; i++) {
         if (cell->known >> i & 1U && cell->nodes[i] == node) {
@@ -175,9 +179,9 @@ static bool contains(const new_cell *cell, int32_t node) {
     return false;
 }
 
-/* Propose the node that an open side has in the place of corner `slot` of side
-   `number` of a cell, if the sides meet at the edge between corners `at` and
-   `at` + 1 of this side. */
+/* Let open sides propose a node for corner `slot` on side `number` of a cell. An open side at the
+   edge between corners `at` and `at` + 1 of this side is assumed to be the same side: it proposes
+   its node in the place of the corner. */
 static int propose(cell_walk *walk, const new_cell *cell, int number, int slot, int at,
                    proposal *proposals, int n) {
     int size = cell->shape->side_sizes[number], place = 0, met = 0, looked = 0;
@@ -218,8 +222,8 @@ static int propose(cell_walk *walk, const new_cell *cell, int number, int slot, 
     return n;
 }
 
-/* Rank the proposals for a corner: by votes, then by cells at the edge, then
- * the first. */
+/* Collect the proposals for a corner, and sort them by votes, then by cells at the edge; equal ones
+   keep their order. */
 static int find_proposals(cell_walk *walk, const new_cell *cell, int slot, proposal *proposals) {
     int n = 0;
     for (int k = 0; k < cell->shape->n_sides; k++) {
@@ -249,8 +253,8 @@ static int find_proposals(cell_walk *walk, const new_cell *cell, int slot, propo
     return n < MAX_CANDIDATES ? n : MAX_CANDIDATES;
 }
 
-/* List the nodes of open sides at the corners of the entered side, without
-   those of the cell and the candidates. */
+/* List the nodes of open sides at the corners of the entered side, except nodes of the cell and
+   candidates. */
 static int find_around(cell_walk *walk, const new_cell *cell, const proposal *candidates,
                        int n_candidates, int32_t *around) {
     int n = 0;
@@ -282,6 +286,7 @@ static int find_around(cell_walk *walk, const new_cell *cell, const proposal *ca
     return n;
 }
 
+/* Code a corner of a cell: as one of the candidates, or otherwise. */
 static int32_t code_corner(cell_walk *walk, const new_cell *cell, int slot) {
     proposal candidates[MAX_PROPOSALS];
     int32_t around[MAX_AROUND];
@@ -300,8 +305,7 @@ static int32_t code_corner(cell_walk *walk, const new_cell *cell, int slot) {
 
 /* ---- Sides */
 
-/* Find the open side with the same nodes as side `number` of a cell, or NONE.
- */
+/* Find the open side with the same nodes as side `number` of a cell, or NONE. */
 static int32_t find_side(cell_walk *walk, const reel_cell_shape *shape, const int32_t *nodes,
                          int number) {
     int size = shape->side_sizes[number], looked = 0;
@@ -330,7 +334,7 @@ static int32_t find_side(cell_walk *walk, const reel_cell_shape *shape, const in
     return NONE;
 }
 
-/* The node on a side of a visited cell, or NONE. */
+/* Return the node in the middle of a side of a visited cell, or NONE. */
 static int32_t center_of(const cell_walk *walk, int32_t side) {
     if (side == NONE) {
         return NONE;
@@ -346,8 +350,7 @@ static int32_t center_of(const cell_walk *walk, int32_t side) {
     return NONE;
 }
 
-/* Code a node that is no corner; `shared` is that of a neighbor in the same
- * place, or NONE. */
+/* Code a node that is not a corner. `shared` is the node that a neighbor has there, or NONE. */
 static int32_t code_middle(cell_walk *walk, const new_cell *cell, int slot, int32_t shared) {
     if (shared != NONE &&
         reel_bit(&walk->coder, &walk->models->is_shared, name_of(walk, cell, slot) == shared)) {
@@ -356,6 +359,7 @@ static int32_t code_middle(cell_walk *walk, const new_cell *cell, int slot, int3
     return code_new_or_far(walk, cell, slot, &walk->models->is_new_middle, NULL, 0);
 }
 
+/* Code the nodes on edges, on sides, and inside of a cell. */
 static void code_middles(cell_walk *walk, new_cell *cell, int32_t entered) {
     const reel_cell_shape *shape = cell->shape;
     int slot = shape->n_corners;
@@ -375,7 +379,7 @@ static void code_middles(cell_walk *walk, new_cell *cell, int32_t entered) {
     }
 }
 
-/* Count the cell at its edges. */
+/* Count a cell at its edges, and record the nodes on them. */
 static void visit_edges(cell_walk *walk, const new_cell *cell) {
     const reel_cell_shape *shape = cell->shape;
     for (int i = 0; i < shape->n_edges; i++) {
@@ -394,8 +398,7 @@ static void visit_edges(cell_walk *walk, const new_cell *cell) {
     }
 }
 
-/* Close the sides that the cell has in common with visited ones, and open the
- * others. */
+/* Close the sides that a cell shares with visited cells, and open the others. */
 static void visit_sides(cell_walk *walk, const new_cell *cell, int32_t number) {
     const reel_cell_shape *shape = cell->shape;
     for (int k = 0; k < shape->n_sides; k++) {
@@ -419,6 +422,7 @@ static void visit_sides(cell_walk *walk, const new_cell *cell, int32_t number) {
 
 /* ---- Cells */
 
+/* Code the type of a cell: that of the previous cell, or its index. */
 static const reel_cell_type *code_type(cell_walk *walk, const uint8_t *given) {
     const reel_cell_type *last = &reel_cell_types[0];
     if (walk->n_done) {
@@ -440,9 +444,8 @@ static const reel_cell_type *code_type(cell_walk *walk, const uint8_t *given) {
     return &reel_cell_types[index];
 }
 
-/* Encoder: the entry of a cell through side `number`: its side, rotation and
-   direction relative to an open side; NONE if the corners of the sides differ
-   in order. */
+/* Encoder: return the entry of a cell through side `number`: this side, and how it is rotated and
+   reversed relative to an open side. NONE if no rotation makes the corners equal. */
 static int entry_of(const cell_walk *walk, const open_side *gate, const reel_cell_shape *shape,
                     const int32_t *nodes, int number) {
     int size = shape->side_sizes[number];
@@ -474,8 +477,7 @@ static int code_entry(cell_walk *walk, const open_side *gate, int shape, int ent
     return (int)(node - (1U << ENTRY_BITS));
 }
 
-/* Place the corners of the entered side; returns false if there is no such
- * side. */
+/* Set the corners of the entered side; return false if the entry is invalid. */
 static bool enter(cell_walk *walk, const open_side *gate, new_cell *cell, int entry) {
     int forward = entry % 2, turn = entry / 2 % REEL_MAX_SIDE_CORNERS;
     int number = entry / 2 / REEL_MAX_SIDE_CORNERS, size = side_size(walk, gate);
@@ -492,7 +494,7 @@ static bool enter(cell_walk *walk, const open_side *gate, new_cell *cell, int en
     return true;
 }
 
-/* Code a cell behind an open side, or a first one without. */
+/* Code a cell: the one across the open side `gate`, or any unvisited one if that is NONE. */
 static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
     new_cell cell = {.entry = NONE};
     bool writes = reel_is_encoder(&walk->coder);
@@ -534,7 +536,7 @@ static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
     visit_sides(walk, &cell, number);
 }
 
-/* Encoder: the unvisited cell behind an open side and its entry, or NONE. */
+/* Encoder: return the unvisited cell across an open side, or NONE, and its entry. */
 static int32_t cell_behind(const cell_walk *walk, int32_t gate, int *entry) {
     const open_side *side = &walk->sides[gate];
     int32_t own = REEL_MAX_SIDES * walk->given_cells[side->cell] + side->number;
@@ -548,9 +550,10 @@ static int32_t cell_behind(const cell_walk *walk, int32_t gate, int *entry) {
     return *entry == NONE ? NONE : given;
 }
 
-/* Code whether a cell is behind an open side. */
+/* Code whether the next cell is across an open side. The contexts are: corners known to be on the
+   surface, edges with another open side, corners, and the most visited cells at such an edge. */
 static bool code_is_next(cell_walk *walk, const open_side *gate, bool is_next) {
-    int size = side_size(walk, gate), n_outer = 0, n_met = 0, most = 0;
+    int size = side_size(walk, gate), n_outer = 0, n_met = 0, max_cells = 0;
     for (int i = 0; i < size; i++) {
         int32_t a = side_node(walk, gate, i), b = side_node(walk, gate, (i + 1) % size);
         n_outer += walk->is_outer[a];
@@ -563,17 +566,18 @@ static bool code_is_next(cell_walk *walk, const open_side *gate, bool is_next) {
             if (side_node(walk, side, (corner + 1) % n) == b ||
                 side_node(walk, side, (corner + n - 1) % n) == b) {
                 int at_edge = cells_at_edge(walk, a, b);
-                most = most > at_edge ? most : at_edge;
+                max_cells = max_cells > at_edge ? max_cells : at_edge;
                 n_met++;
                 break;
             }
         }
     }
     reel_model *model =
-        &walk->models->is_next[n_outer < 4 ? n_outer : 4][n_met < 4 ? n_met : 4][size][most];
+        &walk->models->is_next[n_outer < 4 ? n_outer : 4][n_met < 4 ? n_met : 4][size][max_cells];
     return reel_bit(&walk->coder, model, is_next);
 }
 
+/* Code all cells by a breadth-first walk across their sides. */
 static void walk_cells(cell_walk *walk) {
     bool writes = reel_is_encoder(&walk->coder);
     for (int64_t seed = 0; walk->n_done < walk->n_cells && !walk->failed;) {
@@ -604,8 +608,8 @@ static void walk_cells(cell_walk *walk) {
 
 /* ---- Lists */
 
-/* Code cells in their given order: each node as its difference from that in the
-   last cell of this type, minus the same difference of the node before it. */
+/* Code cells in their given order. The difference of a node from the same node of the previous cell
+   of this type is predicted by that of the node before it. */
 static void list_cells(cell_walk *walk) {
     int32_t last[REEL_N_CELL_TYPES][MAX_NODES] = {{0}};
     bool writes = reel_is_encoder(&walk->coder);
@@ -659,7 +663,7 @@ size_t reel_cells_code_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts)
 static void reset_models(cell_models *models) {
     reel_model *first = (reel_model *)models;
     for (size_t i = 0; i < sizeof *models / sizeof *first; i++) {
-        first[i] = reel_model_of(32768, 0); /* integer models are arrays of these */
+        first[i] = reel_model_of(32768, 0); /* integer models consist of bit models too */
     }
 }
 
@@ -740,7 +744,7 @@ int64_t reel_cells_encode(void *memory, size_t memory_size, const uint8_t *types
     for (int32_t i = 0; listed && i < n_cells; i++) {
         given_cells[i] = i;
     }
-    for (int32_t v = 0; v < n_verts; v++) { /* those that no cell uses are numbered last */
+    for (int32_t v = 0; v < n_verts; v++) { /* nodes that no cell uses get the last numbers */
         if (listed) {
             internal_to_given[v] = v;
         } else if (walk.name[v] == NONE) {

@@ -1,10 +1,13 @@
-/* The items of the exact coder: predicted numbers, repeated rows, labels.
+/* The items of the exact coder. An item is a vertex, for example; its row at each frame has `width`
+   numbers. Rows are predicted, repeat the previous frame or, for labels, repeat a neighbor.
 
-   docs/format.md, "Exact values", "Rows". Encoder and decoder share all of it. */
+   docs/format.md, "Exact values", "Rows". Encoder and decoder share this code. */
 
 #include "exact_filter.h"
 #include "exact_sizes.h"
 
+/* Return the mean of a column over neighbors: of values at the first frame, then of their changes
+   since the previous frame. */
 REEL_INLINE double mean_near(const exact_coder *coder, int64_t t, int64_t col, int max_neighbors) {
     int64_t stride = coder->n_frames * coder->width, at = t * coder->width + col;
     int n = coder->n_near < max_neighbors ? coder->n_near : max_neighbors;
@@ -16,7 +19,7 @@ REEL_INLINE double mean_near(const exact_coder *coder, int64_t t, int64_t col, i
     return n ? sum / n : 0;
 }
 
-/* Code whether a number is not finite, and if so its bit pattern. */
+/* Code whether a number is infinite or NaN, and if so its bit pattern. Return the former. */
 REEL_INLINE bool code_special(exact_coder *coder, int64_t t, int64_t col, uint64_t *pattern) {
     int own = t && coder->flags[coder->position * coder->n_frames + t - 1] & SPECIAL, near = 0;
     for (int i = 0; i < coder->n_near && i < 2; i++) {
@@ -71,10 +74,11 @@ static void update_columns(exact_coder *coder, int64_t t) {
 typedef struct {
     double base;    /* last value of the item, or of a neighbor */
     double value;   /* prediction */
-    double spread;  /* its variance, or 0 */
+    double spread;  /* estimated variance of its error, or 0 */
     uint64_t index; /* index of the base, for integers */
 } prediction;
 
+/* Predict a number of the first frame, from neighbors or the previous item. */
 REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
     int64_t stride = coder->n_frames * coder->width;
     prediction result = {0};
@@ -120,7 +124,7 @@ static void copy_row(const exact_coder *coder, int64_t t, int64_t from) {
               coder->values + (size_t)(from * coder->n_items + coder->item) * size, size);
 }
 
-/* Repeat the previous row. */
+/* Set a row to that of the previous frame, and update the statistics as for any row. */
 static void repeat_row(exact_coder *coder, int64_t t) {
     uint8_t *flags = coder->flags + coder->position * coder->n_frames + t;
     if (!reel_is_encoder(coder->range_coder)) {
@@ -150,11 +154,12 @@ static const uint8_t *row_of(const exact_coder *coder, int64_t t, int64_t item) 
            (size_t)((t * coder->n_items + item) * coder->width * coder->numbers.size);
 }
 
-/* Find the distinct rows that this row may repeat: that of two frames before, and those of
-   neighbors. Returns how many; votes count the neighbors that have each. */
+/* Find the distinct rows that this row may repeat: its own of two frames ago, and those of
+   neighbors at this frame, unless they equal its own of the previous frame. Return their number;
+   `votes` counts the neighbors that have each row. */
 static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **rows, int *votes) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
-    const uint8_t *before = t ? row_of(coder, t - 1, coder->item) : NULL;
+    const uint8_t *previous = t ? row_of(coder, t - 1, coder->item) : NULL;
     int n = 0;
     for (int i = -1; i < coder->n_near && i < N_VOTES; i++) {
         if (i < 0 && t < 2) {
@@ -168,7 +173,7 @@ static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **
         }
         if (same < n) {
             votes[same]++;
-        } else if (!before || !reel_equal_bytes(before, row, size)) {
+        } else if (!previous || !reel_equal_bytes(previous, row, size)) {
             votes[n] = i >= 0;
             rows[n++] = row;
         }
@@ -176,6 +181,7 @@ static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **
     return n;
 }
 
+/* Code the numbers of a label that repeats no candidate. */
 static void code_new_row(exact_coder *coder, int64_t t) {
     const reel_numbers *numbers = &coder->numbers;
     int decade = 0; /* unused */
@@ -196,6 +202,7 @@ static void code_new_row(exact_coder *coder, int64_t t) {
     }
 }
 
+/* Code a row of labels: which candidate it repeats, or else its numbers. */
 static void code_label(exact_coder *coder, int64_t t) {
     const uint8_t *rows[N_VOTES + 1];
     int votes[N_VOTES + 1], n = find_candidates(coder, t, rows, votes);
@@ -217,6 +224,7 @@ static void code_label(exact_coder *coder, int64_t t) {
 
 /* ---- items ---- */
 
+/* Code whether the item has the same row at all frames. */
 static bool code_constant(exact_coder *coder) {
     bool constant =
         coder->n_frames > 1 && reel_is_encoder(coder->range_coder) && is_constant(coder);
@@ -231,7 +239,7 @@ static bool code_constant(exact_coder *coder) {
     return constant;
 }
 
-/* Load the bit patterns of the item (encoder), and the sizes of its neighbors. */
+/* Load the bit patterns of the item (encoder), and sum the sizes of its neighbors. */
 static void load_item(exact_coder *coder) {
     int64_t count = coder->n_frames * coder->width;
     int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;

@@ -1,15 +1,15 @@
 /* Numbers of any type as indices in their order, and as scaled values for prediction.
 
-   docs/format.md, "Exact values". An integer is its own index. The index of a float counts the
-   floats of a grid between it and 0: all floats of the type; those whose lowest `shift` bits are 0;
-   or decimal ones with a given number of digits and of decimal places. */
+   docs/format.md, "Exact values". An integer is its own index. The index of a float is its position
+   in the ascending list of floats from 0 that can occur: all floats of the type; those whose lowest
+   `shift` bits are 0; or decimal numbers with a given number of digits and of decimal places. */
 
 #ifndef REEL_EXACT_NUMBERS_H
 #define REEL_EXACT_NUMBERS_H
 
 #include "base.h"
 
-#define REEL_MAX_SIZE 16000 /* sizes of differences, in sixteenths of octaves, are clamped to it */
+#define REEL_MAX_SIZE 16000 /* sizes of differences, 16 log2, are clipped to this */
 #define REEL_MAX_SCALE 1000 /* largest scale exponent of floats */
 #define REEL_MAX_DIGITS 15
 #define REEL_MAX_PLACES 22
@@ -18,13 +18,13 @@
 typedef struct {
     int size;   /* bytes: 1, 2, 4 or 8 */
     int type;   /* of enum reel_type */
-    int shift;  /* lowest mantissa bits that are 0 in all floats */
-    int digits; /* significant digits of decimal floats, or 0 */
-    int places;
+    int shift;  /* number of lowest mantissa bits that are 0 in all floats */
+    int digits; /* significant digits of decimal floats; 0: not decimal */
+    int places; /* decimal places of decimal floats */
     int scale;              /* values are scaled by 2^-scale */
     double down, up;        /* 2^-scale, 2^scale */
-    double rounding;        /* variance floor of prediction errors, scaled */
-    uint64_t min_of_decade; /* 10^(digits - 1) */
+    double rounding;        /* lower bound of the variance of prediction errors, scaled */
+    uint64_t min_of_decade; /* smallest number with all digits: 10^(digits - 1) */
     uint64_t steps;         /* indices per decade: 9 x min_of_decade */
     uint64_t max_index;     /* largest index of decimal floats */
 } reel_numbers;
@@ -139,21 +139,22 @@ REEL_INLINE bool reel_is_special(const reel_numbers *numbers, uint64_t pattern) 
 
 /* ---- decimal floats ---- */
 
-/* Number of decades between a magnitude and the finest decimal places; `guess`, the result for a
-   similar number, is tried first. */
+/* Return the decade of a magnitude: the number of decimal places by which its digits are coarser
+   than the finest. `guess`, the result for a similar number, is tried first. */
 REEL_INLINE int reel_decade_of(const reel_numbers *numbers, double magnitude, int guess) {
-    int first = numbers->digits - numbers->places; /* magnitudes below 10^this have decade 0 */
+    int first = numbers->digits - numbers->places; /* magnitudes below 10^first have decade 0 */
     int max_decade = numbers->places + REEL_MAX_PLACES;
     if (magnitude < reel_power_of_ten(first + guess) &&
         (guess == 0 || magnitude >= reel_power_of_ten(first + guess - 1))) {
         return guess;
     }
     int octave = (int)(reel_bits_of(magnitude) >> 52) - 1023;
-    int decade = (octave * 1233 >> 12) + 1 - first; /* or the next one */
+    int decade = (octave * 1233 >> 12) + 1 - first; /* or one less than the decade */
     decade = decade < 0 ? 0 : decade > max_decade ? max_decade : decade;
     return decade + (decade < max_decade && magnitude >= reel_power_of_ten(first + decade));
 }
 
+/* Return the index of a magnitude among the decimal numbers; its decade is known. */
 REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magnitude,
                                         int decade) {
     int places = numbers->places - decade;
@@ -166,7 +167,7 @@ REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magn
     return index < numbers->max_index ? index : numbers->max_index;
 }
 
-/* Bit pattern of the magnitude with a decimal index; `guess` is tried as its decade first. */
+/* Return the bit pattern of the magnitude with a decimal index; `guess` is a likely decade. */
 REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t index, int guess) {
     uint64_t min_index = numbers->min_of_decade, steps = numbers->steps;
     index = index < numbers->max_index ? index : numbers->max_index;
@@ -192,8 +193,8 @@ REEL_INLINE uint64_t reel_integer_of(const reel_numbers *numbers, uint64_t patte
     return (pattern ^ sign) - sign;
 }
 
-/* Index of a number, modulo 2^64; a negative one has -1 - the index of its magnitude. For decimal
-   floats `decade` is the initial guess, and receives the number's decade. */
+/* Return the index of a number, modulo 2^64; that of a negative float is -1 minus the index of its
+   magnitude. For decimal floats `decade` is a likely decade, and becomes the actual one. */
 REEL_INLINE uint64_t reel_index_of(const reel_numbers *numbers, uint64_t pattern, int *decade) {
     if (numbers->type != REEL_FLOATS) {
         return reel_integer_of(numbers, pattern);
@@ -223,7 +224,8 @@ REEL_INLINE uint64_t reel_pattern_of(const reel_numbers *numbers, uint64_t index
     return negative ? pattern | sign : pattern;
 }
 
-/* Scaled value of a number for later predictions, or the predicted value if it is not finite. */
+/* Return the scaled value of a number for later predictions: the predicted value if the number is
+   not finite, or too large. */
 REEL_INLINE double reel_known_value(const reel_numbers *numbers, uint64_t pattern,
                                     double predicted) {
     if (numbers->type != REEL_FLOATS) {
@@ -245,10 +247,10 @@ REEL_INLINE uint64_t reel_nearest_float(const reel_numbers *numbers, double valu
     return numbers->size == 8 ? reel_bits_of(value) : reel_bits_of_float((float)value);
 }
 
-/* Predict the index of a number with scaled value `value`, and the size of an index step there, in
-   sixteenths of octaves of scaled values. An integer's index is that of its base, `index`, plus the
-   rounded difference value - base, which is exact for large integers. For decimal floats `decade`
-   is the initial guess, and receives the decade. */
+/* Convert a predicted scaled value to a predicted index. `step` becomes 16 log2 of the scaled
+   distance between consecutive indices there. The index of an integer is `index`, that of `base`,
+   plus the rounded difference value - base, because large integers are not exact as doubles. For
+   decimal floats `decade` is a likely decade, and becomes the actual one. */
 REEL_INLINE uint64_t reel_predict_index(const reel_numbers *numbers, double value, double base,
                                         uint64_t index, int *decade, int32_t *step) {
     if (numbers->type != REEL_FLOATS) {
@@ -275,7 +277,7 @@ REEL_INLINE uint64_t reel_predict_index(const reel_numbers *numbers, double valu
     return pattern & sign ? ~result : result;
 }
 
-/* Size of a standard deviation, in sixteenths of octaves, from its variance. */
+/* Return 16 log2 of a standard deviation, approximately, from its variance. */
 REEL_INLINE int32_t reel_size_of_variance(double variance) {
     variance = variance < 1e100 ? variance : 1e100;
     return ((int32_t)(reel_bits_of(variance) >> 48) - 16 * 1023) / 2;

@@ -1,9 +1,9 @@
 /* Entropy coding of the differences between numbers and their predictions.
 
-   docs/format.md, "Exact values", "Sizes". The size of a difference is 16 log2 of its magnitude: an
-   octave has 16 units. Before a difference is coded, its size is predicted by linear regression in
-   integers, from sizes in earlier rows, at neighbors and in earlier columns. Four consecutive sizes
-   form a class; each class has its own bit models. */
+   docs/format.md, "Exact values", "Sizes". The size of a difference is 16 log2 of its magnitude.
+   Before a difference is coded, its size is predicted by an adaptive linear regression in integers,
+   from the sizes in earlier rows, of neighbors and in earlier columns. Four consecutive predicted
+   sizes form a class, which has its own bit models. */
 
 #ifndef REEL_EXACT_SIZES_H
 #define REEL_EXACT_SIZES_H
@@ -11,8 +11,8 @@
 #include "exact_state.h"
 
 #define RAW_BITS 24   /* raw bits coded at once */
-#define MAX_INPUT 128 /* limit of the inputs of the regression */
-#define MAX_ERROR 64  /* limit of the error that updates its weights */
+#define MAX_INPUT 128 /* inputs of the regression are clipped to this */
+#define MAX_ERROR 64  /* errors that update its weights are clipped to this */
 
 /* ---- differences ---- */
 
@@ -29,8 +29,8 @@ REEL_INLINE int32_t size_of(uint64_t magnitude) {
     return 16 * (length - 2) + (int32_t)(twice << (64 - length) >> 59 & 15U);
 }
 
-/* Code the number of bits of a magnitude: unary steps up or down from the bits that numbers of its
-   class have. */
+/* Code the number of bits of a magnitude, in unary steps up or down from the number that its class
+   predicts. */
 REEL_INLINE int code_length(exact_coder *coder, int class, int actual) {
     exact_models *models = coder->models;
     int length = class >> 2;
@@ -74,12 +74,13 @@ REEL_INLINE uint64_t code_difference(exact_coder *coder, int class, uint64_t dif
         uint32_t bits = (uint32_t)(magnitude >> (low - RAW_BITS));
         result = result << RAW_BITS | reel_code_raw(coder->range_coder, RAW_BITS, bits);
     }
-    uint32_t rest = (uint32_t)(magnitude << 1 | difference >> 63); /* with the sign below */
+    uint32_t rest = (uint32_t)(magnitude << 1 | difference >> 63); /* the lowest bit is the sign */
     rest = reel_code_raw(coder->range_coder, low + 1, rest);
     result = result << low | rest >> 1;
     return rest & 1U ? 0 - result : result;
 }
 
+/* Return the class of a predicted size, which selects the bit models. */
 REEL_INLINE int class_of(int32_t size) {
     size += 16;
     return (size < 0 ? 0 : size < N_SIZES ? size : N_SIZES - 1) >> 2;
@@ -89,14 +90,14 @@ REEL_INLINE int class_of(int32_t size) {
 
 static const int32_t inverses_q16[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 13107, 10922};
 
-/* Predict the size of the next difference. `inputs` receives the inputs of the regression, which
-   `update_size_weights` needs: a constant, then differences of sizes. */
+/* Predict the size of the next difference. Store the inputs of the regression, a constant and
+   differences of sizes, for `update_size_weights`. */
 REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double spread,
                                  int32_t inputs[N_INPUTS]) {
     column_state *state = &coder->columns[col];
     int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;
     int64_t at = t * coder->width + col;
-    int32_t recent = state->fast >> 4; /* mean size of recent rows in this column */
+    int32_t recent = state->fast >> 4; /* moving average of the sizes in this column */
     int32_t neighbors = n   ? coder->sums[at] * inverses_q16[n] >> 16 /* their mean size */
                         : t ? recent
                             : state->last;
@@ -119,8 +120,8 @@ REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, dou
     return recent + (int32_t)(sum >> 16);
 }
 
-/* Move the weights of the regression along its inputs; `error` is the actual minus the predicted
-   size. */
+/* Update the weights of the regression by a gradient step; `error` is the actual minus the
+   predicted size. */
 REEL_INLINE void update_size_weights(exact_coder *coder, const int32_t *inputs, int32_t error) {
     error = clamp(error + 10, MAX_ERROR);
     for (int i = 0; i < N_INPUTS; i++) {

@@ -8,13 +8,13 @@
 #include "exact_numbers.h"
 #include "exact_order.h"
 
-#define TEMPORAL 2        /* inputs of the filter besides the neighbors */
+#define TEMPORAL 2        /* inputs of the filter that are not motions of neighbors */
 #define INPUTS 12         /* inputs of the filter, padded with zeros */
 #define N_NEAR 6          /* neighbors used to predict sizes and means */
 #define N_VOTES 4         /* neighbors whose rows may be repeated */
-#define N_SIZES (16 * 64) /* sixteenths of an octave of a predicted magnitude */
+#define N_SIZES (16 * 64) /* predicted sizes: 16 per octave */
 #define N_CLASSES (N_SIZES / 4)
-#define N_STEPS 16       /* length steps that have a model */
+#define N_STEPS 16       /* unary steps of a length that have their own model */
 #define N_INPUTS 7       /* inputs of the regression of sizes */
 #define MOTION_FRAMES 16 /* frames whose motions are stored at once */
 #define N_SAMPLES 64     /* numbers per frame in the search for similar frames */
@@ -25,12 +25,12 @@ enum { LABELS = 0, MEANS = 1, FILTER = 2, RAW = 3 }; /* how values are predicted
 #define SPECIAL 2U /* row flag: has a number that is not finite */
 
 typedef struct {
-    reel_model above[N_CLASSES]; /* is the length above the predicted one? */
+    reel_model above[N_CLASSES]; /* whether the length exceeds the predicted one */
     reel_model longer[N_CLASSES][N_STEPS];
     reel_model shorter[N_CLASSES][N_STEPS];
-    reel_model second[N_CLASSES][8];  /* by the length relative to the predicted one */
-    reel_model constant[4];           /* by how many of two neighbors are */
-    reel_model moved[N_VOTES + 1][4]; /* by how many neighbors did, and by the item's last rows */
+    reel_model second[N_CLASSES][8];  /* second bit, by the length minus the predicted one */
+    reel_model constant[4];           /* by the number of constant neighbors, of two */
+    reel_model moved[N_VOTES + 1][4]; /* by the number of moved neighbors, and the last two rows */
     reel_model candidate[2][N_VOTES + 1][N_VOTES + 1];
     reel_model special[2][3];
     reel_model special_repeats;
@@ -44,7 +44,7 @@ typedef struct {
 typedef struct {
     int32_t fast, slow; /* running means of the sizes over about 4 and 16 rows, in sixteenths */
     int32_t last;       /* size in the last row; of labels a running mean over 4, in sixteenths */
-    int32_t recent;     /* size that the next one is predicted from */
+    int32_t recent;     /* size relative to which the next one is predicted */
     int decade;         /* decade of the last number, for decimal floats */
 } column_state;
 
@@ -59,12 +59,12 @@ typedef struct {
     exact_models *models;
     column_state *columns; /* per column */
     double *known;     /* items in coding order x frames x width: scaled values for prediction */
-    int16_t *sizes;    /* likewise: sizes of the differences */
+    int16_t *sizes;    /* same shape: sizes of the differences */
     uint8_t *flags;    /* items in coding order x frames: row flags */
-    uint8_t *constant; /* items in coding order: is it constant? */
-    int32_t *lags;     /* frames */
-    float *samples;    /* frames x N_SAMPLES */
-    int32_t excess; /* by how much differences of this row exceeded their columns' sizes so far */
+    uint8_t *constant; /* items in coding order: whether the item is constant */
+    int32_t *lags;     /* frames: distance to a frame with similar motion before it; 0: none */
+    float *samples;    /* frames x N_SAMPLES: changes of sampled numbers, to find such frames */
+    int32_t excess; /* how much larger sizes of this row were than the average of their column */
     /* State of the current item. */
     int64_t item, position;
     int32_t near[REEL_MAX_NEAR];
@@ -73,11 +73,11 @@ typedef struct {
     double weights[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double gains[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double covariance[INPUTS * INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
-    double noise, fast_noise; /* running error variances, slow and fast */
+    double noise, fast_noise; /* slow and fast moving averages of squared errors */
     double *noises;           /* items in coding order: final `noise` */
     uint64_t *patterns;       /* frames x width: bit patterns */
     int32_t *sums;            /* frames x width: sums of the sizes of neighbors */
-    int16_t *max_sizes;       /* frames x width: their maxima */
+    int16_t *max_sizes;       /* frames x width: maxima of the sizes of neighbors */
     double *motions,
         *lagged_motions; /* MOTION_FRAMES + 1 frames x width x INPUTS: motions of neighbors */
     int64_t first;       /* first frame of `motions`, which also hold the frame before */

@@ -12,7 +12,7 @@
 /* Levels of a resolution; the last takes all remaining vertices. */
 #define N_LEVELS (REEL_STATES - 1)
 
-#define LEFT 8U /* states >= LEFT: not in a level yet, after state - LEFT thinnings */
+#define LEFT 8U /* state LEFT + n: not in a level yet, after n thinnings */
 
 /* Working memory; resolutions are processed from fine to coarse. */
 typedef struct {
@@ -20,9 +20,9 @@ typedef struct {
     int32_t *members;   /* mesh vertex of each vertex of the graph, ascending */
     int32_t *ranked;    /* vertices of the graph by descending rank */
     uint8_t *states;    /* level of each vertex: 0 if the coarser resolution keeps it */
-    uint8_t *divides;   /* whether each vertex divides an edge, in the finest resolution */
+    uint8_t *divides;   /* whether each vertex of the finest resolution divides an edge */
     int32_t *cells;     /* vertex of the coarser graph whose cell contains each vertex */
-    int32_t *starts[2]; /* of coarser graphs, double buffered */
+    int32_t *starts[2]; /* adjacency of coarser graphs, double buffered */
     int32_t *near[2];
     reel_adjacency_builder builder;
     reel_stencil_finder finder;
@@ -33,10 +33,10 @@ typedef struct {
    first. */
 typedef struct {
     int32_t *order;
-    int32_t *stencil; /* or NULL: then hops and contexts are skipped */
+    int32_t *stencil; /* NULL: do not compute stencils, hops and contexts */
     uint8_t *hops;
     int32_t *contexts;
-    float *smooth; /* or NULL; rows of the members of each resolution, in order of computation */
+    float *smooth; /* smooth fields of the members of each resolution, finest first; or NULL */
     bool has_finest; /* whether `smooth` includes the finest resolution */
     int64_t n_rows;
     int32_t size;
@@ -67,7 +67,8 @@ static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
     }
 }
 
-/* Whether a vertex has several edges, each of them divided by a vertex with no other neighbors. */
+/* Whether a vertex has at least three edges, each with a vertex in its middle: a neighbor with only
+   two neighbors. */
 static bool has_divided_edges(const reel_graph *graph, int32_t v) {
     bool result = reel_degree(graph, v) > 2;
     for (int32_t i = graph->starts[v]; result && i < graph->starts[v + 1]; i++) {
@@ -76,8 +77,8 @@ static bool has_divided_edges(const reel_graph *graph, int32_t v) {
     return result;
 }
 
-/* Find the vertices that divide an edge, as the nodes on edges of quadratic cells do. They rank
-   after all others. */
+/* Find the vertices in the middle of an edge, such as the mid-edge nodes of quadratic cells. They
+   rank after all others, so that coarser resolutions prefer the ends. */
 static void find_dividing(workspace *work) {
     const reel_graph *graph = &work->graph;
     uint8_t *has_divided = work->states;
@@ -101,8 +102,8 @@ static void find_dividing(workspace *work) {
     reel_copy(work->ranked + n_others, dividing, (size_t)n_dividing * sizeof *dividing);
 }
 
-/* Thin the vertices of state `left` to a maximal independent set, greedily by descending rank.
-   Members get the state `level`; the others get the next state after `left`. */
+/* Select a maximal independent set of the vertices in state `left`, greedily by descending rank.
+   Its members get the state `level`, the others `left` + 1. */
 static void thin(workspace *work, uint8_t left, uint8_t level) {
     const reel_graph *graph = &work->graph;
     uint8_t *states = work->states;
@@ -160,7 +161,7 @@ static void list_levels(workspace *work, hierarchy_results *results, int32_t beg
     }
 }
 
-/* Find the context neighbors of a vertex: lower neighbors of its level, then its stencil. */
+/* List the context neighbors of a vertex: lower neighbors in its level, then its stencil. */
 static void list_contexts(const workspace *work, int32_t v, const int32_t *stencil, int32_t size,
                           int32_t *contexts) {
     const reel_graph *graph = &work->graph;
@@ -187,7 +188,7 @@ static void to_mesh_vertices(const workspace *work, int32_t *vertices, size_t co
     }
 }
 
-/* Find stencils and contexts of the rows begin .. end - 1, as vertices of the mesh. */
+/* Find the stencils and contexts of order[begin .. end - 1], as vertices of the mesh. */
 static void find_stencils(workspace *work, hierarchy_results *results, int32_t begin, int32_t end) {
     size_t size = (size_t)results->size, n = (size_t)(end - begin);
     int32_t *order = results->order + begin, *stencil = results->stencil + (size_t)begin * size;
@@ -204,9 +205,9 @@ static void find_stencils(workspace *work, hierarchy_results *results, int32_t b
     to_mesh_vertices(work, contexts, n * REEL_CONTEXT_NEIGHBORS);
 }
 
-/* Assign cells of the coarser resolution: a kept vertex has its own, any other belongs to its
-   highest kept neighbor. Members and ranks are compacted to the kept vertices. Returns their
-   number. */
+/* Assign each vertex to a cell of the coarser resolution: that of a kept vertex is its own, that of
+   another vertex is its highest kept neighbor's. Reduce members and ranks to the kept vertices, and
+   return their number. */
 static int32_t assign_cells(workspace *work) {
     const reel_graph *graph = &work->graph;
     int32_t n_kept = 0, *cells = work->cells;
@@ -228,13 +229,14 @@ static int32_t assign_cells(workspace *work) {
     int32_t n_ranked = 0;
     for (int32_t i = 0; i < graph->n; i++) {
         int32_t v = work->ranked[i];
-        work->ranked[n_ranked] = cells[v]; /* kept if it survives */
+        work->ranked[n_ranked] = cells[v]; /* overwritten next unless v is kept */
         n_ranked += !work->states[v];
     }
     return n_kept;
 }
 
-/* Replace the graph by that of the kept vertices; edges of the finer graph connect cells. */
+/* Replace the graph by that of the kept vertices: two are connected if an edge of the finer graph
+   connects their cells. */
 static void coarsen(workspace *work, int buffer) {
     const reel_graph *graph = &work->graph;
     int32_t n_kept = assign_cells(work), pairs = 0;
@@ -322,8 +324,8 @@ size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near) {
     return arena.used + reel_array_bytes(REEL_SMOOTH_ROWS * n, row);
 }
 
-/* Write the levels, which were listed in reverse, and where the smooth fields of each resolution
-   begin, coarsest first. */
+/* Write the levels, coarsest first, and where the smooth fields of each resolution begin. Levels
+   were listed in reverse. */
 static int32_t write_levels(const hierarchy_results *results, int32_t *starts, int32_t *resolutions,
                             int64_t *smooth_starts) {
     int32_t n = results->n_levels, coarsest = results->resolutions[n - 1];
@@ -342,7 +344,7 @@ static int32_t write_levels(const hierarchy_results *results, int32_t *starts, i
     return n;
 }
 
-/* Renumber stencils and contexts to coding order. */
+/* Renumber the vertices in stencils and contexts in coding order. */
 static void renumber_stencils(const hierarchy_results *results, int32_t n, const int32_t *numbers) {
     for (size_t i = 0; i < (size_t)n * (size_t)results->size; i++) {
         results->stencil[i] = results->stencil[i] < 0 ? -1 : numbers[results->stencil[i]];
@@ -352,7 +354,7 @@ static void renumber_stencils(const hierarchy_results *results, int32_t n, const
     }
 }
 
-/* Copy the rows of smooth fields to coding order. */
+/* Copy the rows of smooth fields, in coding order. */
 static void reorder_smooth(const hierarchy_results *results, int32_t n, int32_t n_levels,
                            const int32_t *starts, const int32_t *resolutions,
                            const int64_t *smooth_starts, const int32_t *numbers, float *smooth) {

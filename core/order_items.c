@@ -2,32 +2,33 @@
 
 #include "order_items.h"
 
-#define N_ITEM_WAYS 7 /* ways in which a vertex or cell is coded */
-#define OPEN 5        /* 0: the next item; 1..4: a neighbor; OPEN: an open item */
-#define ANY 6
+/* Ways to code the next item: 0 is the item after the last one, 1..4 a neighbor of the last one. */
+#define OPEN 5 /* a leap to an open item: one with a coded neighbor */
+#define ANY 6  /* a leap to any uncoded item */
+#define N_ITEM_WAYS 7
 #define MAX_NEIGHBORS 16
 
 typedef struct {
-    reel_model next[N_ITEM_WAYS][N_ITEM_WAYS][2];
-    reel_model near[5][N_ITEM_WAYS][N_ITEM_WAYS];
-    reel_model open[N_ITEM_WAYS];
-    reel_leap_model leap, leap_any;
+    reel_model next[N_ITEM_WAYS][N_ITEM_WAYS][2]; /* by the last two ways, and if it is open */
+    reel_model near[5][N_ITEM_WAYS][N_ITEM_WAYS]; /* by index, number of neighbors, and last way */
+    reel_model open[N_ITEM_WAYS];                 /* by the last way */
+    reel_leap_model leap, leap_any;               /* leaps of OPEN and of ANY */
     int last_ways[2];
 } item_models;
 
 typedef struct {
     item_models *models;
     const reel_item_graph *graph;
-    reel_ranks uncoded;
+    reel_ranks uncoded; /* items that are not coded yet */
     reel_ranks open;    /* opening times of uncoded items with a coded neighbor */
     int32_t *opened_at; /* opening time of each item, or -1 */
     int32_t *item_at;   /* item that opened at each time */
-    int32_t *opener;    /* item that opened each item */
-    /* Of the items that an item opened, those that no other coded item has as a neighbor are at the
-       end: their first time. */
+    int32_t *opener;    /* coded neighbor that opened each item */
+    /* The items that an item opened have consecutive times. Those reached from another coded item
+       since then come first. This is the first time of the others, for each opener. */
     int32_t *first_once;
-    int32_t clock;
-    int64_t last_open, last_any;
+    int32_t clock;               /* next opening time */
+    int64_t last_open, last_any; /* where the last leap of OPEN and of ANY went */
 } item_state;
 
 void reel_reset_models(void *models, size_t size) {
@@ -102,37 +103,37 @@ static item_state start_item_coder(reel_arena *arena, const reel_item_graph *gra
     return state;
 }
 
-/* Find up to 16 distinct uncoded neighbors, except `next`, in the order in which they opened;
-   returns their number. */
+/* Find up to 16 distinct uncoded neighbors of `last`, except `next`, in the order in which they
+   opened. Return their number. */
 static int near_items(const item_state *state, int32_t last, int32_t next, int32_t *result) {
     const reel_item_graph *graph = state->graph;
     int n = 0;
     for (int64_t i = graph->starts[last]; i < graph->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
         int32_t here = graph->near[i];
-        int last_open = n;
+        int place = n;
         if (here == next || !reel_ranks_has(&state->uncoded, here)) {
             continue;
         }
-        while (last_open > 0 && state->opened_at[result[last_open - 1]] > state->opened_at[here]) {
-            last_open--;
+        while (place > 0 && state->opened_at[result[place - 1]] > state->opened_at[here]) {
+            place--;
         }
-        if (last_open > 0 && result[last_open - 1] == here) {
+        if (place > 0 && result[place - 1] == here) {
             continue;
         }
-        for (int j = n++; j > last_open; j--) {
+        for (int j = n++; j > place; j--) {
             result[j] = result[j - 1];
         }
-        result[last_open] = here;
+        result[place] = here;
     }
     return n;
 }
 
-/* Code whether the next item follows the last or is a neighbor of it. Returns it, or -1; `way` is
-   how it was found. */
+/* Code the next item if it has the number after the last one, or is its neighbor. Return it and set
+   `way`; return -1 if it is neither. */
 static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_t last,
                               int32_t target, int *way) {
     item_models *models = state->models;
-    int h = models->last_ways[0], g = models->last_ways[1];
+    int h = models->last_ways[0], g = models->last_ways[1]; /* last way, and the one before */
     int32_t next = last + 1;
     if (next >= state->graph->n || !reel_ranks_has(&state->uncoded, next)) {
         next = -1;
@@ -155,6 +156,7 @@ static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_
     return -1;
 }
 
+/* Code the next item by a leap: among the open items, or among all uncoded ones. */
 static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t target,
                              int *way) {
     item_models *models = state->models;
@@ -171,7 +173,8 @@ static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t
     return (int32_t)result;
 }
 
-/* Move an open item that a second coded item reached: before those of its opener that none did. */
+/* An open item was reached from a second coded item: swap its opening time with that of the first
+   item of the same opener that was not. */
 static void reach_again(item_state *state, int32_t item) {
     int32_t *first_once = &state->first_once[state->opener[item]], time = state->opened_at[item];
     if (time < *first_once) {
@@ -187,7 +190,7 @@ static void reach_again(item_state *state, int32_t item) {
     state->opened_at[item] = earlier;
 }
 
-/* Mark an item as coded: it closes, its neighbors open. */
+/* Mark an item as coded: it is no longer open, and its uncoded neighbors become open. */
 static void mark_item_coded(item_state *state, int32_t item) {
     const reel_item_graph *graph = state->graph;
     int32_t first_time = state->clock;

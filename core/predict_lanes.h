@@ -1,12 +1,13 @@
-/* The part of predict.c that handles REEL_BATCH vertices at once, one per lane; see cpu.h for LANES,
-   TARGET and NAMED. Several vectors hold a batch. Nothing is summed across lanes: the operations of
-   each vertex have the same order, so all widths give the same bits.
+/* The part of predict.c that processes a batch of REEL_BATCH vertices at once, one per lane of
+   several vectors; see cpu.h for LANES, TARGET and NAMED. Nothing is summed across lanes: the
+   operations of each vertex have the same order, so all vector widths give the same bits.
 
    Types:
      VEC         FLOATS floats, as many as fit in a vector
      BATCH_VEC   one float for each vertex of a batch, in N_VECS vectors
      VEC_D       LANES doubles, unaligned
-     HALF_VEC_F  as many floats, likewise; HALF_VEC_I integers; VEC_MASK results of comparisons
+     HALF_VEC_F  LANES floats, unaligned; HALF_VEC_I LANES integers, unaligned
+     VEC_MASK    results of comparing LANES doubles
    Shorthands:
      FOR_VECS(p)         loop over the vectors of a batch
      AT(batch_vec, l)    the float of lane l
@@ -33,8 +34,8 @@ typedef int64_t VEC_MASK __attribute__((vector_size(8 * LANES)));
 #define AT(batch_vec, l) (((float *)(batch_vec))[l]) /* valid without strict aliasing */
 #define SELECT(mask, values) ((VEC_D)((mask) & (VEC_MASK)(values)))
 
-/* Rows of covariances, and vectors of modes, processed together: limited by the number of
-   registers; builds for pages prefer small code. */
+/* How many rows of a covariance, and vectors of modes, are processed together. The number of
+   registers limits both; builds for web pages prefer small code. */
 #ifdef REEL_DECODER_ONLY
 #define ROWS 1
 #define MODE_VECS 1
@@ -56,13 +57,13 @@ typedef struct {
 } NAMED(filter);
 
 typedef struct {
-    int n_lanes;                            /* distinct vertices; the others repeat the last */
+    int n_lanes;                            /* lanes in use; others repeat the last vertex */
     int32_t neighbors[N_SLOTS][REEL_BATCH]; /* vertex numbers; missing entries repeat the first */
-    BATCH_VEC mask[MAX_STENCIL];            /* 1, or 0 where an entry is missing */
-    BATCH_VEC prior[MAX_STENCIL]; /* relative variance by distance; 0 where an entry is missing */
+    BATCH_VEC mask[MAX_STENCIL];            /* 1, or 0 for a missing entry */
+    BATCH_VEC prior[MAX_STENCIL]; /* relative variance, by hops; 0 for a missing entry */
     NAMED(filter) filter;
-    /* The rank-1 update of the covariance by the last observation is deferred: it is applied in
-       passing when the covariance is next read. covariance -= scaled gains^T. */
+    /* The rank-1 update after the last observation, covariance -= scaled_gain gains[last]^T, is
+       deferred until the covariance is next read, to save memory accesses. */
     BATCH_VEC scaled_gain[MAX_STENCIL], gains[2][MAX_STENCIL];
     int last; /* index of the gains of the last observation */
 } NAMED(batch);
@@ -91,7 +92,7 @@ TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh
     }
 }
 
-/* Initialize the weights by distance. They sum to 1, and every update preserves the sum. */
+/* Initialize the weights in proportion to the prior. They sum to 1; updates preserve the sum. */
 TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     BATCH_VEC sum = {0};
     for (int j = 0; j < size; j++) {
@@ -120,7 +121,7 @@ TARGET REEL_INLINE void NAMED(apply_update)(NAMED(batch) *b, int size) {
     NAMED(clear_update)(b);
 }
 
-/* Add `share` times the prior covariance, which leaves the sum of the weights certain. */
+/* Add `share` times the prior covariance, under which the sum of the weights has no variance. */
 TARGET REEL_INLINE void NAMED(add_prior)(NAMED(batch) *b, int size, const BATCH_VEC *by_distance,
                                          float share) {
     BATCH_VEC *row = b->filter.variance;
@@ -179,8 +180,8 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
     }
 }
 
-/* Update the filters with an observed field: move the weights along the gains by the prediction
-   error, and defer the update of the covariance. Subtracts the prediction from `offset`. */
+/* Kalman update by an observed field: move the weights, and defer the update of the covariance.
+   Subtract the prediction from `offset`. */
 TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_VEC *offset,
                                                const VEC *predicted, const VEC *error,
                                                const VEC *noise, float relative) {
@@ -211,8 +212,9 @@ TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_
     }
 }
 
-/* Out-of-line copies of it: this is most of the work, and inlining it everywhere takes compilers
-   minutes. Full stencils have a specialized copy, except in small builds. */
+/* observe_stencil takes most of the time, but if it were inlined everywhere, compiling would take
+   minutes. So there are two copies: one for any stencil and, except in small builds, one
+   for full stencils. */
 TARGET REEL_CALLED void NAMED(observe_any)(NAMED(batch) *b, int size, BATCH_VEC *offset,
                                            const VEC *predicted, const VEC *error, const VEC *noise,
                                            float relative) {
@@ -239,7 +241,7 @@ TARGET REEL_INLINE void NAMED(observe)(NAMED(batch) *b, int size, BATCH_VEC *off
     NAMED(observe_any)(b, size, offset, predicted, error, noise, relative);
 }
 
-/* Whether to load eight fields of a vertex at once, and transpose them to lanes. */
+/* Whether to load eight fields of a vertex at once, and then transpose them. */
 #if LANES >= 4 && (defined(__clang__) || __GNUC__ >= 12)
 #define HAS_TRANSPOSE 1
 #else
@@ -259,8 +261,8 @@ typedef float VEC_8F __attribute__((vector_size(32), may_alias, aligned(4)));
         (g) < 16 ? (g) : (g) - 8, (h) < 16 ? (h) : (h) - 8
 #endif
 
-/* Transpose eight floats of each of FLOATS vertices to eight lanes of the batch. Rows hold eight
-   vertices, or vertices i and i + 8 side by side. */
+/* Transpose eight floats of each of FLOATS vertices to vector p of eight batch vectors. Row i has
+   the floats of vertex i or, with 16 floats per vector, of vertices i and i + 8. */
 TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int p) {
     VEC pairs[8], quads[8];
     REEL_UNROLLED for (int i = 0; i < 8; i += 2) {
@@ -270,7 +272,7 @@ TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int 
                                INDICES(2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31));
     }
     REEL_UNROLLED for (int i = 0; i < 8; i++) {
-        int a = i / 4 * 4 + i / 2 % 2; /* pairs of rows 0..1 or 4..5; its index within a half */
+        int a = i / 4 * 4 + i / 2 % 2; /* first of two interleaved pairs in this half */
         quads[i] =
             i % 2 ? SHUFFLE(pairs[a], pairs[a + 2],
                             INDICES(2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31))
@@ -286,7 +288,7 @@ TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int 
     }
 }
 
-/* Difference of eight values and eight others, rounded to single. */
+/* Subtract eight doubles from eight others, and round to float. */
 TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base) {
 #if LANES == 8
     return __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, VEC_8F);
@@ -298,7 +300,7 @@ TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base
 #endif
 }
 
-/* Row of vertex l, or of vertices l and l + 8 side by side. */
+/* Load a row for `transpose`; of(l) loads the eight floats of vertex l. */
 #if LANES == 8
 #define LOAD_ROW(l, of)                                                                            \
     SHUFFLE(of(l), of((l) + 8), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
@@ -331,7 +333,7 @@ TARGET REEL_INLINE void NAMED(gather_smooth)(const NAMED(batch) *b, const float 
 #endif
 }
 
-/* Update the filters with the smooth fields of the resolution. */
+/* Update the filters with the smooth fields of this resolution. */
 TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const float *smooth,
                                               float smooth_noise) {
     BATCH_VEC offset[REEL_SMOOTH_FIELDS][N_SLOTS], noise = {0}, predicted, error;
@@ -358,7 +360,7 @@ TARGET REEL_INLINE void NAMED(observe_smooth)(NAMED(batch) *b, int size, const f
 }
 
 /* Gather the offsets of n fields at one entry of the stencil. The values of a vertex are
-   contiguous, those of different vertices `stride` apart. */
+   contiguous; those of consecutive vertices are `stride` apart. */
 TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *values,
                                            int64_t stride, int n, int slot,
                                            NAMED(offsets) *result) {
@@ -384,7 +386,7 @@ TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *
     }
 }
 
-/* Gather the offsets of the fields k..n_fields-1, at most FIELDS_PER_GATHER. */
+/* Gather the offsets of fields k..n_fields-1, or of the first FIELDS_PER_GATHER of them. */
 TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
                                       int64_t k, int64_t n_fields, bool with_own,
                                       NAMED(offsets) *result) {
@@ -433,9 +435,9 @@ TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fie
     NAMED(observe_key)(b, size, fields);
 }
 
-/* Quantize LANES modes of a vertex to residuals, and count zeros and ones of each. `shaped`,
-   where noise is shaped, are the predictions that the target values would give. Returns false if a
-   residual is too large. */
+/* Quantize LANES modes of a vertex to residuals, and count the zeros and ones of each mode.
+   `shaped` are the predictions from unquantized values, or NULL if the quantization noise is not
+   shaped. Return false if a residual is too large. */
 TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quantizer *quantizer,
                                               const VEC_D *zones, const VEC_D *predictions,
                                               const VEC_D *target_value, const VEC_D *shaped,
@@ -504,8 +506,8 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
     return fits;
 }
 
-/* Code the first modes at the vertices of a batch, one by one; the weights adapt to those that are
-   learned. Returns false if a residual is too large. */
+/* Code the first n_adaptive modes at the vertices of a batch, one by one; the weights adapt after
+   each of the first n_learned. Return false if a residual is too large. */
 TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_nearest,
                                              bool is_shaped, int64_t n_adaptive,
                                              reel_fields *fields, const reel_quantizer *quantizer) {
@@ -572,7 +574,7 @@ TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t
 #endif
 }
 
-/* Code n * LANES modes at the vertices of a batch, n of 1 or 2, by weights that no longer adapt.
+/* Code n * LANES modes at the vertices of a batch, n = 1 or 2, with weights that no longer adapt.
  */
 TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n, bool to_nearest,
                                           bool is_shaped, int64_t k, reel_fields *fields,
@@ -615,7 +617,7 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
     return fits;
 }
 
-/* Code all modes at the vertices of a batch; returns false if a residual is too large. */
+/* Code all modes at the vertices of a batch. Return false if a residual is too large. */
 TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool to_nearest,
                                           bool is_shaped, reel_fields *fields,
                                           const reel_quantizer *quantizer) {
@@ -632,7 +634,8 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool to_nea
     return fits;
 }
 
-/* The prepared filters of a batch. Those of a level follow those of all levels before. */
+/* Return the prepared filters of a batch. The filters of a level follow those of earlier levels;
+   a level may end with an incomplete batch, so each adds one. */
 TARGET REEL_INLINE NAMED(filter) *
     NAMED(prepared_filter)(const reel_fields *fields, int64_t level, int64_t first) {
     return (NAMED(filter) *)fields->prepared + first / REEL_BATCH + level;

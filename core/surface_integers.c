@@ -1,44 +1,44 @@
-/* Integers on a surface: frames of a table whose rows are the corners of triangles, each row
-   predicted from earlier rows around it by weights that the encoder may fit. A frame is coded on
-   its own, or as differences to a prediction from the frames before. Residuals of repeated parts
-   are copied. docs/format.md, "Integers on a surface". */
+/* Integers on a surface: frames of a table whose rows are the vertices of triangles. Each row is
+   predicted from earlier rows around it, with weights that the encoder may fit. A frame is coded
+   directly, or as its difference from a prediction by previous frames. Where parts of a mesh
+   repeat, residuals are copied from the earlier part. docs/format.md, "Integers on a surface". */
 
 #include "symbols.h"
 
-#define N_CLASSES 3 /* of rows: with 1, 2, or more parallelograms */
+#define N_CLASSES 3 /* classes of rows: with 1, 2, or more parallelograms */
 #define N_WEIGHTS (2 * N_CLASSES)
 #define ONE 4096.0 /* a weight of 1 in fixed point */
 #define MAX_WEIGHT 32767.0
-#define PRIOR 1e-6                  /* of the weights, relative to the squared differences */
-#define N_FITS 3                    /* of the weights; all but the first favor small residuals */
+#define PRIOR 1e-6                  /* regularization of the fit, relative to the sums of squares */
+#define N_FITS 3                    /* iterations of the weight fit; see fit_weights */
 #define MAX_PREDICTION 1073741824.0 /* 2^30: residuals of allowed values fit into 31 bits */
 #define MAX_COLUMNS REEL_MAX_SURFACE_COLUMNS
-#define LANES 4      /* columns are processed in groups */
-#define N_CONTEXT 4  /* rows around a row that predict the size of its residuals */
-#define LARGEST 4095 /* magnitudes saturate here in predictions */
-#define N_SIZES 29   /* half octaves of the predicted magnitude */
-#define N_VOTES (2 * N_CONTEXT + 1)
-#define N_RUNS 16        /* lengths of a run of copies, up to "15 or more" */
-#define N_LIKELY 2       /* from this length on, a further copy is probable at first */
-#define MAX_HASH_BITS 15 /* of the last residuals of a column */
-#define N_CANDIDATES 5   /* of predictions: see predict_group */
-#define N_CONTEXTS (3 * N_CLASSES) /* of rows: see find_neighbors */
-#define N_COMPARED 2048  /* rows with which the encoder compares kinds of frames */
-#define N_CHOSEN 4096    /* rows by which it makes the choices of several frames */
-#define LONG_TOKEN 15    /* of magnitudes of at least LONG */
+#define LANES 4                     /* columns in a group, which is processed as a vector */
+#define N_CONTEXT 4                 /* rows around a row whose residuals are the context */
+#define LARGEST 4095                /* magnitudes of residuals are clipped to this in contexts */
+#define N_SIZES 29                  /* classes of the expected magnitude, two per octave */
+#define N_VOTES (2 * N_CONTEXT + 1) /* possible sums of N_CONTEXT signs */
+#define N_RUNS 16                   /* classes of run lengths of copies: 0, 1, ..., 15 or more */
+#define N_LIKELY 2                  /* run length from which another copy is probable initially */
+#define MAX_HASH_BITS 15            /* bits of the hash of the last residuals of a column */
+#define N_CANDIDATES 5              /* predictions to select from: see predict_group */
+#define N_CONTEXTS (3 * N_CLASSES)  /* contexts of the selection: see find_neighbors */
+#define N_COMPARED 2048             /* rows that the encoder samples to choose a frame's kind */
+#define N_CHOSEN 4096               /* rows that it encodes to make the choices of a kind */
+#define LONG_TOKEN 15               /* token of all magnitudes of at least LONG */
 #define LONG 192
 
-/* Choices of the encoder for a table. */
+/* Flags that the encoder chooses for each kind of frame. */
 enum {
-    FITTED = 1,     /* weights are stored; otherwise parallelograms predict alone */
-    BEST = 2,       /* one of several candidates predicts: the best so far */
-    COPIES = 4,     /* residuals may be copied */
-    BY_CONTEXT = 8, /* the best candidate so far is that of rows in the same context */
-    N_CHOICES = 4
+    FITTED = 1,     /* fitted weights are stored; otherwise parallelograms predict by their mean */
+    BEST = 2,       /* predict by the candidate with the least error so far */
+    COPIES = 4,     /* a bit before a residual may tell that it is a copy of an earlier one */
+    BY_CONTEXT = 8, /* measure the errors of the candidates separately in each context */
+    N_CHOICES = 4   /* bits of these flags */
 };
 
-/* Kinds of frames: equal to the frame before, coded on its own, or less the frame before, or less
-   what that frame and the one before it extrapolate to. */
+/* How a frame is coded: it repeats the previous one; directly; as the difference from the previous
+   one; or as the difference from the linear extrapolation of the previous two. */
 enum { SAME, OWN, CHANGE, EXTRAPOLATED, N_KINDS };
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
@@ -46,62 +46,66 @@ typedef uint32_t vec4u __attribute__((vector_size(4 * LANES), may_alias));
 typedef int64_t vec4l __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 typedef double vec4d __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 
-/* The rows next to those at both ends of a side, and opposite to it on both faces. */
+/* Rows that predict a row as a + b - c: a and b are the ends of the side opposite to the row in one
+   of its triangles, and c is the vertex across this side. */
 typedef struct {
     int32_t a, b, c;
 } parallelogram;
 
 typedef struct {
-    reel_symbol_model token[N_SIZES]; /* class of a magnitude, by its predicted size */
-    reel_symbol_model long_token;     /* length of a magnitude of at least LONG */
-    reel_model negative[N_VOTES];     /* by the sum of the signs around the row */
-    /* Is a residual a copy? By that of the column before, whether it would be 0, and the run. */
+    reel_symbol_model token[N_SIZES]; /* token of a magnitude, by its expected magnitude */
+    reel_symbol_model long_token;     /* bits of a magnitude of at least LONG */
+    reel_model negative[N_VOTES];     /* sign of a residual, by the sum of the signs around it */
+    /* Whether a residual is a copy, by three contexts: the previous answer in the row (0: none,
+       1: yes, 2: no), whether the copied value is 0, and the length of the run. */
     reel_model copy[3][2][N_RUNS];
 } residual_models;
 
-/* What the residuals of a column may copy: those after an earlier occurrence of the last few. */
+/* Copy source of a column: the residuals that followed the last few when they last occurred. */
 typedef struct {
-    uint32_t hash; /* of the last few */
-    int32_t next;  /* the row whose residual comes next, 0 if there is none */
-    int32_t run;   /* copies until now, at most N_RUNS - 1 */
+    uint32_t hash; /* hash of the last few residuals */
+    int32_t next;  /* row, counted through all frames, of the next residual to copy; 0: none */
+    int32_t run;   /* number of residuals copied without a break, at most N_RUNS - 1 */
 } copy_source;
 
-/* State of the frames of a kind. */
+/* Parameters and adaptive state that the frames of a kind share. */
 typedef struct {
-    bool is_started;
+    bool is_started; /* whether a frame of this kind was coded */
     uint32_t choices;
     double weights[N_WEIGHTS];
     residual_models models;
-    int32_t recent[MAX_COLUMNS]; /* decaying mean magnitude of each column, in 1/48 */
-    /* Decaying mean errors of candidates in each context, in 1/64. */
+    int32_t recent[MAX_COLUMNS]; /* moving average of the magnitudes in each column, times 48 */
+    /* Moving averages of the errors of the candidates in each context, times 64. */
     vec4i errors[N_CONTEXTS][MAX_COLUMNS / LANES][N_CANDIDATES];
 } kind_state;
 
 typedef struct {
     int64_t n_frames, n_rows, n_columns, n_groups, n_faces;
-    const int32_t *faces, *twins;
-    int32_t *starts, *corners; /* the faces of which each row is the latest */
-    int32_t *seen_at;          /* of each row: the last row that it was around */
-    int32_t n_around, n_parallelograms, context; /* of the current row */
+    const int32_t *faces, *twins; /* rows of each triangle; opposite half-edge of each side */
+    /* Corners at which the row is the latest of its triangle: those of row i are
+       corners[starts[i]..starts[i + 1] - 1], as 4 * face + corner. */
+    int32_t *starts, *corners;
+    int32_t *seen_at; /* for each row, the last row that had it as a neighbor */
+    int32_t n_around, n_parallelograms, context; /* counts and context of the current row */
     int32_t *around;                             /* earlier rows around it */
     parallelogram *parallelograms;
-    vec4d *values;              /* n_groups of each row of the current frame */
-    vec4i *residuals;           /* the same of all frames; they saturate at LARGEST */
-    int64_t first;              /* the first row of the current frame among those of all */
-    kind_state *states, *state; /* of all kinds, and that of the current frame */
-    reel_model kind_models[N_KINDS][4]; /* by the kind before, and the first bit */
+    vec4d *values;     /* values of the current frame: n_groups vectors per row */
+    vec4i *residuals;  /* residuals of all frames in the same layout, clipped to LARGEST */
+    int64_t first_row; /* index of the current frame's first row among the rows of all frames */
+    kind_state *states, *state; /* state of each kind; that of the current frame */
+    reel_model kind_models[N_KINDS][4]; /* bits of a kind, by the previous kind and the first bit */
     int hash_bits;
-    int32_t *latest; /* for each column and hash: the row after its latest occurrence */
+    int32_t *latest; /* for each column and hash, the row after its last occurrence; 0: none */
     copy_source sources[MAX_COLUMNS];
 } surface_coder;
 
-/* Means of the rows around a row, for each column: at the ends of the sides of its parallelograms,
-   opposite to it, and of all. */
+/* Means of neighbors of a row, for a group of columns: of a and b and of c of its parallelograms,
+   and of all earlier rows around it. */
 typedef struct {
     vec4d near, opposite, around;
 } row_means;
 
-/* Predictions of a group of columns, and the error so far of the best. */
+/* Candidate predictions of a group of columns, and the average error of the selected one. */
 typedef struct {
     vec4i values[N_CANDIDATES], error;
 } candidates;
@@ -116,13 +120,13 @@ static bool has_valid_faces(const surface_coder *coder) {
     return valid;
 }
 
-/* The corner of a face with its latest row. */
+/* Return the corner 0..2 of a face that has the highest row. */
 REEL_INLINE int32_t latest_corner(const int32_t *face) {
     int32_t latest = face[1] > face[0];
     return face[2] > face[latest] ? 2 : latest;
 }
 
-/* Sort the faces by their latest row; each is stored as 4 times its number plus a corner. */
+/* Fill `starts` and `corners`: a counting sort of the faces by their highest row. */
 static void sort_faces(surface_coder *coder) {
     int32_t *ends = coder->starts + 1;
     reel_zero(coder->starts, ((size_t)coder->n_rows + 2) * sizeof *coder->starts);
@@ -138,21 +142,22 @@ static void sort_faces(surface_coder *coder) {
     }
 }
 
+/* Prepare find_neighbors for the rows of a frame. */
 static void start_rows(surface_coder *coder) {
     for (int64_t i = 0; i < coder->n_rows; i++) {
         coder->seen_at[i] = -1;
     }
 }
 
-/* The class of the current row by its parallelograms, or -1 if it has none. */
+/* Return the class of the current row by its number of parallelograms; -1 if it has none. */
 REEL_INLINE int class_of(const surface_coder *coder) {
     int32_t n = coder->n_parallelograms;
     return n < N_CLASSES ? n - 1 : N_CLASSES - 1;
 }
 
-/* Find the rows around a row, its parallelograms, and its context: how many these are, and which
-   end of the first one's side is the previous row. In a regular mesh the context determines which
-   candidate predicts well. */
+/* Find the earlier rows around a row, its parallelograms, and its context: its class, and whether a
+   or b of the first parallelogram is the previous row. In a regular mesh the context determines
+   which candidate predicts well. */
 REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
     static const int8_t after[] = {1, 2, 0}, before[] = {2, 0, 1};
     int32_t n_around = 0, n_parallelograms = 0;
@@ -183,8 +188,8 @@ REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
     }
 }
 
-/* Start from geometric distributions of the predicted magnitudes: the probability of a magnitude
-   of at least i is the i-th power of that of at least 1. */
+/* Initialize the models. Those of tokens are geometric distributions whose mean is the expected
+   magnitude: the probability of magnitudes >= i is the i-th power of that of magnitudes >= 1. */
 static void start_models(residual_models *models) {
     for (uint32_t class = 0; class < N_SIZES; class++) {
         uint32_t middle = (80 + 32 * (class & 1U)) << (class / 2), tail[REEL_SYMBOLS];
@@ -209,8 +214,8 @@ static void start_models(residual_models *models) {
     }
     for (int run = 0; run < N_RUNS; run++) {
         reel_model model = reel_model_of(run < N_LIKELY ? 32768 : 60000, 2);
-        for (int before = 0; before < 3; before++) {
-            models->copy[before][0][run] = models->copy[before][1][run] = model;
+        for (int context = 0; context < 3; context++) {
+            models->copy[context][0][run] = models->copy[context][1][run] = model;
         }
     }
 }
@@ -234,6 +239,7 @@ static void allocate_coder(surface_coder *coder, reel_arena *arena) {
     coder->latest = reel_allocate(arena, n_hashes, sizeof *coder->latest);
 }
 
+/* Initialize the adaptive state of a kind; choices and weights remain. */
 static void start_kind(kind_state *state) {
     start_models(&state->models);
     for (int k = 0; k < MAX_COLUMNS; k++) {
@@ -242,9 +248,9 @@ static void start_kind(kind_state *state) {
     reel_zero(state->errors, sizeof state->errors);
 }
 
-/* Start to code frames. */
+/* Initialize the state that the frames of all kinds share. */
 static void start_frames(surface_coder *coder) {
-    coder->first = 0;
+    coder->first_row = 0;
     size_t n_hashes = (size_t)coder->n_columns << coder->hash_bits;
     reel_zero(coder->latest, n_hashes * sizeof *coder->latest);
     for (int i = 0; i < 4 * N_KINDS; i++) {
@@ -252,7 +258,7 @@ static void start_frames(surface_coder *coder) {
     }
 }
 
-/* Find the means of the columns of a group for the current row, which has parallelograms. */
+/* Compute the means of a group of columns; the current row must have a parallelogram. */
 REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n_groups,
                             row_means *means) {
     const vec4d *rows = coder->values + group;
@@ -271,15 +277,14 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     means->around = around * (1.0 / (double)coder->n_around);
 }
 
-/* Reduce numbers to a limit. */
+/* Clip values to a maximum. */
 REEL_INLINE void limit_group(vec4d *values, double limit) {
     const vec4d limits = {limit, limit, limit, limit};
     vec4l is_less = *values < limits;
     *values = (vec4d)(((vec4l)*values & is_less) | ((vec4l)limits & ~is_less));
 }
 
-/* The integers nearest to numbers, at most MAX_PREDICTION in size; halves are rounded away
-   from 0. */
+/* Round to integers, halves away from 0, and clip the magnitudes to MAX_PREDICTION. */
 REEL_INLINE vec4i round_group(vec4d value) {
     const vec4d half = {0.5, 0.5, 0.5, 0.5};
     vec4l sign = (vec4l)value & INT64_MIN;
@@ -289,20 +294,20 @@ REEL_INLINE vec4i round_group(vec4d value) {
     return __builtin_convertvector((vec4d)((vec4l)size | sign), vec4i);
 }
 
-/* Select the lanes of one of two groups. */
+/* Return lanes of `first` where the mask is set, and of `second` elsewhere. */
 REEL_INLINE vec4i select_group(vec4i is_first, vec4i first, vec4i second) {
     return (first & is_first) | (second & ~is_first);
 }
 
-/* Predict by a parallelogram. */
+/* Return a + b - c of a parallelogram. */
 REEL_INLINE vec4i complete(const vec4d *rows, const parallelogram *shape, int64_t n_groups) {
     return round_group(rows[shape->a * n_groups] + rows[shape->b * n_groups] -
                        rows[shape->c * n_groups]);
 }
 
-/* Predict the columns of a group of the current row: without parallelograms from its first
-   neighbor, or the row before it. The candidates of BEST are the first parallelogram, the last, the
-   mean, and the first two neighbors. */
+/* Predict a group of columns of the current row. Without parallelograms, its first neighbor
+   predicts, or the previous row. Otherwise the weighted means do; with BEST, they are one of five
+   candidates: the first and the last parallelogram, the weighted means, and two neighbors. */
 REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t group,
                                 int64_t n_groups, candidates *all) {
     int class = class_of(coder);
@@ -337,7 +342,7 @@ REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t
     return best;
 }
 
-/* Update the errors of the candidates with the values of a group. */
+/* Update the average errors of the candidates with the actual values. */
 REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const candidates *all,
                                     vec4i actual) {
     const vec4i largest = {LARGEST, LARGEST, LARGEST, LARGEST};
@@ -351,8 +356,8 @@ REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const c
     }
 }
 
-/* The mean distance of parallelograms from the prediction, for each column, in 1/48; there is at
-   least one. */
+/* Return the mean absolute deviation of the parallelograms, at least one, from the prediction of
+   each column, times 48. */
 REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int64_t n_groups,
                                  vec4i predicted) {
     const vec4d *rows = coder->values + group;
@@ -370,7 +375,7 @@ REEL_INLINE vec4i mean_deviation(const surface_coder *coder, int64_t group, int6
 
 /* ---- residuals ---- */
 
-/* Code a magnitude of 0..2^31-1 of a predicted size. */
+/* Code a magnitude of 0..2^31-1; `size` is the class of its expected value. */
 REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, residual_models *models, int size,
                                     uint32_t magnitude) {
     int token = 0, length = reel_bit_length(magnitude);
@@ -401,7 +406,8 @@ REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, residual_models *mo
     return above + (LONG - 1);
 }
 
-/* Code a residual of a predicted size; `votes` is the sum of the signs around it. */
+/* Code a residual. `size` is the class of its expected magnitude, `votes` the sum of the signs of
+   the residuals around it. */
 REEL_INLINE int32_t code_residual(reel_range_coder *coder, residual_models *models, int size,
                                   int votes, int32_t residual) {
     uint32_t magnitude = residual < 0 ? 0U - (uint32_t)residual : (uint32_t)residual;
@@ -414,18 +420,19 @@ REEL_INLINE int32_t code_residual(reel_range_coder *coder, residual_models *mode
     return (int32_t)((magnitude ^ negative) - negative);
 }
 
-/* Code whether a residual is a copy, and set it if it is. `before` tells whether that of the
-   column before was one: 0 without an answer, 1 yes, 2 no. */
+/* Code whether a residual equals its copy source, and set it if so. `context` is the last answer in
+   this row (0: none yet, 1: yes, 2: no), and becomes this one. */
 REEL_INLINE bool code_copy(reel_range_coder *range_coder, const surface_coder *coder,
-                           int32_t source, int run, int *before, int32_t *residual) {
-    reel_model *model = &coder->state->models.copy[*before][source == 0][run];
+                           int32_t source, int run, int *context, int32_t *residual) {
+    reel_model *model = &coder->state->models.copy[*context][source == 0][run];
     bool is_copy = reel_even_bit(range_coder, model, *residual == source);
-    *before = is_copy ? 1 : 2;
+    *context = is_copy ? 1 : 2;
     *residual = is_copy ? source : *residual;
     return is_copy;
 }
 
-/* Find the row whose residual may be copied after the residual of a row. */
+/* Update the copy source of a column after the residual of a row: it advances after a copy;
+   otherwise it becomes the residual that followed the last occurrence of the same hash. */
 REEL_INLINE void find_source(surface_coder *coder, int64_t row, int64_t column, int32_t residual,
                              bool is_copy) {
     copy_source *source = &coder->sources[column];
@@ -434,11 +441,10 @@ REEL_INLINE void find_source(surface_coder *coder, int64_t row, int64_t column, 
     int32_t *latest = &coder->latest[((uint32_t)column << coder->hash_bits) + source->hash];
     source->run = is_copy ? source->run + (source->run < N_RUNS - 1) : 0;
     source->next = is_copy ? source->next + 1 : *latest;
-    *latest = (int32_t)(coder->first + row) + 1;
+    *latest = (int32_t)(coder->first_row + row) + 1;
 }
 
-/* Sizes of the residuals at the first rows around a row: sums of their magnitudes, and of their
-   signs. */
+/* Residuals of the first n rows around a row: sums of their magnitudes and of their signs. */
 typedef struct {
     vec4i sizes, signs;
     int32_t n;
@@ -446,9 +452,9 @@ typedef struct {
 
 REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, int64_t n_groups) {
     near_residuals near = {.n = coder->n_around < N_CONTEXT ? coder->n_around : N_CONTEXT};
-    const vec4i *own = coder->residuals + coder->first * n_groups + group;
+    const vec4i *residuals_of_frame = coder->residuals + coder->first_row * n_groups + group;
     for (int32_t i = 0; i < near.n; i++) {
-        vec4i residuals = own[coder->around[i] * n_groups];
+        vec4i residuals = residuals_of_frame[coder->around[i] * n_groups];
         vec4i is_negative = residuals < 0; /* -1 if true */
         near.sizes += (residuals ^ is_negative) - is_negative;
         near.signs += is_negative - (residuals > 0);
@@ -456,12 +462,14 @@ REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, i
     return near;
 }
 
-/* Code the columns of a group of a row; the encoder passes their values. `own` is the decaying mean
-   magnitude of the columns before, and `before` as in code_copy. */
+/* Code a group of columns of a row. The encoder passes the values of the row in `input`, the
+   decoder their memory in `decoded`. `row_average` is the moving average of the magnitudes in
+   earlier columns of the row; `copy_context` is as in code_copy. */
 REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder, int64_t row,
                             int64_t group, int64_t n_groups, int64_t n_columns,
-                            const int32_t *given, int32_t *decoded, int32_t *own, int *before) {
-    static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12};
+                            const int32_t *input, int32_t *decoded, int32_t *row_average,
+                            int *copy_context) {
+    static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12}; /* 48 / number of rows */
     int32_t value[LANES] = {0}, coded[LANES] = {0};
     candidates all = {0};
     vec4i predicted = predict_group(coder, row, group, n_groups, &all);
@@ -478,19 +486,19 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
         int32_t earlier = has_candidates ? 3 * all.error[k] >> 2 : *recent;
         int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * earlier + 72;
-        float expected = (float)(sum + (column ? mean + 48 * *own : 2 * mean));
+        float expected = (float)(sum + (column ? mean + 48 * *row_average : 2 * mean));
         int32_t bits;
         __builtin_memcpy(&bits, &expected, sizeof bits);
         int size = (bits >> 22) - 2 * (127 + 6); /* half octaves above 64 */
         int32_t residual = 0;
         if (reel_is_encoder(range_coder)) {
-            residual = (int32_t)((uint32_t)given[column] - (uint32_t)predicted[k]);
+            residual = (int32_t)((uint32_t)input[column] - (uint32_t)predicted[k]);
         }
         const copy_source *from = &coder->sources[column];
         bool is_copy = false;
         if (from->next) {
             int32_t source = coder->residuals[from->next * n_groups + group][k];
-            is_copy = code_copy(range_coder, coder, source, from->run, before, &residual);
+            is_copy = code_copy(range_coder, coder, source, from->run, copy_context, &residual);
         }
         if (!is_copy) {
             residual =
@@ -508,52 +516,54 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         }
         int32_t magnitude = residual < 0 ? -residual : residual;
         *recent += (48 * magnitude - *recent) >> 3;
-        *own = column ? (*own + magnitude) >> 1 : magnitude;
+        *row_average = column ? (*row_average + magnitude) >> 1 : magnitude;
     }
     vec4i values = {value[0], value[1], value[2], value[3]};
     if (has_candidates) {
         compare_candidates(coder, group, &all, values);
     }
     coder->values[row * n_groups + group] = __builtin_convertvector(values, vec4d);
-    coder->residuals[(coder->first + row) * n_groups + group] =
+    coder->residuals[(coder->first_row + row) * n_groups + group] =
         (vec4i){coded[0], coded[1], coded[2], coded[3]};
 }
 
-/* Code all rows: the encoder passes the values, the decoder where to write them. */
+/* Code all rows of a frame. The encoder passes `input`, the decoder `decoded`, and NULL for the
+   other. */
 REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, int64_t n_groups,
-                           int64_t n_columns, const int32_t *given, int32_t *decoded) {
+                           int64_t n_columns, const int32_t *input, int32_t *decoded) {
     for (int64_t row = 0; row < coder->n_rows; row++) {
-        int32_t own = 0;
-        int before = 0;
+        int32_t row_average = 0;
+        int copy_context = 0;
         find_neighbors(coder, (int32_t)row);
         for (int64_t group = 0; group < n_groups; group++) {
-            code_group(range_coder, coder, row, group, n_groups, n_columns, given, decoded, &own,
-                       &before);
+            code_group(range_coder, coder, row, group, n_groups, n_columns, input, decoded,
+                       &row_average, &copy_context);
         }
-        given += given ? n_columns : 0;
+        input += input ? n_columns : 0;
         decoded += decoded ? n_columns : 0;
     }
 }
 
-/* Code a frame; the encoder passes its values, less their prediction from the frames before. */
-static void code_frame(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
+/* Code a frame that is not SAME, as its difference from the prediction by previous frames. */
+static void code_frame(reel_range_coder *range_coder, surface_coder *coder, const int32_t *input,
                        int32_t *decoded) {
     start_rows(coder);
     reel_zero(coder->sources, sizeof coder->sources);
-    if (coder->n_columns == 3) { /* positions */
-        code_rows(range_coder, coder, 1, 3, given, decoded);
+    if (coder->n_columns == 3) { /* positions: constants make the common case faster */
+        code_rows(range_coder, coder, 1, 3, input, decoded);
     } else {
-        code_rows(range_coder, coder, coder->n_groups, coder->n_columns, given, decoded);
+        code_rows(range_coder, coder, coder->n_groups, coder->n_columns, input, decoded);
     }
 }
 
 /* ---- weights ---- */
 
-/* Sums of a least-squares fit of two weights. */
+/* Normal equations of a least-squares fit of z by weights of x and y: sums of products. */
 typedef struct {
     double xx, xy, yy, xz, yz;
 } fit_sums;
 
+/* Round a weight to the stored fixed point, in its range. */
 static double to_weight(double value) {
     value = value * ONE;
     value = value < MAX_WEIGHT ? value : MAX_WEIGHT;
@@ -561,8 +571,8 @@ static double to_weight(double value) {
     return (double)(int32_t)(value + (value < 0 ? -0.5 : 0.5)) / ONE;
 }
 
-/* Solve for two weights. A small prior prefers parallelograms where the rows do not determine
-   them. */
+/* Solve for two weights. A small regularization pulls them to 1 and 0, the parallelogram rule,
+   where the rows do not determine them. */
 static void solve(const fit_sums *sums, double weights[2]) {
     double prior = 1.0 + PRIOR * (sums->xx + sums->yy);
     double xx = sums->xx + prior, yy = sums->yy + prior, xz = sums->xz + prior;
@@ -571,16 +581,17 @@ static void solve(const fit_sums *sums, double weights[2]) {
     weights[1] = to_weight((xx * sums->yz - sums->xy * xz) / determinant);
 }
 
-/* Add the columns of a group of the current row to the sums of a fit. */
+/* Add a group of columns of the current row to the normal equations. A robust fit divides each
+   term by 1 + the magnitude of its residual. */
 static void add_to_fit(const surface_coder *coder, int64_t row, int64_t group, bool is_robust,
                        fit_sums *sums) {
     const double *weights = coder->state->weights + 2 * class_of(coder);
-    vec4d own = coder->values[row * coder->n_groups + group];
+    vec4d actual = coder->values[row * coder->n_groups + group];
     row_means means;
     find_means(coder, group, coder->n_groups, &means);
     for (int k = 0; k < LANES; k++) {
         double x = means.near[k] - means.opposite[k], y = means.around[k] - means.near[k],
-               z = own[k] - means.near[k];
+               z = actual[k] - means.near[k];
         double residual = z - (weights[0] * x + weights[1] * y);
         double share = is_robust ? 1.0 / (1.0 + (residual < 0 ? -residual : residual)) : 1.0;
         sums->xx += share * x * x;
@@ -591,8 +602,8 @@ static void add_to_fit(const surface_coder *coder, int64_t row, int64_t group, b
     }
 }
 
-/* Fit the weights of each class to a frame: by least squares, then by squares divided by the
-   size of the residuals, which a few large ones do not dominate. */
+/* Fit the weights of each class to a frame: by least squares, then by iteratively reweighted least
+   squares, which approximate least absolute residuals, so that few large ones do not dominate. */
 static void fit_weights(surface_coder *coder, const int32_t *values) {
     for (int64_t i = 0; i < coder->n_rows * coder->n_groups; i++) {
         int64_t row = i / coder->n_groups, first = LANES * (i % coder->n_groups);
@@ -618,7 +629,7 @@ static void fit_weights(surface_coder *coder, const int32_t *values) {
     }
 }
 
-/* Code the choices, and the weights if they are fitted. */
+/* Code the choices of a kind, and its weights if they are fitted. */
 static void code_head(reel_range_coder *range_coder, kind_state *state) {
     state->choices = reel_code_raw(range_coder, N_CHOICES, state->choices);
     for (int i = 0; i < N_WEIGHTS; i++) {
@@ -634,19 +645,20 @@ static void code_head(reel_range_coder *range_coder, kind_state *state) {
 
 /* ---- frames ---- */
 
+/* Return the number of values in a frame. */
 static size_t n_values(const surface_coder *coder) {
     return (size_t)(coder->n_rows * coder->n_columns);
 }
 
-/* What a frame, whose values are at `frame`, is predicted to be from the frames before it. */
+/* Predict value i of a frame from the previous frames, which precede it in memory; modulo 2^32. */
 static uint32_t predicted_value(const surface_coder *coder, int kind, const int32_t *frame,
                                 size_t i) {
     if (kind == OWN) {
         return 0;
     }
-    const int32_t *before = frame - n_values(coder);
-    uint32_t value = (uint32_t)before[i];
-    return kind == EXTRAPOLATED ? 2 * value - (uint32_t)(before - n_values(coder))[i] : value;
+    const int32_t *previous = frame - n_values(coder);
+    uint32_t value = (uint32_t)previous[i];
+    return kind == EXTRAPOLATED ? 2 * value - (uint32_t)(previous - n_values(coder))[i] : value;
 }
 
 static void subtract_prediction(const surface_coder *coder, int kind, const int32_t *frame,
@@ -657,15 +669,17 @@ static void subtract_prediction(const surface_coder *coder, int kind, const int3
     }
 }
 
-static int code_kind(reel_range_coder *range_coder, surface_coder *coder, int before, int kind) {
-    reel_model *models = coder->kind_models[before];
+/* Code the kind of a frame with two bits. */
+static int code_kind(reel_range_coder *range_coder, surface_coder *coder, int previous, int kind) {
+    reel_model *models = coder->kind_models[previous];
     int high = reel_bit(range_coder, &models[1], kind >> 1);
     return 2 * high + (int)reel_bit(range_coder, &models[2 + high], kind & 1);
 }
 
-/* Code all frames. The encoder passes their values, space for one frame, and the kinds, whose
-   choices and weights it has set. False if the decoder reads a kind that is not allowed. */
-static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, const int32_t *given,
+/* Code all frames. The encoder passes their values, a buffer for the differences of one frame, and
+   the kind of each frame; the choices and weights of these kinds are set. The decoder passes
+   `decoded` instead. Return false if it reads that the second frame is extrapolated. */
+static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, const int32_t *input,
                         int32_t *difference, const uint8_t *kinds, int32_t *decoded) {
     start_frames(coder);
     for (int kind = 0, t = 0; t < coder->n_frames; t++) {
@@ -674,7 +688,7 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
         if (kind == EXTRAPOLATED && t < 2) {
             return false;
         }
-        coder->first = t * coder->n_rows;
+        coder->first_row = t * coder->n_rows;
         coder->state = &coder->states[kind];
         if (kind != SAME && !coder->state->is_started) {
             code_head(range_coder, coder->state);
@@ -682,10 +696,10 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
             coder->state->is_started = true;
         }
         if (kind == SAME) {
-            reel_zero(coder->residuals + coder->first * coder->n_groups,
+            reel_zero(coder->residuals + coder->first_row * coder->n_groups,
                       (size_t)(coder->n_rows * coder->n_groups) * sizeof *coder->residuals);
-        } else if (given) {
-            subtract_prediction(coder, kind, given + at, difference);
+        } else if (input) {
+            subtract_prediction(coder, kind, input + at, difference);
             code_frame(range_coder, coder, difference, NULL);
         } else {
             code_frame(range_coder, coder, NULL, decoded + at);
@@ -701,13 +715,13 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
 
 /* ---- encoder ---- */
 
-/* The number of bits of a magnitude. */
+/* Return the number of bits of the magnitude of an int32. */
 static int size_of(uint32_t value) {
     return reel_bit_length(value & 0x80000000U ? 0U - value : value);
 }
 
-/* Choose the kind of a frame after the first: that with the smallest differences between
-   neighbors, or from a parallelogram, at some of the rows. */
+/* Choose the kind of a frame after the first. Sum the bits of two simple residuals at sampled rows,
+   from a neighbor and from a parallelogram, and return the kind with the smallest sum of either. */
 static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extrapolate) {
     int n_kinds = can_extrapolate ? N_KINDS : EXTRAPOLATED;
     int64_t costs[N_KINDS][2] = {0}, n = coder->n_columns;
@@ -741,7 +755,8 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
     return best;
 }
 
-/* The bytes of a frame of a kind by itself, with choices and the weights that they require. */
+/* Encode one frame with these choices, fitted weights if they are stored, and initial models.
+   Return its size in bytes, or a negative number if it exceeds the capacity. */
 static int64_t size_with(surface_coder *coder, uint32_t choices, const int32_t *values,
                          uint8_t *out, size_t capacity) {
     reel_range_coder range_coder = reel_start_encoder(out, capacity);
@@ -756,10 +771,10 @@ static int64_t size_with(surface_coder *coder, uint32_t choices, const int32_t *
     return reel_finish(&range_coder);
 }
 
-/* Set the choices and the weights of the current kind to those that suit a frame, of several
-   frames its first rows. */
+/* Set the choices and weights of the current kind to those with which a frame is smallest. For a
+   table of several frames, only the first N_CHOSEN rows are encoded. */
 static void choose(surface_coder *coder, const int32_t *values, uint8_t *out, size_t capacity) {
-    /* Make one change of choices at a time, and keep those that save bytes. */
+    /* Flip these flags in turn, and keep each change that saves bytes. */
     static const uint32_t changes[] = {BEST | BY_CONTEXT, COPIES, BY_CONTEXT, BEST, FITTED};
     int64_t n_rows = coder->n_rows;
     coder->n_rows = coder->n_frames > 1 && n_rows > N_CHOSEN ? N_CHOSEN : n_rows;
@@ -779,20 +794,20 @@ static void choose(surface_coder *coder, const int32_t *values, uint8_t *out, si
     coder->n_rows = n_rows;
 }
 
-/* Choose the kinds of all frames, and the choices of each kind by its first frame. */
-static void choose_all(surface_coder *coder, const int32_t *given, int32_t *difference,
+/* Choose the kind of each frame, and the choices and weights of each kind by its first frame. */
+static void choose_all(surface_coder *coder, const int32_t *input, int32_t *difference,
                        uint8_t *kinds, uint8_t *out, size_t capacity) {
     size_t n = n_values(coder);
-    bool is_chosen[N_KINDS] = {0};
+    bool has_choices[N_KINDS] = {0};
     for (int64_t t = 0; t < coder->n_frames; t++) {
-        const int32_t *frame = given + (size_t)t * n;
+        const int32_t *frame = input + (size_t)t * n;
         bool is_same = t > 0;
         for (size_t i = 0; is_same && i < n; i++) {
             is_same = frame[i] == (frame - n)[i];
         }
         kinds[t] = (uint8_t)(is_same ? SAME : t ? choose_kind(coder, frame, t > 1) : OWN);
-        if (!is_same && !is_chosen[kinds[t]]) {
-            is_chosen[kinds[t]] = true;
+        if (!is_same && !has_choices[kinds[t]]) {
+            has_choices[kinds[t]] = true;
             subtract_prediction(coder, kinds[t], frame, difference);
             coder->state = &coder->states[kinds[t]];
             choose(coder, difference, out, capacity);
@@ -802,6 +817,7 @@ static void choose_all(surface_coder *coder, const int32_t *given, int32_t *diff
 
 /* ---- tables ---- */
 
+/* Return a coder of a table, without memory. */
 static surface_coder coder_of(int64_t n_frames, int64_t n_rows, int64_t n_columns,
                               const int32_t *faces, const int32_t *twins, int64_t n_faces) {
     return (surface_coder){.n_frames = n_frames,
@@ -812,7 +828,7 @@ static surface_coder coder_of(int64_t n_frames, int64_t n_rows, int64_t n_column
                            .twins = twins};
 }
 
-/* Memory of the encoder: the differences of a frame, and the kinds of frames. */
+/* Allocate what only the encoder needs: the differences of a frame, and the kind of each frame. */
 static void allocate_choices(const surface_coder *coder, reel_arena *arena, int32_t **difference,
                              uint8_t **kinds) {
     *difference = reel_allocate(arena, n_values(coder), sizeof **difference);
@@ -832,7 +848,8 @@ size_t reel_surface_integers_memory(int64_t n_frames, int64_t n_rows, int64_t n_
     return arena.used;
 }
 
-/* Check a table, and allocate memory: REEL_INVALID, REEL_NO_MEMORY, or 0. */
+/* Check the faces, allocate memory, and sort the faces. Return 0, or the failure REEL_INVALID or
+   REEL_NO_MEMORY. */
 static int64_t prepare(surface_coder *coder, reel_arena *arena) {
     if (coder->n_rows > INT32_MAX / coder->n_frames || !has_valid_faces(coder)) {
         return reel_failure(REEL_INVALID, 0);

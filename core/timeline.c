@@ -1,30 +1,30 @@
-/* Temporal basis vectors of a block, decoded from integers and quantized to them.
+/* Temporal basis vectors of a block: decoding from integers, and quantization.
 
-   docs/format.md, "Times", "Adaptive times" and "Cosines". A time is predicted by the polynomial
-   through the known times around it, a resting time by the previous time. Values are multiples of
-   1/256, and exact below 2^44. Adaptive times add terms to these predictions, with weights that
-   adapt to decoded values. Alternatively, integers are coefficients of a discrete cosine transform
-   over time, whose cosines are the same bits on every machine. */
+   docs/format.md, "Times", "Adaptive times" and "Cosines". A value is predicted by the polynomial
+   through known values at times around it; at a resting time, by the previous value. Values are
+   multiples of 1/256, and exact below 2^44. Adaptive predictions add terms, with weights that adapt
+   to decoded values. Alternatively, the integers are coefficients of a discrete cosine transform
+   over time, whose cosines have the same bits on every machine. */
 
 #include "rounding.h"
 
-#define COARSEST 4 /* frames between the times coded first */
-#define N_LEVELS 3 /* of moving times */
+#define COARSEST 4 /* distance of the times of level 0, which are coded first */
+#define N_LEVELS 3 /* levels of moving times; the distance halves from each to the next */
 
-#define N_WEIGHTS 3       /* of an adaptive prediction: the plain one, and two differences */
-#define RECOVERY 0.0625   /* share of the initial variances added back for each mode */
-#define ERROR_RATE 0.0625 /* share of the last squared error in the running mean */
-#define OWN_NOISE 4.0     /* multiple of the squared error of the observation itself */
+#define N_WEIGHTS 3       /* terms of an adaptive prediction: the plain one, and two differences */
+#define RECOVERY 0.0625   /* share of the initial variances in those at the start of a mode */
+#define ERROR_RATE 0.0625 /* share of the last squared error in its moving average */
+#define OWN_NOISE 4.0     /* weight of the current squared error in the observation noise */
 #define LARGEST_PREDICTION 0x1p29 /* keeps values of hostile streams finite */
 
 #define HALF_PI 0x1.921fb54442d18p+0
-#define N_TERMS 11   /* of the series of a cosine after the first, for angles up to 90 degrees */
+#define N_TERMS 11   /* terms of the cosine series after the 1, for angles up to 90 degrees */
 #define FIRST_BAND 4 /* coefficients that share a dead zone; the next bands are octaves */
 
-#define N_ROUNDS 2 /* iterations of a dead zone and the counts that it results in */
+#define N_ROUNDS 2 /* iterations of a dead zone, which depends on the counts that it causes */
 #define FIRST_DEAD_ZONE 0.6
 
-/* Predict a time from the times at distances d and 3 d. */
+/* Predict the value at a time from those at distances d and 3 d, as far as they exist. */
 REEL_INLINE double predict_time(const double *values, int64_t time, int64_t d, int64_t n_frames) {
     if (time + d >= n_frames) {
         return values[time - d];
@@ -66,7 +66,7 @@ static void start_filter(time_filter *filter) {
     }
 }
 
-/* Raise the variances again, since the next mode may move differently. */
+/* Increase the variances, because the next mode may move differently. */
 static void begin_mode(time_filter *filter) {
     for (int level = 0; level < N_LEVELS; level++) {
         for (int i = 0; i < N_WEIGHTS; i++) {
@@ -76,7 +76,7 @@ static void begin_mode(time_filter *filter) {
     }
 }
 
-/* Find the terms of an adaptive prediction; the first is the plain prediction. */
+/* Compute the terms of an adaptive prediction; the first is the plain prediction. */
 REEL_INLINE void find_terms(const double *values, int level, int64_t time, int64_t d,
                             int64_t n_frames, double *terms) {
     terms[1] = terms[2] = 0.0;
@@ -100,7 +100,7 @@ REEL_INLINE double predict_adaptive(const level_filter *filter, const double *te
     return sum > -LARGEST_PREDICTION ? sum : -LARGEST_PREDICTION;
 }
 
-/* Adapt the weights to the error of a prediction, which is an integer. */
+/* Update the weights with the error of a prediction: the decoded integer. */
 REEL_INLINE void observe(level_filter *filter, const double *terms, double error) {
     double gains[N_WEIGHTS], square = error * error;
     double noise = (1.0 + filter->error) + OWN_NOISE * square;
@@ -117,7 +117,7 @@ REEL_INLINE void observe(level_filter *filter, const double *terms, double error
     filter->error += ERROR_RATE * (square - filter->error);
 }
 
-/* Times of a level: `first`, then every `step`; `d` is the distance to known times. */
+/* Times of a level: first, first + step, ...; `d` is their distance to known times. */
 typedef struct {
     int64_t d, first, step;
 } level_times;
@@ -127,7 +127,7 @@ static level_times times_of_level(int level) {
     return (level_times){d, level ? d : 0, level ? 2 * d : d};
 }
 
-/* Decode the adaptive times of a column. */
+/* Decode a column with adaptive predictions. */
 static void decode_adaptive(const int32_t *integers, int64_t n_frames, time_filter *filter,
                             double *values) {
     for (int level = 0; level < N_LEVELS; level++) {
@@ -141,7 +141,8 @@ static void decode_adaptive(const int32_t *integers, int64_t n_frames, time_filt
     }
 }
 
-/* Whether the integers of a mode are all 0: encoders drop such modes, and weights ignore them. */
+/* Whether the integers of a mode are all 0. Encoders drop such modes, and weights do not adapt to
+   them. */
 static bool is_zero(const int32_t *integers, int64_t n) {
     for (int64_t i = 0; i < n; i++) {
         if (integers[i]) {
@@ -151,7 +152,7 @@ static bool is_zero(const int32_t *integers, int64_t n) {
     return true;
 }
 
-/* Decode the times of a column. */
+/* Decode a column with plain predictions. */
 static void decode_times(const int32_t *integers, int64_t n_frames, double *values) {
     double latest = 0.0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
@@ -169,15 +170,15 @@ static void decode_times(const int32_t *integers, int64_t n_frames, double *valu
 typedef struct {
     int64_t n_frames, n_moving;
     int32_t *moving;       /* moving times, ascending */
-    const uint8_t *rests;  /* flag of each time; NULL if none rests */
-    double unit;           /* value of 1 at a resting time */
+    const uint8_t *rests;  /* whether each time rests; NULL if none does */
+    double unit;           /* step of the integers at resting times */
 } timeline;
 
 static size_t timeline_bytes(int64_t n_frames) {
     return reel_array_bytes((size_t)n_frames, sizeof(int32_t));
 }
 
-/* List the moving times; return a failure, or 0. The first time cannot rest. */
+/* List the moving times, which include the first. Return 0, or a failure. */
 static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t *rests,
                              int64_t rest_bits, timeline *times) {
     *times = (timeline){.n_frames = n_frames, .rests = rests};
@@ -204,8 +205,8 @@ static void spread(const timeline *times, double *values) {
     }
 }
 
-/* Decode a column at all times; `gathered` has space for n_frames integers. `filter` is NULL unless
-   times are adaptive. */
+/* Decode a column at all times. `gathered` has space for n_frames integers; `filter` is NULL for
+   plain predictions. */
 static void decode_column(const int32_t *integers, const timeline *times, time_filter *filter,
                           int32_t *gathered, double *values) {
     for (int64_t i = 0; i < times->n_moving; i++) {
@@ -224,8 +225,9 @@ static void decode_column(const int32_t *integers, const timeline *times, time_f
     }
 }
 
-/* The coding order of the integers of a vector: context neighbors at other times of a column, and
-   at the same time in the columns before. docs/format.md, "Passes by times". */
+/* The coding order of the integers of a vector. The context of an integer consists of integers at
+   other times of its column, and at its time in previous columns.
+   docs/format.md, "Passes by times". */
 #define NEAR_TIMES 4
 #define COLUMNS_BEFORE 2
 
@@ -235,7 +237,7 @@ typedef struct {
     int64_t *near_starts;
 } time_order;
 
-/* Add a time of a column; `near` are other times, -1 for none. */
+/* Append a time of a column; `near` are the times of its context, -1 for none. */
 static void add_time(time_order *order, int64_t column, int64_t time, const int64_t *near) {
     int64_t position = order->n_added++, count = order->near_starts[position];
     order->columns[position] = (int32_t)(column * order->n_frames + time);
@@ -252,14 +254,14 @@ static void add_time(time_order *order, int64_t column, int64_t time, const int6
     order->near_starts[position + 1] = count;
 }
 
-/* Add a level of the moving times of a column. */
+/* Append a level of the moving times of a column. */
 static void add_level(time_order *order, int64_t column, int level, const timeline *times) {
     level_times at = times_of_level(level);
     int64_t known = level ? at.d : at.d / 2;
     for (int64_t i = at.first; i < times->n_moving; i += at.step) {
         const int64_t others[] = {i - known, i + known, i - 2 * known, i - 4 * known};
         int64_t near[NEAR_TIMES];
-        for (int k = 0; k < NEAR_TIMES; k++) { /* those adjacent to the first level follow it */
+        for (int k = 0; k < NEAR_TIMES; k++) { /* times between those of level 0 are coded later */
             bool is_known = (level || k >= 2) && others[k] >= 0 && others[k] < times->n_moving;
             near[k] = is_known ? times->moving[others[k]] : -1;
         }
@@ -335,7 +337,7 @@ int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int
     return n_reused;
 }
 
-/* Write a basis vector: values divided by `size`, or by their length if that is NULL. */
+/* Write a basis vector: the values divided by `size` or, if that is NULL, by their norm. */
 static void write_vector(const double *values, int64_t length, const double *size, double *vector,
                          int64_t stride) {
     double sum = 0.0;
@@ -381,7 +383,8 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
 }
 
 /* Compute the basis of a discrete cosine transform at the first n_times times: frequency k has the
-   value waves[k frequency_stride + t time_stride] at time t. `cosines` has space for 4 n_frames. */
+   value waves[k * frequency_stride + t * time_stride] at time t. `cosines` has space for 4 n_frames
+   numbers. */
 static void find_waves(int64_t n_frames, int64_t n_times, double *cosines,
                        int64_t frequency_stride, int64_t time_stride, double *waves) {
     int64_t period = 4 * n_frames;
@@ -407,7 +410,7 @@ static void find_waves(int64_t n_frames, int64_t n_times, double *cosines,
     }
 }
 
-/* Add a multiple of a row to the sums; restrict lets compilers use vectors. */
+/* Add a multiple of a row to the sums; `restrict` lets compilers vectorize the loop. */
 REEL_INLINE void add_multiple(int64_t n, double factor, const double *restrict row,
                               double *restrict sums) {
     for (int64_t i = 0; i < n; i++) {
@@ -415,7 +418,7 @@ REEL_INLINE void add_multiple(int64_t n, double factor, const double *restrict r
     }
 }
 
-/* The same for two rows, which halves the memory accesses to the sums. */
+/* Add multiples of two rows to the sums, which halves the memory accesses to the sums. */
 REEL_INLINE void add_multiples(int64_t n, const double *factors, const double *restrict row,
                                const double *restrict next, double *restrict sums) {
     double factor = factors[0], next_factor = factors[1];
@@ -448,7 +451,7 @@ static void add_waves(const int32_t *coefficients, int64_t n_frames, int64_t fir
     }
 }
 
-/* Decode a column from its coefficients; `sums` has space for n_frames + 1. */
+/* Decode a column from its coefficients; `sums` has space for n_frames + 1 numbers. */
 static void decode_cosines(const int32_t *coefficients, int64_t n_frames, const double *waves,
                            double *sums, double *values) {
     int64_t half = (n_frames + 1) / 2;
@@ -503,8 +506,8 @@ int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integ
     return n_modes;
 }
 
-/* Return the magnitude below which `count` values become 0. The extra bits of a 1 follow from the
-   frequencies of zeros and ones; each is worth `rd_lambda` squared steps. */
+/* Return the magnitude below which `count` values are quantized to 0. Coding a 1 takes more bits
+   than a 0, as their frequencies tell; a bit is worth `rd_lambda` squared steps of error. */
 static double dead_zone(const double *scaled, int64_t count, double rd_lambda) {
     double zone = FIRST_DEAD_ZONE;
     for (int round = 0; round < N_ROUNDS && rd_lambda > 0.0; round++) {
@@ -528,7 +531,7 @@ REEL_INLINE bool quantize(double scaled, double zone, double rd_lambda, int32_t 
     return true;
 }
 
-/* Encode times d, 3 d, 5 d, ... of a column. */
+/* Quantize times d, 3 d, 5 d, ... of a column; return false if a value is too large. */
 static bool encode_level(const double *targets, int64_t n_frames, int64_t d, double rd_lambda,
                          double *values, double *scaled, int32_t *integers) {
     int64_t count = 0;
@@ -566,7 +569,7 @@ static bool encode_times(const double *targets, int64_t n_frames, double rd_lamb
     return true;
 }
 
-/* Zeros and ones of a mode at the adaptive times of a level. */
+/* Numbers of zeros and ones of a mode so far at the adaptive times of a level. */
 typedef struct {
     double n_zeros, n_ones;
 } level_counts;
@@ -582,7 +585,7 @@ static bool encode_adaptive(const double *targets, int64_t n_frames, double rd_l
             double predicted = predict_adaptive(&filter->levels[level], terms);
             double scaled = targets[time] - predicted, size = reel_magnitude(scaled);
             level_counts *here = &counts[level];
-            bool is_plain = !level || !(rd_lambda > 0.0); /* other levels depend on the first */
+            bool is_plain = !level || !(rd_lambda > 0.0); /* level 0 predicts the others */
             double zone = is_plain ? REEL_NEAREST_ZONE
                                    : reel_dead_zone(here->n_zeros, here->n_ones, rd_lambda);
             if (!quantize(scaled, zone, is_plain ? 0.0 : rd_lambda, &integers[time])) {
@@ -597,7 +600,7 @@ static bool encode_adaptive(const double *targets, int64_t n_frames, double rd_l
     return true;
 }
 
-/* Working memory of a column. */
+/* Working memory for a column. */
 typedef struct {
     double *targets, *values, *scaled;
     int32_t *integers;
@@ -605,8 +608,8 @@ typedef struct {
     level_counts counts[N_LEVELS];
 } column_work;
 
-/* Encode resting times. They keep the quantization error of the last moving time, because
-   correcting it would be visible as motion. */
+/* Quantize resting times. They keep the quantization error of the last moving time, because its
+   correction would be visible as motion. */
 static bool encode_rests(const double *targets, const timeline *times, double rd_lambda,
                          double *values, int32_t *integers) {
     double zone = rd_lambda > 0.0 ? FIRST_DEAD_ZONE : REEL_NEAREST_ZONE, error = 0.0;
@@ -646,13 +649,13 @@ static bool encode_column(const double *targets, const timeline *times, double r
     return encode_rests(targets, times, rd_lambda, work->values, integers);
 }
 
-/* Encode all columns of a mode. If its integers are all 0, the filter is restored. */
+/* Quantize all columns of a mode. If its integers are all 0, restore the filter. */
 static bool encode_mode(const double *targets, int64_t n_columns, const timeline *times,
                         double rd_lambda, column_work *work, int32_t *integers) {
-    time_filter before;
+    time_filter saved;
     reel_zero(work->counts, sizeof work->counts);
     if (work->filter) {
-        before = *work->filter;
+        saved = *work->filter;
         begin_mode(work->filter);
     }
     for (int64_t first = 0; first < n_columns * times->n_frames; first += times->n_frames) {
@@ -661,7 +664,7 @@ static bool encode_mode(const double *targets, int64_t n_columns, const timeline
         }
     }
     if (work->filter && is_zero(integers, n_columns * times->n_frames)) {
-        *work->filter = before;
+        *work->filter = saved;
     }
     return true;
 }
@@ -697,7 +700,8 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *target
     return n_modes;
 }
 
-/* Quantize the coefficients of a column: the lowest frequencies, then octave by octave. */
+/* Quantize the coefficients of a column. The first FIRST_BAND, and then each octave, have their own
+   dead zone. */
 static bool round_coefficients(const double *coefficients, int64_t n, double rd_lambda,
                                int32_t *integers) {
     for (int64_t first = 0, end = FIRST_BAND; first < n; first = end, end *= 2) {
