@@ -40,7 +40,7 @@ export class SegmentsEngine {
     private bytes: Ranges,
     private readonly read: Read,
     private readonly readMore: Read,
-    /** Whether the bytes that were read to open the file are few. */
+    /** Whether to keep the bytes read to open the file: false if a large file was read whole. */
     private readonly keepsBytes: boolean,
   ) {
     ({ info: this.info, segments: this.segments } = readSegments(library, handle));
@@ -50,7 +50,7 @@ export class SegmentsEngine {
    * Open a file: read its first bytes, and the index. If the index is missing or damaged, read the
    * whole file.
    *
-   * @param bytes - Bytes that were read before; receives what is read here.
+   * @param bytes - Bytes already read; newly read bytes are added.
    * @throws MeshReelError as `Library.check` and `read` do.
    */
   static async open(
@@ -82,8 +82,9 @@ export class SegmentsEngine {
   }
 
   /**
-   * Return the engine of a segment, which may be null if there is only one.
+   * Return the engine of a segment.
    *
+   * @param number - Index of the segment; null is allowed if there is only one.
    * @throws InvalidInputError if there is no such segment.
    * @throws MeshReelError as `Library.check` and `read` do.
    */

@@ -34,17 +34,17 @@ export class MeshSegment {
   nBlocks = 0;
   /** Domain by which the vertices of the geometry are split. */
   split: Split | null = null;
-  /** The surface that is drawn: that of the file, or of a cut. */
+  /** The surface to draw: that of the file, or of a cut through it. */
   surface: Surface;
   #drawn: Surface;
   /** Masks of the frames of each loaded block, if the file has masks. */
   readonly #masks = new Map<LoadedBlock, readonly FrameMasks[]>();
-  /** Those of the shown frame. */
+  /** Masks of the shown frame, if it has any. */
   #mask: FrameMasks | null = null;
 
   /**
    * @param number - index of the segment
-   * @param send - as for `Materials`
+   * @param send - sends events; passed to `Materials`
    */
   constructor(
     readonly number: number,

@@ -4,10 +4,10 @@
 import type { Surface } from "../types.js";
 import type { ItemLookup } from "./corners.js";
 
-/** Normal rows: one normal per row. */
+/** A table of normals, and the row that each corner uses. */
 export interface NormalRows {
   readonly nRows: number;
-  /** Row of each corner of the triangles; its vertex of the file, if that is not at a hard edge. */
+  /** Row of each triangle corner: the number of its vertex, unless that is at a hard edge. */
   readonly cornerRows: Uint32Array;
 }
 
