@@ -23,7 +23,7 @@ MAX_TIME_PASSES, MAX_NEAR_TIMES = 4, 6
 """REEL_MAX_TIME_PASSES and REEL_MAX_NEAR_TIMES of `core/reel.h`."""
 
 COARSEST = 4
-"""Frames between the times coded first, as in `core/timeline.c`."""
+"""Distance of the times that are coded first, as in `core/timeline.c`."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def encode_basis(
 
 
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
-    """The arguments that only the functions for values at times have."""
+    """Return the arguments that only functions for values at times take."""
     if coding.has_cosines:
         return ()
     return coding.rests.flags(n_frames), coding.rests.bits, int(coding.is_adaptive)

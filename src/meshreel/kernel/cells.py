@@ -89,7 +89,7 @@ def cell_surface(types: Types, nodes: Int32s, n_verts: int) -> CellSurface:
 def cell_links(types: Types, nodes: Int32s, n_verts: int, *, of_cells: bool = False) -> Int32s:
     """Return the edges between nodes, or pairs of cells that share a side, as flat triangles.
 
-    The result of shape (L, 3), whose rows are a, b, b, stands for a graph where faces do.
+    The result, of shape (L, 3) with rows a, b, b, represents a graph for functions that take faces.
 
     Raises
     ------

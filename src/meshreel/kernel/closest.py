@@ -19,7 +19,7 @@ class Closest(NamedTuple):
     distances : float64 array of shape (N,)
         Infinite if no face is found.
     faces : int64 array of shape (N,)
-        The face that contains each closest point, the lowest of equally close ones; -1 if none is.
+        The face that contains each closest point, the lowest of equally close ones; -1 without one.
     points : float64 array of shape (N, 3)
     weights : float64 array of shape (N, 3)
         Barycentric coordinates of `points` in `faces`.
@@ -41,8 +41,8 @@ class TriangleTree:
     """A tree of boxes over the faces of a mesh, for any number of searches, also in threads.
 
     Degenerate and repeated faces are allowed. Distances are exact up to the rounding of differences
-    of coordinates, also far from the origin; of slivers up to 1e-8 of their length. The order of
-    the points changes nothing.
+    of coordinates, even far from the origin; for slivers, up to 1e-8 of their length. Results do
+    not depend on the order of the points.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ class TriangleTree:
         Parameters
         ----------
         directions : float64 array of shape (N, 3), optional
-            For each point, only faces count whose unit normal has a product of at least 1 with it.
+            For each point, only faces count whose unit normal has a dot product of at least 1 with
+            this vector.
         reach : float
             Largest distance.
         """

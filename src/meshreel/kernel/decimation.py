@@ -30,11 +30,11 @@ def decimated(
         Corners of a vertex have the same number if they have the same attributes. Edges where these
         differ keep their place, as boundaries do.
     max_rms : float
-        Largest root mean square of the distances over the surface.
+        Maximum root mean square distance over the surface.
     max_distance : float
-        Largest root mean square of those around one vertex.
+        Maximum root mean square distance around one vertex.
     max_length : float
-        Largest length of an edge that becomes longer.
+        Edges may not grow beyond this length.
 
     Returns
     -------

@@ -54,7 +54,7 @@ NumberType = Annotated[np.dtype[Any], _U32]
 class FileInfo:
     """Contents of the header and the index of a file or a segment, `meshreel_info`.
 
-    Of a file of several segments, `error_bound_percent` and all counts but `n_frames` are 0.
+    For a file of several segments, `error_bound_percent` and all counts but `n_frames` are 0.
     """
 
     name: String
@@ -64,9 +64,9 @@ class FileInfo:
     """Guaranteed bound of the displacement of vertices, in percent of the diagonal; 0: none."""
     center: Vector
     diagonal: Double
-    """Of the bounding box of all frames, in model units."""
+    """Diagonal of the bounding box of all frames, in model units."""
     size_bytes: U64
-    """Up to the end of the file, or of the last complete block."""
+    """Bytes up to the end of the file or, if it is damaged, of the last complete block."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
@@ -74,21 +74,21 @@ class FileInfo:
     n_corners: U32
     n_blocks: U32
     longest_block: U32
-    """Frames of the longest block."""
+    """Number of frames in the longest block."""
     n_tracks: U32
-    """Number of tracks with the positions."""
+    """Number of tracks, including the positions."""
     number_bytes: U32
     method: U32
     laplacian: U32
     order: U32
     is_whole: Flag
-    """Whether the end of the file is there."""
+    """Whether the file is complete, up to its end section."""
     n_segments: U32
     n_cells: U32
-    """0: the mesh has faces only."""
+    """Number of volume cells; 0 if the mesh has faces only."""
     reserved: U32
     damage: Damage
-    """Why it is not whole."""
+    """The error because of which the file is not whole; None if it is."""
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ class FileSegment:
     """A mesh of constant connectivity in a file, and its frames: `meshreel_segment`."""
 
     first_frame: U32
-    """Its number in the file."""
+    """Number of its first frame in the file."""
     n_frames: U32
     n_verts: U32
     n_triangles: U32
     offset: U64
     size_bytes: U64
-    """Of its bytes, without the header of the file."""
+    """Size of the segment, without the header of the file."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +132,12 @@ class FileGroup:
     """Header of a track in a block: `meshreel_group`."""
 
     key_block: U32
-    """The block whose fields it refers to, or itself."""
+    """Number of the block whose fields this one uses, which may be this block."""
     n_modes: U32
-    """0: values are stored exactly."""
+    """Number of modes; 0 if values are stored exactly."""
     n_corrections: U64
     step: Double
-    """Quantization step of the fields, in diagonals."""
+    """Quantization step of the fields, as a fraction of the diagonal."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class FileModes:
     correction_starts[t]..correction_starts[t + 1] - 1.
     """
     corrected: npt.NDArray[np.int32]
-    """int array of shape (n,). Corrected vertex of each."""
+    """int array of shape (n,). Vertex of each correction."""
     corrections: npt.NDArray[np.float64]
     """float array of shape (n, C)."""
 
@@ -190,8 +190,8 @@ class FileModes:
 def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_tasks: int) -> None:
     """Call tasks 0..n_tasks - 1 of the core on some threads, in any order: `run` of the host.
 
-    The caller takes part, so that a thread that is slow to wake up delays nothing. The tasks call
-    neither BLAS nor NumPy, so BLAS keeps its threads, unlike in `in_threads`.
+    The caller works too, so that a thread that is slow to wake up delays nothing. The tasks call
+    neither BLAS nor NumPy, so the threads of BLAS are not limited, unlike in `in_threads`.
     """
     function, numbers = TASK(task), iter(range(n_tasks))
 
@@ -206,7 +206,7 @@ def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_ta
     try:
         work()
     finally:
-        work()  # what an interrupt left: the core continues when this returns
+        work()  # after an interrupt, finish: the core continues when this returns
         for other in others:
             if not other.cancel():
                 other.result()
@@ -223,25 +223,25 @@ def _function(name: str) -> Any:
 
 
 class FrameDecoder:
-    """Decodes frames of a file of `reel`, `lossless` or `grid`; it holds blocks of each track.
+    """Decodes frames of a file of `reel`, `lossless` or `grid`; keeps decoded blocks of each track.
 
-    Several threads may share one. A forked child starts over: a thread of its parent may have been
-    using what is held.
+    Several threads may share one. A forked child starts with an empty one, because a thread of its
+    parent may have been using the blocks.
 
     Parameters
     ----------
     n_modes : int, default 0
-        Only the first so many modes of positions move; 0: all.
+        Number of modes by which positions move; 0: all.
     """
 
     def __init__(self, file: "OpenFile", n_modes: int = 0) -> None:
         self._file, self._n_modes = file, n_modes
         self._lock = fork_safe_lock()
-        self._process = 0  # that began the decoder of the core
+        self._process = 0  # id of the process that began the decoder of the core
         self._handle = _POINTER()
 
     def load(self, block: int, track: int = 0) -> None:
-        """Load a block, unless it is held; raises as `fill`."""
+        """Decode a block, unless it is in memory; raises as `fill`."""
         with self._lock:
             self._begin()
             n_modes = 0 if track else self._n_modes
@@ -289,7 +289,7 @@ class FrameDecoder:
             return _file_modes(modes, stored.n_items)
 
     def close(self) -> None:
-        """Release all that is held."""
+        """Release the decoded blocks."""
         with self._lock:
             if self._process:
                 self._end()
@@ -310,18 +310,18 @@ def _end(process: int, file: "OpenFile", handle: ctypes.c_void_p) -> None:
         _function("end")(handle)
 
 
-_Kept = tuple[Host, HostMemory]
+_HostParts = tuple[Host, HostMemory]
 
 
-def _closer(file: "OpenFile") -> "finalize[[int, _Kept, ctypes.c_void_p], OpenFile]":
+def _closer(file: "OpenFile") -> "finalize[[int, _HostParts, ctypes.c_void_p], OpenFile]":
     """Close the file in the core when the object is deleted, or when the result is called."""
     closer = finalize(file, _close, os.getpid(), (file._host, file._memory), file.handle)
     closer.atexit = False
     return closer
 
 
-def _close(process: int, kept: _Kept, handle: ctypes.c_void_p) -> None:
-    """Close a file of the core, which releases its memory: its host must still exist."""
+def _close(process: int, host: _HostParts, handle: ctypes.c_void_p) -> None:
+    """Close a file of the core. It releases memory by its host, so `host` must still exist."""
     if process == os.getpid():
         _function("close")(handle)
 
@@ -335,7 +335,7 @@ class OpenFile:
     ----------
     source : bytes or binary file that can seek
     limit_bytes : float
-        That the file, and each of its decoders, may hold.
+        Limit of the memory of the file, and of each of its decoders.
 
     Attributes
     ----------
@@ -343,9 +343,9 @@ class OpenFile:
     times : float64 array of shape (T,), or None
         Time of each frame in seconds; None if they are evenly spaced.
     whole : FileInfo
-        Of the file that a segment is part of; else as `info`.
+        Information about the whole file; the same as `info` unless this is a segment.
     offset, first_frame : int
-        Byte and frame of the whole at which it begins: 0 but of a segment behind the first.
+        Byte and frame of the file at which a segment begins; 0 for the first, and for a file.
 
     Raises
     ------
@@ -354,7 +354,7 @@ class OpenFile:
     UnsupportedVersionError
         If a newer build is needed.
     MemoryLimitError
-        If more memory would be held than allowed.
+        If more memory would be needed than allowed.
     """
 
     def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
@@ -391,19 +391,19 @@ class OpenFile:
         self.offset = self.first_frame = 0
 
     def segment(self, number: int) -> "OpenFile":
-        """A segment as a separate file, whose frames begin at 0; source and memory are shared.
+        """Open a segment as a separate file whose frames begin at 0; source and memory are shared.
 
         Raises
         ------
         InvalidInputError
             If the file has no such segment.
         CorruptStreamError, TruncatedStreamError, UnsupportedVersionError, MemoryLimitError
-            As the class, of the segment.
+            As for the class, about the segment.
         """
         if not 0 <= number < self.whole.n_segments:
-            there = counted(self.whole.n_segments, "segment")
+            count = counted(self.whole.n_segments, "segment")
             raise InvalidInputError(
-                f"segment {number} is not in the file; it has {there}, numbered from 0"
+                f"segment {number} is not in the file; it has {count}, numbered from 0"
             )
         place, segment = self._segment(number), copy(self)
         segment.handle = _POINTER()
@@ -423,7 +423,7 @@ class OpenFile:
         return self._record(FileSegment, "segment_of", _U32(number))
 
     def _record(self, record: type[Record], function: str, *arguments: Any) -> Record:
-        """Return what a function of the core, which cannot fail, tells about the file."""
+        """Return the record that a function of the core fills; such functions cannot fail."""
         structure = structure_of(record)()
         _function(function)(self.handle, *arguments, ctypes.byref(structure))
         return record_of(record, structure)
@@ -433,7 +433,7 @@ class OpenFile:
             return Source(self._source, len(self._source), READ(), None, ANNOUNCE())
         assert self._reader is not None
         size = self._source.seek(0, os.SEEK_END)
-        # Kept: the core copies their addresses.
+        # Keep references, because the core stores their addresses.
         self._callbacks = READ(self._reader.read), ANNOUNCE(self._reader.announce)
         read, announce = self._callbacks
         return Source(None, size, read, None, announce)
@@ -449,14 +449,14 @@ class OpenFile:
         Raises
         ------
         MeshReelError
-            By its code; or what the file raised when it was read.
+            The exception for the error code, or the one that reading the source raised.
         """
         error = Error()
         if _function(name)(*arguments, ctypes.byref(error)) != OK:
             raise self.failure(error)
 
     def failure(self, error: Error) -> BaseException:
-        """The exception for an error of the core; what the file raised if it was read."""
+        """Return the exception for an error of the core: that of the source if reading failed."""
         raised = None if self._reader is None else self._reader.failure()
         if error.code == UNREADABLE and raised is not None:
             return raised
@@ -486,7 +486,7 @@ class OpenFile:
 
     @cached_property
     def cells(self) -> tuple[npt.NDArray[np.uint8], Integers] | None:
-        """Types of cells, and vertices of the nodes of all of them; None if there are none."""
+        """Type of each cell, and the vertices of all cells in order; None without cells."""
         if not self.info.n_cells:
             return None
         self.read_mesh()
@@ -496,7 +496,7 @@ class OpenFile:
 
     @cached_property
     def stored_mesh(self) -> tuple[Integers, Integers]:
-        """Triangles of shape (M, 3) as they are stored, and the stored number of each vertex."""
+        """Triangles of shape (M, 3) in stored order, and the stored number of each vertex."""
         self.read_mesh()
         order = _POINTER()
         faces = _function("stored_triangles")(self.handle, ctypes.byref(order))
@@ -518,25 +518,25 @@ class OpenFile:
         return tuple(self._record(FileTrack, "track_of", _U32(number)) for number in numbers)
 
     def block(self, number: int, track: int = 0) -> FileBlock:
-        """The bytes of a track in a block."""
+        """Return where a track of a block is stored."""
         return self._record(FileBlock, "block_of", _U32(number), _U32(track))
 
     def block_of_frame(self, frame: int) -> int:
-        """The block that holds a frame."""
+        """Return the number of the block that contains a frame."""
         return int(_function("block_of_frame")(self.handle, _U32(frame)))
 
     @cached_property
     def blocks(self) -> tuple[FileBlock, ...]:
-        """The bytes of the positions in each block."""
+        """Where the positions of each block are stored."""
         return tuple(map(self.block, range(self.info.n_blocks)))
 
     @cached_property
     def starts(self) -> list[int]:
-        """First frame of each block, and the number of all frames."""
+        """First frame of each block, then the total number of frames."""
         return [*(block.first_frame for block in self.blocks), self.info.n_frames]
 
     def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
-        """Header of a track in a block; its checksums are compared if `is_checked`."""
+        """Return the header of a track in a block; verify its checksums if `is_checked`."""
         group = structure_of(FileGroup)()
         numbers = _U32(number), _U32(track)
         self.call("group_of", self.handle, *numbers, is_checked, ctypes.byref(group))
@@ -545,12 +545,12 @@ class OpenFile:
     def sections(
         self, start: int = 0, stop: int | None = None, *, is_checked: bool = True
     ) -> Iterator[FileSection]:
-        """Sections from a byte on, by default the first, up to another, by default the end.
+        """Iterate over the sections from byte `start` to byte `stop`; by default, all.
 
         Raises
         ------
         CorruptStreamError, TruncatedStreamError
-            If one is damaged.
+            If a section is damaged.
         """
         offset, end = start, self.info.size_bytes if stop is None else stop
         while offset < end:
@@ -561,7 +561,7 @@ class OpenFile:
 
     @cached_property
     def leading(self) -> tuple[FileSection, ...]:
-        """Known sections before the first block, those that an earlier segment stores first."""
+        """Known sections before the first block, those of an earlier segment first."""
         sections: list[FileSection] = []
         section = structure_of(FileSection)()
         at = ctypes.byref(section)
@@ -570,7 +570,7 @@ class OpenFile:
         return tuple(sections)
 
     def bytes_at(self, offset: int, size: int) -> bytes:
-        """Bytes of the file."""
+        """Return `size` bytes of the file from `offset` on."""
         if self._reader is not None:
             return self._reader.bytes_at(offset, size)
         assert isinstance(self._source, bytes)
@@ -578,11 +578,11 @@ class OpenFile:
 
     @property
     def held_bytes(self) -> int:
-        """Memory that the file, its segments and its decoders hold."""
+        """Memory of the file, its segments and its decoders, in bytes."""
         return int(self._memory.n_bytes)
 
     def close(self) -> None:
-        """Release what the file holds, after its decoders."""
+        """Close the file, and release its memory. Close its decoders first."""
         if self.is_open:
             self.is_open = False
             self._close()
@@ -611,18 +611,18 @@ def _file_modes(modes: Modes, n_values: int) -> FileModes:
 
 
 def structure_of(record: type) -> type[ctypes.Structure]:
-    """Return the structure of C whose members are the fields of a dataclass, in order."""
+    """Return the C structure whose members are the fields of a dataclass, in order."""
     return _described(record)[0]
 
 
 def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
-    """Return a dataclass with copies of the members of its structure."""
+    """Copy the members of a structure into its dataclass."""
     members = _described(record)[1].items()
     return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
 
 
 def _described(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
-    """Return the structure of a dataclass, and its types in Python by name, cached."""
+    """Return the C structure of a dataclass, and the Python type of each field; cached."""
     if record not in _DESCRIBED:
         hints = get_type_hints(record, include_extras=True)
         members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]

@@ -1,4 +1,4 @@
-"""What the core's decoder requires of its host: memory and the bytes of the file.
+"""Memory and bytes of the file for the core's decoder, provided by callbacks of its host.
 
 `core/include/meshreel.h` describes these callbacks (`meshreel_host`, `meshreel_source`).
 """

@@ -127,7 +127,7 @@ def encoded(
 
 
 def int32s(values: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
-    """The values as the core takes integers; copied only if they are not."""
+    """Return values as a contiguous int32 array; copied only if necessary."""
     return np.ascontiguousarray(values, np.int32)
 
 
@@ -147,7 +147,7 @@ def memory(size_of: str, *arguments: int) -> npt.NDArray[np.uint8]:
 
 def _run(name: str, *arguments: Argument) -> int:
     function = _function(name)
-    if function.argtypes is None:  # the first call, whose types are those of all
+    if function.argtypes is None:  # set once: every call passes the same types
         function.argtypes = [kind for argument in arguments for kind in _types_of(argument)]
     passed: list[Any] = []
     for argument in arguments:

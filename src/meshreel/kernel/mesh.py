@@ -22,10 +22,10 @@ N_NEIGHBORS = 8
 MAX_SMOOTH_ROWS = 4
 MAX_RESOLUTIONS = 20
 MAX_LEVELS = 1 + 3 * MAX_RESOLUTIONS
-"""As in `core/reel.h`."""
+"""REEL_MAX_LEVELS of `core/reel.h`."""
 
 MIN_PARALLEL_VERTICES = 4096
-"""Vertices from which smooth fields use a thread, which computes the levels a second time."""
+"""Number of vertices from which a thread computes the smooth fields, and the levels again."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ def item_faces(
         The item at each corner of a face.
     """
     twins = opposite_sides(faces, n_verts)
-    found = np.empty((4 * len(faces), 3), np.int32)
-    arguments = int32s(faces), twins, int32s(items), len(faces), found
-    return found[: call("reel_item_faces", *arguments, what="faces")].copy()
+    triangles = np.empty((4 * len(faces), 3), np.int32)
+    arguments = int32s(faces), twins, int32s(items), len(faces), triangles
+    return triangles[: call("reel_item_faces", *arguments, what="faces")].copy()
 
 
 def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:

@@ -63,7 +63,7 @@ def find_rotations(normals: Floats, targets: Vertices) -> Floats:
     Raises
     ------
     InvalidInputError
-        If a target cannot be reached: only one of the two is 0, or they are nearly opposite.
+        If no rotation reaches a target: only one of both normals is 0, or they are nearly opposite.
     """
     rotations = np.empty((*normals.shape[:-1], 2))
     call(

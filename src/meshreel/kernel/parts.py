@@ -1,6 +1,6 @@
 """Decoding of many small segments in one call of the core, `core/reader/parts.h`.
 
-Ten calls for each segment would take the interpreter's lock as long as the core decodes it.
+Separate calls, ten for each segment, would hold the interpreter's lock as long as decoding takes.
 """
 
 import ctypes
@@ -29,14 +29,15 @@ class SegmentFrames:
     """Frames of an open segment."""
 
     file: OpenFile
-    """With one segment; nothing else may use it meanwhile."""
+    """File of one segment, which nothing else may use meanwhile."""
     first: int
+    """First frame to decode."""
     values: list[npt.NDArray[Any]]
     """list of arrays of shape (T, N, C). One for each track, contiguous and of its number type;
     receives frames first..first+T-1.
     """
     n_modes: int
-    """As of `FrameDecoder`."""
+    """Number of modes by which positions move, as for `FrameDecoder`; 0: all."""
     with_surface: bool
     """Whether to decode the surface too."""
 

@@ -16,15 +16,15 @@ from meshreel.kernel.structures import fields_of
 from meshreel.runtime.threads import in_threads, n_cores
 
 CHUNK_VERTICES = 16384
-"""Part of a level that one thread encodes; statistics are per part, so that the encoder's choices
-do not depend on the number of threads."""
+"""Number of vertices of a level that one thread encodes. Each part has its own statistics, so that
+the encoder's choices do not depend on the number of threads."""
 
 BATCH_VERTICES = 16
-"""Vertices that the core processes at once: parts are multiples, so that prepared weights fit any
-division of a level."""
+"""Number of vertices that the core processes at once. Parts are multiples of it, so that prepared
+weights fit any division of a level."""
 
 MIN_VERTICES = 512
-"""Minimum part of a level that one thread prepares, about a millisecond."""
+"""Minimum number of vertices that one thread prepares, which takes about a millisecond."""
 
 _POINTER = ctypes.c_void_p
 

@@ -31,12 +31,12 @@ from meshreel.kernel.host import ANNOUNCE, READ, RUN
 
 UNKNOWN_BYTE = 2**64 - 1
 NORMAL = 3
-"""Of `meshreel_track_kind`."""
+"""MESHREEL_TRACK_NORMAL of `meshreel_track_kind`."""
 
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
     dtype.itemsize + {"f": 0, "u": 16, "i": 32}[dtype.kind]: dtype for dtype in map(np.dtype, TYPES)
 }
-"""Of `meshreel_type`."""
+"""NumPy type of each code of `meshreel_type`."""
 
 _U32, _U64, _SIZE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_size_t
 _POINTER, _DOUBLE = ctypes.c_void_p, ctypes.c_double
@@ -74,7 +74,7 @@ class Error(ctypes.Structure):
 
     @property
     def exception(self) -> Exception:
-        """The exception for damaged bytes or wrong arguments."""
+        """Exception for damaged bytes or wrong arguments."""
         kinds: dict[int, type[Exception]] = {
             TRUNCATED: TruncatedStreamError,
             CORRUPT: CorruptStreamError,

@@ -12,11 +12,11 @@ Table = npt.NDArray[np.int32]
 
 BYTES_EACH, MORE_BYTES = 10, 64
 MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
-"""As in `core/reel.h`."""
+"""REEL_MAX_SURFACE_VALUE and REEL_MAX_SURFACE_COLUMNS of `core/reel.h`."""
 
 
 def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
-    """Encode frames of a table of int32, whose rows are the corners of triangles.
+    """Encode frames of a table of int32, whose rows are the vertices of triangles.
 
     Parameters
     ----------
