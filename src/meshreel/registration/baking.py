@@ -24,10 +24,10 @@ MAX_OVERLAP = 0.02
 another triangle."""
 
 PADDING = 4
-"""Texels between charts of made texture coordinates."""
+"""Texels between the charts of generated texture coordinates."""
 
 CHUNK_TEXELS = 1 << 18
-"""Texels that are baked at once; bounds the working memory to about 100 MB."""
+"""Number of texels baked at once; limits the working memory to about 100 MB."""
 
 COMBINE = (
     "combine the images of each frame into one, and move its texture coordinates accordingly (the "
@@ -47,9 +47,9 @@ class Atlas:
     ----------
     size : tuple of 2 ints
     faces : int64 array of shape (N,)
-        The triangle of each texel whose center is on one, in ascending order.
+        The triangle at the center of each texel that is on one; texels in ascending order.
     weights : float32 array of shape (N, 3)
-        Its barycentric coordinates.
+        Barycentric coordinates of the center in this triangle.
     nearest : int32 array of shape (height, width)
         The nearest of these texels, for every texel of the image.
     """
@@ -140,8 +140,8 @@ def _n_color_images(surface: Surface) -> int:
 def with_atlases(registration: Registration, size: Size) -> tuple[Registration, int]:
     """Return a registration whose segments have texture coordinates that can be baked into.
 
-    Those of the key are kept, unless texels belong to several triangles or to none; then new ones
-    replace them, and the materials of the key, whose images do not fit them.
+    Those of the key are kept if each texel belongs to one triangle. Otherwise they are replaced,
+    and the materials of the key removed, because their images do not fit.
 
     Returns
     -------
@@ -186,8 +186,8 @@ def bake(
     registration : Registration
         From `with_atlases`.
     sequence : MeshSequence or ReelFile
-        Its sequence, or that as encoded: colors then are at the places of the decoded vertices, so
-        that the error of coding does not move them.
+        The registered sequence, or preferably the decoded one: colors are then taken at the decoded
+        vertices, so that coding errors do not displace them.
     images : iterable of Pillow images
         The texture of each raw frame, in RGB.
     size : tuple of 2 ints

@@ -13,7 +13,7 @@ from meshreel.model.sequence import Faces, MeshFrame
 Indices = npt.NDArray[np.int64]
 
 MIN_COMPONENT_AREA = 0.002
-"""Smallest area of a component, as a share of the area of its frame, that is kept."""
+"""Minimum area of a component to keep, as a share of the area of its frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +27,11 @@ class CleanMesh:
     kept_faces : int64 array of shape (M,)
         The number of each face in the raw frame.
     n_components : int
-        Components that are connected by vertices.
+        Number of connected components; faces with a common vertex are connected.
     n_degenerate : int
-        Removed faces without area.
+        Number of removed faces without area.
     n_crumbs : int
-        Removed components.
+        Number of removed components.
     """
 
     vertices: Floats

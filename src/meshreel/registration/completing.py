@@ -1,4 +1,4 @@
-"""Completion of keys: they get the surface that other frames show beyond their boundary."""
+"""Completion of keys: add the surface that other frames show beyond their boundary."""
 
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
@@ -17,7 +17,7 @@ from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import Tolerance
 
 MIN_AREA = 0.25
-"""Smallest area of a patch, as a share of the largest that may be beyond the tolerance."""
+"""Minimum area of a patch, as a share of the largest area that may be beyond the tolerance."""
 
 MIN_SHARE_BEYOND = 0.5
 """Share of a patch that must be beyond the boundary of the key, not merely far from it."""
@@ -27,7 +27,7 @@ MAX_GAP = 3.0
 it joins."""
 
 MIN_COSINE = 0.5
-"""Smallest cosine between the normals of both."""
+"""Minimum cosine between the normals of the border and of the boundary."""
 
 MAX_SLIT = 12.0
 """Longest outline, in mean edges of the frame, of a slit between patch and key that is closed."""
@@ -44,7 +44,7 @@ class Sighting(NamedTuple):
     mesh : TriangleMesh
         The registered key.
     turns : float64 array of shape (V, 3, 3)
-        The rotation of each vertex from the key.
+        Rotation of each vertex from the key to the frame.
     target : TriangleMesh
         The surface of the frame.
     """
@@ -84,7 +84,7 @@ def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
 def completed(
     key: KeyMesh, whole: TriangleMesh, patches: Iterable[TriangleMesh], tolerance: Tolerance
 ) -> KeyMesh:
-    """Return a key with what patches have beyond its boundary, the largest first; else the key.
+    """Return a key extended by patches beyond its boundary, the largest first; or the key itself.
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ def _beyond(
     key: TriangleMesh, surface: TriangleMesh, tolerance: Tolerance
 ) -> Iterator[TriangleMesh]:
     """Yield the connected patches of a surface that are beyond the boundary of the key."""
-    found = key.closest(surface.centroids)
-    far = np.flatnonzero(found.distances > tolerance.length)
-    is_beyond = key.ends_before(surface.centroids[far], found.at(far))
+    closest = key.closest(surface.centroids)
+    far = np.flatnonzero(closest.distances > tolerance.length)
+    is_beyond = key.ends_before(surface.centroids[far], closest.at(far))
     labels = component_labels(surface.faces[far], len(surface.vertices))[surface.faces[far, 0]]
     _, numbers = np.unique(labels, return_inverse=True)
     areas = np.bincount(numbers, surface.areas[far])
@@ -134,7 +134,7 @@ def _at_boundary(
 def _joined(
     key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
 ) -> KeyMesh:
-    """Return the key with a decimated patch whose border is merged with its boundary, if it can."""
+    """Return the key joined with a decimated patch along its boundary, if possible."""
     given = KeyMesh.of_mesh(patch)
     patch, own = decimated_key(given, patch.faces.astype(np.int64), tolerance).mesh, key.mesh
     nearest, is_merged = _at_boundary(own, patch, edge)
@@ -179,7 +179,7 @@ def _moved_back(points: Floats, rest: Floats, anchors: Indices, seen: Sighting) 
     """
     places = seen.mesh.vertices[anchors]
     distances, near = k_d_tree(places).query(points, np.arange(1, 1 + min(N_ANCHORS, len(anchors))))
-    weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # the nearest alone, where it is there
+    weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # at an anchor, it alone counts
     weights /= weights.sum(axis=1, keepdims=True)
     arms = points[:, None] - places[near]
     moved = rest[anchors][near] + np.einsum("nkji,nkj->nki", seen.turns[anchors][near], arms)
@@ -187,7 +187,7 @@ def _moved_back(points: Floats, rest: Floats, anchors: Indices, seen: Sighting) 
 
 
 def _consistent(faces: Faces, added: Faces) -> Faces:
-    """Return the added faces with which each side belongs to one face in its direction."""
+    """Return the added faces that keep the surface oriented: no two faces share a directed side."""
     first, second, third = added.T
     added = added[(first != second) & (second != third) & (third != first)]
     while True:
@@ -219,7 +219,7 @@ def _slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> F
 
 
 def _loops(sides: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
-    """Yield the vertices of the loops of sides; loops that touch are apart."""
+    """Yield the vertices of each loop of sides; loops that touch are separate."""
     following: dict[int, list[int]] = {}
     for start, end in sorted(sides):
         following.setdefault(start, []).append(end)

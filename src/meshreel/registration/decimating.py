@@ -12,11 +12,11 @@ RMS = 0.08
 """Root mean square distance of the decimated surface, in tolerances, before the fit halves it."""
 
 DISTANCE = 0.5
-"""The same around one vertex."""
+"""Root mean square distance around one vertex, in tolerances."""
 
 BEND_RADIUS = 0.02
-"""Radius of bends that other frames may need, in longest sides of the box: the sagitta of edges is
-at most the tolerance there, however flat the key is."""
+"""Radius of bends that other frames may have, in longest sides of the box. Edges are so short that
+their sagitta at such a bend is at most the tolerance, even where the key is flat."""
 
 SMOOTHNESS = 0.03, 0.01, 0.003
 """Smoothness of the steps that fit the mesh."""

@@ -11,16 +11,16 @@ from meshreel.registration.triangle_mesh import Samples, TriangleMesh, unit
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_COSINE = 0.5
-"""Smallest cosine between the normals of a point and its closest point that correspond."""
+"""Minimum cosine between the normals of corresponding points."""
 
 REACH = 0.02
-"""Largest distance of points that correspond."""
+"""Maximum distance between corresponding points."""
 
 BOUNDARY_COSINE = 0.5
-"""Cosine between the way to the closest point and the normal, below which that is on a boundary."""
+"""A closest point is on a boundary if the cosine between its direction and normal is below this."""
 
 MAX_STEPS = 40
-"""Largest number of steps of conjugate gradients."""
+"""Maximum number of steps of conjugate gradients."""
 
 RESIDUAL = 1e-2
 """Relative residual at which conjugate gradients stop: correspondences change anyway."""
@@ -146,30 +146,32 @@ class TwoSidedFit:
 def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) -> Rows:
     """Return equations that move samples of the mesh to their closest points on the target.
 
-    Where the target ends, only faces on the boundary of the mesh move to it: others span a hole.
+    At the boundary of the target, only faces at the boundary of the mesh move; others span a hole.
     """
-    kept, found = target.corresponding(samples, MIN_COSINE, REACH)
-    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces[kept]]].any(axis=1)
-    is_free = ~(is_inside & target.ends_before(samples.points[kept], found))
-    kept, places, faces = kept[is_free], found.points[is_free], found.faces[is_free]
-    directions, offsets = _directions(places - samples.points[kept], target.face_normals[faces])
-    vertices = mesh.faces[samples.faces[kept]]
-    return Rows(vertices, samples.weights[kept], directions, offsets, samples.areas[kept])
+    indices, closest = target.corresponding(samples, MIN_COSINE, REACH)
+    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces[indices]]].any(axis=1)
+    is_free = ~(is_inside & target.ends_before(samples.points[indices], closest))
+    indices, places, faces = indices[is_free], closest.points[is_free], closest.faces[is_free]
+    directions, offsets = _directions(places - samples.points[indices], target.face_normals[faces])
+    vertices = mesh.faces[samples.faces[indices]]
+    return Rows(vertices, samples.weights[indices], directions, offsets, samples.areas[indices])
 
 
 def rows_from_surface(mesh: TriangleMesh, target: TriangleMesh, samples: Samples) -> Rows:
     """Return equations that move the closest points of samples of the target to them."""
-    kept, found = mesh.corresponding(samples, MIN_COSINE, REACH)
-    gaps = samples.points[kept] - found.points
-    directions, offsets = _directions(gaps, samples.normals[kept])
-    return Rows(mesh.faces[found.faces], found.weights, directions, offsets, samples.areas[kept])
+    indices, closest = mesh.corresponding(samples, MIN_COSINE, REACH)
+    gaps = samples.points[indices] - closest.points
+    directions, offsets = _directions(gaps, samples.normals[indices])
+    return Rows(
+        mesh.faces[closest.faces], closest.weights, directions, offsets, samples.areas[indices]
+    )
 
 
 def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:
     """Return the directions in which points should move, and how far.
 
-    That is along the normal, so that the mesh can slide; but a point beyond the boundary of the
-    other surface moves straight to it: its closest point is not below it.
+    The direction is the normal, so that the mesh can slide. A point beyond the boundary of the
+    other surface moves straight to its closest point instead.
     """
     offsets = np.einsum("nc,nc->n", gaps, normals)
     lengths = np.linalg.norm(gaps, axis=1)

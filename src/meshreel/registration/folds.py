@@ -18,7 +18,7 @@ over: a crease of the key that bends a little more is no fold."""
 FLATTENING_ROUNDS = 12
 RESTORING_ROUNDS = 12
 OPENING_ROUNDS = 16
-"""Largest number of rounds of the repairs."""
+"""Maximum number of rounds of the repairs."""
 
 FLATTENINGS_PER_RING = 2
 RESTORINGS_PER_RING = 2
@@ -26,8 +26,8 @@ OPENINGS_PER_RING = 4
 """Rounds after which one more ring of vertices around the remaining folds moves too."""
 
 HOLD = 1e-6
-"""Weight of the present position of a vertex that is flattened or restored, for components that
-move whole."""
+"""Weight of the current position of a vertex that is flattened or restored; it makes the equations
+solvable for components of which all vertices move."""
 
 MIN_AREA = 0.1
 """Smallest area of a face that opening accepts, as seen along the normal of the surface, relative
@@ -71,15 +71,15 @@ class Folds:
         """
         limits = np.minimum(np.cos(self._angles_in_key + min_turn), 0.0)
         bends = mesh.cosines_across(self._neighbors) < limits
-        found = np.unique(np.flatnonzero(bends & ~self._opposes_in_key) // 3)
-        if not len(found):
-            return found
-        centers = mesh.centroids[found]
+        faces = np.unique(np.flatnonzero(bends & ~self._opposes_in_key) // 3)
+        if not len(faces):
+            return faces
+        centers = mesh.centroids[faces]
         closest = target.closest(centers)
-        normals = mesh.face_normals[found], target.face_normals[closest.faces]
+        normals = mesh.face_normals[faces], target.face_normals[closest.faces]
         opposes = np.einsum("nc,nc->n", *normals) < 0
         is_deep = closest.distances > self._max_depth
-        return np.asarray(found[opposes & ~(is_deep & target.encloses(centers, closest))])
+        return np.asarray(faces[opposes & ~(is_deep & target.encloses(centers, closest))])
 
     def flattened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with the vertices of folds at the means of their neighbors.
@@ -117,7 +117,7 @@ class Folds:
         return mesh
 
     def _averaged(self, vectors: Floats, moves: npt.NDArray[np.bool_]) -> Floats:
-        """Return vectors of shape (V, 3), where they move the means of their neighbors."""
+        """Return vectors of shape (V, 3), replaced by means of their neighbors where they move."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
         rows, averaged = self._laplacian[moves], vectors.copy()
         held = HOLD * sparse.identity(rows.shape[0])
@@ -150,14 +150,14 @@ class Folds:
         of the surface.
         """
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        chosen, own = np.flatnonzero(moves[mesh.faces].any(axis=1)), np.flatnonzero(moves)
-        faces, corners = mesh.faces[chosen], mesh.vertices[mesh.faces[chosen]]
+        moving, own = np.flatnonzero(moves[mesh.faces].any(axis=1)), np.flatnonzero(moves)
+        faces, corners = mesh.faces[moving], mesh.vertices[mesh.faces[moving]]
         middles = corners.mean(axis=1)
         normals, heights = _planes(target, middles)
         across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         gradients = 0.5 * np.cross(normals[:, None], across)
         missing = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
-        areas = _mean_areas_around(mesh)[chosen]
+        areas = _mean_areas_around(mesh)[moving]
         missing += MIN_AREA * areas
         small = missing > 0
         scale = AREA_WEIGHT / np.sqrt(areas[small])
@@ -177,19 +177,19 @@ class Folds:
 
 
 def _vertices_around(mesh: TriangleMesh, faces: Indices, n_rings: int) -> npt.NDArray[np.bool_]:
-    """Whether each vertex belongs to these faces, or to rings of faces around them."""
-    found = np.zeros(len(mesh.vertices), bool)
-    found[mesh.faces[faces]] = True
+    """Return whether each vertex belongs to these faces, or to rings of faces around them."""
+    is_around = np.zeros(len(mesh.vertices), bool)
+    is_around[mesh.faces[faces]] = True
     for _ in range(n_rings):
-        found[mesh.faces[found[mesh.faces].any(axis=1)]] = True
-    return found
+        is_around[mesh.faces[is_around[mesh.faces].any(axis=1)]] = True
+    return is_around
 
 
 def _planes(target: TriangleMesh, points: Floats) -> tuple[Floats, Floats]:
     """Return the normals of the closest faces, and the distances of their planes along them."""
-    found = target.closest(points)
-    normals = target.face_normals[found.faces]
-    return normals, np.asarray(np.einsum("nc,nc->n", normals, found.points - points))
+    closest = target.closest(points)
+    normals = target.face_normals[closest.faces]
+    return normals, np.asarray(np.einsum("nc,nc->n", normals, closest.points - points))
 
 
 def _mean_areas_around(mesh: TriangleMesh) -> Floats:

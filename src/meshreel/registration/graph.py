@@ -15,7 +15,7 @@ from meshreel.registration.triangle_mesh import Indices
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 N_NEAREST = 5
-"""Nodes that move each vertex."""
+"""Number of nodes that move each vertex."""
 
 MAX_DISTANCES = 4_000_000
 """Largest number of distances from nodes to vertices in memory."""
@@ -77,7 +77,7 @@ class DeformationGraph:
     Attributes
     ----------
     nodes : float64 array of shape (N, 3)
-        Their positions on the key.
+        Positions of the nodes on the key.
     nearest : int64 array of shape (V, K)
         The nodes that move each vertex.
     weights : float64 array of shape (V, K)
@@ -96,7 +96,7 @@ class DeformationGraph:
     def of_mesh(cls, vertices: Floats, faces: Faces, spacing: float) -> "DeformationGraph":
         """Place nodes at a spacing along the surface of a key.
 
-        Distances are those along edges, so that an arm does not move the hip it touches.
+        Distances are measured along edges, so that an arm does not move the hip that it touches.
         """
         lengths = edge_lengths(vertices, faces)
         nodes = _spread(lengths, spacing)
@@ -149,7 +149,7 @@ def edge_lengths(vertices: Floats, faces: Faces) -> Any:
 
 
 def _spread(lengths: Any, spacing: float) -> Indices:
-    """Return vertices at least a spacing apart along edges; every other one is nearer to one."""
+    """Return vertices at least a spacing apart along edges, so that no further one fits between."""
     dijkstra = REGISTER_SCIPY.load("sparse.csgraph").dijkstra
     n_verts = lengths.shape[0]
     is_free, nodes = np.ones(n_verts, bool), []

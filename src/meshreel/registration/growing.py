@@ -31,19 +31,19 @@ from meshreel.registration.verification import FrameErrors, Tolerance, check, me
 from meshreel.runtime.threads import in_threads
 
 REGISTERING = "registering"
-"""Stage of progress of the first meshes of all keys."""
+"""Name of the stage in which the first meshes of all keys are registered, for progress."""
 
 KEY_MARGIN = 0.25
 """A key is in the middle of a run of frames: not within this fraction of either end."""
 
 MAX_FRAGMENT = 0.1
-"""Largest area of an open component, as a share of that of its frame, that holes may cut off."""
+"""An open component up to this share of the area of its frame may be a part cut off by holes."""
 
 SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 """Smoothness of the steps of a fit, which ends at the step that meets the tolerance."""
 
 SMOOTHNESS_OF_OPENED = 0.03
-"""Smoothness of the step after folds were opened."""
+"""Smoothness of the step after opening folds."""
 
 MAX_ERROR_TO_FIT = 5.0
 """Largest error, in tolerances, after which further steps of a fit are tried."""
@@ -55,7 +55,8 @@ MAX_ERROR_TO_REFINE = 2.0
 """Largest error, in tolerances, of a frame that a key with more vertices may be able to follow."""
 
 MAX_SMOOTH_STEPS = 2
-"""Steps of a fit too smooth to imitate a part of the surface that tracking has lost."""
+"""A fit of at most this many steps is too smooth to imitate a part of the surface that tracking has
+lost."""
 
 MAX_REPAIRS = 2
 """Largest number of times that the folds of a fit are opened and flattened."""
@@ -115,11 +116,11 @@ class Frames:
 
 
 class Topology(NamedTuple):
-    """What decides whether a frame is a good key; the greatest is the best.
+    """Rank of a frame as a key; the greatest is the best.
 
-    A deformation can bring parts of a surface together but not separate what touches: the best key
-    has the most components, and of those the fewest handles. Fragments do not count: holes of a
-    scan cut them off. Of keys that are equal otherwise, the best has the fewest fragments.
+    A deformation can bring parts of a surface together, but cannot separate parts that touch. So
+    the best key has the most components and, among those, the fewest handles, then the fewest
+    fragments. Fragments, which holes of a scan cut off, are not components.
     """
 
     n_components: int
@@ -146,9 +147,9 @@ class Followed(NamedTuple):
     Attributes
     ----------
     state : State
-        Of the tracker at this frame.
+        State of the tracker at this frame.
     positions : float64 array of shape (V, 3)
-        Those of the key mesh, in longest sides of the box.
+        Positions of the key mesh, in longest sides of the box.
     errors : FrameErrors
     n_folded : int
         Faces that fold over.
@@ -189,7 +190,7 @@ class Segment:
     key_mesh : KeyMesh
         The mesh of the key, decimated or refined, in longest sides of the box.
     errors : tuple of FrameErrors
-        Of each frame.
+        Errors of each frame.
     n_folded : int
         Faces that fold over, in all frames.
     reasons : tuple of (int, str)
@@ -314,7 +315,7 @@ def _completed(
     tolerance: Tolerance,
     report: Callable[[int], None],
 ) -> KeyMesh:
-    """Return a key with what frames of a run show beyond it, as far as they are followed.
+    """Return a key extended by the surface that frames of a run show beyond its boundary.
 
     `whole` is the cleaned raw mesh of the key.
     """
@@ -406,7 +407,7 @@ class Fit:
     mesh : TriangleMesh
         The fitted mesh.
     errors : FrameErrors
-        Of the fitted mesh.
+        Errors of the fitted mesh.
     n_steps : int
         Steps of the fit.
     n_folded : int
@@ -464,9 +465,9 @@ class Follower:
         return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
 
     def sightings(self, targets: Iterable[TriangleMesh]) -> Iterator[Sighting]:
-        """Yield the mesh at the frames next to the key, as far as it follows what they show.
+        """Yield the mesh registered to the frames next to the key, until it is too far from one.
 
-        It is not stretched to cover what it lacks.
+        The mesh is not stretched over surface that it lacks.
         """
         state = self.tracker.start()
         for target in targets:
@@ -490,10 +491,10 @@ class Follower:
         return errors.in_tolerances(self._tolerance)
 
     def _attempted(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
-        """Return an attempt after the steps of the fit that come nearest.
+        """Return an attempt with the closest fit of all its steps.
 
-        They end when the tolerance is met. If it nearly is, folds may cover what is beyond it: they
-        are opened, and the mesh is fitted again.
+        The steps end when the tolerance is met. If it is nearly met, folds may hide the rest of the
+        surface, so they are opened, and the mesh is fitted again.
         """
         pose, posed = self.tracker.track(state, target, attempt)
         fits: list[Fit] = []
@@ -539,7 +540,7 @@ class Follower:
         fit.n_folded = len(self._folds.find(fit.mesh, target))
 
     def _restore_folds(self, fit: Fit, target: TriangleMesh) -> None:
-        """Restore the shape of the key at folds, if the tolerance is met then."""
+        """Restore the shape of the key at folds, unless the tolerance is then exceeded."""
         if not fit.n_folded:
             return
         mesh = self._folds.restored(fit.mesh, target, fit.posed.bare)

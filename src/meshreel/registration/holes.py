@@ -21,10 +21,10 @@ def scanned_faces(
     faces: Faces,
     tolerance: Tolerance,
 ) -> Track | None:
-    """Return a track of the faces of a segment that its raw frames have; None if they have all.
+    """Return a track of which faces of a segment its raw frames show; None if they show all.
 
-    A face is hidden if its centroid is unsupported and farther from the raw surface than the
-    tolerance. It stays hidden as long as it is unsupported, so that rims do not flicker.
+    A face becomes hidden if its centroid is unsupported and farther from the raw surface than the
+    tolerance. It stays hidden while it is unsupported, so that rims of holes do not flicker.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ def scanned_faces(
     is_scanned, hidden = [], np.zeros(len(faces), bool)
     for target, points in zip(frames, positions, strict=True):
         mesh, n_verts = TriangleMesh(points, faces), len(points)
-        found = target.closest(np.concatenate([points, mesh.centroids]))
-        is_far = found.distances[n_verts:] > tolerance.length
-        lacks = unsupported(mesh, target, found, tolerance)[n_verts:]
+        closest = target.closest(np.concatenate([points, mesh.centroids]))
+        is_far = closest.distances[n_verts:] > tolerance.length
+        lacks = unsupported(mesh, target, closest, tolerance)[n_verts:]
         hidden = lacks & (is_far | hidden)
         is_scanned.append(~hidden)
     return None if np.all(is_scanned) else Track(np.array(is_scanned), Domain.FACE)

@@ -45,18 +45,18 @@ from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread
 
 DEFAULT_TOLERANCE = ErrorBound(0.2)
-"""In percent of the diagonal of the box of all frames."""
+"""Default tolerance, in percent of the diagonal of the box of all frames."""
 
 CACHED_FACES = 4_000_000
-"""Faces of the cleaned frames in memory, which take about 40 bytes each."""
+"""Maximum number of faces of the cleaned frames in memory, about 40 bytes each."""
 
 MIN_CACHED_FRAMES = 4
 
 MIN_UNSUPPORTED_PERCENT = 0.05
-"""Share of the surface that raw frames must lack to be stated."""
+"""Smallest share of the surface without raw surface that notes mention."""
 
 MAX_CUTS = 8
-"""Cuts that are listed in notes."""
+"""Maximum number of cuts that notes list."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Distances:
 
     @classmethod
     def of_frames(cls, errors: Sequence[FrameErrors], scale: float, n_folded: int) -> "Distances":
-        """Summarize errors in longest sides of the box, of which `scale` make a diagonal."""
+        """Summarize errors in longest sides of the box; `scale` is its diagonal in these."""
         rows = np.array(
             [
                 [frame.mean, frame.p95, frame.p99, frame.mean_square, frame.unsupported]

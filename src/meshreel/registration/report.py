@@ -130,11 +130,11 @@ def point_psnr(
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
     raw, numbers = registration.raw, _measured_numbers(registration)
     low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
-    found: dict[int, tuple[float, float]] = {}
+    psnr_of: dict[int, tuple[float, float]] = {}
 
     def measure(pair: tuple[int, MeshFrame, MeshFrame]) -> None:
         number, frame, frame_hat = pair
-        found[number] = point_psnr_db(
+        psnr_of[number] = point_psnr_db(
             (frame.vertices, frame.faces), (frame_hat.vertices, frame_hat.faces), low, high
         )
 
@@ -143,7 +143,7 @@ def point_psnr(
 
     report(0)
     in_threads(measure, [(n, raw[n], sequence[n]) for n in numbers], report)
-    pairs = np.array([found[number] for number in numbers])
+    pairs = np.array([psnr_of[number] for number in numbers])
     d1, d2 = (_mean_of_finite(column) for column in pairs.T)
     return PointPsnr(d1, d2, tuple(numbers))
 

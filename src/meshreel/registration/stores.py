@@ -1,4 +1,4 @@
-"""Where registered frames are while others are registered: in temporary files, or in a folder.
+"""Storage of registered frames while others are registered: temporary files, or a folder.
 
 Neither needs much memory; from a folder, an interrupted registration continues.
 """
@@ -23,7 +23,7 @@ from meshreel.runtime.threads import fork_safe_lock
 from meshreel.runtime.version import __version__
 
 IDENTITY = "registration.json"
-"""The file that states what a folder belongs to."""
+"""Name of the file that identifies the registration that a folder belongs to."""
 
 Arrays = dict[str, npt.NDArray[Any]]
 
@@ -35,7 +35,7 @@ class Course:
     Attributes
     ----------
     state : State
-        At the last of them.
+        State of the tracker at the last of them.
     errors : list of FrameErrors
     n_folded : int
         Faces that fold over, in all of them.
@@ -73,7 +73,7 @@ class TemporaryStore:
             file.write(positions.tobytes())
 
     def stacked(self, key: str, numbers: range) -> Vertices:
-        """Return consecutive frames of a key as one array of shape (T, V, 3), and forget them."""
+        """Return consecutive frames of a key as one array of shape (T, V, 3), and drop them."""
         (file, dtype, shape) = self._files.pop(key)
         offset = numbers.start * math.prod(shape) * dtype.itemsize
         with file:
@@ -95,7 +95,7 @@ class FolderStore(TemporaryStore):
     ----------
     folder : Path
     digest : str
-        Of the raw frames and the options. The folder is reused if it has the same one.
+        Digest of the raw frames and the options. A folder with the same one is reused.
 
     Raises
     ------

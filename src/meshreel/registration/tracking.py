@@ -20,7 +20,8 @@ NODE_SPACING = 0.05
 """Distance of the nodes along the surface, in longest sides of the box of all frames."""
 
 N_POINTS = 3000
-"""Vertices of the key whose correspondences a Gauss-Newton step uses; half as many of the frame."""
+"""Number of vertices of the key whose correspondences a Gauss-Newton step uses; the frame has half
+as many."""
 
 
 class Stage(NamedTuple):
@@ -87,7 +88,7 @@ TANGENTIAL = 0.05
 """Weight of distances along the surface, relative to those along its normal."""
 
 TANGENTIAL_AT_EDGE = 0.5
-"""The same for two vertices on boundaries or sharp creases, which should meet."""
+"""`TANGENTIAL` for two vertices on boundaries or sharp creases, which should meet."""
 
 CONVERGED = 6e-4
 """Largest translation of a node in a step after which a stage ends."""
@@ -98,7 +99,7 @@ DETAIL_KEPT = 0.9
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where the tracker is: the pose and details of a frame, and the pose of the one before."""
+    """State of the tracker: pose and details of a frame, and the pose of the previous frame."""
 
     pose: Pose
     details: Floats
@@ -106,11 +107,11 @@ class State:
 
     def arrays(self) -> dict[str, Floats]:
         """Return the arrays that make up the state, by name."""
-        found = {"details": self.details}
+        arrays = {"details": self.details}
         for name, pose in {"pose": self.pose, "before": self.before}.items():
             if pose is not None:
-                found |= {f"{name}_{key}": value for key, value in vars(pose).items()}
-        return found
+                arrays |= {f"{name}_{key}": value for key, value in vars(pose).items()}
+        return arrays
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, Floats]) -> "State":
@@ -172,8 +173,8 @@ class Tracker:
         distances = []
         for pose in candidates:
             mesh = TriangleMesh(self._graph.posed(pose, state.details).positions, self._faces)
-            found, _ = target.oriented_tree.query(mesh.oriented[self._points[::4]])
-            distances.append(np.minimum(found, 0.1).mean())
+            nearest, _ = target.oriented_tree.query(mesh.oriented[self._points[::4]])
+            distances.append(np.minimum(nearest, 0.1).mean())
         return candidates[int(np.argmin(distances))]
 
     def _step(
@@ -200,10 +201,10 @@ class Tracker:
     ) -> tuple[Indices, Indices, Floats, Floats]:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
-        The weights are those of their distance, and of the part along the surface relative to the
-        part along the normal. What may be in a hole of the other surface has none; nor has, where
-        there are holes, a vertex whose point is that of a distant part of the key: a missing hand
-        stays off the hip.
+        The weights are that of their distance, and that of its part along the surface relative to
+        the part along the normal. Vertices that may be in a hole of the other surface have no
+        weight. Nor have, if there are holes, vertices whose corresponding point belongs to a
+        distant part of the key: a missing hand must not stick to the hip.
         """
         mesh = TriangleMesh(posed.positions, self._faces)
         own = self._points

@@ -54,8 +54,8 @@ class RawFrame:
 
     def closest(self, points: Floats) -> Places:
         """Return the closest places for points of shape (N, 3), in longest sides of the box."""
-        found = self.mesh.closest(points)
-        return Places(self.cleaned.kept_faces[found.faces], found.weights)
+        closest = self.mesh.closest(points)
+        return Places(self.cleaned.kept_faces[closest.faces], closest.weights)
 
 
 def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:
@@ -85,8 +85,8 @@ def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
 def interpolated(values: Values, items: Integers, places: Places) -> Values:
     """Return values at places, in the number type of the values.
 
-    Floats and bytes are interpolated; of wider integers, such as labels, the one of the nearest
-    corner is taken.
+    Floats and bytes are interpolated. Wider integers, such as labels, are those of the nearest
+    corner.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def interpolated(values: Values, items: Integers, places: Places) -> Values:
 def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) -> dict[str, Track]:
     """Return tracks and colors of the raw frames of a segment as tracks of its vertices.
 
-    A value is taken that all frames have, with the same kind, unit, and number type.
+    Only values that all frames have, with the same kind, unit and number type, are transferred.
 
     Parameters
     ----------
@@ -114,29 +114,31 @@ def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) 
     positions : iterable of float64 arrays of shape (V, 3)
         The registered vertices of each frame, in longest sides of the box.
     """
-    found: list[dict[str, Track]] = []
+    transferred: list[dict[str, Track]] = []
     for frame, points in zip(frames, positions, strict=True):
         given = transferable(frame.frame)
-        if found:
+        if transferred:
             given = {
                 name: given[name]
-                for name, track in found[-1].items()
+                for name, track in transferred[-1].items()
                 if _fits(track, given.get(name))
             }
         if not given:
             return {}
         places = frame.closest(points)
-        found.append(
+        transferred.append(
             {name: _at_places(frame.frame, track, places) for name, track in given.items()}
         )
-    return concatenate_tracks([{name: frame[name] for name in found[-1]} for frame in found])
+    return concatenate_tracks(
+        [{name: tracks[name] for name in transferred[-1]} for tracks in transferred]
+    )
 
 
 def transferable(frame: MeshSequence) -> dict[str, Track]:
     """Return the values of the vertices of a frame, other than texture coordinates, as tracks.
 
-    Formats give a value of the vertices of a single frame as an attribute. Colors of corners count
-    as colors of vertices.
+    Formats return the values of a single frame as attributes. Colors of corners count as colors of
+    vertices.
     """
     attributes = {
         attribute.name: Track(attribute.per_item()[None], attribute.domain, _kind(attribute))

@@ -24,8 +24,8 @@ from meshreel.model.sequence import Faces
 Indices = npt.NDArray[np.int64]
 
 BEND = 0.04
-"""The distance that counts as much as two normals that differ by one radian, in longest sides of
-the box of all frames."""
+"""Distance, in longest sides of the box of all frames, that counts as much as one radian between
+normals."""
 
 BEYOND_COSINE = 0.8
 """Cosine between the way to a closest point on the boundary and its normal, below which a point is
@@ -39,7 +39,7 @@ CREASE_COSINE = 0.25
 """Cosine between the normals of two faces, below which their common side is a sharp crease."""
 
 ON_SIDE = 1e-9
-"""Largest barycentric coordinate at a side."""
+"""Points with a smaller barycentric coordinate are on a side."""
 
 
 class Samples(NamedTuple):
@@ -66,7 +66,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A triangle mesh with what registration asks of it, each computed at most once.
+    """A triangle mesh with properties that registration needs, each computed at most once.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class TriangleMesh:
     def orientation(self) -> int:
         """1 if the normals point out of the enclosed volume, -1 if into it, 0 if it is open.
 
-        Open is what encloses less than a tenth of the volume of a sphere of the same area.
+        A surface counts as open if its volume is less than a tenth of that of a sphere of its area.
         """
         centered = self.vertices[self.faces[:, 0]] - self.vertices.mean(axis=0)
         volume = _dots(centered, self._doubled_normals).sum() / 6
@@ -133,9 +133,9 @@ class TriangleMesh:
     @cached_property
     def is_boundary(self) -> npt.NDArray[np.bool_]:
         """Whether each vertex is on a side of only one face, of shape (V,)."""
-        found = np.zeros(len(self.vertices), bool)
-        found[boundary_edges(self.faces)] = True
-        return found
+        is_boundary = np.zeros(len(self.vertices), bool)
+        is_boundary[boundary_edges(self.faces)] = True
+        return is_boundary
 
     @cached_property
     def boundaries(self) -> tuple[Floats, Floats]:
@@ -157,9 +157,9 @@ class TriangleMesh:
     @cached_property
     def is_near_boundary(self) -> npt.NDArray[np.bool_]:
         """Whether each vertex is on the boundary or next to it, of shape (V,)."""
-        found = np.zeros(len(self.vertices), bool)
-        found[self.faces[self.is_boundary[self.faces].any(axis=1)]] = True
-        return found
+        is_near = np.zeros(len(self.vertices), bool)
+        is_near[self.faces[self.is_boundary[self.faces].any(axis=1)]] = True
+        return is_near
 
     @cached_property
     def is_edge(self) -> npt.NDArray[np.bool_]:
@@ -170,25 +170,25 @@ class TriangleMesh:
         is_edge[self.faces[faces, corners]] = is_edge[self.faces[faces, (corners + 1) % 3]] = True
         return is_edge
 
-    def ends_before(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
+    def ends_before(self, points: Floats, closest: Closest) -> npt.NDArray[np.bool_]:
         """Return whether each point is beyond the boundary of the surface, not above it."""
         if not self.is_boundary.any():
             return np.zeros(len(points), bool)
         sides = self.neighbors.reshape(-1, 3) == np.arange(len(self.faces))[:, None]
-        is_on_side = np.roll(found.weights, 1, axis=1) < ON_SIDE  # side k is opposite corner k + 2
-        is_at_corner = found.weights > 1 - ON_SIDE
-        corners = self.is_boundary[self.faces[found.faces]]
-        is_on_boundary = (is_on_side & sides[found.faces] | is_at_corner & corners).any(axis=1)
-        heights = _dots(points - found.points, self.face_normals[found.faces])
-        return np.asarray(is_on_boundary & (np.abs(heights) < BEYOND_COSINE * found.distances))
+        is_on_side = np.roll(closest.weights, 1, axis=1) < ON_SIDE  # side k faces corner k + 2
+        is_at_corner = closest.weights > 1 - ON_SIDE
+        corners = self.is_boundary[self.faces[closest.faces]]
+        is_on_boundary = (is_on_side & sides[closest.faces] | is_at_corner & corners).any(axis=1)
+        heights = _dots(points - closest.points, self.face_normals[closest.faces])
+        return np.asarray(is_on_boundary & (np.abs(heights) < BEYOND_COSINE * closest.distances))
 
-    def encloses(self, points: Floats, found: Closest) -> npt.NDArray[np.bool_]:
+    def encloses(self, points: Floats, closest: Closest) -> npt.NDArray[np.bool_]:
         """Return whether each point is below the closest component, which must be closed."""
         if not len(points):
             return np.zeros(0, bool)
-        corners = self.faces[found.faces]
-        directions = np.einsum("nk,nkc->nc", found.weights, self.vertex_normals[corners])
-        is_below = self.orientation * _dots(points - found.points, directions) < 0
+        corners = self.faces[closest.faces]
+        directions = np.einsum("nk,nkc->nc", closest.weights, self.vertex_normals[corners])
+        is_below = self.orientation * _dots(points - closest.points, directions) < 0
         return np.asarray(is_below & self._is_closed[corners[:, 0]])
 
     @cached_property
@@ -208,23 +208,23 @@ class TriangleMesh:
     def corresponding(
         self, samples: Samples, min_cosine: float, reach: float
     ) -> tuple[Indices, Closest]:
-        """Return samples of another surface with faces of similar normals in reach, and where.
+        """Return the corresponding samples of another surface, and their closest points on this.
 
-        Of each of these samples, the closest point on such faces. What is farther than `HIDDEN`
-        below a face of another direction is hidden, as where bodies touch: it has none.
+        These points are on faces with similar normals within reach. Samples farther than `HIDDEN`
+        below a face of another direction are hidden, as where bodies touch, and do not correspond.
         """
-        found, directions = self._tree.closest(samples.points), samples.normals / min_cosine
-        disagrees = _dots(self.face_normals[found.faces], directions) < 1
-        deep = np.flatnonzero(disagrees & (found.distances > HIDDEN))
-        hidden = deep[self.encloses(samples.points[deep], found.at(deep))]
+        closest, directions = self._tree.closest(samples.points), samples.normals / min_cosine
+        disagrees = _dots(self.face_normals[closest.faces], directions) < 1
+        deep = np.flatnonzero(disagrees & (closest.distances > HIDDEN))
+        hidden = deep[self.encloses(samples.points[deep], closest.at(deep))]
         disagrees[hidden] = False
         again = np.flatnonzero(disagrees)
-        found.faces[found.distances > reach] = found.faces[hidden] = -1
+        closest.faces[closest.distances > reach] = closest.faces[hidden] = -1
         other = self._tree.closest(samples.points[again], directions[again], reach)
-        for values, others in zip(found, other, strict=True):
+        for values, others in zip(closest, other, strict=True):
             values[again] = others
-        kept = np.flatnonzero(found.faces >= 0)
-        return kept, found.at(kept)
+        indices = np.flatnonzero(closest.faces >= 0)
+        return indices, closest.at(indices)
 
     @cached_property
     def subdivisions(self) -> dict[float, "TriangleMesh"]:

@@ -21,7 +21,7 @@ MAX_UNSUPPORTED = 0.25
 """Largest share of the registered surface that a frame may lack."""
 
 MIN_OUTLINE = 0.25
-"""Share of the outline of a region that must be at a hole of the raw surface if the region is."""
+"""A region is a hole of the raw surface if this share of its outline is at the boundary of it."""
 
 MIN_COSINE = 0.5
 """Smallest cosine between the normals of a registered point and the raw surface that it is on."""
@@ -30,14 +30,14 @@ SPACING = 6.0
 """Longest edge, in tolerances, between vertices at which distances are measured."""
 
 COARSER = 2.0
-"""Factor of that length in a first check of coarse meshes."""
+"""Factor of `SPACING` in a first check of coarse meshes."""
 
 CERTAIN_EXCESS = 1.25
 """Error in that check, in tolerances, that needs no second one: it was at most 1.8 times the error
 of the second one, and never above this where that met the tolerance (277 fits to noisy frames)."""
 
 MIN_AREA_OF_COARSE = 2.0
-"""Mean area of the faces of a coarse mesh, in squares of that length."""
+"""Minimum mean area of the faces of a coarse mesh, in squares of `SPACING`."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class FrameErrors:
     unsupported: float
 
     def in_tolerances(self, tolerance: Tolerance) -> float:
-        """Return by which factor the tolerance should be larger to be just met."""
+        """Return the factor by which the tolerance must grow to be just met."""
         if self.unsupported > MAX_UNSUPPORTED:
             return float("inf")
         patch_side = np.sqrt(self.patch_area / tolerance.patch_area)
@@ -149,15 +149,15 @@ def _one_way(
     """
     mesh = subdivided(mesh, spacing)
     points = np.concatenate([mesh.vertices, mesh.centroids])
-    found = target.closest(points)
+    closest = target.closest(points)
     # These weights integrate polynomials of degree 2 over each face exactly.
     areas, distances = (
         np.concatenate([0.25 * mesh.vertex_areas, 0.75 * mesh.areas]),
-        found.distances,
+        closest.distances,
     )
     area = areas.sum()
     if may_end:
-        ends = unsupported(mesh, target, found, tolerance)
+        ends = unsupported(mesh, target, closest, tolerance)
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return *6 * [0.0], 1.0
@@ -172,7 +172,7 @@ def _one_way(
 
 
 def unsupported(
-    mesh: TriangleMesh, target: TriangleMesh, found: Closest, tolerance: Tolerance
+    mesh: TriangleMesh, target: TriangleMesh, closest: Closest, tolerance: Tolerance
 ) -> npt.NDArray[np.bool_]:
     """Return whether the raw surface lacks the vertices and centroids of a registered mesh.
 
@@ -183,19 +183,19 @@ def unsupported(
 
     Parameters
     ----------
-    found : Closest
+    closest : Closest
         The closest points of the raw surface, of vertices and then centroids.
     """
     points = np.concatenate([mesh.vertices, mesh.centroids])
-    lacks, is_far = target.ends_before(points, found), found.distances > tolerance.length
+    lacks, is_far = target.ends_before(points, closest), closest.distances > tolerance.length
     beyond = np.flatnonzero(is_far & ~lacks)
     if len(beyond):
         holes = lacks
         if lacks.any():
             normals = np.concatenate([mesh.vertex_normals, mesh.face_normals])
-            cosines = np.einsum("nc,nc->n", normals, target.face_normals[found.faces])
+            cosines = np.einsum("nc,nc->n", normals, target.face_normals[closest.faces])
             holes = _regions_within(mesh, is_far | (cosines < MIN_COSINE), lacks)
-        lacks[beyond] = holes[beyond] | target.encloses(points[beyond], found.at(beyond))
+        lacks[beyond] = holes[beyond] | target.encloses(points[beyond], closest.at(beyond))
     return lacks
 
 
@@ -222,8 +222,8 @@ def _links(
     A face has three parts, of shape (3 N, 3) in all: two corners and the centroid.
     """
     n_verts = len(mesh.vertices)
-    chosen = is_chosen[mesh.faces].any(axis=1) | is_chosen[n_verts:]
-    touched = np.flatnonzero(chosen)
+    is_touched = is_chosen[mesh.faces].any(axis=1) | is_chosen[n_verts:]
+    touched = np.flatnonzero(is_touched)
     corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
     parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
     return touched, parts.ravel(), np.roll(parts, -1, axis=1).ravel()
