@@ -29,7 +29,8 @@ from meshreel.runtime.progress import Count, Progress, silent
 Vertices = npt.NDArray[np.floating]
 
 NORMAL_FRAMES = 10
-"""Frames, evenly spaced, in which normals are compared: all would take longer than encoding."""
+"""Number of evenly spaced frames in which normals are compared; all frames would take longer than
+encoding."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def measure_stream(
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
-    chosen = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
+    sampled = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
     angles: list[float] = []
     for number, segment in enumerate(segments):
 
@@ -87,7 +88,7 @@ def measure_stream(
                 if with_sted:
                     runs.append(given)
                 for index in range(len(given)):
-                    if first + start + index in chosen:
+                    if first + start + index in sampled:
                         original = segment.read(start + index, start + index + 1)
                         pair = original, given[index : index + 1]
                         angles.append(normal_angles(*pair, segment.faces).mean_deg)
@@ -129,7 +130,7 @@ def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]
 def measure_uvs(sequence: MeshSequence, data: bytes) -> float | None:
     """Return the largest error of a texture coordinate of a stream, in widths of the texture.
 
-    None if it has none.
+    None without texture coordinates.
 
     Parameters
     ----------

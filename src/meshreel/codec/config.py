@@ -26,10 +26,10 @@ ROUNDING = tuple(name for name in METHOD_NAMES if name != LOSSLESS)
 """Methods that round positions."""
 
 UV_BITS_RANGE = Range(4, 24, is_whole=True)
-"""A float32 of up to 1 represents every number of a grid of 24 bits."""
+"""Bits of texture coordinates: a float32 in 0..1 represents every point of a grid of 24 bits."""
 
 MAX_BLOCK_POSITIONS = 1 << 28
-"""Most positions of a block if `block_frames` is not given."""
+"""Maximum number of positions of a block if `block_frames` is not given."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class EncoderConfig:
 
     @property
     def method_row(self) -> Method:
-        """The method object."""
+        """The method."""
         return method_named(self.method)
 
     @property
@@ -174,7 +174,7 @@ class EncoderConfig:
     def order_of(self, surface: "Surface") -> Order:
         """Return which order a stream of a mesh with this surface keeps.
 
-        By default it is kept if it has a meaning, or polygons or parts depend on it.
+        By default the order is kept if it matters, or polygons or parts depend on it.
         """
         if self.order is not None:
             return Order[self.order.upper()]
@@ -202,9 +202,9 @@ class EncoderConfig:
             If not even one frame fits into the memory limit.
         """
         longest = self.method_row.longest_block(n_frames, n_verts) or n_frames
-        chosen = min(self.block_frames or longest, n_frames)
+        preferred = min(self.block_frames or longest, n_frames)
         if self.memory is None:
-            return chosen
+            return preferred
         memory = float(self.memory)
 
         def needed(block_frames: int) -> float:
@@ -213,14 +213,14 @@ class EncoderConfig:
                 block_frames, n_verts, number_bytes, is_whole=is_whole
             )
 
-        if needed(chosen) <= memory:
-            return chosen
+        if needed(preferred) <= memory:
+            return preferred
         if memory < needed(1):
             raise InvalidInputError(
                 f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}; "
                 f"allow at least {needed(1) / 1e6:.0f} MB"
             )
-        return bisect_right(range(1, chosen), memory, key=needed)
+        return bisect_right(range(1, preferred), memory, key=needed)
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> Self:
         """Return these options with shorter blocks, and the memory that they need."""

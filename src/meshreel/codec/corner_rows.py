@@ -1,7 +1,7 @@
 """Rows of values that corners of faces share in a track.
 
-Each vertex has a row, with its number in internal order, for its first corner and those that share
-its values; at a seam, further rows follow. See `docs/format.md`, "Tracks".
+Row v belongs to the first corner of internal vertex v, and to its corners with equal values. At a
+seam, a vertex has further rows, which follow those of all vertices. See `docs/format.md`, "Tracks".
 """
 
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class CornerRows:
     """Row of each corner."""
 
     of_corners: Integers
-    """int64 array of shape (N,)."""
+    """int64 array of shape (N,). Row of each corner."""
     n_rows: int
-    """R; at least the number of vertices."""
+    """Number of rows, R; at least the number of vertices."""
 
 
 def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRows:

@@ -25,7 +25,7 @@ from meshreel.runtime.progress import Count, Progress, silent
 Mesh = tuple[Surface, Faces]
 
 FRAMES_PER_REPORT = 256
-"""Most frames between two progress reports."""
+"""Maximum number of frames between two progress reports."""
 
 FACE_BYTES = 12
 
@@ -65,7 +65,7 @@ def decode(
 def _segments(
     file: OpenFile, requested: range, n_modes: int | None, limit: MemoryLimit, progress: Progress
 ) -> list[MeshSequence]:
-    """Decode the requested frames of each segment that has some."""
+    """Decode the requested frames of each segment that contains any."""
     segments: list[MeshSequence] = []
     meshes: dict[Hashable, Mesh] = {}
     needed_bytes = 0

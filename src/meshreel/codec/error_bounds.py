@@ -19,7 +19,7 @@ class ErrorBound:
     """An upper bound of the distance of each vertex from the original."""
 
     amount: float
-    """Above 0."""
+    """Size of the bound, above 0."""
     is_length: bool = False
     """Whether it is a length in model units; else percent of the diagonal of the bounding box of
     all frames.

@@ -14,7 +14,7 @@ DEFAULT_MEMORY = "8GiB"
 """Default limit; the same on every machine, so that a stream decodes everywhere or nowhere."""
 
 BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
-"""Memory of decoding a mesh: connectivity, order and vertex hierarchy."""
+"""Memory of decoding a mesh per vertex and face: connectivity, order and vertex hierarchy."""
 
 
 UNITS = {"": 1, "B": 1}
@@ -97,6 +97,6 @@ def memory_limit(memory: float | str | None) -> MemoryLimit:
 DEFAULT_LIMIT = memory_limit(DEFAULT_MEMORY)
 
 OWN_STREAM = 2.0**62
-"""Limit, in effect none, for streams that this process has encoded."""
+"""Limit for streams that this process has encoded: in effect, none."""
 
 UNLIMITED = MemoryLimit(OWN_STREAM)

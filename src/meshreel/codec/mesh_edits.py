@@ -25,10 +25,10 @@ from meshreel.kernel.integers import encode_integers
 from meshreel.model.sequence import Faces
 
 SMALL_BYTES_PER_FACE = 1 / 16
-"""Size of an edit up to which no smaller one is searched for."""
+"""Size of an edit, in bytes per face, up to which no smaller edit is searched for."""
 
 MAX_SIZE = 1 / 2
-"""Size of a larger edit up to which it replaces connectivity and order, relative to theirs."""
+"""A larger edit replaces connectivity and order if its size relative to theirs is at most this."""
 
 N_SAMPLES = 128
 """Faces that are compared first, because most pairs of meshes are unrelated."""
@@ -36,7 +36,7 @@ N_SAMPLES = 128
 
 @dataclass(frozen=True, eq=False)
 class BaseMesh:
-    """A mesh that is no edit; all edits of it share its coded connectivity."""
+    """A mesh that is not an edit itself; all edits of it share its coded connectivity."""
 
     faces: Faces
     """int32 array of shape (M_b, 3)."""
@@ -65,7 +65,7 @@ class MeshEdit:
     listed: Integers
     """int64 array of shape (M,). Number of each face in the base, ascending, or -1 if it is new."""
     payload: bytes
-    """Of the section EDIT."""
+    """Payload of the section EDIT."""
 
     def connectivity_of(self, faces: Faces) -> CodedConnectivity:
         """Return the connectivity of the edited mesh, whose payloads are those of the base.
@@ -145,16 +145,16 @@ def _edit_with(base: BaseMesh, faces: Faces, verts: Integers) -> MeshEdit | None
 def _has_many_of(index: FaceIndex, faces: Faces, shift: int) -> bool:
     """Whether a quarter of a sample of faces is in the base, with equal or shifted vertices."""
     sample = faces[:: max(1, len(faces) // N_SAMPLES)]
-    wanted = np.unique(index.keys(np.concatenate([sample, sample + shift])))
-    at = np.minimum(np.searchsorted(wanted, index.own_keys), len(wanted) - 1)
-    return 4 * len(np.unique(at[wanted[at] == index.own_keys])) >= len(sample)
+    sample_keys = np.unique(index.keys(np.concatenate([sample, sample + shift])))
+    at = np.minimum(np.searchsorted(sample_keys, index.own_keys), len(sample_keys) - 1)
+    return 4 * len(np.unique(at[sample_keys[at] == index.own_keys])) >= len(sample)
 
 
 def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
     """Return the number of each vertex in the base, or -1.
 
-    Vertices before a split have equal numbers, those behind it end alike in both meshes. The split
-    is the one that keeps most faces.
+    Vertices before a split have the same number in both meshes; those after it have the same number
+    counted from the end. The split is chosen to keep the most faces.
     """
     shift = index.n_verts - n_verts
     before = np.zeros(n_verts + 1, np.int64)  # faces that are kept if all vertices below are
@@ -208,7 +208,7 @@ def _steps(numbers: Integers, n_base: int) -> list[Integers]:
 
 
 class MeshEdits:
-    """Comparison of the meshes of a stream with the last one that is no edit."""
+    """Compares each mesh of a stream with the last one that is not an edit."""
 
     def __init__(self) -> None:
         self._base: BaseMesh | None = None

@@ -24,19 +24,19 @@ MAX_VERTS = 1 << 21
 """Largest number of vertices: the key of a face, made of three vertices, fits 63 bits."""
 
 N_END_VERTICES, BLOCK_SIZE = 128, 32
-"""Unrelated meshes are detected by blocks of vertices among the first and the last ones."""
+"""Unrelated meshes are detected by blocks of this size among this many first and last vertices."""
 
 MIN_EQUAL_DEGREES = 11 / 16
-"""Share of the vertices of such a block whose degrees must equal those in the base, at a shift."""
+"""Minimum share of such a block whose degrees equal those of vertices of the base at a shift."""
 
 MAX_END_SHIFT = 8
-"""Largest shift of such a block by dropped or inserted vertices."""
+"""Maximum shift of such a block, which dropped or inserted vertices cause."""
 
 MAX_EQUAL_RUN = 256
 """Longest run of unmatched vertices that is matched one to one if the base has as many there."""
 
 REACH, WIDE_REACH = 8, 64
-"""Vertices at each end of other runs that a guess matches as if nothing was dropped there.
+"""Number of vertices at each end of other runs that a guess matches one to one.
 
 More of them lead to more shared faces if the order follows the surface, but are more often wrong.
 """
@@ -247,14 +247,14 @@ def _spread_across_faces(base: FaceIndex, mesh: FaceIndex, matches: Integers) ->
         sides = np.concatenate([from_new, from_new - 1 + 3 * (from_new % 3 == 0)])
         are_ends_matched = ~was_unmatched[first[sides]] & ~was_unmatched[second[sides]]
         sides = sides[was_unmatched[opposite[sides]] & are_ends_matched]
-        wanted = matches[first[sides]] * base.n_verts + matches[second[sides]]
-        index = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        side_keys = matches[first[sides]] * base.n_verts + matches[second[sides]]
+        index = np.minimum(np.searchsorted(keys, side_keys), len(keys) - 1)
         vertices, candidates = opposite[sides], opposite_in_base[index]
         # A candidate must lie between the matches of the nearest matched vertices.
         matched, in_base = _matched_pairs(matches, base.n_verts)
         behind = np.searchsorted(matched, vertices)
         is_between = (in_base[behind - 1] < candidates) & (candidates < in_base[behind])
-        fits = (keys[index] == wanted) & is_between
+        fits = (keys[index] == side_keys) & is_between
         if not fits.any():
             return matches
         vertices, first_places = np.unique(vertices[fits], return_index=True)

@@ -159,18 +159,18 @@ class OpenStream:
 
     @property
     def leading(self) -> tuple[FileSection, ...]:
-        """Known sections before the first block, those that an earlier segment stores first."""
+        """Known sections before the first block, those of an earlier segment first."""
         return self.file.leading
 
     @property
     def mesh_key(self) -> Hashable:
-        """A value that equals that of another segment of the file if they store one mesh."""
+        """Key of the mesh: equal for segments of a file that share the sections of their mesh."""
         stored = (section.offset for section in self.leading if section.id in MESH_SECTIONS)
         return self.order_kept, *sorted(stored)
 
     @property
     def has_surface(self) -> bool:
-        """Whether it stores more than triangles."""
+        """Whether the stream stores more of the surface than triangles."""
         ids = map(attrgetter("id"), self.leading)
         return not {Section.CELLS, *SURFACE_SECTIONS}.isdisjoint(ids)
 

@@ -1,9 +1,9 @@
 """Joining of segments whose meshes differ only in the order of their vertices and faces.
 
 Some programs write each frame of an unchanged mesh in another order, which would begin a segment.
-Vertices are labeled by what is the same in both orders: values of attributes, positions if the mesh
-rests, and then the labels of neighbors, until every vertex has a label of its own. Equal labels
-then match.
+Vertices are labeled by properties that do not depend on the order: values of attributes, positions
+if the mesh rests, and then the labels of neighbors, until all labels of a mesh are different.
+Vertices with equal labels match.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ class _Match:
     corners: Integers
 
     def of(self, domain: Domain) -> Integers:
-        """Items of a domain."""
+        """Return the matches of the items of a domain."""
         items = {Domain.VERTEX: self.vertices, Domain.FACE: self.faces}
         return items.get(domain, self.corners)
 

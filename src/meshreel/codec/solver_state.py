@@ -33,12 +33,12 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
     str or None
         None without such tracks.
     """
-    found = [track for track in tracks if track.name not in requested]
-    state = [track.name for track in found if track.name in SOLVER_STATE]
+    candidates = [track for track in tracks if track.name not in requested]
+    state = [track.name for track in candidates if track.name in SOLVER_STATE]
     if not state:
         return None
-    found.sort(key=lambda track: -track.size_bytes)
-    sizes = ", ".join(f"{track.name} ({size_text(track.size_bytes)})" for track in found)
+    candidates.sort(key=lambda track: -track.size_bytes)
+    sizes = ", ".join(f"{track.name} ({size_text(track.size_bytes)})" for track in candidates)
     return (
         f"by their names, these tracks contain the state of a Houdini solver: {', '.join(state)}; "
         f"tracks by size: {sizes}; if nothing reads them later, drop these tracks"

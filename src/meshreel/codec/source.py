@@ -55,8 +55,8 @@ class CodedMesh:
     timing: Timing = UNTIMED
     """Start or times to store."""
     edit: MeshEdit | None = None
-    """How another mesh becomes this one. Its connectivity is then stored instead. Only if the order
-    of vertices and faces is kept.
+    """Edit of another mesh that results in this one; the connectivity of that mesh is then stored
+    instead. It requires that the order of vertices and faces is kept.
     """
 
     @cached_property
@@ -213,9 +213,9 @@ class CodedTrack:
     blocks: Sequence[list[tuple[Section, bytes]]]
     """sequence of lists of (Section, bytes). Sections of each block."""
     prediction: tuple[Coding, float] | None = None
-    """Prediction from decoded positions that is still to be tried, with its rate."""
+    """Prediction from decoded positions, and its rate, if it has yet to be tried."""
     values: TrackSource | None = None
-    """Values to predict, if a prediction is still to be tried."""
+    """Values of the track, if a prediction has yet to be tried."""
 
     @property
     def size_bytes(self) -> int:
@@ -240,7 +240,7 @@ class Source:
     edit: MeshEdit | None = None
     """See `CodedMesh`."""
     origin: tuple[float, ...] | None = None
-    """Three numbers, instead of the center of the bounding box."""
+    """Origin of the coordinates in place of the center of the bounding box."""
 
     @property
     def extent(self) -> Extent:
@@ -266,7 +266,7 @@ class Source:
         """
         changed, mesh = replace(self, **changes), self.mesh
         if "config" in changes:
-            mesh = copy(mesh)  # with what is coded
+            mesh = copy(mesh)  # keeps the coded connectivity
             vars(mesh)["config"] = changed.config
         vars(changed)["mesh"] = mesh
         return changed

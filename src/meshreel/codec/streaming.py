@@ -51,7 +51,7 @@ FPS_IF_UNKNOWN = 25.0
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """The mesh of a segment, and what its frames have in common."""
+    """The mesh of a segment, and properties that its frames share."""
 
     faces: Faces
     surface: Surface
@@ -74,7 +74,7 @@ class _Segment:
     """Integer array of shape (V,). Given number of each internal vertex."""
     header: Header
     leading: list[tuple[Section, bytes]]
-    """What precedes its first block."""
+    """Sections before its first block."""
 
 
 class Encoder:

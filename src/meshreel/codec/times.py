@@ -30,7 +30,7 @@ def write_times(times_s: Floats) -> bytes:
     """Encode finite, ascending times in seconds, of shape (T,), without loss.
 
     Each is predicted linearly from the two before it. Its residual is the number of doubles between
-    the prediction and the time, which is small if times are even but for rounding.
+    the prediction and the time, which is small if times are evenly spaced up to rounding.
     """
     with np.errstate(over="ignore"):
         expected = times_s[1:-1] + (times_s[1:-1] - times_s[:-2])
@@ -46,6 +46,6 @@ def write_times(times_s: Floats) -> bytes:
 
 
 def _ranks(numbers: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the number of each double among all in ascending order; 0 is that of 0."""
+    """Return the position of each double in the ascending list of all doubles, relative to 0."""
     bits = np.ascontiguousarray(numbers, np.float64).view(np.int64)
     return np.where(bits < 0, np.iinfo(np.int64).min - bits, bits)

@@ -36,7 +36,7 @@ class TrackBound:
     normals, NUMBER the difference of each number of a value.
     """
     amount: float = 0.0
-    """Above 0; not used by EXACT and DROP."""
+    """Size of the bound, above 0; not used by EXACT and DROP."""
 
 
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)
@@ -51,10 +51,11 @@ DEFAULTS: Mapping[TrackKind, TrackBound] = {
 4096 texture. Integers are lossless."""
 
 MAX_ANGLE_DEG = 30.0
-"""In degrees. With a larger bound, the length could not distinguish missing normals."""
+"""Maximum bound of normals, in degrees. Beyond it, missing normals, whose length is 0, could not be
+distinguished from others."""
 
 MAX_BITS = 52
-"""Most bits of a color; more exceed the precision of float64 near 1."""
+"""Maximum number of bits of a color; more exceed the precision of float64 near 1."""
 
 _UNIT = re.compile(r"(?!bit$|deg$)[^\W\d_][\w/^*.-]*")
 """Text that may be a unit of a physical quantity: Pa, m/s, kg*m^2."""

@@ -21,7 +21,7 @@ KINDS = (
     TrackKind.UV,
     TrackKind.SCALAR,
 )
-"""In the order of their codes."""
+"""Kinds of tracks in the order of their codes."""
 
 
 class Sharing(IntEnum):
@@ -74,13 +74,13 @@ class Coding(IntEnum):
 
 
 OF_CELLS = 5
-"""Code of the domain of cells, behind those of corners that share values."""
+"""Code of the domain of cells; it follows the codes of corners that share values."""
 
 DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
-"""To the previous position, between both neighbors, to the next position."""
+"""Differences from the previous position, between both neighbors, and to the next position."""
 
 EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FORWARD
-"""The same, of lossless values."""
+"""Codings of lossless values by the same differences."""
 
 ROTATION_COLUMNS = 2
 """Numbers that rotate a surface normal to the normal of a track."""
@@ -96,9 +96,9 @@ class TrackHeader:
     domain: Domain
     """Faces are polygons, and corners are corners of polygons."""
     dtype: np.dtype[Any]
-    """Numpy dtype."""
+    """Number type of the values."""
     scale: float
-    """Above 0."""
+    """Scale of coded values, above 0."""
     origin: tuple[float, ...]
     """Numbers are scale times coded values plus the origin of their column, which is 0 unless they
     are coded by modes alone.

@@ -60,13 +60,13 @@ def _in_si(text: str) -> tuple[float, tuple[int, ...]] | None:
     if not text or _FACTOR.sub("", text):
         return None
     for operator, symbol, digits in _FACTOR.findall(text):
-        found = _WITHOUT_PREFIX.get(symbol) or _DIMENSIONS.get(symbol)
-        if found is None and symbol[1:] in _DIMENSIONS and symbol[0] in _PREFIXES:
+        unit = _WITHOUT_PREFIX.get(symbol) or _DIMENSIONS.get(symbol)
+        if unit is None and symbol[1:] in _DIMENSIONS and symbol[0] in _PREFIXES:
             scale, own = _DIMENSIONS[symbol[1:]]
-            found = scale * _PREFIXES[symbol[0]], own
-        if found is None:
+            unit = scale * _PREFIXES[symbol[0]], own
+        if unit is None:
             return None
         power = int(digits or 1) * (-1 if operator == "/" else 1)
-        factor *= found[0] ** power
-        powers = tuple(total + power * own for total, own in zip(powers, found[1], strict=True))
+        factor *= unit[0] ** power
+        powers = tuple(total + power * own for total, own in zip(powers, unit[1], strict=True))
     return factor, powers

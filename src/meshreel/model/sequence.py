@@ -247,7 +247,9 @@ class MeshSequence(Timed):
         first = parts[0]
         name = first.name if name is None else name
         if timing is None:
-            timing = Timing.joined([one.timing for one in given], [one.n_frames for one in given])
+            timing = Timing.joined(
+                [segment.timing for segment in given], [segment.n_frames for segment in given]
+            )
         if len(parts) == 1 and (name, timing) != (first.name, first.timing):
             first = _replaced(first, {"name": name, "timing": timing})
         if len(parts) == 1:

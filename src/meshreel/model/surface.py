@@ -132,9 +132,9 @@ class Surface:
     Parameters
     ----------
     face_sizes : int32 array of shape (P,), optional
-        Corners of each face, at least 3. A face with n corners consists of the next n - 2
-        triangles; each adjoins those before, as `docs/format.md` (POLYGONS) describes; a fan does.
-        Default: every triangle is a face.
+        Number of corners of each face, at least 3. A face with n corners consists of the next
+        n - 2 triangles, for example a fan; each must share an edge with an earlier one, as
+        `docs/format.md` (POLYGONS) describes. Default: every triangle is a face.
     attributes : tuple of Attribute
     groups : tuple of FaceGroups
     parts : tuple of Part
@@ -147,10 +147,10 @@ class Surface:
         Vertex pairs of edges across which faces do not share normals (`meshreel.corner_normals`).
         Each edge has two or more faces. Default: none, and the mesh is smooth.
     is_ordered : bool, default True
-        Whether the order of vertices and faces has a meaning. Formats such as Draco change it in
-        every frame; then `meshreel.encode` leaves it out by default.
+        Whether the order of vertices and faces matters. Formats such as Draco change it in every
+        frame, so it does not matter; `meshreel.encode` then drops it by default.
     cells : Cells, optional
-        Cells whose surface the faces are, as `Cells.surface` returns them. Default: none.
+        Volume cells. The faces must be their surface, as `Cells.surface` returns it. Default: none.
     """
 
     face_sizes: Int32s | None = None

@@ -267,6 +267,10 @@ def _rounding_errors(times: Floats) -> list[Floats | float]:
 def _common_rate(rate: float, tolerance: float) -> float:
     """Return the common rate that agrees with a rate, or the rate itself."""
     named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
-    near = [one for one in named if one > 0 and abs(one - rate) <= tolerance * rate]
-    exact = [one for one in near if abs(one - rate) <= 1e-12 * rate]
+    near = [
+        candidate
+        for candidate in named
+        if candidate > 0 and abs(candidate - rate) <= tolerance * rate
+    ]
+    exact = [candidate for candidate in near if abs(candidate - rate) <= 1e-12 * rate]
     return float((exact or near or [rate])[0])

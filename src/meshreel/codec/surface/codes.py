@@ -11,4 +11,4 @@ FILTERS = tuple(Filter)
 """Codes start at 1; 0 means any filter."""
 
 CHANNELS = "rgba"
-"""In the order of the bits of a mask."""
+"""Channels in the order of the bits of a mask."""

@@ -48,7 +48,8 @@ EACH, INDEXED, SHARED = range(3)
 that are expanded to one row per item on decoding."""
 
 MANY_CORNERS, SHARED_AT_MOST = 30_000, 0.5
-"""Corners above which a row for each is not tried, if their share of distinct rows is lower."""
+"""With more corners than this, of which at most this share has distinct rows, separate rows for all
+corners are not tried."""
 
 MATERIAL_NUMBERS = {
     "base_color": 4,
@@ -74,7 +75,7 @@ def surface_sections(
     Parameters
     ----------
     faces : int32 array of shape (M, 3)
-        In output order.
+        Triangles in output order.
     uv_bits : int, optional
         Bits of the grid of texture coordinates. Default: they are exact.
 
@@ -111,7 +112,7 @@ def surface_in_order(
     Parameters
     ----------
     faces, output_faces : int32 arrays of shape (M, 3)
-        As given, and as decoded.
+        The given and the decoded triangles.
     internal_to_given : integer array of shape (V,)
         Given number of each internal vertex.
     """
@@ -175,7 +176,7 @@ def surface_of_internal_cells(
 
 
 def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[str]:
-    """Describe what a stream omits of the surfaces of its segments, as it keeps these orders.
+    """Describe what a stream omits of the surfaces of its segments because of the orders it keeps.
 
     Parameters
     ----------

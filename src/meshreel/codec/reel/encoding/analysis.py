@@ -39,13 +39,13 @@ MIN_SINGLE_STEP = 2.0**-16
 diagonals, then adds less than 0.1 % to the squared error."""
 
 MIN_RESTING_SHARE = 0.02
-"""Least share of vertices at rest throughout a block for which its means become modes."""
+"""Minimum share of vertices at rest throughout a block; above it, means over time become modes."""
 
 MAX_NEW_RATIO = 0.25
-"""With at most this many new modes per mode of the key, coding without the key is not tried."""
+"""Up to this ratio of new modes to modes of the key, coding without the key is not tried."""
 
 MIN_PARALLEL_VERTICES = 512
-"""Vertices from which the hierarchy is derived in the background."""
+"""Number of vertices from which the hierarchy is computed in the background."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class FieldChoices:
     basis_step: float = 3.0
     """Step of the temporal basis divided by that of the fields, both as they act on positions."""
     least_rms: float = 0.6
-    """A mode is kept if its field's root mean square exceeds this share of a step."""
+    """A mode is kept if the root mean square of its field exceeds this share of a step."""
     rate_weight: float = LAGRANGE_MULTIPLIER
     """Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest."""
     feedback_gain: float = 0.6
@@ -74,7 +74,7 @@ class FieldChoices:
     """
     stencil_size: int = 16
     n_learned: int = 32
-    """As in `Layout`."""
+    """Number of modes to which the prediction weights adapt."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ class AnalyzedFields:
 
     block: FieldBlock
     decoded: JointFrames
-    """The frames that they decode to, in internal order."""
+    """The decoded frames, in internal order."""
     new_fields: KeyFields
-    """Fields that are not reused, for blocks that refer to this one."""
+    """Fields that are not reused; other blocks may reuse them."""
     target: Floats
     """float64 array of shape (V, K - n_reused). The new fields before quantization, in the same
     order.
@@ -146,7 +146,7 @@ def analyze_fields(
         Fields of the block that this one refers to. They are reused if that takes fewer bits;
         modes are then found for the remainder.
     reference : int, default 0
-        How many blocks the key precedes this one by.
+        Number of blocks from the key to this one.
     """
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
@@ -315,7 +315,7 @@ def _quantized_fields(
 
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
-    """Return the first level with noise shaping: of the finest resolutions, but not level 0."""
+    """Return the first level with noise shaping: in the finest resolutions, but never level 0."""
     resolution_of = mesh.hierarchy.level_resolutions
     first = resolution_of[-1] + 1 - choices.n_shaped_resolutions
     return max(1, int(np.searchsorted(resolution_of, first)))

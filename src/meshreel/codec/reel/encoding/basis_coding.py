@@ -34,7 +34,7 @@ Integers = npt.NDArray[np.int64]
 Runs = tuple[tuple[int, int], ...]
 
 SAMPLED_MODES = 48
-"""Maximum number of modes tried in each coding: those in the middle."""
+"""Maximum number of modes with which codings are compared; they are the middle ones."""
 
 ERROR_WEIGHT = 0.5
 """Weight, in the estimated cost, of the bits that would remove errors. With weight 1 the KG error
@@ -52,7 +52,7 @@ MIN_ADAPTIVE_FRAMES = 16
 """With fewer moving times, weights adapt too little: blocks of 12 frames gained nothing."""
 
 GROUP = 4
-"""Number of integers of a column whose bits are estimated from their mean magnitude."""
+"""Number of consecutive integers whose bits are estimated from their mean magnitude."""
 
 MIN_RESTING = 0.5
 """Minimum share of vertices at rest at a resting time, among those that move in the block."""
@@ -125,13 +125,13 @@ def _cost(targets: Floats, rate_weight: float, coding: BasisCoding) -> float:
 
 @lru_cache(maxsize=8)
 def _groups(n_frames: int, has_cosines: bool) -> tuple[Integers, Integers, Integers]:
-    """Return the integers of a column by group, and the first place and the size of each group.
+    """Return the indices of a column's integers by group, and the start and size of each group.
 
-    A group is part of one level of times.
+    All integers of a group belong to one level of times.
     """
     times = np.arange(n_frames)
     levels = [times] if has_cosines else [times[::COARSEST], times[2::COARSEST], times[1::2]]
-    sizes = [min(GROUP, len(one) - at) for one in levels for at in range(0, len(one), GROUP)]
+    sizes = [min(GROUP, len(level) - at) for level in levels for at in range(0, len(level), GROUP)]
     counts = np.array(sizes, np.int64)
     return np.concatenate(levels), np.cumsum(counts) - counts, counts
 

@@ -49,11 +49,11 @@ class FieldBlockCoder:
     frame: BoundingFrame
     choices: FieldChoices
     bound: float | None = None
-    """Largest error of a position, in diagonals of the frame; None guarantees nothing."""
+    """Guaranteed largest error of a position, in diagonals of the frame; None: no guarantee."""
     sections_of: SectionsOf = write_field_block
     """Encodes a block of positions or of another track, given its mesh and corrections."""
     each_column: bool = False
-    """As in `find_corrections`."""
+    """Whether the bound applies to each column, as in `find_corrections`."""
 
     def with_step(self, position_step: float, bound: float | None) -> "FieldBlockCoder":
         """Return the coder with another step, as in `FieldChoices`, and bound."""
@@ -82,7 +82,7 @@ class FieldBlockCoder:
         key : KeyFields, optional
             Fields of the block that this one refers to.
         reference : int, default 0
-            How many blocks earlier that one is.
+            Number of blocks from that one to this one.
         """
         with one_blas_thread():
             analyzed = analyze_fields(frames, self.mesh, self.choices, key, reference)
@@ -98,7 +98,7 @@ class FieldBlockCoder:
                     each_column=self.each_column,
                 )
         return CodedFrames(
-            # `starmap` calls `sections_of`, which is the entropy coding, when a section is needed.
+            # `starmap` defers the entropy coding, `sections_of`, until a section is needed.
             sections=chain.from_iterable(
                 starmap(self.sections_of, [(analyzed.block, self.mesh, corrections)])
             ),
@@ -118,7 +118,7 @@ class CodedFrames:
 
     @property
     def is_key(self) -> bool:
-        """Whether it refers to no block, so that others may refer to it."""
+        """Whether the block refers to no other one, so that others may refer to it."""
         return not self.analyzed.block.layout.reference
 
     def decoded(self, frames: BlockFrames) -> Vertices:
@@ -176,7 +176,7 @@ class KeyedBlocks:
 
 def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""
-    assert isinstance(mesh.config, ReelOptions)  # those of this method
+    assert isinstance(mesh.config, ReelOptions)  # the options of this method
     choices = choices_of(mesh.config)
     field_mesh = FieldMesh(mesh.links, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)

@@ -16,20 +16,20 @@ from meshreel.runtime.threads import chunks, in_chunks
 Floats = npt.NDArray[np.float64]
 
 MAX_CACHED = 1 << 23
-"""Most coordinates that are cached as float64; larger blocks recompute them."""
+"""Maximum number of coordinates cached as float64; larger blocks recompute them."""
 
 LARGEST_INTEGER = 2.0**29
 """Quantized values stay below this; residuals may be larger."""
 
 CHUNK_VERTICES = 2048
-"""Vertices whose fields are computed at a time."""
+"""Number of vertices whose fields are computed at a time."""
 
 SAMPLED = 1024
-"""Vertices, at least, that are sampled to detect rest."""
+"""Minimum number of vertices sampled to detect rest."""
 
 SKETCHED = 64
-"""Columns of a sketch, by rows. The residual of K modes from a sketch is larger by a share of about
-K / columns, which is less than 1 / 64."""
+"""Columns of a sketch per row. With K modes, a sketch increases the residual by a share of about
+K / columns, less than 1 / 64."""
 
 
 @dataclass
@@ -41,8 +41,8 @@ class BlockFrames:
     frame: BoundingFrame
     """Origin and scale of coordinates."""
     order: npt.NDArray[np.int32] | None = None
-    """int32 array of shape (V,), or None. Number of each vertex in the internal order; None: they
-    are in it.
+    """int32 array of shape (V,), or None. Given number of each internal vertex; None: `vertices`
+    are in internal order.
     """
     subtracted: tuple[Floats, Floats] | None = None
     """tuple of float64 arrays of shapes (C, T, R) and (V, R), or None. Vectors and fields, in
@@ -83,8 +83,8 @@ class BlockFrames:
         if self.subtracted is not None:
             return self._rows(piece, frames)
         rows = self._all.reshape(self.n_columns, self.n_frames, -1)
-        chosen = np.array(rows[:, frames, piece])
-        return chosen.reshape(-1, chosen.shape[2])
+        coordinates = np.array(rows[:, frames, piece])
+        return coordinates.reshape(-1, coordinates.shape[2])
 
     def _rows(self, piece: slice, frames: slice = slice(None)) -> Floats:
         placement = self.frame.placement
@@ -112,15 +112,15 @@ class BlockFrames:
 
     @property
     def _n_sketched(self) -> int:
-        """Columns of the sketch for trajectories; 0: use all vertices."""
+        """Number of columns of the sketch for trajectories; 0: use all vertices instead."""
         pieces = SKETCHED * self._n_rows // CHUNK_VERTICES + 1
         return CHUNK_VERTICES * pieces if 2 * CHUNK_VERTICES * pieces <= self.n_verts else 0
 
     def _sketch(self, piece: slice) -> Floats:
-        """Some columns of a matrix whose product with its transpose is nearly that of all vertices.
+        """Return some columns of a sketch, whose Gram matrix is nearly that of all vertices.
 
-        Each is the sum of some vertices with signs drawn at random (a "count sketch": Charikar,
-        Chen and Farach-Colton, 2002; of matrices Clarkson and Woodruff, 2013). All vertices count.
+        Each column is the sum of some vertices with random signs (a "count sketch": Charikar, Chen
+        and Farach-Colton, 2002; for matrices Clarkson and Woodruff, 2013).
         """
         columns = np.zeros((self._n_rows, piece.stop - piece.start))
         placement = self.frame.placement
@@ -164,7 +164,7 @@ class BlockFrames:
     @cached_property
     def spread(self) -> float:
         """Sum of the squared distances of all positions from the mean of their frame."""
-        first = self.coordinates(slice(0, 1))  # vertices in one place have no spread at all
+        first = self.coordinates(slice(0, 1))  # subtracted, so that equal vertices give exactly 0
         sums, total = np.zeros(len(first)), 0.0
         for piece in chunks(self.n_verts, CHUNK_VERTICES):
             around = self.coordinates(piece) - first

@@ -71,7 +71,7 @@ class ExactPositionCoder(PositionCoder):
     edge of each side, or the side itself. Needed with `grid`.
     """
     grid: PositionGrid | None = None
-    """The grid on which a quantizer left the only frame."""
+    """Grid on which the positions of the only frame lie, as a quantizer left them."""
 
     @property
     def is_exact(self) -> bool:
@@ -196,7 +196,7 @@ class LivePositionCoder:
         self._tracks = live_track_coders(start, positions)
 
     def _in_output_order(self, vertices: Vertices) -> Vertices:
-        """Reorder exact positions as a reader decodes them."""
+        """Return positions in the order in which a reader decodes them."""
         return vertices.take(self._mesh.output_order, axis=1)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:

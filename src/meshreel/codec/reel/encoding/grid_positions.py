@@ -33,18 +33,18 @@ from meshreel.runtime.progress import Progress, silent
 Vertices = npt.NDArray[np.floating]
 
 RAW_RATIO, FEW_FRAMES, RESTING_SHARE = 16, 20, 0.3
-"""Modes are compared to a grid if they compress less than this many times, if there are at most so
-many frames, or if this share of the vertices rests."""
+"""A grid is tried in place of modes if these compress less than `RAW_RATIO` times, if there are at
+most `FEW_FRAMES` frames, or if at least this share of the vertices rests."""
 
 N_COMPARED = 4
-"""Frames in which resting vertices are counted."""
+"""Number of frames in which resting vertices are counted."""
 
 SLACK = 1e-5
 """Share of a bound that is reserved for rounding in double precision."""
 
 
 MAX_ROUNDING_BYTES = 1 / 16
-"""Size of a rounding per number of a frame, above which positions are not exact."""
+"""Maximum size of the roundings that make a frame exact, in bytes per number of the frame."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class GridPositionCoder(PositionCoder):
     bound: float | None
     """Largest error of a position, in diagonals; None guarantees nothing."""
     is_stored: bool = False
-    """Whether a quantizer left the only frame on this grid, so that it may be exact."""
+    """Whether the only frame already lies on this grid, so that it may be coded exactly."""
     is_fast: bool = False
-    """Whether only integers on the surface are tried, unless they exceed their limits."""
+    """Whether to try only integers on the surface, unless they exceed their limits."""
 
     @property
     def is_exact(self) -> bool:
@@ -124,7 +124,7 @@ def grid_coder(
         If the number type is too coarse for the bound.
     """
     config = mesh.config
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     target = config.target
     if target.kind is TargetKind.STEP:
         return step_coder(mesh, frame, target.value)
@@ -161,8 +161,8 @@ def encode(source: Source, progress: Progress) -> bytes:
 def suits_one_frame(source: Source) -> bool:
     """Return whether a segment has one frame, and no options of modes.
 
-    A hierarchy takes up to a quarter fewer bytes, but decodes too slowly for real time. A file of a
-    single frame has the time: it is the smaller of both.
+    Modes on a hierarchy take up to a quarter fewer bytes, but decode too slowly for segments that
+    play in real time. For a file of a single frame, both are tried, and the smaller one is kept.
     """
     return source.n_frames == 1 and _takes_grid(source.config)
 
@@ -216,8 +216,8 @@ def _resting_share(source: Source) -> float:
     """Return the mean share of vertices that rest from one frame to the next, of some frames."""
     shares = []
     for first in range(0, source.n_frames - 1, math.ceil(source.n_frames / N_COMPARED)):
-        one, following = source.sequence.read(first, first + 2)
-        shares.append(np.mean((one == following).all(axis=1)))
+        frame, following = source.sequence.read(first, first + 2)
+        shares.append(np.mean((frame == following).all(axis=1)))
     return float(np.mean(shares))
 
 
@@ -244,7 +244,7 @@ def encode_moving(source: Source, step: float) -> bytes:
 
 def _takes_grid(config: EncoderConfig) -> bool:
     """Whether no option requires modes."""
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     return config.effort is None and config.tune is None and config.n_modes is None
 
 
@@ -292,7 +292,7 @@ def _on_grid(source: Source, step: float | None, block_frames: int | None = None
 
 
 def _allowed(step: float) -> float:
-    """Limit a step in diagonals to those of the format and its coordinates."""
+    """Clip a step, in diagonals, to the range that the format and the coordinates allow."""
     return min(max(step, 1.0 / MAX_COORDINATE), 1.0)
 
 
@@ -309,10 +309,10 @@ def _encoded(
 
 
 def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
-    """Return the source and its coder; both are for the stored grid if that suffices.
+    """Return the source and its coder.
 
-    It must be coarser, and meet the bound. Otherwise they are for a coarse grid that approximates
-    few frames as well.
+    Both use the stored grid if it is coarser than that of the target, and meets the bound;
+    otherwise a coarse grid with errors as small, if few frames lie near one.
     """
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)

@@ -102,7 +102,7 @@ class LiveCoder:
         self._mesh = start.mesh
         coder = coder_of(start.mesh, start.frame)
         config = start.mesh.config
-        assert isinstance(config, ReelOptions)  # those of this method
+        assert isinstance(config, ReelOptions)  # the options of this method
         self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, start.first)))
         self._blocks = KeyedBlocks(self._coder)
 

@@ -39,7 +39,7 @@ def meet_limit(
     measure : callable
         Non-negative measure of a step; called once per step.
     limit : float
-        Above 0.
+        The limit; above 0.
     start : float
         First step to try.
     rises : bool
@@ -72,10 +72,10 @@ def meet_limit(
 def _next_place(
     below: tuple[float, float] | None, above: tuple[float, float] | None, trial: int
 ) -> float:
-    """Next place to try, from place and excess of the best trials on both sides of the limit."""
+    """Return the next place to try, from the best trials on both sides of the limit."""
     if below is None or above is None:
         place, excess = below or above or (0.0, 0.0)
-        # As if the measure were proportional to the step; farther with every trial.
+        # Jump as if the measure were proportional to the step, and farther with every trial.
         jump = (1.0 + 0.3 * trial) * abs(excess) + 0.02 * 1.5**trial
         return float(place + np.sign(-excess) * min(jump, MAX_JUMP))
     (low, short), (high, excess) = below, above

@@ -52,7 +52,7 @@ def encode_segments(
         If the target cannot be met, or is a STED error, which compares consecutive frames.
     """
     config = sources[0].config
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     kind = config.target.kind
     if kind is TargetKind.STED:
         raise InvalidInputError(
@@ -93,7 +93,7 @@ def _after(progress: Progress, n_done: int, total: int) -> Progress:
 def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     """Return the step, in diagonals, with which all segments together meet the target."""
     config = sources[0].config
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     kind, numbers = config.target.kind, count(1)
     needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
     fits = config.memory_bytes is None or needed <= config.memory_bytes / 2

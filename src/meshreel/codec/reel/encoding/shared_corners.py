@@ -34,9 +34,9 @@ class SharedTrack(DerivedTrack):
     whole : TrackSource
         Values of all N corners.
     corners : integer array of shape (n,)
-        One of the corners that have each value.
+        A corner that has each value.
     is_unused : bool array of shape (n,)
-        Vertices without corners: they have the value of corner 0, or the normal 0.
+        Whether each vertex has no corner; its value is that of corner 0, or the normal 0.
     sharing : Sharing
     graph : ItemGraph
         Graph of the n vertices or rows.

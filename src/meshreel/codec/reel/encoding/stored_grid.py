@@ -11,7 +11,7 @@ from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import Source
 
 MIN_STEP = 8
-"""Smallest step of a grid, in tolerances; finer ones are the last digit of text."""
+"""Smallest step of a grid, in tolerances; a finer step is just the last digit of text."""
 
 MAX_CELLS, MIN_GAIN = 64, 1.5
 """Of a coarse grid: cells along a side of the box, and least ratio of its step to other steps."""
@@ -20,15 +20,15 @@ N_SAMPLED = 64
 """Positions that select coarse grids, which all positions then verify."""
 
 TEXT_DIGITS = range(4, 8)
-"""Significant digits that text may have left of a float."""
+"""Significant digits to which text may have rounded a float."""
 
 
 def grid_of_frame(source: Source) -> PositionGrid | None:
     """Return the grid on which the first frame lies, with its own origin; None without one."""
-    found = stored_grid(source.sequence.read(0, 1)[0])
-    if found is None:
+    grid = stored_grid(source.sequence.read(0, 1)[0])
+    if grid is None:
         return None
-    step, origin = found
+    step, origin = grid
     frame = replace(source.frame, origin=origin)
     return PositionGrid(step / frame.scale, frame)
 
@@ -39,7 +39,7 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
     Parameters
     ----------
     vertices : array of shape (V, 3)
-        Within half a unit of their last digit, and their precision, of a grid with one step.
+        Positions that differ from points of a grid by at most `_tolerance`.
     """
     columns = [np.unique(column) for column in vertices.T]
     if sum(map(len, columns)) > len(vertices):
@@ -113,7 +113,7 @@ def _common_step(columns: list[Floats], tolerance: float) -> float | None:
     while n_known < len(offsets):
         if low <= MIN_STEP * tolerance / 2 or low > high:
             return None
-        # Multiples are unambiguous up to where the interval of the step is a quarter of it.
+        # Multiple k is unambiguous while its error, k (high - low) / 2, is below a quarter step.
         middle = (low + high) / 2
         n_clear = int(np.searchsorted(offsets, middle * middle / (high - low + 1e-300) / 2))
         if n_clear <= n_known:

@@ -90,16 +90,16 @@ def checked_bound(
     Parameters
     ----------
     diagonal : float
-        Of the bounding box, in model units.
+        Diagonal of the bounding box, in model units.
     rounding : float
         Largest rounding error of a position by its number type, in diagonals.
     dtype : dtype
-        Of the positions.
+        Number type of the positions.
 
     Raises
     ------
     InvalidInputError
-        If rounding by the number type exceeds it.
+        If rounding by the number type exceeds the bound.
     """
     percent = target.bound.percent(diagonal)
     try:

@@ -260,7 +260,7 @@ def track_coder(
             f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or use exact"
         ) from None
     config = mesh.config
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
     choices = choices_for(effort, Tune.GEOMETRY, None)
     header = TrackHeader(

@@ -22,7 +22,7 @@ Values = npt.NDArray[Any]
 Vertices = npt.NDArray[np.floating]
 
 MAX_VALUES_PER_TASK = 1 << 18
-"""Number of values per task."""
+"""Maximum number of values per task."""
 
 MAX_RESIDUAL_SHARE = 0.5
 """Velocities with a larger share of squared residuals do not follow the positions."""
@@ -49,7 +49,7 @@ INSIDE = {
     Coding.CENTRAL: slice(1, -1),
     Coding.FORWARD: slice(None, -1),
 }
-"""Frames of a block whose differences need no frame outside it."""
+"""Frames of a block whose differences need no frame outside the block."""
 
 
 class DifferenceFit:

@@ -28,11 +28,11 @@ POSITION_ERROR = 4.5e-4
 if the model is as high as a screen of 1080 lines."""
 
 NORMAL_ERROR_DEG, NORMAL_ERROR_PER_BEND = 0.2, 0.15
-"""Mean error of normals at the default quality: of a flat surface, and its increase with the mean
-angle between adjacent faces, among which errors are less visible."""
+"""Mean error of normals at the default quality, in degrees: on a flat surface, and its increase per
+degree of the mean angle between adjacent faces, because bends hide errors."""
 
 MAX_BEND_DEG = 20.0
-"""Limit of an angle in that mean: a hard edge does not hide errors on the flat faces next to it."""
+"""Larger angles are clipped to this: a hard edge does not hide errors on adjacent flat faces."""
 
 SEAM_ERROR, MIN_SEAM_SHARE = 1.3e-4, 0.1
 """RMS error of positions at the default quality if more than a share of the vertices coincide with
@@ -61,9 +61,9 @@ class Steps(NamedTuple):
     """Quantization steps of a quality, in model units."""
 
     modes: float
-    """Of the block that needs most; with one frame, the same as the next."""
+    """Step of modes: the finest that a block needs; with one frame, equal to `grid`."""
     grid: float
-    """Of positions that are rounded to a grid."""
+    """Step of positions that are rounded to a grid."""
 
 
 def steps_of_quality(
@@ -89,7 +89,7 @@ def steps_of_quality(
         vertices = evenly_spaced(n_verts, MAX_VERTICES)
         variances.append(_variances(block[np.ix_(times, vertices)] / np.float64(model_size)))
     surface = SampledSurface(faces, np.concatenate(frames))
-    # On a grid three coordinates are rounded, those of coincident vertices alike.
+    # A grid rounds three coordinates, and coincident vertices equally, so seams do not matter.
     grid = 2.0 * surface.allowed_error(1) * error_scale(quality) * model_size
     if n_frames == 1:
         return Steps(grid, grid)
@@ -128,7 +128,7 @@ def _variances(sampled: Floats) -> Floats:
 
 
 class SampledSurface:
-    """What determines how visible errors are, from some sides of faces in some frames.
+    """Measures how visible errors are, on some sides of faces in some frames.
 
     Parameters
     ----------

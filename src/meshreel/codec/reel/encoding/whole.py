@@ -70,7 +70,7 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
         If no stream meets the target.
     """
     config = source.config
-    assert isinstance(config, ReelOptions)  # those of this method
+    assert isinstance(config, ReelOptions)  # the options of this method
     if source.whole_extent is not None and suits_one_frame(source):
         if step is None and config.target.kind is not TargetKind.MAX_ERROR:
             step, _ = step_for_target(config, RateSearch(source, progress))
@@ -149,7 +149,7 @@ class RateSearch:
         self._n_frames = source.n_frames
         self.dtype: np.dtype[np.floating] = source.dtype
         config = source.config
-        assert isinstance(config, ReelOptions)  # those of this method
+        assert isinstance(config, ReelOptions)  # the options of this method
         self._target = config.target
         self._progress = progress
         self._coded: dict[float, list[tuple[int, Sections]]] = {}
@@ -175,8 +175,8 @@ class RateSearch:
     def steps_of_quality(self, quality: float) -> Steps:
         """Return the steps of a quality, in model units."""
         if quality not in self._steps:
-            chosen = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
-            blocks = (piece.read_given() for piece in chosen)
+            pieces = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
+            blocks = (piece.read_given() for piece in pieces)
             size = self.own_diagonal * self.diagonal
             faces = self._source.mesh.given_faces
             self._steps[quality] = steps_of_quality(quality, faces, blocks, size)
@@ -198,11 +198,11 @@ class RateSearch:
 
         Those of a long sequence are estimated from a sample.
         """
-        step, chosen = self._limited(step), self._sampled_pieces
-        if len(chosen) == len(self._pieces):
+        step, pieces = self._limited(step), self._sampled_pieces
+        if len(pieces) == len(self._pieces):
             return sum(_size_bytes(sections) for _, sections in self._coded_blocks(step, bound))
         blocks = KeyedBlocks(self._coder.with_step(step, bound))
-        coded = (blocks.code(frames).sections for frames in self._read_blocks(chosen))
+        coded = (blocks.code(frames).sections for frames in self._read_blocks(pieces))
         return estimated_bytes(list(map(_size_bytes, coded)), len(self._pieces))
 
     def measured(self, step: float) -> float:
