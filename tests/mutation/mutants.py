@@ -72,7 +72,7 @@ def mutant_of(edit: Edit, package: str, file: str, source: bytes) -> Mutant:
 
 def own_prefixes(package: str) -> tuple[str, ...]:
     """Return the prefixes of the paths of a package's tests."""
-    return tuple(f"tests/{one}" for one in OWN_TESTS.get(package, (f"unit/{package}/",)))
+    return tuple(f"tests/{path}" for path in OWN_TESTS.get(package, (f"unit/{package}/",)))
 
 
 def sources(root: Path) -> dict[str, list[Path]]:

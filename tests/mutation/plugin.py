@@ -1,4 +1,4 @@
-"""A plugin of pytest that records which test executes which line, or keeps the tests of a list."""
+"""A pytest plugin that records which test executes which line, or runs only listed tests."""
 
 import json
 import os
@@ -32,7 +32,7 @@ class Recorder:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
-        """Time a test, and name it in the data."""
+        """Time a test, and record its lines under its name."""
         self.coverage.switch_context(item.nodeid)
         start = time.monotonic()
         result = yield
@@ -54,14 +54,14 @@ class Recorder:
 
 
 class Selector:
-    """Keeps the tests of a list, in its order."""
+    """Runs only the tests of a list, in its order."""
 
     def __init__(self, listed: Path) -> None:
         self.order = {name: at for at, name in enumerate(json.loads(listed.read_text()))}
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Leave the others out."""
+        """Remove all tests that are not listed."""
         kept = [item for item in items if item.nodeid in self.order]
         items[:] = sorted(kept, key=lambda item: self.order[item.nodeid])
 

@@ -32,7 +32,7 @@ from mutation.plugin import LINES, RECORD, SECONDS, SELECT
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ("unit", "cli", "conformance", "corruption", "properties")
-"""Recorded folders of tests; the others need browsers, Blender or real sequences."""
+"""Folders of tests to record; the others need browsers, Blender or real sequences."""
 
 OWN_S, OTHERS_S = 25.0, 12.0
 """Time limits of the tests of the package and of others; the fastest run first."""
@@ -45,13 +45,14 @@ MAX_MEMORY_BYTES = 12 << 30
 COMPILE = ("cc", *FLAGS, "-O1", "-fPIC", "-c")
 PYTEST = ("-n0", "-q", "-p", "no:cacheprovider", "-p", "mutation.plugin")
 COMMIT = "commit"
-"""File with the commit that the tests were recorded at."""
+"""File with the commit at which the tests were recorded."""
 
 BUILT = ("npm/dist", "npm/wasm")
 """Build outputs that some tests read."""
 
 SURVIVED, BY_OWN, BY_OTHERS, NONE = "survived", "own", "others", "none"
-"""Fates of a mutant; "none" if it does not compile, or compiles to the same code."""
+"""Outcomes of a mutant: it survives, tests of its package detect it, or only other tests do; "none"
+if it is not tested, because it does not compile, or compiles to the same code."""
 
 Result = dict[str, str | int]
 
@@ -89,8 +90,8 @@ class Bench:
             _git(self.clone, "pull", "-q")
         # Modification times are too coarse to distinguish mutants.
         mode = ("--invalidation-mode", "checked-hash")
-        compiling = [sys.executable, "-m", "compileall", "-q", *mode, str(self.clone / "src")]
-        subprocess.run(compiling, check=True)
+        command = [sys.executable, "-m", "compileall", "-q", *mode, str(self.clone / "src")]
+        subprocess.run(command, check=True)
         self.objects.mkdir(exist_ok=True)
         if not all(self._compile(file) for file in self._c_files()) or not self._link():
             raise RuntimeError("the core does not compile")
@@ -103,19 +104,19 @@ class Bench:
             self._pytest(["-o", f"testpaths={' '.join(folders)}"], {RECORD: str(self.work)}, None)
 
     def judge(self, mutant: Mutant, *, is_again: bool) -> dict[str, str]:
-        """Return the fate of a mutant, and the first test that fails."""
+        """Return the outcome of a mutant, and the first test that fails or why none ran."""
         self.seconds = json.loads((self.work / SECONDS).read_text())
         try:
             if reason := self._apply(mutant):
-                return {"fate": NONE, "by": reason}
+                return {"outcome": NONE, "by": reason}
             if is_again:
                 by = self._failure_in_files(self._own_files(mutant))
-                return {"fate": BY_OWN if by else SURVIVED, "by": by}
+                return {"outcome": BY_OWN if by else SURVIVED, "by": by}
             own, others = self._tests_of(mutant)
             if by := self._failure_in_tests(_fastest(own, self.seconds, OWN_S)):
-                return {"fate": BY_OWN, "by": by}
+                return {"outcome": BY_OWN, "by": by}
             by = self._failure_in_tests(_fastest(others, self.seconds, OTHERS_S))
-            return {"fate": BY_OTHERS if by else SURVIVED, "by": by}
+            return {"outcome": BY_OTHERS if by else SURVIVED, "by": by}
         finally:
             self._restore(mutant)
 
@@ -130,10 +131,10 @@ class Bench:
         if mutant.package != CORE:
             return ""
         files = self._compiled_with(file)
-        before = [self._object(one).read_bytes() for one in files]
-        if not all(self._compile(one) for one in files):
+        before = [self._object(source).read_bytes() for source in files]
+        if not all(self._compile(source) for source in files):
             return "does not compile"
-        if before == [self._object(one).read_bytes() for one in files]:
+        if before == [self._object(source).read_bytes() for source in files]:
             return "compiles to the same code"
         return "" if self._link() else "does not link"
 
@@ -143,8 +144,8 @@ class Bench:
             return
         _git(self.clone, "checkout", "-q", "--", mutant.file)
         if mutant.package == CORE:
-            for one in self._compiled_with(file):
-                self._compile(one)
+            for source in self._compiled_with(file):
+                self._compile(source)
             self._link()
 
     def _c_files(self) -> list[Path]:
@@ -201,7 +202,7 @@ class Bench:
         return [file for file in own if file in executing | changed]
 
     def _failure_in_tests(self, names: Sequence[str]) -> str:
-        """Return the first of these tests that fails; empty if none does."""
+        """Return the first of these tests that fails, or an empty text."""
         if not names:
             return ""
         listed = self.work / f"listed-{self.number}.json"
@@ -213,7 +214,7 @@ class Bench:
         )
 
     def _failure_in_files(self, files: Sequence[str]) -> str:
-        """Return the first failing test of these files, with all cases; empty if none fails."""
+        """Return the first failing test of these files, with all cases, or an empty text."""
         if not files:
             return ""
         return self._pytest(["-x", "-m", "not slow and not real", *files], {}, AGAIN_S)
@@ -259,13 +260,13 @@ class Bench:
 
 def _fastest(names: Iterable[str], seconds: dict[str, float], limit_s: float) -> list[str]:
     """Return the fastest tests that fit a time limit."""
-    chosen, total_s = [], 0.0
+    selected, total_s = [], 0.0
     for name in sorted(filter(seconds.__contains__, names), key=seconds.__getitem__):
         total_s += seconds[name]
         if total_s > limit_s:
             break
-        chosen.append(name)
-    return chosen
+        selected.append(name)
+    return selected
 
 
 def _git(folder: Path, *arguments: str) -> str:
@@ -282,15 +283,15 @@ def _mutant_of(result: Result) -> Mutant:
 
 
 def print_table(results: Iterable[Result]) -> None:
-    """Print the numbers of mutants and fates of each package."""
+    """Print how many mutants each package has, and how many had each outcome."""
     by_package: dict[str, Counter[str | int]] = {}
     for result in results:
         for name in (str(result["package"]), "total"):
-            by_package.setdefault(name, Counter())[result["fate"]] += 1
+            by_package.setdefault(name, Counter())[result["outcome"]] += 1
     print(f"{'package':14}{'mutants':>8}{BY_OWN:>9}{BY_OTHERS:>9}{SURVIVED:>9}")
     for name in sorted(by_package, key=lambda item: (item == "total", item)):
-        fates = [by_package[name][fate] for fate in (BY_OWN, BY_OTHERS, SURVIVED)]
-        print(f"{name:14}{sum(fates):8}" + "".join(f"{one:9}" for one in fates))
+        counts = [by_package[name][outcome] for outcome in (BY_OWN, BY_OTHERS, SURVIVED)]
+        print(f"{name:14}{sum(counts):8}" + "".join(f"{count:9}" for count in counts))
 
 
 def main() -> None:
@@ -321,16 +322,17 @@ def main() -> None:
             benches.put(bench)
 
     if options.again:
-        mutants = [_mutant_of(one) for one in results if one["fate"] in (SURVIVED, BY_OTHERS)]
+        again = (SURVIVED, BY_OTHERS)
+        mutants = [_mutant_of(result) for result in results if result["outcome"] in again]
     else:
-        known = [_mutant_of(one) for one in results]
+        known = [_mutant_of(result) for result in results]
         drawn = sample(work / "clone-0", options.count, options.seed)
-        mutants = [one for one in drawn if one not in known]
+        mutants = [mutant for mutant in drawn if mutant not in known]
     with ThreadPoolExecutor(options.jobs) as pool:
         for mutant, result in zip(mutants, pool.map(judge, mutants), strict=True):
-            results = [one for one in results if _mutant_of(one) != mutant] + [result]
-            stored.write_text("".join(json.dumps(one) + "\n" for one in results))
-            print(result["fate"], f"{mutant.file}:{mutant.line}", result["by"], flush=True)
+            results = [other for other in results if _mutant_of(other) != mutant] + [result]
+            stored.write_text("".join(json.dumps(other) + "\n" for other in results))
+            print(result["outcome"], f"{mutant.file}:{mutant.line}", result["by"], flush=True)
     print_table(results)
 
 
