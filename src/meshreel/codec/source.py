@@ -14,7 +14,7 @@ from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import (
     Header,
     Sections,
-    write_number,
+    error_bound_sections,
     write_stream,
     write_varints,
 )
@@ -307,7 +307,12 @@ class Source:
         """Yield positions of each block, of shape (T_b, V, 3), in internal order."""
         return (piece.read() for piece in self.pieces())
 
-    def stream(self, leading: Sections, blocks: Iterable[tuple[int, Sections]]) -> bytes:
+    def stream(
+        self,
+        leading: Sections,
+        blocks: Iterable[tuple[int, Sections]],
+        bound: float | None = None,
+    ) -> bytes:
         """Return a stream of the sequence.
 
         Parameters
@@ -316,12 +321,14 @@ class Source:
             Sections of the method before the first block.
         blocks : iterable of (int, sections)
             Number of frames and sections of each block.
+        bound : float, optional
+            Guaranteed largest error of a position, in diagonals.
         """
         of_tracks = [track.leading for track in self.tracks]
         leading = [*self.mesh.leading_sections(), *of_tracks, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
-        return write_stream((self.header, leading, blocks))
+        return write_stream((self.header, [*leading, *error_bound_sections(bound)], blocks))
 
     def _with_tracks(
         self, blocks: Iterable[tuple[int, Sections]]
@@ -341,8 +348,3 @@ class Source:
             fps=sequence.timing.fps,
             name=sequence.name,
         )
-
-
-def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
-    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
-    return [] if bound is None else [(Section.ERROR_BOUND, write_number(100.0 * bound))]

@@ -95,6 +95,11 @@ def write_number(value: float) -> bytes:
     return bytes([n_decimals]) + write_varint(whole) if is_decimal else _pack("d", value)
 
 
+def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
+    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
+    return [] if bound is None else [(Section.ERROR_BOUND, write_number(100.0 * bound))]
+
+
 def write_text(text: str) -> bytes:
     """Return the length of a text in UTF-8, in bytes, and its bytes."""
     data = text.encode("utf-8", errors="replace")

@@ -7,6 +7,7 @@ from itertools import chain, starmap
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.analysis import (
@@ -21,7 +22,7 @@ from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, error_bound_sections
+from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.runtime.threads import in_chunks, one_blas_thread
 
@@ -104,6 +105,7 @@ class FieldBlockCoder:
             ),
             analyzed=analyzed,
             corrections=corrections,
+            is_key=not analyzed.block.layout.reference,
         )
 
 
@@ -115,11 +117,8 @@ class CodedFrames:
     """Iterator of (Section, bytes). Entropy coded while iterated, which is possible once."""
     analyzed: AnalyzedFields
     corrections: Corrections | None
-
-    @property
-    def is_key(self) -> bool:
-        """Whether the block refers to no other one, so that others may refer to it."""
-        return not self.analyzed.block.layout.reference
+    is_key: bool
+    """Whether the block refers to no other one, so that others may refer to it."""
 
     def decoded(self, frames: BlockFrames) -> Vertices:
         """Decoded positions of these frames, in internal order."""

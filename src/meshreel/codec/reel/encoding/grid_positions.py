@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
@@ -22,7 +23,7 @@ from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_grid_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import MAX_COORDINATE, Coordinates, PositionGrid
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import CodedMesh, Source, error_bound_sections
+from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE

@@ -32,7 +32,7 @@ from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import Piece, Source, error_bound_sections
+from meshreel.codec.source import Piece, Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword, SolverError
 from meshreel.metrics.rate import rate_bpvf
@@ -242,7 +242,7 @@ class RateSearch:
     def stream(self, step: float, bound: float | None = None) -> bytes:
         """Return the stream of a step, with corrections if a bound in diagonals is given."""
         coded = self._coded_blocks(self._limited(step), bound)
-        return self._source.stream(error_bound_sections(bound), coded)
+        return self._source.stream([], coded, bound)
 
     def _limited(self, step: float) -> float:
         """Limit a step to the allowed range.
