@@ -176,8 +176,8 @@ def write_header(header: Header) -> bytes:
     return _with_checksum(_header(header))
 
 
-def _header(header: Header, compact: int = 0) -> bytes:
-    """Encode a header without its checksum; `compact` is added to the form."""
+def _header(header: Header, *, is_compact: bool = False) -> bytes:
+    """Encode a header without its checksum."""
     name = header.name.encode("utf-8", errors="replace")[:MAX_NAME_BYTES]
     name = name.decode("utf-8", errors="ignore").encode()  # drop a character that the cut split
     is_integer = 0.0 <= header.fps < _MAX_RATE and header.fps == int(header.fps)
@@ -187,7 +187,7 @@ def _header(header: Header, compact: int = 0) -> bytes:
         + bytes([FORMAT_VERSION])
         + write_varints(header.n_frames, header.n_verts, header.n_faces)
         + rate
-        + _codes(header, compact)
+        + _codes(header, is_compact=is_compact)
         + _placement(header)
         + write_varint(len(name))
         + name
@@ -209,9 +209,9 @@ def write_segment(header: Header, first: Header) -> bytes:
     return payload + _placement(header) if is_placed else payload
 
 
-def _codes(header: Header, compact: int = 0) -> bytes:
+def _codes(header: Header, *, is_compact: bool = False) -> bytes:
     """Return the method, and the form of the numbers."""
-    form = compact | _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64)
+    form = _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64) | _IS_COMPACT * is_compact
     form |= header.order << _ORDER_AT | header.laplacian << _LAPLACIAN_AT
     form |= _IS_PLACED_BY_DOUBLES * (not _is_placed_by_floats(header))
     return bytes([header.method, form])
@@ -482,4 +482,4 @@ def write_stream(*segments: Segment) -> bytes:
 def _compact_stream(header: Header, sections: list[tuple[Section, bytes]]) -> bytes:
     """Encode a compact stream."""
     encoded = starmap(_without_checksum, [*sections, (Section.END, b"")])
-    return _with_checksum(_header(header, _IS_COMPACT) + b"".join(encoded))
+    return _with_checksum(_header(header, is_compact=True) + b"".join(encoded))
