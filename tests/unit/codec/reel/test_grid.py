@@ -13,6 +13,7 @@ from meshreel.codec.reel.normative.grid import ON_SURFACE, PositionGrid, write_f
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.kernel.integers import encode_integers
+from meshreel.model.extent import extent_of
 from samples.meshes import irregular_sequence, waving_grid
 from samples.shapes import torus
 from samples.streams import Stream, parts_of, raw_stream, recorded
@@ -290,18 +291,23 @@ def on_coarse_grid(noise, n_more=0):
     return positions + rng.uniform(-noise, noise, positions.shape)
 
 
+def coarse_grid_of(positions, tolerance):
+    """Return the coarse grid of a frame of shape (V, 3)."""
+    return coarse_grid(1, lambda _: positions, extent_of(positions[None]), tolerance)
+
+
 def test_coarse_grid_is_found_within_the_tolerance():
     positions = on_coarse_grid(noise=1e-3)
-    step, origin = coarse_grid(positions, tolerance=3e-3)
+    step, origin = coarse_grid_of(positions, tolerance=3e-3)
     assert step == pytest.approx(0.25, rel=2e-3)
     cells = (positions - origin) / step
     assert np.abs(cells - np.rint(cells)).max() * step < 4e-3
-    assert coarse_grid(positions, tolerance=5e-4) is None
+    assert coarse_grid_of(positions, tolerance=5e-4) is None
 
 
 def test_a_single_position_off_a_coarse_grid_excludes_it():
-    assert coarse_grid(on_coarse_grid(0.0, n_more=1), tolerance=1e-3) is None
-    assert coarse_grid(np.zeros((5, 3)), tolerance=1e-3) is None
+    assert coarse_grid_of(on_coarse_grid(0.0, n_more=1), tolerance=1e-3) is None
+    assert coarse_grid_of(np.zeros((5, 3)), tolerance=1e-3) is None
 
 
 @pytest.mark.parametrize("target", [{"max_error": 0.1}, {"quality": 80}])

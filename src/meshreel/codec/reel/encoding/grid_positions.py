@@ -331,14 +331,20 @@ def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, Gr
 
 def _coarse_grid(source: Source, coder: GridPositionCoder) -> PositionGrid | None:
     """Return a coarser grid than that of the coder with errors as small; None without one."""
-    vertices, step = source.sequence.read(0, source.n_frames), coder.grid.step * source.frame.scale
+    sequence, step = source.sequence, coder.grid.step * source.frame.scale
+
+    def read(index: int) -> Vertices:
+        frame: Vertices = sequence.read(index, index + 1)[0]
+        return frame
+
     # RMS errors are at most those of the coder's grid, or largest ones if these are bounded.
     tolerance = step / (2.0 if coder.bound is not None else math.sqrt(12.0))
-    coarse = coarse_grid(vertices, tolerance)
+    coarse = coarse_grid(source.n_frames, read, sequence.extent, tolerance)
     if coarse is None:
         return None
     step, origin = coarse
     frame = replace(source.frame, origin=origin)
     grid = step_coder(source.mesh, frame, step / frame.scale).grid
-    meets_bound = replace(coder, grid=grid)._meets_bound(grid.coordinates(vertices), vertices)
+    on_grid, frames = replace(coder, grid=grid), (read(i)[None] for i in range(source.n_frames))
+    meets_bound = all(on_grid._meets_bound(grid.coordinates(each), each) for each in frames)
     return grid if meets_bound else None

@@ -1,5 +1,6 @@
 """Grids on which positions lie: through the rounding of floats and text, or within a tolerance."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import Source
+from meshreel.model.extent import Extent
 
 MIN_STEP = 8
 """Smallest step of a grid, in tolerances; a finer step is just the last digit of text."""
@@ -60,32 +62,41 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
 
 
 def coarse_grid(
-    positions: npt.NDArray[np.floating], tolerance: float
+    n_frames: int,
+    read: Callable[[int], npt.NDArray[np.floating]],
+    extent: Extent,
+    tolerance: float,
 ) -> tuple[float, tuple[float, ...]] | None:
     """Return step and origin of the coarsest grid that divides the bounding box; None without one.
 
     Parameters
     ----------
-    positions : array of shape (..., 3)
+    read : function of the number of a frame
+        Returns its positions, of shape (V, 3). Frames after the first are only read if a sample of
+        this one lies on a grid.
+    extent : Extent
+        Of all frames.
     tolerance : float
         Largest distance from the grid along an axis, in model units. Without such a grid, steps
         are twice as long.
     """
-    offsets = positions.reshape(-1, 3).astype(np.float64)
-    low = offsets.min(axis=0)
-    offsets -= low
-    extent = offsets.max(axis=0)
-    steps = np.unique(extent[:, None] / np.arange(1, MAX_CELLS + 1))[::-1]
+    low, size = extent.low, extent.high - extent.low
+    steps = np.unique(size[:, None] / np.arange(1, MAX_CELLS + 1))[::-1]
     steps = steps[steps > MIN_GAIN * 2.0 * tolerance]
-    sample = offsets[:: len(offsets) // N_SAMPLED + 1]
-    cells = sample / steps[:, None, None]
-    distances = np.abs(cells - np.rint(cells)).max(axis=(1, 2)) * steps
-    for step in steps[distances <= tolerance]:
-        cells = offsets / step
-        if np.abs(cells - np.rint(cells)).max() * step <= tolerance:
-            origin = (low + np.rint(extent / 2 / step) * step).astype(np.float32)
+    first = read(0)
+    sample = first[:: len(first) // N_SAMPLED + 1]
+    for step in steps[_distances(sample - low, steps) <= tolerance]:
+        if all(_distances(read(i) - low, step[None])[0] <= tolerance for i in range(n_frames)):
+            origin = (low + np.rint(size / 2 / step) * step).astype(np.float32)
             return float(step), tuple(map(float, origin))
     return None
+
+
+def _distances(offsets: Floats, steps: Floats) -> Floats:
+    """Return the largest distance along an axis of offsets (N, 3) from the grid of each step."""
+    cells = offsets / steps[:, None, None]
+    distances: Floats = np.abs(cells - np.rint(cells)).max(axis=(1, 2)) * steps
+    return distances
 
 
 def _tolerance(values: npt.NDArray[np.floating]) -> float:
