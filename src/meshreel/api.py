@@ -20,12 +20,12 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
-from meshreel.formats.notes import NoteKind, is_of_kind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
+from meshreel.model.notes import NoteKind, is_of_kind
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent

@@ -10,7 +10,7 @@ from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.track_bounds import TrackTargets, without_units
-from meshreel.formats.notes import note_unknown_rate
+from meshreel.model.notes import note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.runtime.progress import Progress, silent
 

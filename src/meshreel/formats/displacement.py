@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.frames.stored_frames import Description
-from meshreel.formats.notes import NoteKind, add_note
+from meshreel.model.notes import NoteKind, add_note
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource, track_by_name

@@ -9,7 +9,6 @@ import numpy as np
 from meshreel.errors import MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import AnimationInfo, SequenceFormat
-from meshreel.formats.notes import Note, NoteKind
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.scenes.scene_mesh import SceneMesh
@@ -17,6 +16,7 @@ from meshreel.formats.scenes.scene_source import open_mesh, selected_meshes
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, SourceFiles, find_files
 from meshreel.formats.supported_options import check_read_options
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
 from meshreel.model.tracks import describe_track, size_bytes

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
-from meshreel.formats.notes import listed
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import (
     FOLDER_FORMATS,
@@ -18,6 +17,7 @@ from meshreel.formats.registry import (
 )
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.supported_options import check_write_options
+from meshreel.model.notes import listed
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.stores.address import refuse_address
 

@@ -27,7 +27,10 @@ from meshreel.formats.frames.stored_frames import (
     RawArray,
 )
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import (
+from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.registry import COMPANION, FRAME_FORMATS
+from meshreel.formats.surfaces.polygons import triangulated
+from meshreel.model.notes import (
     ASSUMED_FPS,
     NoteKind,
     add_note,
@@ -35,9 +38,6 @@ from meshreel.formats.notes import (
     note_kinds,
     written_times,
 )
-from meshreel.formats.options import ReadOptions, WriteOptions
-from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing

@@ -8,8 +8,8 @@ import numpy as np
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.stored_frames import Description, StoredTrack
-from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
+from meshreel.model.notes import NoteKind, add_note
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.model.tracks import TrackKind, TrackSource

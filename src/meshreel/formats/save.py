@@ -12,11 +12,6 @@ from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
 from meshreel.formats.kinds import Encode, FolderFormat, FrameFormat, SequenceFormat
-from meshreel.formats.notes import (
-    note_unwritten_cells,
-    note_unwritten_materials,
-    note_unwritten_tracks,
-)
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import (
     DEFAULT_OPTIONS,
@@ -32,6 +27,11 @@ from meshreel.formats.registry import (
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
+from meshreel.model.notes import (
+    note_unwritten_cells,
+    note_unwritten_materials,
+    note_unwritten_tracks,
+)
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, track_blocks

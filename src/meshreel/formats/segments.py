@@ -7,12 +7,12 @@ from meshreel.formats.displacement import displaced, note_displacement
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import NoteKind, add_note, combined
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_source import open_mesh, select_frames, select_mesh
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
+from meshreel.model.notes import NoteKind, add_note, combined
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted

@@ -13,9 +13,9 @@ from meshreel.formats.kinds import (
     SequenceFormat,
     WriteOption,
 )
-from meshreel.formats.notes import listed
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
+from meshreel.model.notes import listed
 
 
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:

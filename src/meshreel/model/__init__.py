@@ -1,1 +1,1 @@
-"""Values: mesh sequences, tracks, surfaces and materials."""
+"""Values: mesh sequences, tracks, surfaces, materials, and notes for the user."""

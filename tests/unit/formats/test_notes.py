@@ -5,7 +5,8 @@ import pytest
 
 from meshreel.errors import Keyword, Message
 from meshreel.formats.load import load
-from meshreel.formats.notes import (
+from meshreel.formats.save import save
+from meshreel.model.notes import (
     Note,
     NoteKind,
     add_note,
@@ -17,7 +18,6 @@ from meshreel.formats.notes import (
     note_kinds,
     note_left_out,
 )
-from meshreel.formats.save import save
 from samples.gltf import TRIANGLE, Gltf
 from samples.meshes import two_sheets, waving_grid
 

@@ -99,7 +99,7 @@ def _show_source(
         shown_progress,
     )
     from meshreel.formats.inspection import inspect_source
-    from meshreel.formats.notes import NoteKind, is_of_kind
+    from meshreel.model.notes import NoteKind, is_of_kind
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with shown_progress() as progress:

@@ -147,9 +147,9 @@ def render_command(
     )
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.notes import NoteKind, add_note
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
+    from meshreel.model.notes import NoteKind, add_note
     from meshreel.rendering.cuts import parse_cut
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view

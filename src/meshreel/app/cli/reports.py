@@ -11,10 +11,10 @@ from meshreel.app.cli.console import print_json, print_notes, print_table, shown
 from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.load import load_any
 from meshreel.formats.needed_extras import extras_to_read
-from meshreel.formats.notes import listed, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
+from meshreel.model.notes import listed, note_left_out
 from meshreel.model.sequence import MeshSequence, single_segment
 from meshreel.runtime.extras import PEERS, PLOT, Extra, require
 from meshreel.runtime.outputs.checks import check_output_folder

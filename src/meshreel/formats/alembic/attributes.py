@@ -12,12 +12,12 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.formats.alembic.archive import Property, damage_error
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
-from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
 from meshreel.formats.scenes.timing import blend, neighbours
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
+from meshreel.model.notes import UNCHANGING, note_kinds
 from meshreel.model.surface import (
     MAX_COMPONENTS,
     VALUE_TYPES,

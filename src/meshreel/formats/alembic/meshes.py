@@ -24,7 +24,6 @@ from meshreel.formats.alembic.attributes import (
     read_normals,
 )
 from meshreel.formats.frames.field_tracks import Key
-from meshreel.formats.notes import CAGES, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -32,6 +31,7 @@ from meshreel.formats.scenes.timing import blend, neighbours, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
+from meshreel.model.notes import CAGES, note_kinds, note_left_out
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.timing import Timing

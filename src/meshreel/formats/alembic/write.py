@@ -24,7 +24,12 @@ from meshreel.formats.alembic.attributes import (
 )
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.notes import (
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
+from meshreel.formats.scenes.transforms import Rounding
+from meshreel.formats.surfaces.polygons import reversed_corners
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.notes import (
     add_once,
     note_name,
     note_track_type,
@@ -33,11 +38,6 @@ from meshreel.formats.notes import (
     written_rate,
     written_times,
 )
-from meshreel.formats.options import WriteOptions
-from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
-from meshreel.formats.scenes.transforms import Rounding
-from meshreel.formats.surfaces.polygons import reversed_corners
-from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 from meshreel.runtime.extras import ALEMBIC, IMATH

@@ -42,10 +42,10 @@ from meshreel.formats.hdf import (
     write_array,
 )
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
-from meshreel.formats.notes import listed, note_kinds
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.formats.scenes.scene_source import open_scene
+from meshreel.model.notes import listed, note_kinds
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.extras import HDF
 

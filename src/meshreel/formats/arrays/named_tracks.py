@@ -16,7 +16,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import Description, StoredTrack, parse_track_kind
-from meshreel.formats.notes import listed, note_left_out
+from meshreel.model.notes import listed, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import (
     MAX_COLUMNS,

@@ -9,7 +9,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredTrack, parse_track_kind
-from meshreel.formats.notes import NoteKind, add_note, note_kinds, note_left_out
+from meshreel.model.notes import NoteKind, add_note, note_kinds, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural

@@ -16,11 +16,11 @@ from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey, changed_error
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.formats.notes import Note, NoteKind, add_once, is_about, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
+from meshreel.model.notes import NORMALS as NORMALS_SUBJECT
+from meshreel.model.notes import Note, NoteKind, add_once, is_about, note_kinds
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.notes import add_once
+from meshreel.model.notes import add_once
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing

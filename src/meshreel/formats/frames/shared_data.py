@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten_tracks
 from meshreel.formats.scenes.merging import MaterialTable
+from meshreel.model.notes import NoteKind, add_note, listed, note_unwritten_tracks
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.tracks import TrackSource
 

@@ -25,9 +25,9 @@ from meshreel.formats.frames.field_tracks import (
 )
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.stored_frames import checksum
-from meshreel.formats.notes import listed, note_kinds, note_left_out, note_normals
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.notes import listed, note_kinds, note_left_out, note_normals
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackSource

@@ -19,7 +19,7 @@ from meshreel.formats.gltf.document import (
 )
 from meshreel.formats.gltf.geometry import Matrices, count_targets
 from meshreel.formats.kinds import AnimationInfo
-from meshreel.formats.notes import listed, note_left_out
+from meshreel.model.notes import listed, note_left_out
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 

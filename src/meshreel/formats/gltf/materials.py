@@ -11,14 +11,6 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.container import BufferWriter, Json
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.gltf.geometry import set_label, triangle_primitives
-from meshreel.formats.notes import (
-    NoteKind,
-    add_once,
-    list_in_note,
-    listed,
-    note_kinds,
-    note_left_out,
-)
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import (
     DEFAULT_MATERIAL,
@@ -29,6 +21,14 @@ from meshreel.model.materials import (
     Texture,
     Wrap,
     select_materials,
+)
+from meshreel.model.notes import (
+    NoteKind,
+    add_once,
+    list_in_note,
+    listed,
+    note_kinds,
+    note_left_out,
 )
 from meshreel.model.surface import Kind, Surface
 

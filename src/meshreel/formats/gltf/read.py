@@ -38,12 +38,12 @@ from meshreel.formats.gltf.scene import (
     shown_meshes,
 )
 from meshreel.formats.kinds import AnimationInfo
-from meshreel.formats.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.model.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing

@@ -27,11 +27,11 @@ from meshreel.formats.gltf.write import (
     frame_times,
     path_of,
 )
-from meshreel.formats.notes import add_once
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.notes import add_once
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted

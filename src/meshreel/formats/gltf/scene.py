@@ -19,8 +19,8 @@ from meshreel.formats.gltf.geometry import (
     reversed_triangles,
     triangle_primitives,
 )
-from meshreel.formats.notes import listed, note_left_out
 from meshreel.model.geometry.hard_edges import merged_edges
+from meshreel.model.notes import listed, note_left_out
 from meshreel.model.surface import Attribute, Domain, Surface
 
 INSTANCE_DEFAULTS: dict[str, tuple[int, ...]] = {

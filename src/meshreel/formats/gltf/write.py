@@ -25,10 +25,10 @@ from meshreel.formats.gltf.mesh_writer import (
 )
 from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
 from meshreel.formats.gltf.read import SEGMENT_START
-from meshreel.formats.notes import NoteKind, add_note, add_once, written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.notes import NoteKind, add_note, add_once, written_times
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 

@@ -15,10 +15,10 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field
 from meshreel.formats.frames.frame import Frame, fields_of
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.notes import NoteKind, add_note, note_kinds
 from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.surfaces.welding import weld_seams
+from meshreel.model.notes import NoteKind, add_note, note_kinds
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY

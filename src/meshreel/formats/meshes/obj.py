@@ -22,11 +22,11 @@ from meshreel.formats.frames.field_tracks import NORMALS, Field
 from meshreel.formats.frames.frame import Frame, fields_of
 from meshreel.formats.kinds import OF_SURFACES, FrameFormat
 from meshreel.formats.meshes.obj_writing import NORMALS_NAME, STATEMENTS, obj_encoder
-from meshreel.formats.notes import note_left_out, note_normals
 from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import ragged_indices
+from meshreel.model.notes import note_left_out, note_normals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 N_COLORED = 6

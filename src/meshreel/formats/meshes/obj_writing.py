@@ -15,7 +15,11 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
-from meshreel.formats.notes import (
+from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
+from meshreel.model.geometry.connectivity import lowest_connected
+from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, shared_edges
+from meshreel.model.geometry.polygons import join_triangles
+from meshreel.model.notes import (
     NoteKind,
     add_note,
     note_name,
@@ -24,10 +28,6 @@ from meshreel.formats.notes import (
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
-from meshreel.model.geometry.connectivity import lowest_connected
-from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, shared_edges
-from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource

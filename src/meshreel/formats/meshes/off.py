@@ -21,11 +21,11 @@ from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode, FrameFormat
 from meshreel.formats.meshes.obj_writing import first_attribute
-from meshreel.formats.notes import note_left_out, note_normals, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
+from meshreel.model.notes import note_left_out, note_normals, note_unwritten
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted

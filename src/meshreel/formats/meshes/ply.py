@@ -35,8 +35,8 @@ from meshreel.formats.meshes.ply_writing import (
     UV_NAMES,
     ply_encoder,
 )
-from meshreel.formats.notes import note_kinds, note_normals
 from meshreel.formats.surfaces.polygons import polygon_mesh
+from meshreel.model.notes import note_kinds, note_normals
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 

@@ -15,14 +15,14 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
-from meshreel.formats.notes import (
+from meshreel.model.geometry.polygons import join_triangles, ragged_indices
+from meshreel.model.notes import (
     note_name,
     note_track_type,
     note_unwritten,
     note_unwritten_tracks,
     note_unwritten_units,
 )
-from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, value_range

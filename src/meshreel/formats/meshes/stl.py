@@ -15,9 +15,9 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode, FrameFormat
-from meshreel.formats.notes import note_left_out, note_unwritten
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
+from meshreel.model.notes import note_left_out, note_unwritten
 from meshreel.model.sequence import Vertices
 
 HEADER_BYTES = 80

@@ -7,13 +7,13 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
-from meshreel.formats.notes import add_once, listed, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import Neighbours, blend, neighbours, unite_times
 from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
+from meshreel.model.notes import add_once, listed, note_left_out
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Values
 from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import StoredTrack, changed_error
-from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.transforms import transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.notes import note_kinds, note_left_out
 from meshreel.model.surface import Domain
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError, Keyword, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey
-from meshreel.formats.notes import listed, note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
+from meshreel.model.notes import listed, note_kinds
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError, Keyword
-from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
+from meshreel.model.notes import NoteKind, add_note
 from meshreel.model.validation import validate_fps
 
 MAX_FRAMES = 1_000_000

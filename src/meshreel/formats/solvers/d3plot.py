@@ -18,7 +18,6 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import NoteKind, add_note, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.solvers.d3plot_files import (
@@ -33,6 +32,7 @@ from meshreel.formats.solvers.d3plot_files import (
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, used_points
 from meshreel.model.geometry.polygons import ragged_indices
+from meshreel.model.notes import NoteKind, add_note, note_kinds, note_left_out
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
 

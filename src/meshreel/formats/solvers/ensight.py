@@ -19,7 +19,6 @@ from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
@@ -37,6 +36,7 @@ from meshreel.formats.solvers.ensight_files import (
 )
 from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.notes import note_kinds, note_left_out
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 

@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError, InvalidInputError, Keyword
-from meshreel.formats.notes import NoteKind, add_note, listed
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.kernel.cells import cell_sizes
 from meshreel.model.cells import Cells as VolumeCells
 from meshreel.model.cells import validated_cells
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
+from meshreel.model.notes import NoteKind, add_note, listed
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.notes import NORMALS, Note, NoteKind
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.hard_edges import (
@@ -18,6 +17,7 @@ from meshreel.model.geometry.hard_edges import (
     shared_edges,
 )
 from meshreel.model.geometry.normals import face_normals
+from meshreel.model.notes import NORMALS, Note, NoteKind
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.notes import NoteKind, add_note
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.cells import Cells
 from meshreel.model.geometry.polygons import Integers
+from meshreel.model.notes import NoteKind, add_note
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted

@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from meshreel.formats.notes import note_kinds
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.materials import NO_BIAS, NO_SCALE, UV_READER, WRAPS
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
+from meshreel.model.notes import note_kinds
 from meshreel.model.surface import FaceGroups
 from meshreel.runtime.extras import USD
 

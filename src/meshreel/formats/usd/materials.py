@@ -11,10 +11,10 @@ import numpy as np
 
 from meshreel.errors import FormatError
 from meshreel.formats.file_references import is_within, outside_error
-from meshreel.formats.notes import note_kinds
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
+from meshreel.model.notes import note_kinds
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.notes import CAGES, note_kinds
 from meshreel.formats.scenes.quantities import (
     normals_of_corners,
     note_quantities,
@@ -30,6 +29,7 @@ from meshreel.formats.usd.quantities import (
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import remaining_edges
+from meshreel.model.notes import CAGES, note_kinds
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Int32s, Surface
 from meshreel.model.tracks import TrackSource

@@ -11,10 +11,10 @@ import numpy as np
 
 from meshreel.arrays import Floats, Values
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.notes import UNCHANGING, note_kinds
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.model.notes import UNCHANGING, note_kinds
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 from meshreel.runtime.extras import USD

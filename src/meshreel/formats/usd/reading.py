@@ -17,7 +17,6 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.notes import NoteKind, list_in_note, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
@@ -32,6 +31,7 @@ from meshreel.formats.usd.sampling import (
     snap,
 )
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage, usd_errors
+from meshreel.model.notes import NoteKind, list_in_note, note_kinds, note_left_out
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 

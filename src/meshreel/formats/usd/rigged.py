@@ -9,7 +9,6 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.notes import note_unwritten_tracks
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import unique_name
@@ -27,6 +26,7 @@ from meshreel.formats.usd.writing import (
     write_time_codes,
     write_usd,
 )
+from meshreel.model.notes import note_unwritten_tracks
 from meshreel.rigging.correctives import BYTE
 from meshreel.rigging.decomposition import MAX_INFLUENCES
 from meshreel.rigging.rig import FULL, Rig

@@ -19,7 +19,6 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
-from meshreel.formats.notes import add_once, written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
@@ -40,6 +39,7 @@ from meshreel.formats.usd.quantities import (
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.notes import add_once, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.runtime.extras import USD

@@ -14,7 +14,6 @@ from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
-from meshreel.formats.notes import written_rate
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.layouts import (
     BLENDER_FBX_SPACE,
@@ -31,6 +30,7 @@ from meshreel.formats.vat.layouts import (
 )
 from meshreel.formats.vat.mesh import Motion, RestMesh, placement_for
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
+from meshreel.model.notes import written_rate
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.notes import listed
+from meshreel.model.notes import listed
 from meshreel.runtime.extras import OPEN_EXR, PNG
 
 Texels = npt.NDArray[Any]

@@ -26,7 +26,6 @@ from meshreel.formats.frames.steps import (
     loaded_array,
 )
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
@@ -36,6 +35,7 @@ from meshreel.formats.surfaces.cells import (
     VTK_POLYHEDRON,
     Cells,
 )
+from meshreel.model.notes import listed
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 

@@ -10,7 +10,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.steps import TEXTURE_COORDINATES
-from meshreel.formats.notes import NoteKind, add_note, listed, note_unwritten
+from meshreel.model.notes import NoteKind, add_note, listed, note_unwritten
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 

@@ -16,7 +16,6 @@ from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import OF_CELLS, SequenceFormat
-from meshreel.formats.notes import listed, note_kinds, note_left_out
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -26,6 +25,7 @@ from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
+from meshreel.model.notes import listed, note_kinds, note_left_out
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 

@@ -25,7 +25,6 @@ from meshreel.formats.hdf import (
     read_all,
 )
 from meshreel.formats.kinds import OF_CELLS, SequenceFormat
-from meshreel.formats.notes import note_kinds
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.vtk.vtkhdf_steps import (
@@ -37,6 +36,7 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     segment_group,
 )
 from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
+from meshreel.model.notes import note_kinds
 from meshreel.model.surface import Surface
 from meshreel.runtime.extras import HDF
 

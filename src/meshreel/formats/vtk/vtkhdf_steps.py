@@ -26,7 +26,6 @@ from meshreel.formats.hdf import (
     read_unit,
     require_dataset,
 )
-from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
@@ -37,6 +36,7 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     cell_mesh,
 )
+from meshreel.model.notes import note_kinds, note_left_out
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 

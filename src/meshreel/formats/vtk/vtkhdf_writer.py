@@ -14,13 +14,6 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.frames.steps import TEXTURE_COORDINATES
 from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
-from meshreel.formats.notes import (
-    NoteKind,
-    add_note,
-    listed,
-    note_unwritten_tracks,
-    written_times,
-)
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.vtkhdf_steps import (
@@ -33,6 +26,13 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     ROOT,
     SEGMENT_STARTS,
     segment_group,
+)
+from meshreel.model.notes import (
+    NoteKind,
+    add_note,
+    listed,
+    note_unwritten_tracks,
+    written_times,
 )
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource

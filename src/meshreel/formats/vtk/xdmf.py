@@ -14,13 +14,13 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.notes import NoteKind, add_note
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import parse_xml
+from meshreel.model.notes import NoteKind, add_note
 from meshreel.runtime.extras import HDF
 
 

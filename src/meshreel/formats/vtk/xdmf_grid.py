@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
-from meshreel.formats.notes import note_kinds, note_left_out
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
@@ -23,6 +22,7 @@ from meshreel.formats.surfaces.cells import (
 )
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import local_name
+from meshreel.model.notes import note_kinds, note_left_out
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted

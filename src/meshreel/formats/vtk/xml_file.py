@@ -26,7 +26,6 @@ from meshreel.formats.frames.steps import (
     loaded_array,
 )
 from meshreel.formats.kinds import NOT_OF_CORNERS, OF_CELLS, FrameFormat
-from meshreel.formats.notes import listed
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
@@ -45,6 +44,7 @@ from meshreel.formats.vtk.xml_arrays import (
     parse_xml,
 )
 from meshreel.formats.vtk.xml_writing import vtp_encoder, vtu_encoder
+from meshreel.model.notes import listed
 from meshreel.model.surface import Domain
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")

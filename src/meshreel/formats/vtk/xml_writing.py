@@ -14,11 +14,11 @@ import numpy as np
 
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.notes import written_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays
 from meshreel.formats.vtk.xml_arrays import ATTRIBUTE_KIND, NUMBERS, TRACK_KIND, UNITS
+from meshreel.model.notes import written_times
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 

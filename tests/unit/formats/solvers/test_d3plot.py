@@ -6,10 +6,10 @@ from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import FormatError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
-from meshreel.formats.notes import is_about
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
+from meshreel.model.notes import is_about
 from meshreel.model.surface import Domain
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
 from samples.datasets import positions_of, read_damaged

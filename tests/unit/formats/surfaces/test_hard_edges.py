@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meshreel.formats.notes import NORMALS
 from meshreel.formats.surfaces.hard_edges import (
     HardEdges,
     NormalNotes,
@@ -15,6 +14,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import corner_normals
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.geometry.polygons import join_triangles
+from meshreel.model.notes import NORMALS
 from samples.meshes import cake, cake_normals, hard_box, hard_sheet, quad_sheet, waving_grid
 
 
