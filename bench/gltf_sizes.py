@@ -27,6 +27,7 @@ from meshreel.formats.gltf.container import BufferWriter
 from meshreel.formats.gltf.format import write_glb
 from meshreel.formats.gltf.morphs import place_frames
 from meshreel.formats.options import WriteOptions
+from meshreel.model.notes import Notes
 
 HEADER = [
     "name",
@@ -99,7 +100,7 @@ def ours(
     sequence: meshreel.MeshSequence, folder: Path, max_error: float, variant: str = ""
 ) -> Size:
     """Write our file, and read error and number of morph targets from its notes."""
-    notes: list[str] = []
+    notes = Notes()
     plain = meshreel.MeshSequence(sequence.vertices, sequence.faces, fps=25.0)
     stream = SegmentedStream(plain, notes=notes)
     start_s = time.perf_counter()

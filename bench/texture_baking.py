@@ -31,6 +31,7 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.baked_textures import TextureJob, open_textures
 from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import frames_of, segment_of_frame
 from meshreel.registration.baking import Atlas, barycentric, made_uv, sampled
 from meshreel.registration.register import Registration, register
@@ -240,7 +241,7 @@ def measure(
 ) -> None:
     """Bake the images of a pattern, and print the figures."""
     textures = [folder / f"{pattern}_{number:04d}.png" for number in range(raw.n_frames)]
-    notes: list[str] = []
+    notes = Notes()
     jobs = [
         TextureJob.checked(textures, folder / name, raw, overwrite=True)
         for name in ("baked_%04d.png", "baked.mp4")

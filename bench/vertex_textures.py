@@ -28,6 +28,7 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.folder import write_vat
 from meshreel.formats.vat.textures import TexelType, read_texture
+from meshreel.model.notes import Notes
 
 COPIES = 100
 """Copies in the crowd."""
@@ -73,7 +74,7 @@ def plain(what: str, layout: str, texels: TexelType) -> Way:
     """Plain vertex animation textures with one texel type."""
 
     def write(sequence: meshreel.MeshSequence, folder: Path, max_error: float) -> Cost:
-        notes: list[str] = []
+        notes = Notes()
         options = WriteOptions(max_error=100.0, layout=layout)  # the texel type is the error
         write_vat(folder, "walk", stream_of(sequence, notes), options, [texels])
         [mesh] = folder.glob("*.glb")
@@ -134,7 +135,7 @@ def costs(sequence: meshreel.MeshSequence, max_error: float) -> Iterable[Cost]:
             yield way(sequence, Path(folder), max_error)
 
 
-def stream_of(sequence: meshreel.MeshSequence, notes: list[str]) -> FrameStream:
+def stream_of(sequence: meshreel.MeshSequence, notes: Notes) -> FrameStream:
     """The sequence in the form that writers accept."""
     stream = SegmentedStream(sequence.replace(tracks={}), notes=notes)
     return next(stream.segments())

@@ -25,7 +25,7 @@ from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
 from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
-from meshreel.model.notes import NoteKind, is_of_kind
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
@@ -254,7 +254,7 @@ def register(
             None if folder is None else Path(folder),
             keep_holes=keep_holes,
         )
-        notes = list(registration.changes)
+        notes = Notes(registration.changes)
         if job is not None:
             registration = job.prepared(registration, notes)
             job.write(registration, registration.sequence, progress)
@@ -442,11 +442,11 @@ def _source(
 ) -> MeshSequence:
     """Frames to encode or register, which may be read from their files on demand."""
     if _is_path(sequence):
-        notes: list[str] = []
+        notes = Notes()
         limit = None if memory is None else bytes_of(memory, "memory")
         options = ReadOptions(notes=notes, matches_frames=matches_frames)
         source = open_for_encoding(sequence, limit, options)
-        _warn(note for note in notes if warns_of_changes or not is_of_kind(note, NoteKind.SEGMENTS))
+        _warn(note for note in notes if warns_of_changes or note.kind is not NoteKind.SEGMENTS)
         return source
     return _sequence(sequence)
 
@@ -454,7 +454,7 @@ def _source(
 def _loaded(sequence: Any) -> MeshSequence:
     """A sequence whose segments are in memory, unless it was passed with others."""
     if _is_path(sequence):
-        notes: list[str] = []
+        notes = Notes()
         with local_copy(sequence) as files:
             loaded = load_any(files, ReadOptions(notes=notes))
         _warn(notes)

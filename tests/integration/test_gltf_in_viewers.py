@@ -18,6 +18,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.model.flag import simulate_flag
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.browser import FOLDER, driven_browser, play
@@ -177,7 +178,7 @@ def is_harmless(message):
 @pytest.mark.parametrize("case", CASES)
 def test_the_browser_plays_the_frames(page, tmp_path, case):
     make, options = CASES[case]
-    sequence, notes = make(), []
+    sequence, notes = make(), Notes()
     writing = WriteOptions(**options)
     write_glb(tmp_path / "a.glb", stream_of(sequence, notes), writing)
     frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})

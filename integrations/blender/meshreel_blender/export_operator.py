@@ -8,6 +8,7 @@ import bpy
 from bpy_extras.io_utils import ExportHelper
 
 from meshreel.errors import MeshReelError
+from meshreel.model.notes import Notes
 
 from .axes import UP_ITEMS, Up
 from .exporter import ExportChoices, export_reel
@@ -61,7 +62,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
 
     _is_from_window = False
     _work: Generator[float, None, None]
-    _notes: list[str]
+    _notes: Notes
     _timer: Any = None
 
     @classmethod
@@ -94,7 +95,7 @@ class ExportReel(bpy.types.Operator, ExportHelper):
                 {"ERROR"}, f"no frames in {self.frame_start} to {self.frame_end}; swap them"
             )
             return {"CANCELLED"}
-        self._notes = []
+        self._notes = Notes()
         self._work = export_reel(
             context, _exportable(context), Path(bpy.path.abspath(self.filepath)), self._choices(),
             self._notes,

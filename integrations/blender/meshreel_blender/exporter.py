@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 import meshreel
+from meshreel.model.notes import Notes
 
 from .axes import matrix_to_file
 from .open_reels import release
@@ -49,7 +50,7 @@ class ExportChoices:
 
 
 def export_reel(
-    context: Any, objects: Sequence[Any], path: Path, choices: ExportChoices, notes: list[str]
+    context: Any, objects: Sequence[Any], path: Path, choices: ExportChoices, notes: Notes
 ) -> Generator[float, None, None]:
     """Write the objects as parts of one file; yields the progress, 0..1.
 
@@ -64,7 +65,7 @@ def export_reel(
         Objects with a surface; at least one.
     path : Path
     choices : ExportChoices
-    notes : list of str
+    notes : Notes
         Receives a sentence for everything that the file cannot store.
 
     Raises
@@ -94,7 +95,7 @@ def export_reel(
 
 
 def _evaluate(
-    context: Any, objects: Sequence[Any], choices: ExportChoices, spool: IO[bytes], notes: list[str]
+    context: Any, objects: Sequence[Any], choices: ExportChoices, spool: IO[bytes], notes: Notes
 ) -> Generator[float, None, SceneReading]:
     """Write the positions of every frame into a file; gives the reading, with faces and surface."""
     scene = context.scene

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Surface
 
 from .mesh_reading import Matrix, mesh_reading
@@ -30,7 +31,7 @@ class SceneReading:
         The context at the first frame.
     axes : float64 array of shape (3, 3)
         Transform from world space to the axes of the file.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each attribute that only some of the objects have.
 
     Attributes
@@ -44,9 +45,7 @@ class SceneReading:
         If faces are missing.
     """
 
-    def __init__(
-        self, objects: Sequence[Any], context: Any, axes: Matrix, notes: list[str]
-    ) -> None:
+    def __init__(self, objects: Sequence[Any], context: Any, axes: Matrix, notes: Notes) -> None:
         depsgraph = context.evaluated_depsgraph_get()
         self._context = context
         self._first_frame: int = context.scene.frame_current
@@ -85,7 +84,7 @@ def _merged(
     names: Sequence[str],
     meshes: Sequence[PolygonMesh],
     surfaces: Sequence[Surface],
-    notes: list[str],
+    notes: Notes,
 ) -> tuple[PolygonMesh, Surface]:
     if len(meshes) == 1:
         return meshes[0], surfaces[0]

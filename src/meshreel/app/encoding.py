@@ -10,7 +10,7 @@ from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.track_bounds import TrackTargets, without_units
-from meshreel.model.notes import note_unknown_rate
+from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.runtime.progress import Progress, silent
 
@@ -32,7 +32,7 @@ def encode_and_measure(
     given: MeshSequence,
     config: EncoderConfig,
     tracks: TrackTargets | None,
-    notes: list[str],
+    notes: Notes,
     *,
     progress: Progress = silent,
 ) -> Encoded:
@@ -42,7 +42,7 @@ def encode_and_measure(
     ----------
     tracks : mapping of str to float or str, or None
         Error bounds of tracks.
-    notes : list of str
+    notes : Notes
         Receives notes on changes, and on what the stream omits.
     """
     sequence = without_reordering(given, config.order)

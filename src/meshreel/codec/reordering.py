@@ -15,6 +15,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.connectivity.triangles import rotate_corners
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import (
     Faces,
     FrameSource,
@@ -68,15 +69,16 @@ def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequenc
     return MeshSequence.of_segments(joined, sequence.name, sequence.timing)
 
 
-def joined_note(given: MeshSequence, joined: MeshSequence) -> str:
-    """Return a note on segments that `without_reordering` joined; empty if it joined none."""
+def joined_note(given: MeshSequence, joined: MeshSequence) -> Note | None:
+    """Return a note on segments that `without_reordering` joined; None if it joined none."""
     n_given, n_joined = given.n_segments, joined.n_segments
     if n_given == n_joined:
-        return ""
-    return (
+        return None
+    text = (
         f"joined {n_given} segments to {n_joined}, as only the order of their vertices and faces "
         "differs, which is not kept"
     )
+    return Note(NoteKind.SEGMENTS, "joined segments", text=text)
 
 
 def _match(first: FrameSource, second: FrameSource) -> _Match | None:

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable
 
 from meshreel.codec.inspect import TrackInfo
+from meshreel.model.notes import Note, NoteKind
 from meshreel.runtime.counting import size_text
 
 SOLVER_STATE = frozenset(
@@ -20,7 +21,7 @@ The first eight are positions, velocities, orientations and angular velocities o
 """
 
 
-def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -> str | None:
+def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -> Note | None:
     """Name the tracks of a stream that contain solver state, and all with their sizes.
 
     Parameters
@@ -30,7 +31,7 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
 
     Returns
     -------
-    str or None
+    Note or None
         None without such tracks.
     """
     candidates = [track for track in tracks if track.name not in requested]
@@ -39,7 +40,8 @@ def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -
         return None
     candidates.sort(key=lambda track: -track.size_bytes)
     sizes = ", ".join(f"{track.name} ({size_text(track.size_bytes)})" for track in candidates)
-    return (
+    text = (
         f"by their names, these tracks contain the state of a Houdini solver: {', '.join(state)}; "
         f"tracks by size: {sizes}; if nothing reads them later, drop these tracks"
     )
+    return Note(NoteKind.RESULT, "solver state", text=text)

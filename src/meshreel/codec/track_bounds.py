@@ -10,6 +10,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import LOSSLESS
 from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
 
 TrackTargets = Mapping[str, float | str]
@@ -95,7 +96,7 @@ def track_bounds(
 
 
 def without_units(
-    tracks: Mapping[str, TrackSource], targets: TrackTargets, notes: list[str]
+    tracks: Mapping[str, TrackSource], targets: TrackTargets, notes: Notes
 ) -> dict[str, float | str]:
     """Return targets in which bounds of tracks without a unit are plain numbers.
 
@@ -110,7 +111,7 @@ def without_units(
             continue
         if _UNIT.fullmatch(match[2].strip()):
             plain[name] = match[1]
-            notes.append(
+            notes.unknown(
                 f"track {name!r} has no unit in the file; its bound {bound} is read as {match[1]}"
             )
     return plain

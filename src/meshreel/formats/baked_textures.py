@@ -16,6 +16,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
 from meshreel.registration.register import Registration
@@ -134,11 +135,11 @@ class TextureJob:
         width, height = self.textures.size
         return (width + width % 2, height + height % 2) if self.is_video else (width, height)
 
-    def prepared(self, registration: Registration, notes: list[str]) -> Registration:
+    def prepared(self, registration: Registration, notes: Notes) -> Registration:
         """Return a registration with texture coordinates that fit; call it before encoding."""
         registration, n_made = with_atlases(registration, self.size)
         if n_made:
-            notes.append(
+            notes.changed(
                 f"made new texture coordinates for {counted(n_made, 'segment')}, because "
                 "triangles of the key share texels or have none; omitted materials of the key"
             )

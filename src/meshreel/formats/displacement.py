@@ -7,7 +7,7 @@ import numpy as np
 
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.frames.stored_frames import Description
-from meshreel.model.notes import NoteKind, add_note
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource, track_by_name
@@ -37,7 +37,7 @@ def displaced(opened: MeshSequence, choice: str, max_loaded_bytes: int | None) -
     return MeshSequence.of_segments(segments, opened.name, opened.timing)
 
 
-def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
+def note_displacement(opened: MeshSequence, notes: Notes) -> None:
     """Suggest to move a mesh without motion by its only track with a usual name."""
     segment = opened.segments[0]
     if opened.n_segments > 1 or segment.n_frames < 2:
@@ -55,7 +55,7 @@ def note_displacement(opened: MeshSequence, notes: list[str]) -> None:
             "with ",
             Keyword("displace", found[0]),
         )
-        add_note(notes, NoteKind.UNKNOWN, "displacement", text)
+        notes.unknown("displacement", text)
 
 
 def _is_candidate(name: str, track: TrackSource) -> bool:

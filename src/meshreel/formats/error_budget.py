@@ -9,6 +9,7 @@ from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.options import Origin, WriteOptions
+from meshreel.model.notes import Note, NoteKind
 
 MARGIN = 4e-7
 """Error that float32 arithmetic may add, relative to the size of the box."""
@@ -29,24 +30,26 @@ class ErrorBudget:
         """Return a length in model units as percent of the diagonal."""
         return 100 * length / (self.diagonal or 1.0)
 
-    def describe(self, added: float) -> list[str]:
-        """Return sentences on the error relative to the original, given the error added.
+    def describe(self, added: float) -> list[Note]:
+        """Return notes on the error relative to the original, given the error added.
 
         There are none if the frames are the original.
         """
         if self.origin is None:
             return []
         if not math.isfinite(self.origin.error):
-            return [
+            text = (
                 "errors are measured against the decoded animation, since the stream guarantees "
                 "none: encode with --max-error for a guarantee, and decode all modes"
-            ]
+            )
+            return [Note(NoteKind.RESULT, "error", text=text)]
         stream_percent = self.percent(self.origin.error)
         total = self.percent(self.origin.error + added + MARGIN * self.diagonal)
-        return [
+        text = (
             f"against the original the largest error is at most {_round_up(total)} % of the "
             f"diagonal, of which the stream contributes {_round_up(stream_percent)} %"
-        ]
+        )
+        return [Note(NoteKind.RESULT, "error", text=text)]
 
 
 def requested_budget(

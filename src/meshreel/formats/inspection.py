@@ -88,7 +88,7 @@ class SourceInfo:
     n_files: int
     meshes: tuple[MeshInfo, ...]
     """At least one."""
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     """What reading changes or leaves out."""
     animations: tuple[AnimationInfo, ...] = ()
     """All animations of the file, if its format supports several."""
@@ -96,11 +96,7 @@ class SourceInfo:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Contents of the file that no output would have."""
-        return tuple(
-            note.contents
-            for note in self.notes
-            if isinstance(note, Note) and note.kind is NoteKind.LEFT_OUT
-        )
+        return tuple(note.contents for note in self.notes if note.kind is NoteKind.LEFT_OUT)
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""

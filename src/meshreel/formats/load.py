@@ -10,6 +10,7 @@ from meshreel.formats.options import LoadOptions, ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, find_files
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
 
 MAX_LOADED_BYTES = 1 << 30
@@ -62,9 +63,12 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
         If a remote file does not exist or cannot be reached.
     """
     topology = None if options.topology is None else Path(options.topology)
-    notes = [] if options.notes is None else options.notes
+    notes = Notes()
     given = vars(options) | {"topology": topology, "notes": notes}
-    return load_any(source, ReadOptions(**given))
+    loaded = load_any(source, ReadOptions(**given))
+    if options.notes is not None:
+        options.notes.extend(notes)
+    return loaded
 
 
 def load_any(source: Source, options: ReadOptions) -> MeshSequence:

@@ -17,6 +17,7 @@ from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
+    from meshreel.model.notes import Notes
     from meshreel.model.sequence import MeshSequence
     from meshreel.registration.register import Registration
 
@@ -183,12 +184,18 @@ class LoadOptions:
     notes: list[str] | None = None
 
 
+def _no_notes() -> "Notes":
+    from meshreel.model.notes import Notes  # imports NumPy
+
+    return Notes()
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions(LoadOptions):
     """Options for reading a file: those of `meshreel.load`, and others."""
 
     topology: Path | None = None
-    notes: list[str] = field(default_factory=list)
+    notes: "Notes" = field(default_factory=_no_notes)  # type: ignore[assignment]  # a Note is a str
     max_loaded_bytes: int | None = None
     """Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
     are loaded.

@@ -30,14 +30,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
 from meshreel.formats.surfaces.polygons import triangulated
-from meshreel.model.notes import (
-    ASSUMED_FPS,
-    NoteKind,
-    add_note,
-    add_once,
-    note_kinds,
-    written_times,
-)
+from meshreel.model.notes import ASSUMED_FPS, Notes, written_times
 from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
@@ -63,14 +56,14 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     fps = options.fps or 0.0
     if interval != 1:
         text = f"samples are {interval:g} frames apart; each is read as one frame"
-        add_note(options.notes, NoteKind.CHANGED, "samples", text)
+        options.notes.changed("samples", text)
     if first_frame and not fps:
         text = Message(
             f"begins at frame {first_frame:g} of unknown rate, which is read as 0 s; set the rate "
             "with ",
             Keyword("fps"),
         )
-        add_note(options.notes, NoteKind.UNKNOWN, "start", text)
+        options.notes.unknown("start", text)
     start_s = first_frame / (fps * interval) if fps else 0.0
     positions = RawArray(path, PC2_HEADER.size, (n_frames, n_verts, 3), PC2_NUMBER)
     about = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
@@ -104,13 +97,13 @@ def _first_frame(stream: FrameStream) -> float:
         what = "frame rate" if timing.times is None else "frame times"
         text = f"PC2 has no {what}: set {fps:g} fps when reading it ("
         advice = Message(text, Keyword("fps"), ")")
-        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", advice)
+        stream.notes.unwritten("frame rate", advice)
     if first_frame / fps != start_s or (start_s and not timing.fps):
         text = (
             f"PC2 stores the start at {start_s!r} s as frame {first_frame:g} at "
             f"{fps:g} fps, which is {first_frame / fps!r} s"
         )
-        add_note(stream.notes, NoteKind.CHANGED, "start", text)
+        stream.notes.changed("start", text)
     return first_frame
 
 
@@ -137,7 +130,7 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     timing = _timing(times)
     if (np.diff(times) <= 0).any():
         text = "frame times are not ascending; the frame rate is unknown"
-        add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
+        options.notes.unknown("frame rate", text)
     timing = timing.at_rate(options.fps or None)
     start_byte = MDD_HEADER.size + times.nbytes
     positions = RawArray(path, start_byte, (len(times), n_verts, 3), MDD_NUMBER)
@@ -167,20 +160,20 @@ def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
     if timing.times is not None:
         if not np.array_equal(times, timing.times):
             text = "MDD stores times as float32, to which these are rounded"
-            add_note(stream.notes, NoteKind.CHANGED, "frame times", text)
+            stream.notes.changed("frame times", text)
         return
     if timing.fps and stream.n_frames == 1:
         text = f"MDD has no frame rate for one frame: {timing.fps:g} fps is lost"
-        add_note(stream.notes, NoteKind.UNWRITTEN, "frame rate", text)
+        stream.notes.unwritten("frame rate", text)
     elif timing.fps and found.fps != timing.fps:
         text = f"MDD stores times as float32: {timing.fps!r} fps reads as {found.fps!r}"
-        add_note(stream.notes, NoteKind.CHANGED, "frame rate", text)
+        stream.notes.changed("frame rate", text)
     if found.start_s != timing.start_s:
         text = (
             f"MDD stores times as float32: the start at {timing.start_s!r} s reads as "
             f"{found.start_s!r} s"
         )
-        add_note(stream.notes, NoteKind.CHANGED, "start", text)
+        stream.notes.changed("start", text)
 
 
 def _timing(times: npt.NDArray[Any]) -> Timing:
@@ -275,7 +268,7 @@ def single_precision(stream: FrameStream) -> Iterator[Vertices]:
         yield rounded
     if max_error > 0:
         text = f"positions were rounded to float32, by up to {max_error:.3g}"
-        add_note(stream.notes, NoteKind.CHANGED, "positions", text)
+        stream.notes.changed("positions", text)
 
 
 def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
@@ -309,11 +302,11 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     data = read_bytes(path)
     with errors_naming(path):
         frame = mesh_format.read(data)
-    mesh, notes = frame.mesh, list(frame.notes)
+    mesh, notes = frame.mesh, Notes(frame.notes)
     surface = frame.surface_with_edges(notes)
     attributes = {(attribute.domain, attribute.name) for attribute in surface.attributes}
-    note_kinds(notes, "fields", (key[1] for key in frame.fields if key not in attributes))
-    add_once(options.notes, notes)
+    notes.left_out("fields", (key[1] for key in frame.fields if key not in attributes))
+    options.notes.add_all(notes)
     if len(mesh.vertices) != n_verts:
         raise InvalidInputError(
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "

@@ -231,10 +231,10 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
     if options.lossless:
-        stream.notes.append("encoded losslessly")
+        stream.notes.result("encoded losslessly")
     elif stream.wants_notes:
         achieved = measure_stream(sequence, data)
-        stream.notes.append(
+        stream.notes.result(
             f"encoded with a largest error of {achieved.max_error_percent:.4f} % of the diagonal "
             f"and a KG error of {achieved.kg_error_percent:.4f} %"
         )

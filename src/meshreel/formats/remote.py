@@ -17,6 +17,7 @@ from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.file_references import DOWNLOADED, download_sibling
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source, natural_order
+from meshreel.model.notes import Notes
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
 from meshreel.runtime.stores.filesystem import files_in, matches
@@ -24,7 +25,7 @@ from meshreel.runtime.stores.transfer import download
 
 
 @contextmanager
-def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Source]:
+def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
     """Context manager for a local copy of a remote source, removed on exit; or a local source.
 
     A folder means its frames, a pattern its matches. The mesh of a point cache is downloaded too;
@@ -34,7 +35,7 @@ def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Sourc
     ----------
     source : str, Path, or list or tuple of them
         As in `meshreel.load`.
-    notes : list of str, optional
+    notes : Notes, optional
         Receives a sentence on the download.
 
     Raises
@@ -68,7 +69,7 @@ def local_copy(source: Source, notes: list[str] | None = None) -> Iterator[Sourc
 
 
 @contextmanager
-def local_file(requested: AnyPath, notes: list[str] | None = None) -> Iterator[Path]:
+def local_file(requested: AnyPath, notes: Notes | None = None) -> Iterator[Path]:
     """Context manager for the local copy of a single file; see `local_copy`."""
     with local_copy(requested, notes) as source:
         yield Path(cast("AnyPath", source))
@@ -86,7 +87,7 @@ def _folder_name(address: str) -> str:
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 
-def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> Source:
+def _downloaded(addresses: list[str], folder: Path, notes: Notes | None) -> Source:
     """Download files into a new folder; return the copies as a source."""
     files = [file for address in addresses for file in _resolve(address)]
     names = [name_of(file) for file in files]
@@ -101,7 +102,7 @@ def _downloaded(addresses: list[str], folder: Path, notes: list[str] | None) -> 
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
         what = files[0] if len(files) == 1 else f"{counted(len(files), 'file')} of {addresses[0]}"
-        notes.append(f"downloaded {what} ({size_mb:.3g} MB) to read it")
+        notes.result(f"downloaded {what} ({size_mb:.3g} MB) to read it")
     if len(files) == 1 and len(addresses) == 1 and addresses[0] == files[0]:
         return folder / names[0]
     return [folder / name for name in names]

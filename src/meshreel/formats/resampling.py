@@ -9,7 +9,7 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.stored_frames import Description, StoredTrack
 from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
-from meshreel.model.notes import NoteKind, add_note
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.model.tracks import TrackKind, TrackSource
@@ -18,7 +18,7 @@ from meshreel.runtime.counting import counted
 
 
 def resampled(
-    opened: MeshSequence, rate: float, max_loaded_bytes: int | None, notes: list[str]
+    opened: MeshSequence, rate: float, max_loaded_bytes: int | None, notes: Notes
 ) -> MeshSequence:
     """Return a sequence with frames at a rate, from the time of the first frame on.
 
@@ -32,7 +32,7 @@ def resampled(
         In frames per second.
     max_loaded_bytes : int, optional
         Larger positions are computed when they are read. Default: never.
-    notes : list of str
+    notes : Notes
         Receives a sentence on what was done.
 
     Raises
@@ -75,7 +75,7 @@ def resampled(
         text += f"; {counted(n_dropped, 'segment')} between two new frames left out"
     if times[-1] > wanted[-1] + DUE_TOLERANCE / rate:
         text += f"; the last frame, at {times[-1]:.6g} s, is after the last new one"
-    add_note(notes, NoteKind.CHANGED, "frame times", text)
+    notes.changed("frame times", text)
     timing = Timing.of_rate(rate, opened.start_s)
     return MeshSequence.of_segments(segments, opened.name, timing)
 

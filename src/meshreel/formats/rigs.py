@@ -78,7 +78,7 @@ def rig_of(
     )
     stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
     if bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent) > 1:
-        stream.notes.append(
+        stream.notes.result(
             f"the rig exceeds its error bounds: a KG error of {bounds.kg:.4g} % and a largest "
             f"error of {bounds.largest:.4g} % of the diagonal"
         )

@@ -28,6 +28,7 @@ from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
 from meshreel.model.notes import (
+    Notes,
     note_unwritten_cells,
     note_unwritten_materials,
     note_unwritten_tracks,
@@ -105,7 +106,8 @@ def save(
     """
     check_names(settings, [field.name for field in fields(WriteOptions)])
     options = replace(options, **settings)
-    return save_part(
+    added = None if notes is None else Notes()
+    written = save_part(
         sequence,
         range(sequence.n_frames),
         output,
@@ -113,8 +115,11 @@ def save(
         start_number=start_number,
         options=options,
         progress=progress,
-        notes=notes,
+        notes=added,
     )
+    if notes is not None:
+        notes.extend(added or ())
+    return written
 
 
 def save_part(
@@ -127,7 +132,7 @@ def save_part(
     inputs: Iterable[Path] = (),
     options: WriteOptions = DEFAULT_OPTIONS,
     progress: Progress = silent,
-    notes: list[str] | None = None,
+    notes: Notes | None = None,
     figures: dict[str, Any] | None = None,
 ) -> list[Path]:
     """Save a range of frames; return the written files. See `save`.

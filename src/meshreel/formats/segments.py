@@ -12,7 +12,7 @@ from meshreel.formats.scenes.scene_source import open_mesh, select_frames, selec
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
 from meshreel.model.matching.segments import match_segments
-from meshreel.model.notes import NoteKind, add_note, combined
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
@@ -35,7 +35,7 @@ def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
     check_read_options(found.format, options)
-    reading = replace(options, notes=[])
+    reading = replace(options, notes=Notes())
     if options.register is not None:
         reading = replace(reading, matches_frames=False)
     opened = _open(found, reading)
@@ -86,7 +86,7 @@ def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
     sequence = MeshSequence.of_segments(selected, timing=timing)
     if has_several:
-        options.notes[:] = combined(options.notes)
+        options.notes.combine()
         _note_segments(sequence, runs, segments, options)
     return sequence
 
@@ -115,13 +115,13 @@ def _note_segments(
         f"the faces change: {counted(sequence.n_frames, 'frame')} in "
         f"{counted(len(runs), 'segment')} of constant connectivity"
     )
-    add_note(options.notes, NoteKind.SEGMENTS, "faces", text)
+    options.notes.add(NoteKind.SEGMENTS, "faces", text)
     if len(matched) < len(runs):
         text = _describe_match(runs, matched)
-        add_note(options.notes, NoteKind.SEGMENTS, "matched segments", text)
+        options.notes.add(NoteKind.SEGMENTS, "matched segments", text)
     if options.matches_frames and len(matched) > MANY_SEGMENTS * sequence.n_frames:
         text = "the faces change in almost every frame; `meshreel register` can follow the surface"
-        add_note(options.notes, NoteKind.SEGMENTS, "faces", text)
+        options.notes.add(NoteKind.SEGMENTS, "faces", text)
 
 
 def _describe_match(given: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:

@@ -1,4 +1,4 @@
-"""Notes for the user on what a reader or writer leaves out, worded alike for every format."""
+"""Notes for the user on what is read and written, worded alike for every format."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
@@ -39,6 +39,8 @@ class NoteKind(StrEnum):
     """What an input does not state, and what is used instead."""
     SEGMENTS = "segments"
     """Ranges of frames with other faces."""
+    RESULT = "result"
+    """What was read or written: choices, errors and sizes."""
 
 
 _BEGINNINGS = {NoteKind.LEFT_OUT: "left out: "}
@@ -50,7 +52,8 @@ class Note(Message):
     Parameters
     ----------
     subject : str
-        What the note is about, such as "curves", "frame rate" or the name of a track.
+        What the note is about, such as "curves", "frame rate" or the name of a track; the whole
+        sentence if no other note is similar.
     names : sequence of str
         Names of the things that it lists.
     text : str, optional
@@ -66,7 +69,8 @@ class Note(Message):
     ) -> Self:
         """Return a note."""
         contents = f"{subject}: {listed(names)}" if names else subject
-        note = super().__new__(cls, *parts_of(text or _BEGINNINGS.get(kind, "") + contents))
+        sentence = text or Message.prefixed(_BEGINNINGS.get(kind, ""), contents)
+        note = super().__new__(cls, *parts_of(sentence))
         note.kind, note.subject, note.names = kind, subject, tuple(names)
         return note
 
@@ -79,46 +83,72 @@ class Note(Message):
         return f"{self.subject}: {listed(self.names)}" if self.names else self.subject
 
 
-def is_about(note: str, subject: str) -> bool:
-    """Whether a note has the given subject."""
-    return isinstance(note, Note) and note.subject == subject
+class Notes(list[Note]):
+    """Notes in the order in which they were added."""
 
+    def add(self, kind: NoteKind, subject: str, text: str = "") -> None:
+        """Add a note, unless there is one with the same sentence."""
+        self.add_all([Note(kind, subject, text=text)])
 
-def is_of_kind(note: str, kind: NoteKind) -> bool:
-    """Whether a note is of the given kind."""
-    return isinstance(note, Note) and note.kind is kind
+    def add_all(self, added: Iterable[Note]) -> None:
+        """Add notes whose sentences are new."""
+        self.extend(note for note in added if note not in self)
 
+    def changed(self, subject: str, text: str = "") -> None:
+        """Note that contents are read or written otherwise than they were given."""
+        self.add(NoteKind.CHANGED, subject, text)
 
-def add_note(notes: list[str], kind: NoteKind, subject: str, text: str = "") -> None:
-    """Add a note, unless the notes contain the same sentence."""
-    add_once(notes, [Note(kind, subject, text=text)])
+    def unwritten(self, subject: str, text: str = "") -> None:
+        """Note that an output cannot store contents."""
+        self.add(NoteKind.UNWRITTEN, subject, text)
 
+    def unknown(self, subject: str, text: str = "") -> None:
+        """Note what an input does not state, and what is used instead."""
+        self.add(NoteKind.UNKNOWN, subject, text)
 
-def add_once(notes: list[str], added: Iterable[str]) -> None:
-    """Add sentences that the notes do not contain yet."""
-    notes.extend(note for note in added if note not in notes)
+    def result(self, subject: str, text: str = "") -> None:
+        """Note what was read or written: a choice, an error or a size."""
+        self.add(NoteKind.RESULT, subject, text)
 
+    def left_out(self, subject: str, names: Iterable[str] | None = None) -> None:
+        """Note that contents of an input are left out, as in "curves: /a, /b"; not if no names."""
+        if names is None:
+            self.add(NoteKind.LEFT_OUT, subject)
+        else:
+            self.list_names(NoteKind.LEFT_OUT, subject, names)
 
-def list_in_note(notes: list[str], kind: NoteKind, subject: str, names: Iterable[str]) -> None:
-    """List names in the note of this kind and subject, which is added if there is none."""
-    added = dict.fromkeys(names)
-    if not added:
-        return
-    for place, note in enumerate(notes):
-        if isinstance(note, Note) and note.names and (note.kind, note.subject) == (kind, subject):
-            notes[place] = Note(kind, subject, [*dict.fromkeys([*note.names, *added])])
+    def list_names(self, kind: NoteKind, subject: str, names: Iterable[str]) -> None:
+        """List names in the note of this kind and subject, which is added if there is none."""
+        added = dict.fromkeys(names)
+        if not added:
             return
-    notes.append(Note(kind, subject, [*added]))
+        for place, note in enumerate(self):
+            if note.names and (note.kind, note.subject) == (kind, subject):
+                self[place] = Note(kind, subject, [*dict.fromkeys([*note.names, *added])])
+                return
+        self.append(Note(kind, subject, [*added]))
+
+    def discard(self, subject: str) -> None:
+        """Remove the notes on a subject."""
+        self[:] = [note for note in self if note.subject != subject]
+
+    def combine(self) -> None:
+        """Combine notes on several segments that differ in details.
+
+        Notes of the same kind on the same subject become the first of them, which then says that
+        others are similar.
+        """
+        alike: dict[object, list[Note]] = {}
+        for note in self:
+            alike.setdefault((note.kind, note.subject), []).append(note)
+        self[:] = [_with_similar(first, {*others} - {first}) for first, *others in alike.values()]
 
 
-def note_left_out(notes: list[str], subject: str) -> None:
-    """Add a note that something is left out, once."""
-    add_note(notes, NoteKind.LEFT_OUT, subject)
-
-
-def note_kinds(notes: list[str], subject: str, names: Iterable[str]) -> None:
-    """Note that things of a kind are left out, as in "curves: /a, /b"; nothing if no names."""
-    list_in_note(notes, NoteKind.LEFT_OUT, subject, names)
+def _with_similar(first: Note, others: Collection[Note]) -> Note:
+    if not others:
+        return first
+    text = Message(*first.parts, "; other segments similarly")
+    return Note(first.kind, first.subject, first.names, text)
 
 
 def listed(names: Iterable[str], most: int = 8) -> str:
@@ -128,32 +158,12 @@ def listed(names: Iterable[str], most: int = 8) -> str:
     return ", ".join(every[:most]) + rest
 
 
-def note_normals(notes: list[str]) -> None:
+def note_normals(notes: Notes) -> None:
     """Add a note that stored normals are left out."""
-    add_note(notes, NoteKind.LEFT_OUT, NORMALS)
+    notes.left_out(NORMALS)
 
 
-def combined(notes: Iterable[str]) -> list[str]:
-    """Return notes on several segments, without those that differ from an earlier one in details.
-
-    Notes of the same kind on the same subject become the first of them, which then says that
-    others are similar.
-    """
-    alike: dict[object, list[str]] = {}
-    for note in notes:
-        key = (note.kind, note.subject) if isinstance(note, Note) else str(note)
-        alike.setdefault(key, []).append(note)
-    return [_with_similar(first, {*others} - {first}) for first, *others in alike.values()]
-
-
-def _with_similar(first: str, others: Collection[str]) -> str:
-    if not others or not isinstance(first, Note):
-        return first
-    text = Message(*first.parts, "; other segments similarly")
-    return Note(first.kind, first.subject, first.names, text)
-
-
-def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
+def note_unknown_rate(notes: Notes, n_frames: int, fps: float) -> None:
     """Add a note if an animation has no frame rate."""
     if n_frames > 1 and not fps:
         text = Message(
@@ -161,21 +171,21 @@ def note_unknown_rate(notes: list[str], n_frames: int, fps: float) -> None:
             f"{ASSUMED_FPS:g} frames per second; set it with ",
             Keyword("fps"),
         )
-        add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
+        notes.unknown("frame rate", text)
 
 
-def written_rate(timing: Timing, notes: list[str]) -> float:
+def written_rate(timing: Timing, notes: Notes) -> float:
     """Return the rate of a format without times; a note says if frames are not shown at it."""
     if timing.times is not None:
         text = f"frame times are uneven; written as {timing.fps:g} frames per second"
-        add_note(notes, NoteKind.CHANGED, "frame times", text)
+        notes.changed("frame times", text)
     elif not timing.fps:
         text = f"the frame rate is unknown; written as {ASSUMED_FPS:g} fps"
-        add_note(notes, NoteKind.UNKNOWN, "frame rate", text)
+        notes.unknown("frame rate", text)
     return timing.fps or ASSUMED_FPS
 
 
-def written_times(timing: Timing, n_frames: int, notes: list[str]) -> Floats:
+def written_times(timing: Timing, n_frames: int, notes: Notes) -> Floats:
     """Return the time of each frame in seconds, of shape (T,), as `written_rate`."""
     if timing.times is not None:
         return timing.times
@@ -189,7 +199,7 @@ def note_unwritten(
     surface: Surface,
     written: Collection[Attribute | FaceGroups | None],
     extension: str,
-    notes: list[str],
+    notes: Notes,
     *,
     parts: bool = False,
     polygons: bool = True,
@@ -219,7 +229,7 @@ def note_unwritten(
     _note_unwritable(notes, extension, missing)
 
 
-def note_unwritten_materials(surface: Surface, extension: str, notes: list[str]) -> None:
+def note_unwritten_materials(surface: Surface, extension: str, notes: Notes) -> None:
     """Add a note on materials and images that a file cannot store.
 
     Parameters
@@ -235,15 +245,15 @@ def note_unwritten_materials(surface: Surface, extension: str, notes: list[str])
     _note_unwritable(notes, extension, [" and ".join(missing)] if missing else [])
 
 
-def _note_unwritable(notes: list[str], extension: str, missing: Sequence[str]) -> None:
+def _note_unwritable(notes: Notes, extension: str, missing: Sequence[str]) -> None:
     if missing:
         subject = ", ".join(missing)
         text = f"left out, as {extension} files cannot store it: {subject}"
-        add_note(notes, NoteKind.UNWRITTEN, subject, text)
+        notes.unwritten(subject, text)
 
 
 def note_unwritten_tracks(
-    names: Iterable[str], extension: str, notes: list[str], which: str = "them"
+    names: Iterable[str], extension: str, notes: Notes, which: str = "them"
 ) -> None:
     """Add a note on tracks that a file cannot store; none if there are no names.
 
@@ -256,19 +266,17 @@ def note_unwritten_tracks(
     """
     if every := list(names):
         text = f"tracks left out: {listed(every)}: {extension} cannot store {which}"
-        add_note(notes, NoteKind.UNWRITTEN, "tracks", text)
+        notes.unwritten("tracks", text)
 
 
-def note_unwritten_cells(
-    cells: Cells, names: Sequence[str], extension: str, notes: list[str]
-) -> None:
+def note_unwritten_cells(cells: Cells, names: Sequence[str], extension: str, notes: Notes) -> None:
     """Add a note that a file stores only the surface of cells, without these values of cells."""
     values = f", and {listed(names)} of them" if names else ""
     text = f"{counted(cells.n_cells, 'cell')} left out{values}: {extension} stores their surface"
-    add_note(notes, NoteKind.UNWRITTEN, "cells", text)
+    notes.unwritten("cells", text)
 
 
-def note_name(what: str, name: str, called: str, extension: str, notes: list[str]) -> None:
+def note_name(what: str, name: str, called: str, extension: str, notes: Notes) -> None:
     """Add a note, once, if something has another name in a file.
 
     Parameters
@@ -282,21 +290,21 @@ def note_name(what: str, name: str, called: str, extension: str, notes: list[str
     """
     if name != called:
         text = f"{what} {name!r} is called {called!r} in {extension} files"
-        add_note(notes, NoteKind.CHANGED, name, text)
+        notes.changed(name, text)
 
 
-def note_track_type(name: str, given: object, written: object, notes: list[str]) -> None:
+def note_track_type(name: str, given: object, written: object, notes: Notes) -> None:
     """Add a note, once, if the values of a track are converted to another type."""
     if given != written:
         text = f"track {name!r} is written as {written}, not {given}"
-        add_note(notes, NoteKind.CHANGED, name, text)
+        notes.changed(name, text)
 
 
-def note_unwritten_units(units: Mapping[str, str], extension: str, notes: list[str]) -> None:
+def note_unwritten_units(units: Mapping[str, str], extension: str, notes: Notes) -> None:
     """Add a note on units of tracks, by track name, that a file cannot store."""
     if with_unit := [f"{name} ({unit})" for name, unit in units.items() if unit]:
         text = f"units left out: {listed(with_unit)}: {extension} cannot store them"
-        add_note(notes, NoteKind.UNWRITTEN, "units", text)
+        notes.unwritten("units", text)
 
 
 def _describe(contents: Attribute | FaceGroups) -> str:

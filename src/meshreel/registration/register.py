@@ -13,6 +13,7 @@ from meshreel.arrays import rows_as_bytes
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import (
     FrameSource,
     MeshSequence,
@@ -137,7 +138,7 @@ class Registration:
         In longest sides of the box.
     diagonal : float
         Diagonal of the box, in its longest sides.
-    changes : tuple of str
+    changes : tuple of Note
         What was removed or left out.
     """
 
@@ -147,7 +148,7 @@ class Registration:
     frames: Frames
     tolerance: Tolerance
     diagonal: float
-    changes: tuple[str, ...]
+    changes: tuple[Note, ...]
 
     @property
     def distances(self) -> Distances:
@@ -189,12 +190,12 @@ class Registration:
             for number, reason in segment.reasons:
                 yield f"frame {number} does not continue the mesh of frame {segment.key}: {reason}"
 
-    def listed_cuts(self) -> Iterator[str]:
-        """Yield the first lines of `cuts`, and the number of the others."""
+    def listed_cuts(self) -> Iterator[Note]:
+        """Yield notes on the first of the `cuts`, and on the number of the others."""
         cuts = list(self.cuts())
-        yield from cuts[:MAX_CUTS]
-        if len(cuts) > MAX_CUTS:
-            yield f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
+        more = f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
+        for cut in [*cuts[:MAX_CUTS], *([more] if len(cuts) > MAX_CUTS else [])]:
+            yield Note(NoteKind.RESULT, cut)
 
     @property
     def key_vertices(self) -> tuple[int, int]:
@@ -203,18 +204,18 @@ class Registration:
         given = (len(self.frames.cleaned(segment.key).vertices) for segment in self.segments)
         return sum(kept), sum(given)
 
-    def notes(self) -> Iterator[str]:
-        """Yield lines on the result, what was removed, and the first cuts."""
+    def notes(self) -> Iterator[Note]:
+        """Yield notes on the result, what was removed, and the first cuts."""
         counts = (
             counted(self.sequence.n_frames, "frame"),
             counted(self.sequence.n_segments, "segment"),
         )
-        yield f"registered {counts[0]} in {counts[1]}; distance from the raw surface: " + str(
-            self.distances
-        )
+        text = f"registered {counts[0]} in {counts[1]}; distance from the raw surface: "
+        yield Note(NoteKind.RESULT, f"{text}{self.distances}")
         n_kept, n_given = self.key_vertices
         if n_kept < n_given:
-            yield f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the tolerance allows"
+            text = f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the tolerance allows"
+            yield Note(NoteKind.CHANGED, text)
         yield from self.changes
         yield from self.listed_cuts()
 
@@ -325,7 +326,7 @@ def register(
         frames,
         limit,
         diagonal / scale,
-        tuple(changes),
+        tuple(Note(NoteKind.CHANGED, change) for change in changes),
     )
 
 

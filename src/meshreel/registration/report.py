@@ -9,6 +9,7 @@ import numpy as np
 from meshreel.codec.reel_file import ReelFile
 from meshreel.metrics.surface_distance import point_psnr_db
 from meshreel.model.frame_choice import evenly_spaced
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import MeshFrame, MeshSequence
 from meshreel.registration.register import Distances, Registration
 from meshreel.runtime.counting import change_text, counted, size_text
@@ -106,11 +107,11 @@ class Report:
             "folded faces": f"{self.registered.n_folded} in all frames",
         }
 
-    def notes(self) -> list[str]:
-        """Return lines that continue those of the registration."""
+    def notes(self) -> list[Note]:
+        """Return notes that continue those of the registration."""
         return [
-            f"decoded; distance from the raw surface: {self.decoded}",
-            f"D1 and D2 PSNR: {self._points}; of {self._measured_frames}",
+            Note(NoteKind.RESULT, f"decoded; distance from the raw surface: {self.decoded}"),
+            Note(NoteKind.RESULT, f"D1 and D2 PSNR: {self._points}; of {self._measured_frames}"),
         ]
 
     @property

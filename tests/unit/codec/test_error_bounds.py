@@ -18,6 +18,7 @@ from meshreel.codec.track_bounds import (
     without_units,
 )
 from meshreel.errors import InvalidInputError
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 
@@ -311,7 +312,7 @@ def test_bounds_are_the_requested_ones_or_the_default():
     ],
 )
 def test_unit_of_a_bound_is_omitted_with_a_note_for_tracks_without_units(track, given, expected):
-    notes = []
+    notes = Notes()
     assert without_units({"x": track}, {"x": given, "y": "1Pa"}, notes)["x"] == expected
     note = f"track 'x' has no unit in the file; its bound {given} is read as {expected}"
     assert notes == ([note] if given != expected else [])

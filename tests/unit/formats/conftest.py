@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from samples.meshes import octahedron_faces
 from samples.opening import open_source
@@ -28,4 +29,4 @@ def read(request):
 @pytest.fixture
 def notes():
     """An empty list, which receives the notes of functions that take it."""
-    return []
+    return Notes()

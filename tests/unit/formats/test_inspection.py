@@ -96,7 +96,11 @@ def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):
 def test_inspection_lists_what_is_left_out(tmp_path):
     save(waving_grid(), tmp_path / "a.npz")
     result = inspect_source(tmp_path / "a.npz", ReadOptions())
-    notes = (Note(NoteKind.LEFT_OUT, "lights", ["sun"]), "left out: other words", "welded 3 points")
+    notes = (
+        Note(NoteKind.LEFT_OUT, "lights", ["sun"]),
+        Note(NoteKind.CHANGED, "left out: other words"),
+        Note(NoteKind.CHANGED, "welded 3 points"),
+    )
     noted = replace(result, notes=notes)
     assert noted.left_out == ("lights: sun",)
     assert noted.as_dict()["left_out"] == ["lights: sun"]

@@ -18,6 +18,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import registered
 from meshreel.formats.supported_options import supported_only
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.runtime.counting import counted
@@ -103,7 +104,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
             f"the worker has meshreel {__version__} and the caller {version}; install the same"
         )
     began = time.perf_counter()
-    notes: list[str] = []
+    notes = Notes()
     reading = replace(
         supported_only(options.reading, source),
         attributes=ALL,
@@ -118,7 +119,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
             if opened.n_segments > 1:
                 opened = registered(opened, replace(reading, register=options.reading.register))
             else:
-                notes.append("not registered: all frames have the same faces")
+                notes.result("not registered: all frames have the same faces")
         return _measured(opened, reading.registrations, options, notes, began)
 
 
@@ -131,7 +132,7 @@ def _measured(
     opened: MeshSequence,
     registrations: "Sequence[Registration]",
     options: EncodeOptions,
-    notes: list[str],
+    notes: Notes,
     began: float,
 ) -> EncodedInput:
     """Encode and measure an opened input."""
@@ -167,20 +168,22 @@ def _measured(
 
 
 def _suited(
-    opened: MeshSequence, options: EncodeOptions, notes: list[str]
+    opened: MeshSequence, options: EncodeOptions, notes: Notes
 ) -> tuple[MeshSequence, EncoderConfig]:
     """The input with its selected attributes, and the options that apply to it."""
     config, names = options.config, options.reading.attributes
     surfaces = [segment.surface for segment in opened.segments]
     if missing := missing_everywhere(surfaces, names):
-        notes.append(describe_missing(surfaces[0], missing))
+        notes.changed(describe_missing(surfaces[0], missing))
     sequence = with_surfaces(
         opened, [select(surface, names, ignore_missing=True) for surface in surfaces]
     )
     if config.uv_bits is not None and not any(
         has_uvs(segment.surface) for segment in sequence.segments
     ):
-        notes.append(Message("has no texture coordinates for ", Keyword("uv_bits"), " to quantize"))
+        notes.changed(
+            Message("has no texture coordinates for ", Keyword("uv_bits"), " to quantize")
+        )
         config = replace(config, uv_bits=None)
     if options.block_share < 1:
         config = _with_smaller_blocks(config, sequence, options.block_share, notes)
@@ -188,13 +191,13 @@ def _suited(
 
 
 def _with_smaller_blocks(
-    config: EncoderConfig, sequence: MeshSequence, share: float, notes: list[str]
+    config: EncoderConfig, sequence: MeshSequence, share: float, notes: Notes
 ) -> EncoderConfig:
     largest = max(sequence.segments, key=positions_size_bytes)
     number_bytes = largest.dtype.itemsize
     n_together = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
     n_frames = max(1, int(share * n_together))
-    notes.append(
+    notes.result(
         f"workers ran out of memory or died with blocks of {counted(n_together, 'frame')}; coded "
         f"in blocks of {n_frames}, which take more bytes"
     )
@@ -202,12 +205,12 @@ def _with_smaller_blocks(
 
 
 def _present(
-    sequence: MeshSequence, options: EncodeOptions, notes: list[str]
+    sequence: MeshSequence, options: EncodeOptions, notes: Notes
 ) -> dict[str, float | str]:
     """The error bounds of tracks that the input has."""
     bounds, tracks = options.tracks or {}, tracks_of_all(sequence)
     if missing := [name for name in bounds if name not in tracks]:
-        notes.append(f"has no track {', '.join(missing)}")
+        notes.changed(f"has no track {', '.join(missing)}")
     return {name: bound for name, bound in bounds.items() if name in tracks}
 
 

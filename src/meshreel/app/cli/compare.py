@@ -84,12 +84,12 @@ def compare_command(
         second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))
         first, second, is_matched = match_order(first, second)
         if is_matched:
-            notes.append(MATCHED)
+            notes.changed(MATCHED)
         quality = measure_quality(
             first, second, surface=surface or None, n_samples=samples, progress=progress
         )
         if isinstance(quality, Quality) and quality.max_error_percent > MAX_CODING_PERCENT:
-            notes.append(
+            notes.result(
                 f"vertices differ by up to {quality.max_error_percent:.3g} % of the diagonal, more "
                 "than coding explains; check that axes (y-up, z-up), unit and position are equal"
             )

@@ -155,7 +155,7 @@ def _is_ascii_only(stream: TextIO) -> bool:
     return not (stream.encoding or "").lower().startswith("utf")
 
 
-def print_notes(notes: list[str]) -> None:
+def print_notes(notes: Iterable[str]) -> None:
     """Print notes on stderr, one line each."""
     for note in dict.fromkeys(map(with_options, notes)):
         click.echo(escaped(f"note: {note}"), err=True)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from meshreel.app.cli.encoded_file import EncodedFile
     from meshreel.formats.options import ReadOptions
     from meshreel.formats.sources import Source
+    from meshreel.model.notes import Notes
     from meshreel.model.sequence import MeshSequence
 
 
@@ -36,7 +37,7 @@ class Conversion:
     start_number: int | None
     force: bool
     progress: Progress
-    notes: list[str]
+    notes: "Notes"
     tracks: Mapping[str, float | str] | None = None
     """Error bounds of the tracks of streams."""
     figures: list[dict[str, Any]] = field(default_factory=list)

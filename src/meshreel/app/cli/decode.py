@@ -84,13 +84,14 @@ def decode_command(
     from meshreel.formats.reel import open as open_reel
     from meshreel.formats.remote import local_file
     from meshreel.formats.save import save_part
+    from meshreel.model.notes import Notes
     from meshreel.runtime.stores.address import is_remote
 
     chosen = frame_slice(frames)
     writing["max_error"] = checked_bound(writing["max_error"], unit)
     refuse_stream(output)
     options = WriteOptions(force=force, **writing)
-    notes: list[str] = []
+    notes = Notes()
     with local_file(source, notes) if chosen is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(
@@ -128,7 +129,7 @@ def decode_command(
                 figures["alternatives_bytes"] = sizes
             figures |= written_figures(written, reel, len(numbers))
     if not reel.is_whole:
-        notes.append(f"{source} is truncated: these are the frames of its complete blocks")
+        notes.result(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)
     if as_json:
         print_json({**figures, "is_whole": reel.is_whole, "notes": notes})

@@ -10,6 +10,7 @@ from meshreel.runtime.counting import change_text, size_text
 if TYPE_CHECKING:
     from meshreel.app.encoding import Encoded
     from meshreel.codec.track_bounds import TrackTargets
+    from meshreel.model.notes import Notes
     from meshreel.model.sequence import MeshSequence
     from meshreel.runtime.progress import Progress
 
@@ -81,7 +82,7 @@ def encode_file(
     sequence: "MeshSequence",
     output: Path,
     config: EncoderConfig,
-    notes: list[str],
+    notes: "Notes",
     *,
     tracks: "TrackTargets | None" = None,
     force: bool,

@@ -99,13 +99,12 @@ def _show_source(
         shown_progress,
     )
     from meshreel.formats.inspection import inspect_source
-    from meshreel.model.notes import NoteKind, is_of_kind
+    from meshreel.model.notes import NoteKind
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with shown_progress() as progress:
         info = inspect_source(source, replace(options, progress=progress))
-    is_listed = [not as_json and is_of_kind(note, NoteKind.LEFT_OUT) for note in info.notes]
-    print_notes([note for note, listed in zip(info.notes, is_listed, strict=True) if not listed])
+    print_notes([note for note in info.notes if as_json or note.kind is not NoteKind.LEFT_OUT])
     if as_json:
         print_json({"input": title, **info.as_dict()})
         return

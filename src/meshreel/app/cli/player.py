@@ -77,7 +77,7 @@ def opened_player(
             )  # fmt: skip
         if api.is_reencoded:
             text = reencoding_text(api.method)
-            reading.notes.append(f"{source} uses method {api.method}; the player shows it {text}")
+            reading.notes.changed(f"{source} uses method {api.method}; the player shows it {text}")
         yield api
 
 

@@ -149,7 +149,6 @@ def render_command(
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.sources import files_of_source
     from meshreel.formats.supported_options import check_supported, supported_only
-    from meshreel.model.notes import NoteKind, add_note
     from meshreel.rendering.cuts import parse_cut
     from meshreel.rendering.scenes import Scene
     from meshreel.rendering.views import guess_up, parse_view
@@ -183,7 +182,7 @@ def render_command(
                 f"frame times are uneven; the film has {shown.fps:g} pictures per second, each of "
                 "the frame that is due"
             )
-            add_note(notes, NoteKind.CHANGED, "frame times", text)
+            notes.changed("frame times", text)
         parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
         figures = _draw(
             scene, numbers, parsed_view, output,

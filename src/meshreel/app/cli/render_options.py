@@ -8,6 +8,7 @@ import click
 from meshreel.app.cli.write_options import clamped_note
 
 if TYPE_CHECKING:
+    from meshreel.model.notes import Notes
     from meshreel.rendering.track_colors import TrackLook
 
 
@@ -16,7 +17,7 @@ def is_range(text: str | None) -> bool:
     return text is None or ":" in text
 
 
-def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int]:
+def frame_numbers(text: str | None, n_frames: int, notes: "Notes") -> list[int]:
     """The frames of 'A:B' or 'N,N,...', where -1 is the last; all by default.
 
     Adds a note if 'A:B' exceeds the ends.
@@ -36,7 +37,7 @@ def frame_numbers(text: str | None, n_frames: int, notes: list[str]) -> list[int
         ) from None
 
 
-def _range(text: str, n_frames: int, notes: list[str]) -> list[int]:
+def _range(text: str, n_frames: int, notes: "Notes") -> list[int]:
     try:
         start, stop = (int(part) if part else None for part in text.split(":"))
     except ValueError:

@@ -14,7 +14,7 @@ from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
-from meshreel.model.notes import listed, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import MeshSequence, single_segment
 from meshreel.runtime.extras import PEERS, PLOT, Extra, require
 from meshreel.runtime.outputs.checks import check_output_folder
@@ -69,7 +69,7 @@ def write_report(
     as_json : bool
         Print all figures instead.
     """
-    notes: list[str] = []
+    notes = Notes()
     with shown_progress() as progress:
         reading = ReadOptions(progress=progress, notes=notes)
         sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
@@ -99,11 +99,11 @@ def _check_faces(sequence: MeshSequence, purpose: str) -> None:
         ) from None
 
 
-def _without_tracks(sequence: MeshSequence, notes: list[str]) -> MeshSequence:
+def _without_tracks(sequence: MeshSequence, notes: Notes) -> MeshSequence:
     """The sequence without tracks, because only some methods encode them."""
     if not sequence.tracks:
         return sequence
-    note_left_out(notes, f"tracks, as the report covers positions: {listed(sequence.tracks)}")
+    notes.left_out(f"tracks, as the report covers positions: {listed(sequence.tracks)}")
     return sequence.replace(tracks={})
 
 

@@ -16,6 +16,7 @@ from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
+    from meshreel.model.notes import Note, Notes
 
 OutputOption = Annotated[
     File,
@@ -143,7 +144,7 @@ def known_frames(files: Sequence[Path], chosen: slice | None) -> range | None:
     return frame_range(chosen, len(files)) if is_frame else None
 
 
-def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> range:
+def chosen_frames(chosen: slice | None, n_frames: int, notes: "Notes") -> range:
     """The frames of a slice; adds a note if the slice exceeds the ends.
 
     Raises
@@ -159,15 +160,17 @@ def chosen_frames(chosen: slice | None, n_frames: int, notes: list[str]) -> rang
     return frames
 
 
-def clamped_note(chosen: slice, n_frames: int) -> str | None:
+def clamped_note(chosen: slice, n_frames: int) -> "Note | None":
     """The note on a range of frames that exceeds the ends; None if it does not."""
     from meshreel.model.frame_choice import slice_text
+    from meshreel.model.notes import Note, NoteKind
 
     ends = [end for end in (chosen.start, chosen.stop) if end is not None]
     if all(-n_frames <= end <= n_frames for end in ends):
         return None
     start, stop, _ = chosen.indices(n_frames)
-    return f"--frames {slice_text(chosen)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
+    text = f"--frames {slice_text(chosen)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
+    return Note(NoteKind.RESULT, text)
 
 
 def written_figures(written: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:

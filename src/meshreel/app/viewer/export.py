@@ -16,6 +16,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track, TrackKind
@@ -68,7 +69,7 @@ def export_page(
     split: bool = False,
     overwrite: bool = False,
     progress: Progress = silent,
-    notes: list[str] | None = None,
+    notes: Notes | None = None,
 ) -> dict[str, int]:
     """Write the player of a file as one HTML file, or with separate files.
 
@@ -83,7 +84,7 @@ def export_page(
     split : bool, default False
         Whether script, stream, original and texture are separate files. Existing files with
         identical contents are not rewritten.
-    notes : list of str, optional
+    notes : Notes, optional
         Receives notes, such as omitted tracks.
 
     Returns
@@ -109,7 +110,7 @@ def export_page(
         ]
         if notes is not None and original.left_out:
             names = ", ".join(original.left_out)
-            notes.append(f"left out: tracks of the original, too large for a page: {names}")
+            notes.left_out(f"tracks of the original, too large for a page: {names}")
     if not split:
         texts = {part.role: base64_of(part.data) for part in parts}
         data = {_key(part): _reference(part, base64=texts[part.role]) for part in parts}

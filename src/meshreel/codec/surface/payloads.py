@@ -29,6 +29,7 @@ from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import SLOTS, Image, Material, Texture
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.surface import (
     PLAIN,
     VALUE_TYPES,
@@ -175,7 +176,7 @@ def surface_of_internal_cells(
     return replace(surface, face_sizes=None, attributes=attributes, cells=cells)
 
 
-def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[str]:
+def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[Note]:
     """Describe what a stream omits of the surfaces of its segments because of the orders it keeps.
 
     Parameters
@@ -189,16 +190,15 @@ def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> l
     if not is_chosen:
         if Order.DROP not in orders:
             return []
-        return [
-            Message(
-                "omitted: the order of vertices and faces, which has no meaning in these files (",
-                Keyword("order", "keep"),
-                " keeps it)",
-            )
-        ]
+        text = Message(
+            "omitted: the order of vertices and faces, which has no meaning in these files (",
+            Keyword("order", "keep"),
+            " keeps it)",
+        )
+        return [Note(NoteKind.UNWRITTEN, "order", text=text)]
     (order,) = orders
-    notes = dict.fromkeys(order_loss_note(surface, order) for surface in surfaces)
-    return [note for note in notes if note]
+    texts = dict.fromkeys(order_loss_note(surface, order) for surface in surfaces)
+    return [Note(NoteKind.UNWRITTEN, text) for text in texts if text]
 
 
 def order_loss_note(surface: Surface, order: Order) -> str:

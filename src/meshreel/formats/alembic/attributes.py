@@ -17,7 +17,7 @@ from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
 from meshreel.formats.scenes.timing import blend, neighbours
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
-from meshreel.model.notes import UNCHANGING, note_kinds
+from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import (
     MAX_COMPONENTS,
     VALUE_TYPES,
@@ -182,7 +182,7 @@ def _is_single(param: GeometryParam, geometry: Properties) -> bool:
     return param.domain is None and param.source is not geometry.get(UVS)
 
 
-def animated_quantities(path: str, geometry: Properties, notes: list[str]) -> dict[str, Quantity]:
+def animated_quantities(path: str, geometry: Properties, notes: Notes) -> dict[str, Quantity]:
     """Return the animated properties of a mesh by property name, with unique track names."""
     quantities: dict[str, Quantity] = {}
     names: set[str] = set()
@@ -192,7 +192,7 @@ def animated_quantities(path: str, geometry: Properties, notes: list[str]) -> di
             name += "_"
         names.add(name)
         if name != quantity.name:
-            notes.append(f"{path} has {quantity.name!r} twice; the second is called {name!r}")
+            notes.changed(f"{path} has {quantity.name!r} twice; the second is called {name!r}")
         quantities[key] = replace(quantity, name=name)
     return quantities
 
@@ -221,7 +221,7 @@ def read_attributes(
     geometry: Properties,
     mesh: PolygonMesh,
     time_s: float,
-    notes: list[str],
+    notes: Notes,
     animated: Collection[str] = (),
 ) -> Surface:
     """Return the attributes and face groups of a mesh at a time.
@@ -235,7 +235,7 @@ def read_attributes(
         Properties of the mesh.
     mesh : PolygonMesh
         The mesh, with counterclockwise faces.
-    notes : list of str
+    notes : Notes
         Gains a sentence for properties that are left out.
     animated : collection of str, optional
         Names of properties that are read as tracks, and skipped here.
@@ -256,11 +256,11 @@ def read_attributes(
             groups.append(face_groups)
         else:
             (unsupported if param.is_constant else changing).append(param.name)
-    note_kinds(notes, "fields that change over time", changing)
+    notes.left_out("fields that change over time", changing)
     if VELOCITIES in geometry and VELOCITIES not in animated:
-        note_kinds(notes, UNCHANGING, ["velocities"])
-    note_kinds(notes, "values for a whole mesh", constants)
-    note_kinds(notes, "properties that are neither numeric nor a text per face", unsupported)
+        notes.left_out(UNCHANGING, ["velocities"])
+    notes.left_out("values for a whole mesh", constants)
+    notes.left_out("properties that are neither numeric nor a text per face", unsupported)
     return Surface(attributes=tuple(attributes), groups=tuple(groups))
 
 

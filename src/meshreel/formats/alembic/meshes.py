@@ -31,7 +31,7 @@ from meshreel.formats.scenes.timing import blend, neighbours, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
-from meshreel.model.notes import CAGES, note_kinds, note_left_out
+from meshreel.model.notes import CAGES, Notes
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.timing import Timing
@@ -209,7 +209,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
         )
     if any(node.object.schema in OTHER_SCHEMAS for node in nodes):
-        note_left_out(options.notes, describe_contents(nodes))
+        options.notes.left_out(describe_contents(nodes))
 
     normals = NormalNotes(options.notes)
 
@@ -224,13 +224,13 @@ class _AnimatedMesh:
 
     Parameters
     ----------
-    notes : list of str
+    notes : Notes
         Gains a sentence for everything that is not read.
     normal_notes : NormalNotes
         Collects meshes with normals.
     """
 
-    def __init__(self, node: Node, notes: list[str], normal_notes: NormalNotes) -> None:
+    def __init__(self, node: Node, notes: Notes, normal_notes: NormalNotes) -> None:
         self._node, self._notes = node, notes
         self._normal_notes = normal_notes
         geometry = node.object.properties.get(".geom")
@@ -278,9 +278,9 @@ class _AnimatedMesh:
             self._normal_notes.add(node.path, normal_edges, is_track=NORMALS in self._animated)
             hard_edges = normal_edges.edges
         if "visible" in node.object.properties:
-            note_left_out(self._notes, f"visibility of {node.path}")
+            self._notes.left_out(f"visibility of {node.path}")
         if node.object.schema == SUBDIVISION:
-            note_kinds(self._notes, CAGES, [node.path])
+            self._notes.left_out(CAGES, [node.path])
         sets = {
             child.name: child.properties[".faceset"].properties
             for child in node.object.children
@@ -303,7 +303,7 @@ class _AnimatedMesh:
         quantities: dict[Key, Quantity] = {}
         for quantity in self._animated.values():
             if (domain := _fitting_domain(quantity, times, mesh)) is None:
-                note_kinds(notes, UNSUPPORTED, [quantity.name])
+                notes.left_out(UNSUPPORTED, [quantity.name])
             else:
                 quantities[domain, quantity.name] = quantity
         rows = {**dict.fromkeys(Domain, slice(None)), Domain.CORNER: reversed_corners(mesh.counts)}

@@ -30,7 +30,7 @@ from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.polygons import reversed_corners
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import (
-    add_once,
+    Notes,
     note_name,
     note_track_type,
     note_unwritten_tracks,
@@ -233,7 +233,7 @@ class _PartWriter:
         The part in the first segment.
     sampling : int
         Index of the time sampling of its positions.
-    notes : list of str
+    notes : Notes
         Gains a sentence for everything that the file cannot store exactly.
     changing : SharedData, optional
         Data of all segments, if there are several.
@@ -245,7 +245,7 @@ class _PartWriter:
         part: PartMesh,
         sampling: int,
         tracks: Mapping[str, TrackSource],
-        notes: list[str],
+        notes: Notes,
         changing: SharedData | None,
     ) -> None:
         self._schema, self._sampling, self._notes = schema, sampling, notes
@@ -408,8 +408,9 @@ class _PartWriter:
             values = (values / 255 if is_bytes else values).astype(np.float32)
             if is_bytes or (values != attribute.values).any():
                 dtype = attribute.values.dtype
-                note = f"{attribute.kind} {attribute.name!r} is written as float32, not {dtype}"
-                add_once(self._notes, [note])
+                self._notes.changed(
+                    f"{attribute.kind} {attribute.name!r} is written as float32, not {dtype}"
+                )
         if attribute.domain is Domain.CORNER:
             order = self._corner_order
             values = values[order] if indices is None else values

@@ -45,7 +45,7 @@ from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.formats.scenes.scene_source import open_scene
-from meshreel.model.notes import listed, note_kinds
+from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import FrameSource
 from meshreel.runtime.extras import HDF
 
@@ -229,7 +229,7 @@ def _note_left_out(
     positions: Dataset,
     arrays: Collection[str],
     candidates: Collection[str],
-    notes: list[str],
+    notes: Notes,
 ) -> None:
     """Add a note on datasets that belong to neither the sequence nor its tracks."""
     parent = positions.name.rpartition("/")[0]
@@ -239,7 +239,7 @@ def _note_left_out(
         above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
         known |= {next((one for one in above if find_dataset(root, one) is not None), "")}
     others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
-    note_kinds(notes, "datasets", others)
+    notes.left_out("datasets", others)
 
 
 def _folders(dataset: Dataset) -> list[str]:

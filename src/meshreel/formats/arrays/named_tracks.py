@@ -16,7 +16,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import Description, StoredTrack, parse_track_kind
-from meshreel.model.notes import listed, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import (
     MAX_COLUMNS,
@@ -108,7 +108,7 @@ def named_tracks(
     n_frames: int,
     n_verts: int,
     about: Description,
-    notes: list[str],
+    notes: Notes,
 ) -> dict[str, NamedTrack]:
     """Return the tracks among the candidates by name; a note lists the others and what is needed.
 
@@ -132,8 +132,7 @@ def named_tracks(
         else:
             found[candidate.name] = track
     if others:
-        note_left_out(
-            notes,
+        notes.left_out(
             f"arrays: {listed(others)}; tracks are numbers of shape ({n_frames}, N) or "
             f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}",
         )

@@ -21,6 +21,7 @@ from meshreel.formats.arrays.named_tracks import (
     named_tracks,
 )
 from meshreel.formats.frames.stored_frames import Description
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import TrackSource
 
 MAX_DEFLATE_RATIO = 1100  # deflate compresses by at most 1032:1
@@ -161,7 +162,7 @@ def find_tracks(
     positions: str,
     sizes: tuple[int, int],
     about: Description,
-    notes: list[str],
+    notes: Notes,
 ) -> dict[str, NamedTrack]:
     """Find the tracks of an archive, without reading their values.
 
@@ -173,7 +174,7 @@ def find_tracks(
         Name of the array of positions.
     sizes : tuple of int
         Number of frames and vertices.
-    notes : list of str
+    notes : Notes
         Receives a sentence on arrays that are not tracks.
 
     Raises

@@ -9,7 +9,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredTrack, parse_track_kind
-from meshreel.model.notes import NoteKind, add_note, note_kinds, note_left_out
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural
@@ -77,7 +77,7 @@ def field_tracks(
     frames: Sequence[Mapping[Key, Field]],
     sizes: Mapping[Domain, int],
     read: ReadField,
-    notes: list[str],
+    notes: Notes,
 ) -> dict[str, StoredTrack]:
     """Return the tracks that consist of the arrays of all frames, by name.
 
@@ -104,7 +104,7 @@ def field_tracks(
         if name != key[1]:
             where = "also at corners" if key[0] is Domain.CORNER else "at points and at cells"
             text = f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}"
-            add_note(notes, NoteKind.CHANGED, name, text)
+            notes.changed(name, text)
         found[name] = track
     return found
 
@@ -114,17 +114,17 @@ def _track(
     frames: Sequence[Mapping[Key, Field]],
     n_items: int,
     read: ReadField,
-    notes: list[str],
+    notes: Notes,
 ) -> StoredTrack | None:
     has = [key in frame for frame in frames]
     fields = [frame[key] for frame in frames if key in frame]
     widths = sorted({field.n_columns for field in fields})
     if len(widths) > 1:
         several = " or ".join(map(str, widths))
-        note_left_out(notes, f"{key[1]!r}, which has {several} components in different frames")
+        notes.left_out(f"{key[1]!r}, which has {several} components in different frames")
         return None
     if not 1 <= widths[0] <= MAX_COLUMNS or any(one.dtype not in NUMBER_TYPES for one in fields):
-        note_kinds(notes, f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
+        notes.left_out(f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
         return None
     dtype = np.result_type(*(field.dtype for field in fields))
     if not all(has):
@@ -132,7 +132,7 @@ def _track(
         dtype = dtype if is_float else np.dtype(np.float64)
         text = f"{key[1]!r} is in {sum(has)} of {len(has)} frames, and NaN in the others"
         text += "" if is_float else ", as float64"
-        add_note(notes, NoteKind.CHANGED, key[1], text)
+        notes.changed(key[1], text)
     shape = len(frames), n_items, widths[0]
 
     def read_range(start: int, stop: int) -> Values:

@@ -9,6 +9,7 @@ from meshreel.formats.frames.field_tracks import Field, Fields, Key, field_track
 from meshreel.formats.frames.stored_frames import StoredTrack, checksum
 from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.notes import Notes
 from meshreel.model.surface import PLAIN, Attribute, Surface
 
 
@@ -33,12 +34,12 @@ class Frame:
     """Vertex, face and corner data that become tracks if they change between files, or if the file
     declares them tracks; otherwise those in `surface` are attributes.
     """
-    notes: list[str] = field(default_factory=list)
+    notes: Notes = field(default_factory=Notes)
     """What reading changes or leaves out."""
     find_hard_edges: Callable[[], HardEdges | None] = lambda: None
     """Returns the hard edges with figures on the normals, or None; slower than all the rest."""
 
-    def surface_with_edges(self, notes: list[str]) -> Surface:
+    def surface_with_edges(self, notes: Notes) -> Surface:
         """Return the surface with its hard edges; notes receive figures on the normals."""
         if (hard := self.find_hard_edges()) is None:
             return self.surface
@@ -95,7 +96,7 @@ class FrameData:
         }
 
     def tracks(
-        self, mesh: PolygonMesh, read: Callable[[int], Fields], notes: list[str]
+        self, mesh: PolygonMesh, read: Callable[[int], Fields], notes: Notes
     ) -> dict[str, StoredTrack]:
         """Return the data that change as tracks.
 
@@ -105,7 +106,7 @@ class FrameData:
             Of any frame.
         read : function of a frame number
             Reads the data of a frame again if values are forgotten.
-        notes : list of str
+        notes : Notes
             Receives a sentence for each array that only some frames have.
         """
         frames, changing = self._frames, self.changing

@@ -20,7 +20,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.model.notes import Note, NoteKind, add_once, is_about, note_kinds
+from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
@@ -173,7 +173,7 @@ class _Run:
     def sequence(self, name: str, options: ReadOptions) -> FrameSource:
         """Return the frames: loaded, or read from their files on demand."""
         timing = Timing.of_rate(options.fps or 0.0).part(range(self._start, self._start + 1))
-        mesh, notes = self.first.mesh, list(self.first.notes)
+        mesh, notes = self.first.mesh, Notes(self.first.notes)
         surface = self._surface(notes)
         rows: slice | npt.NDArray[np.int64] = slice(None)
         if self._welder is None:
@@ -184,7 +184,7 @@ class _Run:
             text = self._welder.description
             notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=text))
         tracks = self._data.tracks(mesh, self._read_fields, notes)
-        add_once(options.notes, notes)
+        options.notes.add_all(notes)
         about = Description(faces, name, timing, surface)
         if self._positions:
             return about.loaded(self._stacked(rows), read_tracks(tracks))
@@ -193,7 +193,7 @@ class _Run:
         read = partial(self._read_range, rows)
         return about.stored(shape, self._survey, read, files, tracks)
 
-    def _surface(self, notes: list[str]) -> Surface:
+    def _surface(self, notes: Notes) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
         changing, surface = self._data.changing, self.first.surface_with_edges(notes)
         constant = [
@@ -204,8 +204,8 @@ class _Run:
         if any(
             self.first.fields[key][1].role == NORMALS for key in changing & {*self.first.fields}
         ):
-            notes[:] = [note for note in notes if not is_about(note, NORMALS_SUBJECT)]
-        note_kinds(notes, "changes over time, kept as in the first frame", self._differing)
+            notes.discard(NORMALS_SUBJECT)
+        notes.left_out("changes over time, kept as in the first frame", self._differing)
         return replace(surface, attributes=tuple(constant))
 
     def _stacked(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:

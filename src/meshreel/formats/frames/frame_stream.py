@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.model.notes import add_once
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
@@ -47,7 +47,7 @@ class FrameStream:
     """As in `MeshSequence`."""
     progress: Progress
     """Called after every frame."""
-    notes: list[str]
+    notes: Notes
     """Receives a sentence for each thing that a format cannot store exactly."""
 
     @property
@@ -113,7 +113,7 @@ class SegmentedStream:
         Consecutive frame numbers; the times are adjusted. Default: all.
     progress : Progress, default silent
         Called after every frame.
-    notes : list of str, optional
+    notes : Notes, optional
         Receives a sentence for each thing that a format cannot store exactly.
 
     Attributes
@@ -140,7 +140,7 @@ class SegmentedStream:
         wanted: range | None = None,
         *,
         progress: Progress = silent,
-        notes: list[str] | None = None,
+        notes: Notes | None = None,
         figures: dict[str, Any] | None = None,
     ) -> None:
         wanted = range(sequence.n_frames) if wanted is None else wanted
@@ -154,7 +154,7 @@ class SegmentedStream:
         self.n_frames: int = len(wanted)
         self.progress = progress
         self.wants_notes: bool = notes is not None
-        self.notes: list[str] = notes if notes is not None else []
+        self.notes: Notes = notes if notes is not None else Notes()
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
         self.figures = figures
@@ -171,7 +171,7 @@ class SegmentedStream:
     def report(self, figures: dict[str, Any], sentence: str) -> None:
         """Add figures of the written file, or a note with them."""
         if self.figures is None:
-            self.notes.append(sentence)
+            self.notes.result(sentence)
         else:
             self.figures |= figures
 
@@ -190,17 +190,17 @@ class SegmentedStream:
     def meshes(self) -> Iterator[FrameStream]:
         """Yield each segment for its mesh, without notes and progress."""
         for number, frames in self._parts:
-            yield self._stream(number, frames, [], silent, self.timing)
+            yield self._stream(number, frames, Notes(), silent, self.timing)
 
     def segments(self) -> Iterator[FrameStream]:
         """Yield each segment in order; read its frames before the next one."""
         for first, (number, frames) in zip(self.starts, self._parts, strict=False):
-            notes: list[str] = self.notes if self.n_segments == 1 else []
+            notes: Notes = self.notes if self.n_segments == 1 else Notes()
             timing = self.timing.part(range(first, first + len(frames)))
             progress = partial(self._report, first)
             yield self._stream(number, frames, notes, progress, timing)
             if notes is not self.notes:
-                add_once(self.notes, notes)
+                self.notes.add_all(notes)
 
     def only(self) -> FrameStream:
         """Return the only segment."""
@@ -208,7 +208,7 @@ class SegmentedStream:
         return segment
 
     def _stream(
-        self, number: int, frames: range, notes: list[str], progress: Progress, timing: Timing
+        self, number: int, frames: range, notes: Notes, progress: Progress, timing: Timing
     ) -> FrameStream:
         source = self._sequence.segments[number]
         tracks = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.scenes.merging import MaterialTable
-from meshreel.model.notes import NoteKind, add_note, listed, note_unwritten_tracks
+from meshreel.model.notes import Notes, listed, note_unwritten_tracks
 from meshreel.model.surface import Attribute, FaceGroups, Surface
 from meshreel.model.tracks import TrackSource
 
@@ -98,11 +98,11 @@ class SharedData:
             mesh, surface=surface, tracks={str(key[0]): tracks[key] for key in self.tracks}
         )
 
-    def note_others(self, extension: str, notes: list[str]) -> None:
+    def note_others(self, extension: str, notes: Notes) -> None:
         """Add notes on data that are left out because only some segments have them."""
         if self.other_data:
             text = f"left out, as only some segments have it: {listed(self.other_data)}"
-            add_note(notes, NoteKind.UNWRITTEN, "data of some segments", text)
+            notes.unwritten("data of some segments", text)
         which = "those of some segments only"
         note_unwritten_tracks(self.other_tracks, extension, notes, which)
 

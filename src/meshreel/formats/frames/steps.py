@@ -27,7 +27,7 @@ from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.stored_frames import checksum
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import listed, note_kinds, note_left_out, note_normals
+from meshreel.model.notes import Notes, listed, note_normals
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackSource
@@ -147,7 +147,7 @@ class Step:
             raise FormatError(f"array {array.name!r} has {len(values)} values; expected {n_items}")
         return values.reshape(n_items, -1)[self.surface.source_rows[array.domain]]
 
-    def attributes(self, arrays: Iterable[DataArray], notes: list[str]) -> Surface:
+    def attributes(self, arrays: Iterable[DataArray], notes: Notes) -> Surface:
         """Return a surface whose attributes are the given arrays.
 
         Normals, text and arrays with too many components are left out; the notes list them.
@@ -165,7 +165,7 @@ class Step:
                     attributes.append(Attribute(array.name, kind, domain, _as_value_type(values)))
         if has_normals:
             note_normals(notes)
-        note_kinds(notes, UNSUPPORTED_ARRAYS, unsupported)
+        notes.left_out(UNSUPPORTED_ARRAYS, unsupported)
         return Surface(attributes=tuple(attributes))
 
     def frame(self) -> Frame:
@@ -178,9 +178,9 @@ class Step:
         FormatError
             If an array does not have one value for each point or cell.
         """
-        notes: list[str] = []
+        notes = Notes()
         for what in self.left_out:
-            note_left_out(notes, what)
+            notes.left_out(what)
         self.surface.note_interior(notes)
         fields: dict[Key, tuple[Values, Field]] = {}
         attributes = []
@@ -241,11 +241,11 @@ class StepFrames:
     Parameters
     ----------
     read : function of a step number
-    notes : list of str
+    notes : Notes
         Receives a sentence for each thing that is left out.
     """
 
-    def __init__(self, read: Callable[[int], Step], notes: list[str]) -> None:
+    def __init__(self, read: Callable[[int], Step], notes: Notes) -> None:
         self._read, self._notes = read, notes
         self._identities: dict[int, dict[Key, list[object]]] = {}
         self._described: dict[int, list[tuple[Key, Field]]] = {}

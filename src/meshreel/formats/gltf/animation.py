@@ -19,7 +19,7 @@ from meshreel.formats.gltf.document import (
 )
 from meshreel.formats.gltf.geometry import Matrices, count_targets
 from meshreel.formats.kinds import AnimationInfo
-from meshreel.model.notes import listed, note_left_out
+from meshreel.model.notes import Notes, listed
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 
@@ -338,12 +338,12 @@ class Clips:
             ]
         )
 
-    def select(self, wanted: str | int | None, notes: list[str]) -> Clip | None:
+    def select(self, wanted: str | int | None, notes: Notes) -> Clip | None:
         """Return an animation by name or index, or by default the first that moves a mesh.
 
         Parameters
         ----------
-        notes : list of str
+        notes : Notes
             Gains sentences on malformed animations, and on those not read by default.
 
         Returns
@@ -362,7 +362,7 @@ class Clips:
         number = self._index(wanted)
         clip = self._read(number)
         if not clip.curves:
-            notes.append(f"the animation {self.names[number]} moves no mesh; read a single frame")
+            notes.result(f"the animation {self.names[number]} moves no mesh; read a single frame")
             return None
         return clip
 
@@ -379,7 +379,7 @@ class Clips:
             descriptions.append(AnimationInfo(name, first, last - first, bool(clip.curves)))
         return descriptions
 
-    def _first_moving(self, notes: list[str]) -> Clip | None:
+    def _first_moving(self, notes: Notes) -> Clip | None:
         malformed: dict[str, str] = {}
         selected = None
         for number, name in enumerate(self.names):
@@ -391,7 +391,7 @@ class Clips:
             if clip.curves:
                 selected = clip
                 if others := [other for other in self.names if other not in {name, *malformed}]:
-                    notes.append(
+                    notes.result(
                         Message(
                             f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
                             "with ",
@@ -401,11 +401,11 @@ class Clips:
                 break
         if malformed:
             reasons = (f"{name} ({reason})" for name, reason in malformed.items())
-            note_left_out(notes, f"malformed animations: {listed(reasons)}")
+            notes.left_out(f"malformed animations: {listed(reasons)}")
         if selected is None and (unused := [name for name in self.names if name not in malformed]):
             names = listed(unused, MAX_LISTED)
             subject = f"animations {names} move" if len(unused) > 1 else f"animation {names} moves"
-            notes.append(f"the {subject} no mesh; read a single frame")
+            notes.result(f"the {subject} no mesh; read a single frame")
         return selected
 
     def _index(self, wanted: str | int) -> int:

@@ -22,6 +22,7 @@ from meshreel.formats.gltf.document import (
 from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.surfaces.welding import SplitMesh, weld_rows
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
@@ -209,7 +210,7 @@ def accessor_types(name: str) -> tuple[str, ...]:
 
 
 def read_geometry(
-    mesh: JsonObject, document: Document, labels: Sequence[str], notes: list[str]
+    mesh: JsonObject, document: Document, labels: Sequence[str], notes: Notes
 ) -> Geometry:
     """Return a mesh of the file, from its triangle primitives.
 
@@ -222,7 +223,7 @@ def read_geometry(
         A mesh with at least one triangle primitive.
     labels : sequence of str
         Names of the materials of the file; empty for those that form no group.
-    notes : list of str
+    notes : Notes
         Gains a sentence for each attribute that is left out or filled in.
     """
     count_targets(mesh)
@@ -408,7 +409,7 @@ def _material_groups(
 
 
 def _read_attributes(
-    blocks: Sequence[Block], mesh: SplitMesh, place: str, notes: list[str]
+    blocks: Sequence[Block], mesh: SplitMesh, place: str, notes: Notes
 ) -> Iterator[Attribute]:
     """Yield the attributes of concatenated blocks; notes list omitted and filled ones.
 
@@ -424,7 +425,7 @@ def _read_attributes(
         kind, join = JOINS[rank]
         rows, note = join([block.values.get(name) for block in blocks], blocks)
         if note:
-            notes.append(f"{place}: {name} {note}")
+            notes.changed(f"{place}: {name} {note}")
         if rows is not None:
             label = name if kind is Kind.OTHER else set_label(kind, number)
             yield mesh.attribute(label, kind, rows)

@@ -22,14 +22,7 @@ from meshreel.model.materials import (
     Wrap,
     select_materials,
 )
-from meshreel.model.notes import (
-    NoteKind,
-    add_once,
-    list_in_note,
-    listed,
-    note_kinds,
-    note_left_out,
-)
+from meshreel.model.notes import NoteKind, Notes, listed
 from meshreel.model.surface import Kind, Surface
 
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
@@ -87,11 +80,11 @@ class MaterialReader:
 
     Parameters
     ----------
-    notes : list of str
+    notes : Notes
         Gains a sentence for each material or image that is left out as invalid or missing.
     """
 
-    def __init__(self, document: Document, notes: list[str]) -> None:
+    def __init__(self, document: Document, notes: Notes) -> None:
         self._document, self._lists = document, document.lists
         self._notes = notes
         self._image_indices: dict[str, int] = {}
@@ -130,7 +123,7 @@ class MaterialReader:
             look, specular = read_look(material), _specular_glossiness(material)
             if specular is not None:
                 name = material.text("name", "") or material.place
-                list_in_note(self._notes, NoteKind.CHANGED, CONVERTED, [name])
+                self._notes.list_names(NoteKind.CHANGED, CONVERTED, [name])
             parents = (
                 (material.child("pbrMetallicRoughness"), PBR_TEXTURES),
                 (specular, DIFFUSE_TEXTURES),
@@ -144,7 +137,7 @@ class MaterialReader:
                         textures[slot] = texture
             return look.with_textures(textures)
         except FormatError as error:
-            note_kinds(self._notes, "appearance of materials", [str(error)])
+            self._notes.left_out("appearance of materials", [str(error)])
             return None
 
     def _texture(self, info: JsonObject, channels: str) -> Texture | None:
@@ -176,7 +169,7 @@ class MaterialReader:
             try:
                 self._images.append(self._decode_image(image))
             except (FormatError, InvalidInputError) as error:
-                note_kinds(self._notes, "texture images", [str(error)])
+                self._notes.left_out("texture images", [str(error)])
                 return None
             self._image_indices[source] = len(self._images) - 1
         return self._image_indices[source]
@@ -193,7 +186,7 @@ class MaterialReader:
         return Image(name or PurePosixPath(file_name).stem, declared or mime_type, data)
 
 
-def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: list[str]) -> None:
+def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: Notes) -> None:
     """Note the unsupported extensions in the materials of some meshes."""
     lists = document.lists
     primitives = [primitive for mesh in meshes for primitive in triangle_primitives(mesh)]
@@ -214,7 +207,7 @@ def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: lis
                 users.setdefault(name, []).append(texture.place)
     if users:
         described = listed(f"{name} ({listed(users[name], 3)})" for name in sorted(users))
-        note_left_out(notes, f"extensions of materials: {described}")
+        notes.left_out(f"extensions of materials: {described}")
 
 
 def _extensions(json: JsonObject) -> set[str]:
@@ -310,7 +303,7 @@ class Materials:
     ----------
     buffer : BufferWriter
         Gains the images.
-    notes : list of str
+    notes : Notes
         Gains a sentence for every property that glTF cannot store.
 
     Attributes
@@ -321,7 +314,7 @@ class Materials:
         Names of extensions; required ones count as used.
     """
 
-    def __init__(self, surface: Surface, buffer: BufferWriter, notes: list[str]) -> None:
+    def __init__(self, surface: Surface, buffer: BufferWriter, notes: Notes) -> None:
         self.lists: dict[str, list[Json]] = {
             "materials": [],
             "textures": [],
@@ -350,7 +343,7 @@ class Materials:
     def note_unused(self) -> None:
         """Note the materials that no face uses."""
         if unused := [name for name in self._looks if name not in self._indices]:
-            note_left_out(self._notes, f"materials that no face uses: {', '.join(unused)}")
+            self._notes.left_out(f"materials that no face uses: {', '.join(unused)}")
 
     def _material(self, look: Material) -> Json:
         material: Json = {}
@@ -403,8 +396,7 @@ class Materials:
             fits = (is_rough and look.metallic == 0) or (is_metal and look.roughness == 0)
         if fits:
             return self._texture_info(texture, _texture_label(look, "roughness"))
-        note_left_out(
-            self._notes,
+        self._notes.left_out(
             f"the metallic and roughness textures of material {look.name!r}: glTF stores them in "
             "the blue and green channels of one image",
         )
@@ -425,24 +417,21 @@ class Materials:
             return None
         if texture.channels not in channels:
             if slot != "base_color":
-                note_left_out(
-                    self._notes,
+                self._notes.left_out(
                     f"{label}: glTF uses channel {channels[0]}, not {texture.channels}",
                 )
                 return None
-            add_once(self._notes, [f"{label} keeps its alpha channel, as glTF requires"])
+            self._notes.changed(label, f"{label} keeps its alpha channel, as glTF requires")
         return self._texture_info(texture, label)
 
     def _texture_info(self, texture: Texture, label: str) -> Json | None:
         """Return the texture info for a material, after writing the texture, or None."""
         image = self._surface.images[texture.image]
         if image.mime_type not in (*CORE_TYPES, *EXTENSION_OF):
-            note_left_out(
-                self._notes, f"{label}: glTF does not support images of type {image.mime_type}"
-            )
+            self._notes.left_out(f"{label}: glTF does not support images of type {image.mime_type}")
             return None
         if texture.uv not in self._uv_indices:
-            note_left_out(self._notes, f"{label}: there are no UVs {texture.uv!r}")
+            self._notes.left_out(f"{label}: there are no UVs {texture.uv!r}")
             return None
         written: Json = {"source": self._image(texture.image)}
         if extension := EXTENSION_OF.get(image.mime_type):
@@ -474,7 +463,7 @@ class Materials:
         wraps = [NEAREST_WRAPS.get(wrap, wrap) for wrap in (texture.wrap_u, texture.wrap_v)]
         if wraps != [texture.wrap_u, texture.wrap_v]:
             replacement = f"{wraps[0]} and {wraps[1]}, not {texture.wrap_u} and {texture.wrap_v}"
-            add_once(self._notes, [f"{label} wraps by {replacement}, which glTF does not support"])
+            self._notes.changed(f"{label} wraps by {replacement}, which glTF does not support")
         keys = zip(("wrapS", "wrapT"), wraps, strict=True)
         sampler = {key: WRAP_CODES[wrap] for key, wrap in keys if wrap is not Wrap.REPEAT}
         if texture.magnified is not None:
@@ -493,7 +482,7 @@ class Materials:
     def _clip(self, what: str, values: Sequence[float], look: Material) -> list[float]:
         clipped = [min(1.0, max(0.0, value)) for value in values]
         if clipped != list(values):
-            add_once(self._notes, [f"{what} of material {look.name!r} is clipped to 0..1"])
+            self._notes.changed(look.name, f"{what} of material {look.name!r} is clipped to 0..1")
         return clipped
 
 

@@ -33,6 +33,7 @@ from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
+from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 
@@ -379,22 +380,24 @@ def split_at_seams(
     return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
 
 
-def describe_losses(surface: Surface, n_triangles: int) -> Iterator[str]:
-    """Yield a sentence for everything of a surface of triangles that glTF cannot store."""
+def describe_losses(surface: Surface, n_triangles: int) -> Iterator[Note]:
+    """Yield a note on everything of a surface of triangles that glTF cannot store."""
     for attribute in surface.of_kind(Kind.COLOR):
         values, maximum = attribute.values, 1 if attribute.values.dtype.kind == "f" else 255
         if values.size and (values.min() < 0 or values.max() > maximum):
-            yield f"clipped colors {attribute.name!r} to 0..{maximum}"
+            yield Note(NoteKind.CHANGED, f"clipped colors {attribute.name!r} to 0..{maximum}")
     for attribute in surface.attributes:
         if _gltf_values(attribute) is None:
             width, dtype = attribute.values.shape[1], attribute.values.dtype
             what = f"attribute {attribute.name!r}"
-            yield f"left out {what}: glTF does not support {width} components of {dtype}"
+            text = f"left out {what}: glTF does not support {width} components of {dtype}"
+            yield Note(NoteKind.UNWRITTEN, text)
     for groups in surface.groups:
         if groups.name != MATERIAL:
-            yield f"left out face groups {groups.name!r}: glTF supports only materials"
+            text = f"left out face groups {groups.name!r}: glTF supports only materials"
+            yield Note(NoteKind.UNWRITTEN, text)
     if cut := describe_triangles(surface.sizes(n_triangles)):
-        yield cut
+        yield Note(NoteKind.UNWRITTEN, cut)
 
 
 def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:

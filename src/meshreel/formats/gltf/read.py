@@ -43,7 +43,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, SceneMesh, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.notes import NoteKind, add_note, is_about, listed, note_kinds, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
@@ -145,7 +145,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         return [_join(meshes, *switching, sampling, notes)]
     pairs = zip(names, shown, strict=True)
     if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
-        note_left_out(notes, f"changes of the visibility of {listed(changing)}")
+        notes.left_out(f"changes of the visibility of {listed(changing)}")
     return meshes
 
 
@@ -159,7 +159,7 @@ def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
     """
     document = Document(path, options)
     nodes = Nodes(document)
-    shown = shown_meshes(document, nodes, [])
+    shown = shown_meshes(document, nodes, Notes())
     return Clips(document, _moving_nodes(shown, nodes)).describe()
 
 
@@ -189,21 +189,21 @@ def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
     return is_moved or (mesh.node, "weights") in motion.curves
 
 
-def _visible(shown: list[ShownMesh], motion: Motion, notes: list[str]) -> list[ShownMesh]:
+def _visible(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[ShownMesh]:
     """Return the meshes that are visible at some time; all if none is."""
     nodes = motion.nodes
     unchanging = {node for node in nodes.hidden() if (node, VISIBLE) not in motion.curves}
     never = nodes.with_below(unchanging)
     hidden = [mesh.node for mesh in shown if mesh.node in never]
     if len(hidden) == len(shown):
-        notes.append("all meshes are hidden (KHR_node_visibility); read as if they were visible")
+        notes.changed("all meshes are hidden (KHR_node_visibility); read as if they were visible")
         return shown
     if hidden:
-        note_left_out(notes, f"hidden meshes: {nodes.labels(hidden)}")
+        notes.left_out(f"hidden meshes: {nodes.labels(hidden)}")
     return [mesh for mesh in shown if mesh.node not in never]
 
 
-def _geometry_reader(document: Document, notes: list[str]) -> Callable[[ShownMesh], Geometry]:
+def _geometry_reader(document: Document, notes: Notes) -> Callable[[ShownMesh], Geometry]:
     """Return a function that reads the mesh at a node at rest, with all its instances."""
     materials, normal_notes = MaterialReader(document, notes), NormalNotes(notes)
     welded: list[Geometry] = []
@@ -229,46 +229,46 @@ def _geometry_reader(document: Document, notes: list[str]) -> Callable[[ShownMes
     return read
 
 
-def _note_welds(welded: Sequence[Geometry], notes: list[str]) -> None:
+def _note_welds(welded: Sequence[Geometry], notes: Notes) -> None:
     """Note the number of welded vertices of all meshes so far."""
     n_split = sum(geometry.n_split for geometry in welded)
     n_verts = sum(len(geometry.positions) for geometry in welded)
     text = f"welded {counted(n_split, 'vertex')}, split at seams, to {n_verts}"
-    notes[:] = [note for note in notes if not is_about(note, WELDED)]
-    add_note(notes, NoteKind.CHANGED, WELDED, text)
+    notes.discard(WELDED)
+    notes.changed(WELDED, text)
 
 
-def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: list[str]) -> None:
+def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes) -> None:
     used = [mesh.mesh for mesh in shown]
     meshes = [mesh for mesh in document.lists["meshes"] if mesh in used]
     for mesh in meshes:
         triangles = triangle_primitives(mesh)
         n_primitives = len(mesh.children("primitives", "primitive"))
         if n_left := n_primitives - len(triangles):
-            note_left_out(
-                notes, f"points and lines, {n_left} of {n_primitives} primitives of {mesh.place}"
+            notes.left_out(
+                f"points and lines, {n_left} of {n_primitives} primitives of {mesh.place}"
             )
         names = {name for each in triangles for name in each.required_child("attributes").values}
         if "TANGENT" in names:
-            note_left_out(notes, "tangents, which programs compute")
+            notes.left_out("tangents, which programs compute")
         unknown = sorted(name for name in names - {"TANGENT"} if not accessor_types(name))
-        note_kinds(notes, "attributes that glTF does not define", unknown)
+        notes.left_out("attributes that glTF does not define", unknown)
     nodes = document.lists["nodes"]
     note_instances([(nodes[mesh.node], mesh.instances) for mesh in shown], notes)
     skinned = [nodes[mesh.node] for mesh in shown if mesh.skin is not None]
     instanced = [node.label() for node in skinned if node.extension(INSTANCING) is not None]
-    note_kinds(notes, "instances of skinned meshes", instanced)
+    notes.left_out("instances of skinned meshes", instanced)
     cameras = [node for node in nodes if "camera" in node]
     lights = [node for node in nodes if node.extension(LIGHTS) is not None]
     for what, users in (("cameras", cameras), ("lights", lights)):
         if users:
-            note_left_out(notes, f"{what} ({len(users)})")
+            notes.left_out(f"{what} ({len(users)})")
     pointers = map(other_pointers, document.lists["animations"])
-    note_kinds(notes, "animated properties", chain.from_iterable(pointers))
+    notes.left_out("animated properties", chain.from_iterable(pointers))
     note_extensions(document, meshes, notes)
 
 
-def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str]) -> Sampling:
+def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -> Sampling:
     """Return the times of frames from the first key to the last.
 
     If motion between keys is straight and their times have no common rate, the frames are the keys.
@@ -284,7 +284,7 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: list[str
         none.
     is_curved : bool
         Whether motion between keys may be curved.
-    notes : list of str
+    notes : Notes
         Gains a sentence if the keys have no suitable rate, or the last is between two frames.
 
     Raises
@@ -340,14 +340,14 @@ def _rounding(keys_s: Floats) -> float:
     return float(np.spacing(np.float32(np.abs(keys_s).max())))
 
 
-def _choose_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:
+def _choose_rate(keys_s: Floats, is_curved: bool, notes: Notes) -> float:
     rate = common_rate(keys_s)
     if rate and (rate >= MIN_CURVED_FPS or not is_curved):
         return rate
     reason = (
         f"at {rate:g} per second with curved motion between them" if rate else "not evenly spaced"
     )
-    notes.append(
+    notes.changed(
         Message(
             f"keys of the animation are {reason}; sampled at {DEFAULT_FPS:g} frames per second; "
             "choose another rate with ",
@@ -357,7 +357,7 @@ def _choose_rate(keys_s: Floats, is_curved: bool, notes: list[str]) -> float:
     return DEFAULT_FPS
 
 
-def _count_frames(span_s: float, fps: float, rounding_s: float, notes: list[str]) -> int:
+def _count_frames(span_s: float, fps: float, rounding_s: float, notes: Notes) -> int:
     n_intervals = span_s * fps
     if n_intervals >= MAX_FRAMES:
         raise FormatError(
@@ -371,7 +371,7 @@ def _count_frames(span_s: float, fps: float, rounding_s: float, notes: list[str]
     if is_whole:
         return nearest + 1
     n_covering = math.ceil(n_intervals)
-    notes.append(
+    notes.changed(
         f"the animation takes {span_s:.6g} s, which is {n_intervals:.4g} frames at {fps:g} per "
         f"second; the last frame, {n_covering / fps:.6g} s after the first, shows its final pose"
     )
@@ -513,7 +513,7 @@ def _join(
     first: int,
     groups: Sequence[tuple[int, ...]],
     sampling: Sampling,
-    notes: list[str],
+    notes: Notes,
 ) -> SceneMesh:
     """Return a mesh whose faces change: from frame `first` on, the meshes of a group per frame."""
     segments: dict[tuple[int, ...], SceneMesh] = {}

@@ -31,7 +31,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.notes import add_once
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
@@ -55,7 +55,7 @@ def write_rigged(
     times_s = np.asarray(frame_times(stream))
     sequence, rig = rig_of(stream, options, times_s)
     check_range(sequence.extent.low, sequence.extent.high)
-    add_once(stream.notes, describe_losses(sequence.surface, len(sequence.faces)))
+    stream.notes.add_all(describe_losses(sequence.surface, len(sequence.faces)))
     scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
     document = scene.document()
     size_bytes = write(document, scene.buffer)
@@ -63,7 +63,7 @@ def write_rigged(
     shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
     stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {shown}")
     for extension in scene.buffer.required:
-        stream.notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+        stream.notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
 
 class _RiggedScene:
@@ -81,7 +81,7 @@ class _RiggedScene:
         sequence: MeshSequence,
         rig: Rig,
         options: WriteOptions,
-        notes: list[str],
+        notes: Notes,
     ) -> None:
         meshopt = extension_of(options)
         self.buffer = BufferWriter(meshopt)
@@ -97,7 +97,7 @@ class _RiggedScene:
             self._add_part(part)
         n_isolated = int((~self._used).sum())
         if n_isolated:
-            notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+            notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
 
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the bones."""

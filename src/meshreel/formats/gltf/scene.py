@@ -20,7 +20,7 @@ from meshreel.formats.gltf.geometry import (
     triangle_primitives,
 )
 from meshreel.model.geometry.hard_edges import merged_edges
-from meshreel.model.notes import listed, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Attribute, Domain, Surface
 
 INSTANCE_DEFAULTS: dict[str, tuple[int, ...]] = {
@@ -63,7 +63,7 @@ class ShownMesh:
         return [self.node] if self.skin is None else self.skin.joints
 
 
-def shown_meshes(document: Document, nodes: Nodes, notes: list[str]) -> list[ShownMesh]:
+def shown_meshes(document: Document, nodes: Nodes, notes: Notes) -> list[ShownMesh]:
     """Return the triangle meshes of the default scene, or of all nodes without a scene.
 
     A scene may list nodes that are not roots, although glTF forbids it: each of these is included
@@ -71,7 +71,7 @@ def shown_meshes(document: Document, nodes: Nodes, notes: list[str]) -> list[Sho
 
     Parameters
     ----------
-    notes : list of str
+    notes : Notes
         Gains a sentence if the scene lists nodes that are not roots.
     """
     scene = _default_scene(document)
@@ -79,7 +79,7 @@ def shown_meshes(document: Document, nodes: Nodes, notes: list[str]) -> list[Sho
     roots = list(dict.fromkeys(roots))
     inner = [node for node in roots if nodes.parents[node] >= 0]
     if scene is not None and inner:
-        notes.append(
+        notes.changed(
             f"{scene.place} lists nodes that are not roots: {nodes.labels(inner)}; each is read "
             "once, with the transforms of all its ancestors"
         )
@@ -167,27 +167,27 @@ def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
     )
 
 
-def note_instances(placed: Sequence[tuple[JsonObject, Matrices | None]], notes: list[str]) -> None:
+def note_instances(placed: Sequence[tuple[JsonObject, Matrices | None]], notes: Notes) -> None:
     """Note the instances of nodes: their number, and attributes that are left out.
 
     Parameters
     ----------
     placed : sequence of JsonObject and Matrices
         Nodes with a mesh, and the instances of each, or None.
-    notes : list of str
+    notes : Notes
         Gains the sentences.
     """
     counts = [len(instances) for _, instances in placed if instances is not None]
     if counts:
         where = f" of {len(counts)} nodes" if len(counts) > 1 else ""
-        notes.append(f"baked {sum(counts)} instances{where}, one mesh per node")
+        notes.changed(f"baked {sum(counts)} instances{where}, one mesh per node")
     extensions = [node.extension(INSTANCING) for node, _ in placed]
     stored = [each.required_child("attributes") for each in extensions if each is not None]
     custom = dict.fromkeys(
         name for each in stored for name in each.values if name not in INSTANCE_DEFAULTS
     )
     if custom:
-        note_left_out(notes, f"attributes of instances: {listed(custom)}")
+        notes.left_out(f"attributes of instances: {listed(custom)}")
 
 
 def repeat_geometry(

@@ -28,7 +28,7 @@ from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.notes import NoteKind, add_note, add_once, written_times
+from meshreel.model.notes import Notes, written_times
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 
@@ -67,7 +67,7 @@ def write_morphs(
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
-        add_once(notes, describe_losses(mesh.surface, len(mesh.faces)))
+        notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
 
     sharing, _ = sharing_materials(stream, note_losses)
     times_s = frame_times(stream)
@@ -88,7 +88,7 @@ def write_morphs(
         scene.add_segment(segment)
     document = scene.document()
     if scene.n_isolated:
-        notes.append(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
+        notes.unwritten(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
     errors = np.concatenate(scene.errors)
     error = _describe_error(errors, budget)
     n_targets = sorted(len(mesh.morphs.targets) for mesh in scene.morph_meshes if mesh.morphs)
@@ -106,15 +106,15 @@ def write_morphs(
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
         where = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""
-        notes.append(
+        notes.result(
             f"{error} with {number}{counted(n_targets[-1], 'morph target')}{where}: "
             f"{size_bytes / 1e6:.3g} MB"
         )
     elif len(times_s) > 1:
-        notes.append("no vertex moves by more than the error bound: written as a static mesh")
+        notes.result("no vertex moves by more than the error bound: written as a static mesh")
     notes += budget.describe(budget.diagonal * (budget.percent(float(errors.max())) / 100))
     if n_targets and n_targets[-1] > MAX_COMMON_TARGETS:
-        notes.append(
+        notes.result(
             Message(
                 f"some viewers play at most {MAX_COMMON_TARGETS} morph targets per mesh; "
                 "allow a larger error (",
@@ -124,7 +124,7 @@ def write_morphs(
         )
     _note_normals(notes, scene, options)
     for extension in scene.buffer.required:
-        notes.append(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+        notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
 
 def extension_of(options: WriteOptions) -> str | None:
@@ -152,14 +152,13 @@ def check_options(options: WriteOptions) -> None:
 
 def frame_times(stream: SegmentedStream) -> Sequence[float]:
     """Return the times of frames in seconds; glTF has no negative times."""
-    notes = stream.notes if stream.n_frames > 1 else []
+    notes = stream.notes if stream.n_frames > 1 else Notes()
     times, start_s = written_times(stream.timing, stream.n_frames, notes), stream.timing.start_s
     if start_s < 0:
-        stream.notes.append(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
+        stream.notes.changed(f"starts at 0 s, not {start_s:g} s: glTF has no time before 0")
         times = times - start_s
     if stream.timing.times is not None and (times.astype(np.float32) != times).any():
-        text = "glTF stores times as float32, to which these are rounded"
-        add_note(notes, NoteKind.CHANGED, "frame times", text)
+        notes.changed("frame times", "glTF stores times as float32, to which these are rounded")
     seconds: list[float] = times.tolist()
     return seconds
 
@@ -178,14 +177,14 @@ def _describe_error(errors: npt.NDArray[np.floating], budget: ErrorBudget) -> st
     return f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
 
 
-def _note_normals(notes: list[str], scene: "SceneWriter", options: WriteOptions) -> None:
+def _note_normals(notes: Notes, scene: "SceneWriter", options: WriteOptions) -> None:
     """Note which meshes have normals, and the error of animated normals."""
     if options.normals is False:
         return
     normals = [mesh.normals for mesh in scene.morph_meshes if mesh.normals is not None]
     if not normals:
         reason = TOO_FEW_TARGETS if options.targets == 1 else CREASED_REASON
-        notes.append(f"no normals, so viewers use flat shading: {reason}")
+        notes.unwritten(f"no normals, so viewers use flat shading: {reason}")
         return
     angle_deg = max(each.angle_deg for each in normals)
     error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
@@ -194,7 +193,7 @@ def _note_normals(notes: list[str], scene: "SceneWriter", options: WriteOptions)
     others = f"; the others have none: {CREASED_REASON}" if few else ""
     hard = " except at hard edges" if scene.has_hard_edges else ""
     if error or few or hard:
-        notes.append(f"normals{few} are smooth{hard}{error}{others}")
+        notes.result(f"normals{few} are smooth{hard}{error}{others}")
 
 
 class SceneWriter:
@@ -208,7 +207,7 @@ class SceneWriter:
         Times of the frames of all segments, not negative.
     bound : float
         Largest error of a vertex, in model units; 0 for as small as possible.
-    notes : list of str
+    notes : Notes
         Gains a sentence for every material property that glTF cannot store.
 
     Attributes
@@ -227,7 +226,7 @@ class SceneWriter:
         times_s: Sequence[float],
         bound: float,
         options: WriteOptions,
-        notes: list[str],
+        notes: Notes,
     ) -> None:
         self.buffer: BufferWriter = BufferWriter(extension_of(options))
         self.morph_meshes: list[MorphMesh] = []

@@ -18,7 +18,7 @@ from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.surfaces.welding import weld_seams
-from meshreel.model.notes import NoteKind, add_note, note_kinds
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY
@@ -46,7 +46,7 @@ def read_drc(data: bytes) -> Frame:
     """
     decoded = _decode_points(data)
     by_type: dict[int, list[npt.NDArray[Any]]] = {}
-    notes, left_out = list[str](), list[str]()
+    notes, left_out = Notes(), list[str]()
     for attribute in decoded.attributes:
         kind, values = attribute["attribute_type"], attribute["data"]
         if values is None or not _is_supported(kind, values):
@@ -68,8 +68,8 @@ def read_drc(data: bytes) -> Frame:
             f"welded {counted(n_points, 'point')} that Draco split at seams to "
             f"{counted(n_verts, 'vertex')}"
         )
-        add_note(notes, NoteKind.CHANGED, "welded points", text)
-    note_kinds(notes, "attributes of Draco", left_out)
+        notes.changed("welded points", text)
+    notes.left_out("attributes of Draco", left_out)
     attributes = tuple(
         split.attribute(name if not number else f"{name}{number}", kind, values)
         for name, kind, draco_type in (("uv", Kind.UV, UV), ("color", Kind.COLOR, COLOR))

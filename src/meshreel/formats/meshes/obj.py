@@ -26,7 +26,7 @@ from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import ragged_indices
-from meshreel.model.notes import note_left_out, note_normals
+from meshreel.model.notes import Notes, note_normals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 N_COLORED = 6
@@ -88,7 +88,7 @@ def read_obj(data: bytes) -> Frame:
         tuple(group for group in groups if group.labels and not _is_redundant(group, parts)),
         parts,
     )
-    fields, notes = fields_of(attributes), list[str]()
+    fields, notes = fields_of(attributes), Notes()
     if normals is not None:
         domain, values = normals
         fields[domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
@@ -96,7 +96,7 @@ def read_obj(data: bytes) -> Frame:
         note_normals(notes)
     for word, contents in LEFT_OUT.items():
         if len(lines.all.beginning_with(word)):
-            note_left_out(notes, contents)
+            notes.left_out(contents)
     return Frame(mesh, surface, fields, notes, partial(_hard_edges, lines, mesh, normals))
 
 

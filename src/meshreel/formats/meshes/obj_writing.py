@@ -20,8 +20,7 @@ from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.model.geometry.hard_edges import RowNormals, hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.notes import (
-    NoteKind,
-    add_note,
+    Notes,
     note_name,
     note_track_type,
     note_unwritten,
@@ -248,7 +247,7 @@ def select_tracks(
     tracks: Mapping[str, TrackSource],
     uv: Attribute | None,
     colors: Attribute | None,
-    notes: list[str],
+    notes: Notes,
 ) -> dict[TrackKind, str]:
     """Return the names of the tracks that an OBJ file can store, at most one of each kind.
 
@@ -256,7 +255,7 @@ def select_tracks(
     ----------
     uv, colors : Attribute or None
         Attributes that it stores.
-    notes : list of str
+    notes : Notes
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
     attributes = {TrackKind.UV: uv, TrackKind.COLOR: colors}
@@ -274,8 +273,7 @@ def select_tracks(
             note_name("track", name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
-                text = f"alpha of track {name!r} left out: .obj does not store it"
-                add_note(notes, NoteKind.UNWRITTEN, name, text)
+                notes.unwritten(name, f"alpha of track {name!r} left out: .obj does not store it")
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
     units = {name: tracks[name].unit for name in written.values()}

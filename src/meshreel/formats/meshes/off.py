@@ -25,7 +25,7 @@ from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
 from meshreel.formats.text.token_lines import TokenLines, split_lines
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
-from meshreel.model.notes import note_left_out, note_normals, note_unwritten
+from meshreel.model.notes import Notes, note_normals, note_unwritten
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
@@ -60,7 +60,7 @@ def read_off(data: bytes) -> Frame:
     mesh = polygon_mesh(
         lines.positions(verts), counts, corners, place=lambda face: lines.place(faces[face])
     )
-    attributes, notes = list[Attribute | None](), list[str]()
+    attributes, notes = list[Attribute | None](), Notes()
     n_texture = 2 if keyword.startswith("ST") else 0
     if "C" in keyword:
         n_before = np.full(len(verts), 6 if "N" in keyword else 3)
@@ -72,7 +72,7 @@ def read_off(data: bytes) -> Frame:
     if "N" in keyword:
         note_normals(notes)
     if face_colors is None and (lines.counts[faces] > counts + 1).any():
-        note_left_out(notes, "face colors, which not all faces have as three or four numbers")
+        notes.left_out("face colors, which not all faces have as three or four numbers")
     surface = Surface(attributes=tuple(filter(None, attributes)))
     return Frame(mesh, surface, notes=notes)
 

@@ -36,7 +36,7 @@ from meshreel.formats.meshes.ply_writing import (
     ply_encoder,
 )
 from meshreel.formats.surfaces.polygons import polygon_mesh
-from meshreel.model.notes import note_kinds, note_normals
+from meshreel.model.notes import Notes, note_normals
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import VALUE_TYPES, Attribute, Domain, Kind, Surface
 
@@ -59,8 +59,8 @@ def read_ply(data: bytes) -> Frame:
     else:
         corners = faces.lists(_indices(faces))
     mesh = polygon_mesh(_vertices(vertices), *corners)
-    notes: list[str] = []
-    note_kinds(notes, "lines of the header", header.skipped)
+    notes = Notes()
+    notes.left_out("lines of the header", header.skipped)
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
     scalars = {one.name: one for one in vertices.element.properties if not one.count_code}
     if _share_type(scalars, NORMALS, ("f4", "f8")):
@@ -125,7 +125,7 @@ def _add_field(
     found[key] = values, Field(values.dtype, values.shape[1], role, kind)
 
 
-def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_uv: bool) -> None:
+def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: bool) -> None:
     names = {column.name for column in tables["vertex"].element.properties}
     if names & set(NORMALS):
         note_normals(notes)
@@ -137,10 +137,10 @@ def _note_left_out(tables: dict[str, PlyTable], notes: list[str], *, has_corner_
         for column in tables[name].element.properties
         if column.count_code and not (name != "vertex" and column.name in known)
     ]
-    note_kinds(notes, "lists", lists)
+    notes.left_out("lists", lists)
     others = [name for name, table in tables.items() if table.element.n_rows]
     read = "vertex", "face" if "face" in tables else STRIPS
-    note_kinds(notes, "elements", (name for name in others if name not in read))
+    notes.left_out("elements", (name for name in others if name not in read))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:

@@ -17,6 +17,7 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.notes import (
+    Notes,
     note_name,
     note_track_type,
     note_unwritten,
@@ -192,7 +193,7 @@ class PlyTrack:
 
 
 def select_tracks(
-    tracks: Mapping[str, TrackSource], attributes: Iterable[Attribute], notes: list[str]
+    tracks: Mapping[str, TrackSource], attributes: Iterable[Attribute], notes: Notes
 ) -> list[PlyTrack]:
     """Return the tracks that a PLY file can store.
 
@@ -200,7 +201,7 @@ def select_tracks(
     ----------
     attributes : iterable of Attribute
         Attributes that it stores; their property names are reserved.
-    notes : list of str
+    notes : Notes
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
     used = {(attribute.domain, _attribute_key(attribute)) for attribute in attributes}

@@ -17,7 +17,7 @@ from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode, FrameFormat
 from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines
-from meshreel.model.notes import note_left_out, note_unwritten
+from meshreel.model.notes import Notes, note_unwritten
 from meshreel.model.sequence import Vertices
 
 HEADER_BYTES = 80
@@ -37,12 +37,12 @@ def read_stl(data: bytes) -> Frame:
     """
     # Some binary files begin with "solid" too, so the size decides first.
     corners: Vertices
-    notes: list[str] = []
+    notes = Notes()
     if len(data) == _binary_size(data):
         triangles = np.frombuffer(data, dtype=TRIANGLE, offset=HEADER_BYTES + 4)
         corners = triangles["corners"].reshape(-1, 3).astype(np.float32)
         if triangles["attribute"].any():
-            note_left_out(notes, "spare bytes of triangles, such as colors")
+            notes.left_out("spare bytes of triangles, such as colors")
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _parse_ascii(split_lines(data.lower()))
     else:

@@ -13,7 +13,7 @@ from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
-from meshreel.model.notes import add_once, listed, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -21,7 +21,7 @@ BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTH
 """Kinds whose float values are interpolated linearly between frames."""
 
 
-def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> SceneMesh:
+def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneMesh:
     """Merge meshes into one whose parts have their names.
 
     Its frames are at all times of the moving meshes. A mesh without a frame at such a time is
@@ -32,7 +32,7 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: list[str]) -> Sc
     ----------
     name : str
         Name of the merged mesh.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each attribute that only some of the meshes have.
     """
     times = unite_times([mesh.times_s for mesh in meshes])
@@ -79,7 +79,7 @@ def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
 
 
 def merge_tracks(
-    meshes: Sequence[SceneMesh], places: Sequence[Sequence[Neighbours]], notes: list[str]
+    meshes: Sequence[SceneMesh], places: Sequence[Sequence[Neighbours]], notes: Notes
 ) -> dict[str, TrackSource]:
     """Return the tracks of several meshes that are merged into one.
 
@@ -111,18 +111,18 @@ def _merged(
     first: Sequence[int],
     places: Sequence[Sequence[Neighbours]],
     sizes: Sequence[Mapping[Domain, int]],
-    notes: list[str],
+    notes: Notes,
 ) -> StoredTrack | None:
     of_meshes = [tracks.get(name) for tracks in mesh_tracks]
     known = [track for track in of_meshes if track is not None]
     if len({(track.domain, track.kind, track.unit, track.shape[2]) for track in known}) > 1:
-        note_left_out(notes, f"tracks that differ between meshes: {listed([name])}")
+        notes.left_out(f"tracks that differ between meshes: {listed([name])}")
         return None
     domain, kind = known[0].domain, known[0].kind
     dtype = np.result_type(*(track.dtype for track in known))
     if len(known) < len(of_meshes):
         dtype = dtype if dtype.kind == "f" else np.dtype(np.float64)
-        notes.append(
+        notes.changed(
             f"track {name!r} is in {len(known)} of {len(of_meshes)} meshes, and NaN in the others"
         )
     is_blended = kind in BLENDED and dtype.kind == "f"
@@ -156,7 +156,7 @@ def merge_surfaces(
     names: Sequence[str],
     surfaces: Sequence[Surface],
     frames: Sequence[PolygonMesh],
-    notes: list[str],
+    notes: Notes,
 ) -> Surface:
     """Return the merged surface of several meshes, each of which becomes a named part.
 
@@ -166,7 +166,7 @@ def merge_surfaces(
         Surface of each mesh, without face sizes.
     frames : sequence of PolygonMesh
         The mesh of each surface.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each attribute that only some of the meshes have.
     """
     parts = tuple(
@@ -223,7 +223,7 @@ def _meaning(attribute: Attribute) -> Meaning:
 
 
 def _merged_attributes(
-    surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: list[str]
+    surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: Notes
 ) -> tuple[Attribute, ...]:
     """Merge attributes by kind, name, domain and width; zeros where a mesh lacks one."""
     keys = {_key(attribute): attribute for surface in surfaces for attribute in surface.attributes}
@@ -234,7 +234,7 @@ def _merged_attributes(
             for surface in surfaces
         ]
         if any(match_ is None for match_ in matches):
-            add_once(notes, [f"{sample.kind} {sample.name!r} is 0 in meshes without it"])
+            notes.changed(f"{sample.kind} {sample.name!r} is 0 in meshes without it")
         merged.append(_concatenate(sample, matches, frames))
     return tuple(merged)
 

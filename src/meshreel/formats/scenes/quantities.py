@@ -12,7 +12,7 @@ from meshreel.formats.frames.field_tracks import Field, Key, field_tracks
 from meshreel.formats.frames.stored_frames import StoredTrack, changed_error
 from meshreel.formats.scenes.transforms import transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import note_kinds, note_left_out
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 
 
@@ -52,7 +52,7 @@ def quantity_tracks(
     sizes: tuple[Mapping[Domain, int], Mapping[Domain, int]],
     rows: Mapping[Domain, Any],
     to_world: Callable[[float], Floats],
-    notes: list[str],
+    notes: Notes,
     mismatched: str,
 ) -> dict[str, StoredTrack]:
     """Return the quantities of a mesh as tracks.
@@ -94,7 +94,7 @@ def quantity_tracks(
                 )
         frames.append(fields)
     missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
-    note_kinds(notes, mismatched, missing)
+    notes.left_out(mismatched, missing)
     return field_tracks(frames, shown, read_frame, notes)
 
 
@@ -103,7 +103,7 @@ def note_quantities(
     quantities: Iterable[Quantity],
     frames: Floats,
     tolerance: float,
-    notes: list[str],
+    notes: Notes,
     *,
     is_transform_animated: bool,
 ) -> None:
@@ -117,9 +117,9 @@ def note_quantities(
             [f"{quantity.name} ({n_other} of {len(times)})"] if n_other and len(times) > 1 else []
         )
         has_rates = has_rates or quantity.to_world is transform_vectors
-    note_kinds(notes, "samples where positions have no frame", names)
+    notes.left_out("samples where positions have no frame", names)
     if has_rates and is_transform_animated:
-        note_left_out(notes, f"velocity of the transforms above {path}")
+        notes.left_out(f"velocity of the transforms above {path}")
 
 
 def normals_of_corners(

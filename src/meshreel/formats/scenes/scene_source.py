@@ -15,7 +15,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
-from meshreel.model.notes import listed, note_kinds
+from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
@@ -289,7 +289,7 @@ def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[S
         options.progress("checking", Count(number + 1, len(meshes), "meshes"))
     if not good:
         raise FormatError(f"has no readable mesh: {listed(faults)}")
-    note_kinds(options.notes, "meshes that cannot be read", faults)
+    options.notes.left_out("meshes that cannot be read", faults)
     return good
 
 
@@ -298,7 +298,7 @@ def _fault(mesh: SceneMesh) -> str:
     try:
         first = mesh.frame(0)
         surface = first.with_polygons(mesh.surface(0))
-        surface.validated(len(first.vertices), triangulated(first, []))
+        surface.validated(len(first.vertices), triangulated(first, Notes()))
         for index in range(len(mesh.times_s)):
             frame = mesh.frame(index) if index else first
             validate_finite(frame.vertices[np.newaxis], first_frame=index)

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError, Keyword
 from meshreel.formats.options import ReadOptions
-from meshreel.model.notes import NoteKind, add_note
 from meshreel.model.validation import validate_fps
 
 MAX_FRAMES = 1_000_000
@@ -38,7 +37,7 @@ def file_order_times(n_frames: int, options: ReadOptions) -> Floats | None:
     if not (fps := validate_fps(options.fps or 0.0)):
         return None
     text = f"frame times are not ascending; read in file order at {fps:g} frames per second"
-    add_note(options.notes, NoteKind.CHANGED, "frame times", text)
+    options.notes.changed("frame times", text)
     times: Floats = np.arange(n_frames, dtype=np.float64) / fps
     return times
 

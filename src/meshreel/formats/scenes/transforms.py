@@ -7,6 +7,7 @@ import numpy as np
 from meshreel.arrays import Floats, Singles, Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.text.decimal_text import Narrowing
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Vertices
 
 
@@ -117,11 +118,11 @@ class Rounding:
         self.max_error = max(self.max_error, error)
         return rounded
 
-    def note(self, notes: list[str]) -> None:
+    def note(self, notes: Notes) -> None:
         """Add a note on the rounding error, if there was any."""
         relative = ", relative to the center of the first frame" if self.shift.any() else ""
         if self.max_error:
-            notes.append(
+            notes.changed(
                 f"{self._program} stores positions as float32{relative}: "
                 f"coordinates change by up to {self.max_error:.2g}"
             )

@@ -32,7 +32,7 @@ from meshreel.formats.solvers.d3plot_files import (
 )
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, used_points
 from meshreel.model.geometry.polygons import ragged_indices
-from meshreel.model.notes import NoteKind, add_note, note_kinds, note_left_out
+from meshreel.model.notes import NoteKind
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
 
@@ -92,10 +92,10 @@ def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
     layout = D3plotLayout(Words(path))
     if len(layout.cells.types) == 0:
         raise FormatError("contains neither shells nor solids; there is no surface")
-    note_kinds(options.notes, "elements without faces", layout.left_out)
-    note_kinds(options.notes, "results", _unread_results(layout))
+    options.notes.left_out("elements without faces", layout.left_out)
+    options.notes.left_out("results", _unread_results(layout))
     if layout.n_rest:
-        options.notes.append(
+        options.notes.changed(
             f"the last state is incomplete and not read: {counted(layout.n_rest, 'word')} of "
             f"{layout.state_words}"
         )
@@ -166,7 +166,7 @@ class _States:
         """Return the parts of the faces and cells of a state."""
         layout, _ = self._states[index]
         if "coordinates" not in layout.sections:
-            note_left_out(self._notes, "motion: the states contain no positions")
+            self._notes.left_out("motion: the states contain no positions")
         surface = self._surface(index)
         surface.note_interior(self._notes)
         numbers = layout.part_numbers.astype(np.int32)
@@ -185,7 +185,7 @@ class _States:
         else:
             is_alive = layout.is_alive(state)
         if not is_alive.all():
-            add_note(self._notes, NoteKind.SEGMENTS, "deleted elements", DELETED)
+            self._notes.add(NoteKind.SEGMENTS, "deleted elements", DELETED)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
             self._cached = layout, key, _surface_of(layout, np.flatnonzero(is_alive))

@@ -36,7 +36,7 @@ from meshreel.formats.solvers.ensight_files import (
 )
 from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, used_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import note_kinds, note_left_out
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 
@@ -118,8 +118,8 @@ class EnsightCase:
         self.elements_step: int | None = None
         self.geometry: FileSeries = self._read_model(_words(models[0]))
         others = [key for key, _ in self._sections["GEOMETRY"] if key != "model"]
-        note_kinds(options.notes, "geometry", others)
-        note_kinds(options.notes, "sections", self._sections.keys() - KNOWN_SECTIONS)
+        options.notes.left_out("geometry", others)
+        options.notes.left_out("sections", self._sections.keys() - KNOWN_SECTIONS)
         self.variables: list[Variable] = list(self._read_variables())
 
     def file(self, series: FileSeries, step: int) -> Path:
@@ -164,7 +164,7 @@ class EnsightCase:
                 left_out.append(f"{name} (in a file set)")
             else:
                 yield Variable(name, PLACES[place], WIDTHS[kind], series)
-        note_kinds(self._options.notes, "variables", left_out)
+        self._options.notes.left_out("variables", left_out)
 
     def _series(self, numbers: list[str], pattern: str, what: str) -> FileSeries | None:
         """Return the files of a line that begins with a time set; None if a file set follows it."""
@@ -275,9 +275,9 @@ def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     shown = [part for part in parts if any(block.has_faces for block in part.blocks)]
     if not shown:
         raise FormatError("contains no elements with faces; there is no surface")
-    note_kinds(options.notes, "parts without faces", (p.name for p in parts if p not in shown))
+    options.notes.left_out("parts without faces", (p.name for p in parts if p not in shown))
     kinds = {block.kind for part in shown for block in part.blocks if not block.has_faces}
-    note_kinds(options.notes, "elements of points, lines and ghosts", sorted(kinds))
+    options.notes.left_out("elements of points, lines and ghosts", sorted(kinds))
     names = [part.name for part in shown]
     meshes = []
     for part in shown:
@@ -315,7 +315,7 @@ class _Steps:
             variable for variable in case.variables if self._fits(variable)
         ]
         others = (variable.name for variable in case.variables if variable not in self.variables)
-        note_kinds(options.notes, "variables at other times than the geometry", others)
+        options.notes.left_out("variables at other times than the geometry", others)
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._order = cache(find_order)
         self._find = cache(lambda path: find_parts(self._open(path, path)))
@@ -419,7 +419,7 @@ class _Steps:
 class _PartFrames:
     """The frames of a part."""
 
-    def __init__(self, steps: _Steps, number: int, notes: list[str]) -> None:
+    def __init__(self, steps: _Steps, number: int, notes: Notes) -> None:
         self._steps, self._number, self._notes = steps, number, notes
         self._surfaces: dict[int, CellSurface] = {}
 
@@ -438,7 +438,7 @@ class _PartFrames:
                 if not self._steps.has_values(variable, frames.start, self._number):
                     continue
             except FormatError as error:
-                note_left_out(self._notes, f"variable {variable.name!r}: {error}")
+                self._notes.left_out(f"variable {variable.name!r}: {error}")
                 continue
             field = Field(np.dtype(np.float32), variable.width, is_track=True)
             is_at_nodes = variable.domain is Domain.VERTEX

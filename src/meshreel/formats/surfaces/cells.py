@@ -14,7 +14,7 @@ from meshreel.kernel.cells import cell_sizes
 from meshreel.model.cells import Cells as VolumeCells
 from meshreel.model.cells import validated_cells
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
-from meshreel.model.notes import NoteKind, add_note, listed
+from meshreel.model.notes import NoteKind, Notes, listed
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
@@ -193,17 +193,17 @@ class CellSurface:
     unstored: tuple[str, ...] = ()
     """Types of cells that cannot be stored, if solids are reduced to their surface, for notes."""
 
-    def note_interior(self, notes: list[str]) -> None:
+    def note_interior(self, notes: Notes) -> None:
         """Note what is not kept of cells: mostly the inside of solids, unless they all are."""
         for change in self.changes:
-            add_note(notes, NoteKind.CHANGED, "types of cells", change)
+            notes.changed("types of cells", change)
         if self.n_solids:
             text = f"left out: the inside of {counted(self.n_solids, 'solid cell')}"
             if self.n_lost:
                 text += f", with {counted(self.n_lost, 'node')} that no face has"
             if self.unstored:
                 text += f"; cells of {listed(self.unstored)} cannot be stored"
-            add_note(notes, NoteKind.LEFT_OUT, "the inside of solid cells", text)
+            notes.add(NoteKind.LEFT_OUT, "the inside of solid cells", text)
 
     @property
     def source_rows(self) -> Mapping[Domain, npt.NDArray[np.int64] | slice]:

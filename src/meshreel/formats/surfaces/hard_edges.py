@@ -17,7 +17,7 @@ from meshreel.model.geometry.hard_edges import (
     shared_edges,
 )
 from meshreel.model.geometry.normals import face_normals
-from meshreel.model.notes import NORMALS, Note, NoteKind
+from meshreel.model.notes import NORMALS, Note, NoteKind, Notes
 from meshreel.model.surface import Surface
 from meshreel.runtime.counting import counted
 
@@ -135,11 +135,11 @@ class NormalNotes:
 
     Parameters
     ----------
-    notes : list of str
+    notes : Notes
         Receives one or two sentences, which are replaced when a mesh is added.
     """
 
-    def __init__(self, notes: list[str]) -> None:
+    def __init__(self, notes: Notes) -> None:
         self._notes = notes
         self._meshes: dict[str, HardEdges] = {}
         self._written: list[Note] = []

@@ -11,7 +11,7 @@ from meshreel.errors import FormatError
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.cells import Cells
 from meshreel.model.geometry.polygons import Integers
-from meshreel.model.notes import NoteKind, add_note
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
@@ -141,14 +141,14 @@ def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDAr
     return starts + places % sizes
 
 
-def triangulated(mesh: PolygonMesh, notes: list[str]) -> Faces:
+def triangulated(mesh: PolygonMesh, notes: Notes) -> Faces:
     """Return the triangles of the faces, of shape (M, 3); note polygons whose triangles overlap."""
     if mesh.cells is not None:
         return mesh.cells.surface(len(mesh.vertices)).triangles
     faces, n_overlapping = triangulate(mesh.counts, mesh.corners, mesh.vertices)
     if n_overlapping:
         text = f"triangles overlap in {counted(n_overlapping, 'polygon')} with crossing sides"
-        add_note(notes, NoteKind.CHANGED, "overlapping triangles", text)
+        notes.changed("overlapping triangles", text)
     return faces
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.materials import NO_BIAS, NO_SCALE, UV_READER, WRAPS
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
-from meshreel.model.notes import note_kinds
+from meshreel.model.notes import Notes
 from meshreel.model.surface import FaceGroups
 from meshreel.runtime.extras import USD
 
@@ -44,7 +44,7 @@ class Materials:
         Images of the textures, and the file of each, relative to that of the stage.
     primvars : mapping of str to str
         Primvar of each UV set.
-    notes : list of str
+    notes : Notes
         Gains a sentence for each kind of property that USD cannot store.
     is_package : bool
         Whether images go into a USDZ package, which supports only some types.
@@ -58,7 +58,7 @@ class Materials:
         looks: Sequence[Material],
         images: Sequence[tuple[Image, str]],
         primvars: Mapping[str, str],
-        notes: list[str],
+        notes: Notes,
         *,
         is_package: bool,
     ) -> None:
@@ -92,12 +92,12 @@ class Materials:
         USD.load("UsdGeom").Gprim(prim).CreateDoubleSidedAttr(is_double)
         single = [look.name for look in looks if is_double and not look.double_sided]
         subject = "single-sidedness of materials on meshes with double-sided ones"
-        note_kinds(self._notes, subject, single)
+        self._notes.left_out(subject, single)
 
     def note_unused(self) -> None:
         """Note the materials that no face uses."""
         unused = (name for name in self._looks if name not in self._created)
-        note_kinds(self._notes, "materials that no face uses", unused)
+        self._notes.left_out("materials that no face uses", unused)
 
     def _write(self, material: Any, look: Material) -> None:
         """Write the appearance of a material."""
@@ -107,10 +107,10 @@ class Materials:
         outputs: dict[str, Any] = {}
         for slot, texture in look.textures.items():
             if reason := self._unsupported_reason(texture):
-                note_kinds(self._notes, f"textures that USD cannot store ({reason})", [look.name])
+                self._notes.left_out(f"textures that USD cannot store ({reason})", [look.name])
                 continue
             if texture.magnified or texture.shrunk:
-                note_kinds(self._notes, "texture filters, which USD cannot store", [look.name])
+                self._notes.left_out("texture filters, which USD cannot store", [look.name])
             reader = self._texture(f"{path}/{slot}_texture", slot, texture, look)
             is_color = len(texture.channels) >= 3
             output = ("rgb", types.Float3) if is_color else (texture.channels, types.Float)
@@ -136,9 +136,7 @@ class Materials:
         if look.alpha_mode is AlphaMode.MASK:
             shader.CreateInput("opacityThreshold", types.Float).Set(look.alpha_cutoff)
         if look.unlit:
-            note_kinds(
-                self._notes, "unlit shading of materials, which USD cannot store", [look.name]
-            )
+            self._notes.left_out("unlit shading of materials, which USD cannot store", [look.name])
 
     def _unsupported_reason(self, texture: Texture) -> str:
         mime_type = self._images[texture.image][0].mime_type

@@ -14,7 +14,7 @@ from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
-from meshreel.model.notes import note_kinds
+from meshreel.model.notes import Notes
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 
@@ -64,7 +64,7 @@ class StageMaterials:
     ----------
     folder : Path or None
         Folder of the stage's file, which must contain the images; None allows any location.
-    notes : list of str
+    notes : Notes
         Gains a sentence for each kind of material property that is not read.
 
     Attributes
@@ -73,7 +73,7 @@ class StageMaterials:
         The images read so far, to which materials refer.
     """
 
-    def __init__(self, folder: Path | None, notes: list[str]) -> None:
+    def __init__(self, folder: Path | None, notes: Notes) -> None:
         self.images: list[Image] = []
         self._folder = None if folder is None else folder.resolve()
         self.notes = notes
@@ -127,14 +127,14 @@ class StageMaterials:
         shader, _, _ = material.ComputeSurfaceSource()
         if not shader:
             if any(output.HasConnectedSource() for output in material.GetOutputs()):
-                note_kinds(self.notes, "appearance of materials without UsdPreviewSurface", [name])
+                self.notes.left_out("appearance of materials without UsdPreviewSurface", [name])
             return None
         if shader.GetShaderId() != "UsdPreviewSurface":
-            note_kinds(self.notes, "appearance of materials other than UsdPreviewSurface", [name])
+            self.notes.left_out("appearance of materials other than UsdPreviewSurface", [name])
             return None
         outputs = map(material.GetOutput, ("displacement", "volume"))
         if any(output and output.HasConnectedSource() for output in outputs):
-            note_kinds(self.notes, "displacement and volumes of materials", [name])
+            self.notes.left_out("displacement and volumes of materials", [name])
         return _PreviewSurface(shader, name, self).material()
 
 
@@ -180,7 +180,7 @@ def read_materials(
         group, is_partition = _group(name, members, default, n_faces)
         groups += [group] if group.labels else []
         if not is_partition:
-            stage.notes.append(
+            stage.notes.changed(
                 f"{name} subsets of {prim.GetPath()} overlap or refer to missing faces; "
                 "a face belongs to the last subset that contains it"
             )
@@ -447,4 +447,4 @@ class _PreviewSurface:
         return strength
 
     def _note(self, what: str) -> None:
-        note_kinds(self._notes, what, [self._name])
+        self._notes.left_out(what, [self._name])

@@ -29,7 +29,7 @@ from meshreel.formats.usd.quantities import (
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import remaining_edges
-from meshreel.model.notes import CAGES, note_kinds
+from meshreel.model.notes import CAGES, Notes
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Int32s, Surface
 from meshreel.model.tracks import TrackSource
@@ -295,7 +295,7 @@ class StageMesh:
     """The skinning by a skeleton."""
     materials: StageMaterials
     """Materials of the stage."""
-    notes: list[str]
+    notes: Notes
     """Gains a sentence for everything that is not read."""
     normal_notes: NormalNotes
     """Collects meshes with normals."""
@@ -349,10 +349,10 @@ class StageMesh:
             ]
             attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
             if self._shape.is_subdivided:
-                note_kinds(self.notes, CAGES, [self.path])
+                self.notes.left_out(CAGES, [self.path])
             if not isinstance(solid := rows[Domain.FACE], slice):
                 holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {self.path}"
-                note_kinds(self.notes, "faces that are holes", [holes])
+                self.notes.left_out("faces that are holes", [holes])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
             return Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
 

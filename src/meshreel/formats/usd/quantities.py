@@ -14,7 +14,7 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.model.notes import UNCHANGING, note_kinds
+from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 from meshreel.runtime.extras import USD
@@ -88,7 +88,7 @@ def read_attributes(
     code: float,
     n_items: Mapping[Domain, int],
     rows: Mapping[Domain, Any],
-    notes: list[str],
+    notes: Notes,
     animated: Collection[str] = (),
 ) -> tuple[Attribute, ...]:
     """Return the attributes of a mesh at a time code: UVs, colors, then others.
@@ -101,7 +101,7 @@ def read_attributes(
         Number of vertices, faces and corners in the file.
     rows : mapping of Domain to slice or array
         The items of the mesh among these.
-    notes : list of str
+    notes : Notes
         Gains a sentence for each primvar that does not fit.
     animated : collection of str, optional
         Names of primvars that are read as tracks, and skipped here.
@@ -122,12 +122,12 @@ def read_attributes(
             else:
                 indices = indices[rows[domain]]
             attributes[name] = Attribute(name, kind, domain, values, indices)
-    note_kinds(notes, "primvars for a whole mesh", settings)
+    notes.left_out("primvars for a whole mesh", settings)
     usd_mesh = USD.load("UsdGeom").Mesh(prim)
     rates = (usd_mesh.GetVelocitiesAttr(), usd_mesh.GetAccelerationsAttr())
     static = [str(rate.GetName()) for rate in rates if rate.HasAuthoredValue()]
-    note_kinds(notes, UNCHANGING, (name for name in static if name not in animated))
-    note_kinds(notes, "primvars that do not fit their faces", mismatched)
+    notes.left_out(UNCHANGING, (name for name in static if name not in animated))
+    notes.left_out("primvars that do not fit their faces", mismatched)
     _join_opacity(attributes)
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(

@@ -31,7 +31,7 @@ from meshreel.formats.usd.sampling import (
     snap,
 )
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage, usd_errors
-from meshreel.model.notes import NoteKind, list_in_note, note_kinds, note_left_out
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 
@@ -128,7 +128,7 @@ def _frame_codes(
         codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
             name = f"{mesh.path} ({n_samples} samples, {len(codes)} frames)"
-            list_in_note(mesh.notes, NoteKind.CHANGED, RESAMPLED, [name])
+            mesh.notes.list_names(NoteKind.CHANGED, RESAMPLED, [name])
         if n_samples:
             _note_final(mesh, codes, float(mesh.samples.all[-1]))
         return codes
@@ -140,10 +140,10 @@ def _note_final(mesh: StageMesh, codes: Floats, last: float) -> None:
     """Note a mesh whose last sample is between two frames, and is shown by the later one."""
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
-        list_in_note(mesh.notes, NoteKind.CHANGED, FINAL_POSE, [name])
+        mesh.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])
 
 
-def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:
+def rendered_meshes(stage: Any, notes: Notes) -> list[Any]:
     """Return the prims of the meshes that are rendered, in stage order.
 
     These are the meshes that are visible at some time, have the purpose default or render, and have
@@ -151,7 +151,7 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:
 
     Parameters
     ----------
-    notes : list of str
+    notes : Notes
         Gains a sentence on meshes that are not rendered, and on other geometry.
 
     Raises
@@ -171,9 +171,9 @@ def rendered_meshes(stage: Any, notes: list[str]) -> list[Any]:
         no_geometry = "contains no geometry"
         raise FormatError(f"contains no visible mesh, only {contents}" if contents else no_geometry)
     blinking = [str(mesh.GetPath()) for mesh in rendered if len(set(_visibility(mesh))) > 1]
-    note_kinds(notes, "visibility that changes over time", blinking)
+    notes.left_out("visibility that changes over time", blinking)
     if contents:
-        note_left_out(notes, contents)
+        notes.left_out(contents)
     return rendered
 
 

@@ -73,7 +73,7 @@ def _write_binary(
     note_unwritten_tracks(list(sequence.tracks), "a rig", stream.notes)
     segment = next(stream.meshes())
     if segment.surface.hard_edges is not None:
-        stream.notes.append("left out hard edges: programs compute the normals of a rig")
+        stream.notes.unwritten("left out hard edges: programs compute the normals of a rig")
     parts = parts_of(segment)
     paths = mesh_paths([part.name for part in parts], segment.name or "scene")
     root = write_root(stage, paths[0], rig.origin)

@@ -13,6 +13,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import refuse_pipe
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.options import ReadOptions
+from meshreel.model.notes import Notes
 from meshreel.runtime.extras import USD
 
 NOT_UTF8 = "it contains text that is not UTF-8"
@@ -232,15 +233,15 @@ def codes_per_frame(stage: Any, rate: float) -> float:
     return 1.0 if rate <= MAX_FRAME_RATE else rate / DEFAULT_RATE
 
 
-def _note_missing(stage: Any, notes: list[str]) -> None:
+def _note_missing(stage: Any, notes: Notes) -> None:
     problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
     if problems:
         more = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
         listed = "; ".join(problem.rstrip(".") for problem in problems[:MAX_LISTED])
-        notes.append(f"the file refers to missing or invalid data: {listed}{more}")
+        notes.unknown(f"the file refers to missing or invalid data: {listed}{more}")
 
 
-def _note_axes(stage: Any, notes: list[str]) -> None:
+def _note_axes(stage: Any, notes: Notes) -> None:
     geometry = USD.load("UsdGeom")
     differences = []
     if geometry.GetStageUpAxis(stage) == geometry.Tokens.z:
@@ -250,4 +251,4 @@ def _note_axes(stage: Any, notes: list[str]) -> None:
         differences.append(f"a unit is {meters:g} m")
     if differences:
         facts = ", ".join(differences)
-        notes.append(f"positions stay in the axes and units of the file, where {facts}")
+        notes.result(f"positions stay in the axes and units of the file, where {facts}")

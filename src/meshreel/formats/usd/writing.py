@@ -39,7 +39,7 @@ from meshreel.formats.usd.quantities import (
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.notes import add_once, written_rate
+from meshreel.model.notes import Notes, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.runtime.extras import USD
@@ -238,7 +238,7 @@ def parts_of(stream: FrameStream) -> list[PartMesh]:
         if len(part.counts):
             parts.append(part)
         else:
-            add_once(stream.notes, [f"part {part.name} is left out, since it is empty"])
+            stream.notes.unwritten(part.name, f"part {part.name} is left out, since it is empty")
     return parts
 
 
@@ -375,14 +375,12 @@ class MeshWriter:
             own = values[name][items, columns]
             attribute.Set(usd_array(type_name, own / scale if scale != 1 else own), when)
 
-    def _write_attribute(
-        self, attribute: Attribute, name: str, codes: Codes, notes: list[str]
-    ) -> None:
+    def _write_attribute(self, attribute: Attribute, name: str, codes: Codes, notes: Notes) -> None:
         values, indices = attribute.values, attribute.indices
         is_color = attribute.kind is Kind.COLOR
         if is_color and values.dtype != np.float32:
             is_byte = values.dtype == np.uint8
-            add_once(notes, [BYTE_COLORS if is_byte else NARROW_COLORS])
+            notes.changed(BYTE_COLORS if is_byte else NARROW_COLORS)
             values = (values / (255 if is_byte else 1)).astype(np.float32)
         interpolation, is_single = INTERPOLATIONS[attribute.domain], codes[0] is None
         is_vertex_color = is_color and attribute.domain is Domain.VERTEX
@@ -405,7 +403,7 @@ class MeshWriter:
         return self._api.CreatePrimvar(name, declared, interpolation, width)
 
     def _track_writers(
-        self, name: str, track: TrackSource, used: set[str], notes: list[str]
+        self, name: str, track: TrackSource, used: set[str], notes: Notes
     ) -> Iterator[tuple[str, slice, slice, str, float, Any]]:
         """Yield name, items, columns, type, divisor and attribute of what is written of a track.
 
@@ -536,12 +534,13 @@ def usd_time(code: float | None) -> Any:
     return USD.load("Usd").TimeCode.Default() if code is None else code
 
 
-def _note_type(name: str, track: TrackSource, type_name: str, notes: list[str]) -> None:
+def _note_type(name: str, track: TrackSource, type_name: str, notes: Notes) -> None:
     """Note that USD stores another number type."""
     is_float = type_name == "float" or type_name.endswith("f")
     is_widened = track.dtype.str[1:] in ("i1", "i2", "u2")
     is_scaled = track.dtype == np.uint8 and type_name.startswith("color")
     if is_widened or is_scaled or (track.dtype == np.float64 and is_float):
         written = "int32" if is_widened else "float32"
-        what = f"track {name!r} is written as {written}, not {track.dtype}"
-        add_once(notes, [f"{what}, a type that USD lacks"])
+        notes.changed(
+            f"track {name!r} is written as {written}, not {track.dtype}, a type that USD lacks"
+        )

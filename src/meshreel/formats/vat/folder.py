@@ -30,7 +30,7 @@ from meshreel.formats.vat.layouts import (
 )
 from meshreel.formats.vat.mesh import Motion, RestMesh, placement_for
 from meshreel.formats.vat.textures import Texels, TexelType, read_texture, write_texture
-from meshreel.model.notes import written_rate
+from meshreel.model.notes import Notes, written_rate
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
@@ -148,12 +148,12 @@ def _choices(options: WriteOptions) -> tuple[Sequence[TexelType], MeshSpace]:
 def _note_losses(stream: FrameStream) -> float:
     """Note what the folder cannot store, and return the frame rate to write."""
     notes, surface = stream.notes, stream.surface
-    notes.extend(describe_losses(surface, len(stream.faces)))
+    notes.add_all(describe_losses(surface, len(stream.faces)))
     if surface.parts:
-        notes.append(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
+        notes.changed(f"{counted(len(surface.parts), 'part')} become one mesh, without their names")
     if start_s := stream.timing.start_s:
-        notes.append(f"starts at 0 s, not {start_s:g} s: textures have no start time")
-    return written_rate(stream.timing, notes if stream.n_frames > 1 else [])
+        notes.changed("start", f"starts at 0 s, not {start_s:g} s: textures have no start time")
+    return written_rate(stream.timing, notes if stream.n_frames > 1 else Notes())
 
 
 def _motion(
@@ -162,17 +162,17 @@ def _motion(
     fps: float,
     space: MeshSpace,
     budget: ErrorBudget,
-    notes: list[str],
+    notes: Notes,
 ) -> Motion:
     """Return the motion of the vertices that faces use, near the origin."""
     frames = sequence.vertices
     if n_isolated := sequence.n_verts - len(mesh.used):
-        notes.append(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+        notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
         frames = frames[:, mesh.used]
     placement = placement_for(frames, budget.added or np.inf)
     if placement is not IDENTITY:
         origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
-        notes.append(
+        notes.changed(
             f"the mesh is centered at the origin, and the node of the file moves it to {origin}, "
             "where float32 is too coarse; keep the node when you import it"
         )
@@ -237,7 +237,7 @@ def _write_normals(image: Texels, motion: Motion, grid: TexelGrid, texel_type: T
 
 
 def _note_errors(
-    notes: list[str],
+    notes: Notes,
     budget: ErrorBudget,
     errors: npt.NDArray[np.float64],
     angle_deg: float | None,
@@ -245,23 +245,23 @@ def _note_errors(
 ) -> None:
     largest, frame = float(errors.max()), int(errors.argmax())
     added = "" if budget.origin is None else " added"
-    notes.append(
+    notes.result(
         f"the largest error{added} is {budget.percent(largest):.3g} % of the diagonal, in frame "
         f"{frame}, as decoded from {texel_type.title}"
     )
     notes += budget.describe(largest)
     if angle_deg is not None:
-        notes.append(f"the largest error of normals is {angle_deg:.2g} degrees")
+        notes.result(f"the largest error of normals is {angle_deg:.2g} degrees")
 
 
-def _note_size(notes: list[str], grid: TexelGrid, texel_type: TexelType) -> None:
+def _note_size(notes: Notes, grid: TexelGrid, texel_type: TexelType) -> None:
     video_bytes = texel_type.video_bytes(grid.height, grid.width)
-    notes.append(
+    notes.result(
         f"1 texture of {grid.width} x {grid.height} texels: "
         f"{video_bytes / 1e6:.3g} MB of video memory"
     )
     if max(grid.width, grid.height) > WIDTHS[0]:
-        notes.append(
+        notes.result(
             f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
             "fewer frames for them"
         )

@@ -17,6 +17,7 @@ from meshreel.formats.gltf.write import NodeTree, assemble_document
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.layouts import MeshSpace, to_blender
 from meshreel.model.geometry.normals import vertex_normals
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
@@ -145,7 +146,7 @@ class RestMesh:
         motion: Motion,
         uvs: Floats,
         space: MeshSpace,
-        notes: list[str],
+        notes: Notes,
     ) -> None:
         """Write a ``.glb`` file of the first frame.
 
@@ -155,11 +156,11 @@ class RestMesh:
             UVs of the texels of the first frame; v is 0 at the bottom.
         space : MeshSpace
             Axes and units of the vertices in the file.
-        notes : list of str
+        notes : Notes
             Gains a sentence for everything of a material that glTF cannot store.
         """
         if self._n_hard:
-            notes.append(
+            notes.unwritten(
                 f"left out {counted(self._n_hard, 'hard edge')}: textures store one normal per "
                 "vertex"
             )

@@ -10,7 +10,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.steps import TEXTURE_COORDINATES
-from meshreel.model.notes import NoteKind, add_note, listed, note_unwritten
+from meshreel.model.notes import Notes, listed, note_unwritten
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -39,7 +39,7 @@ class OutputArray:
 
 
 def output_arrays(
-    surface: Surface, tracks: Mapping[str, TrackSource], extension: str, notes: list[str]
+    surface: Surface, tracks: Mapping[str, TrackSource], extension: str, notes: Notes
 ) -> list[OutputArray]:
     """Return the arrays for attributes and groups of vertices and faces or cells, and for tracks.
 
@@ -49,7 +49,7 @@ def output_arrays(
         Tracks of vertices, and of faces or cells.
     extension : str
         File extension with the dot.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each thing that is left out.
     """
     of_cells = Domain.FACE if surface.cells is None else Domain.CELL
@@ -59,7 +59,7 @@ def output_arrays(
     if all_groups:
         names = listed(groups.name for groups in all_groups)
         text = f"group labels left out; {extension} stores only their numbers: {names}"
-        add_note(notes, NoteKind.UNWRITTEN, "group labels", text)
+        notes.unwritten("group labels", text)
     found = [
         *map(_attribute_array, attributes),
         *(_array(group.name, Domain.FACE, group.numbers[:, None]) for group in all_groups),

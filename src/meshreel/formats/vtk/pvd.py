@@ -25,7 +25,7 @@ from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.xml_arrays import parse_xml
 from meshreel.formats.vtk.xml_file import read_vtk_xml
 from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
-from meshreel.model.notes import listed, note_kinds, note_left_out
+from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
@@ -110,7 +110,7 @@ def _files_with_faces(
             empty.append(f"{path.name} (time {time:g})")
     if not kept:
         raise EmptyMeshError(f"lists only files without faces: {listed(empty)}")
-    note_kinds(options.notes, "steps without faces", empty)
+    options.notes.left_out("steps without faces", empty)
     return kept
 
 
@@ -207,7 +207,7 @@ class _PieceFrames:
         times: Floats,
         files: list[list[Path]],
         steps: _FileSteps,
-        notes: list[str],
+        notes: Notes,
     ) -> None:
         self._name, self._times, self._notes = name, times, notes
         n_series = max(len(one) for one in files)
@@ -231,7 +231,7 @@ class _PieceFrames:
         """Return the tracks of consecutive frames that share their faces."""
         counts = {len(self._places[index]) for index in frames}
         if len(counts) > 1:  # pieces cannot be matched between frames
-            note_left_out(self._notes, "fields of frames that differ in their number of files")
+            self._notes.left_out("fields of frames that differ in their number of files")
             return {}
         places = [[Neighbours(place, place) for place in self._places[index]] for index in frames]
         if counts == {1}:
@@ -257,9 +257,7 @@ def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
     return read(place)
 
 
-def _file_frames(
-    files: list[tuple[Path, float]], steps: _FileSteps, notes: list[str]
-) -> StepFrames:
+def _file_frames(files: list[tuple[Path, float]], steps: _FileSteps, notes: Notes) -> StepFrames:
     """Return the frames of files with one step each, given with their times."""
 
     def read(index: int) -> Step:

@@ -36,7 +36,6 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     segment_group,
 )
 from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
-from meshreel.model.notes import note_kinds
 from meshreel.model.surface import Surface
 from meshreel.runtime.extras import HDF
 
@@ -61,8 +60,8 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         group = find_group(root, ROOT)
         if group is None:
             raise FormatError(f"has no group {ROOT}; expected a VTKHDF file")
-        note_kinds(
-            options.notes, "groups", (name for name in root if name not in (ROOT, MESHREEL_GROUP))
+        options.notes.left_out(
+            "groups", (name for name in root if name not in (ROOT, MESHREEL_GROUP))
         )
         kind = _type(group)
         if kind in MESH_TYPES:
@@ -80,7 +79,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
         others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
-        note_kinds(options.notes, "blocks that are not meshes", others)
+        options.notes.left_out("blocks that are not meshes", others)
         return meshes
 
 

@@ -36,7 +36,7 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     cell_mesh,
 )
-from meshreel.model.notes import note_kinds, note_left_out
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
@@ -81,7 +81,7 @@ class VtkSteps:
     group : h5py group
     is_poly_data : bool
         Whether the type is PolyData rather than UnstructuredGrid.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each thing that is left out.
 
     Raises
@@ -90,7 +90,7 @@ class VtkSteps:
         If a required dataset is missing, or the step datasets are inconsistent.
     """
 
-    def __init__(self, group: Node, *, is_poly_data: bool, notes: list[str]) -> None:
+    def __init__(self, group: Node, *, is_poly_data: bool, notes: Notes) -> None:
         self._group, self._notes = group, notes
         self._steps = find_group(group, "Steps")
         self._points = require_dataset(group, "Points")
@@ -119,11 +119,11 @@ class VtkSteps:
         data = [array.name for array in arrays]
         # The writer appends underscores to make names unique.
         others = [name for name in data if name not in known and name.rstrip("_") not in known]
-        note_kinds(self._notes, "data added by another program", others)
+        self._notes.left_out("data added by another program", others)
 
     def note_field_data(self) -> None:
         """Add a note on field data."""
-        note_kinds(self._notes, "field data", find_group(self._group, "FieldData") or ())
+        self._notes.left_out("field data", find_group(self._group, "FieldData") or ())
 
     def step(self, index: int) -> Step:
         """Return a step."""
@@ -242,7 +242,7 @@ class VtkSteps:
         for name in group if group is not None else ():
             dataset = find_dataset(group, name)
             if dataset is None or dataset.dtype.kind not in "iuf" or not dataset.shape:
-                note_kinds(self._notes, UNSUPPORTED_ARRAYS, [name])
+                self._notes.left_out(UNSUPPORTED_ARRAYS, [name])
                 continue
             offsets_name = f"Steps/{place}Offsets/{name}"
             found = find_dataset(self._group, offsets_name)
@@ -251,8 +251,7 @@ class VtkSteps:
             starts = starts if found is None else read_integers(found).ravel()
             # VTK appends the end of the last step; it skips steps without the array, unmarked.
             if len(starts) not in (n_steps, n_steps + 1):
-                note_left_out(
-                    self._notes,
+                self._notes.left_out(
                     f"arrays: {name}, with offsets for {len(starts)} of {counted(n_steps, 'step')}",
                 )
                 continue
@@ -269,7 +268,7 @@ class StoredArray:
     """Numeric."""
     starts: Integers
     """int64 array of shape (T,). The first row of each step."""
-    notes: list[str]
+    notes: Notes
     """Receives a sentence if it has too few rows for a step."""
 
     def _fits(self, index: int, count: int) -> bool:
@@ -284,8 +283,7 @@ class StoredArray:
         def describe() -> Field | None:
             if not self._fits(index, count):
                 if index == 0 or self._fits(index - 1, count):  # only of the first such step
-                    note_left_out(
-                        self.notes,
+                    self.notes.left_out(
                         f"arrays: {self.name} of {counted(len(self.dataset), 'row')}; step {index} "
                         f"needs {count} from row {start} on",
                     )

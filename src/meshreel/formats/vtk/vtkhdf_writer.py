@@ -27,13 +27,7 @@ from meshreel.formats.vtk.vtkhdf_steps import (
     SEGMENT_STARTS,
     segment_group,
 )
-from meshreel.model.notes import (
-    NoteKind,
-    add_note,
-    listed,
-    note_unwritten_tracks,
-    written_times,
-)
+from meshreel.model.notes import listed, note_unwritten_tracks, written_times
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -78,7 +72,7 @@ def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
     )
     if shared.other_data:
         text = f"only some segments have {listed(shared.other_data)}; only meshreel reads it back"
-        add_note(stream.notes, NoteKind.CHANGED, "data of some segments", text)
+        stream.notes.changed("data of some segments", text)
 
 
 def _write_steps(root: Node, times: Floats) -> Node:
@@ -193,7 +187,7 @@ class _DataArrays:
         of_cells = Domain.FACE if segment.surface.cells is None else Domain.CELL
         for number, one in enumerate(own.surface.attributes):
             if one.domain not in (Domain.VERTEX, of_cells):
-                add_note(segment.notes, NoteKind.CHANGED, one.name, _corner_note(one))
+                segment.notes.changed(one.name, _corner_note(one))
                 continue
             key = "attribute", number
             dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())

@@ -20,7 +20,6 @@ from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import parse_xml
-from meshreel.model.notes import NoteKind, add_note
 from meshreel.runtime.extras import HDF
 
 
@@ -94,7 +93,7 @@ def _times(
         text = Message(
             "has no times; read as one frame per second: set the rate with ", Keyword("fps")
         )
-        add_note(options.notes, NoteKind.UNKNOWN, "frame rate", text)
+        options.notes.unknown("frame rate", text)
         times = np.arange(len(steps), dtype=np.float64)
     if len(times) != len(steps):
         raise FormatError(f"has {len(times)} times for {len(steps)} grids; each grid needs one")

@@ -22,7 +22,7 @@ from meshreel.formats.surfaces.cells import (
 )
 from meshreel.formats.vtk.xdmf_items import DataItems
 from meshreel.formats.vtk.xml_arrays import local_name
-from meshreel.model.notes import note_kinds, note_left_out
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
@@ -55,13 +55,11 @@ class GridFrames:
         The grids, one for each frame.
     root : Element
         Root of the document: grids may include parts of other grids.
-    notes : list of str
+    notes : Notes
         Receives a sentence for each thing that is left out.
     """
 
-    def __init__(
-        self, steps: list[Element], items: DataItems, root: Element, notes: list[str]
-    ) -> None:
+    def __init__(self, steps: list[Element], items: DataItems, root: Element, notes: Notes) -> None:
         for step in steps:
             if step.get("GridType", "Uniform").lower() != "uniform":
                 raise FormatError(f"has a grid of type {step.get('GridType', '')[:40]!r} in a step")
@@ -96,8 +94,7 @@ class GridFrames:
         def describe() -> Field | None:
             n_numbers, dtype = self._items.describe(item)
             if n_numbers == 0 or n_numbers % n_items:
-                note_left_out(
-                    self._notes,
+                self._notes.left_out(
                     f"arrays: {name} with {counted(n_numbers, 'number')} in step {index}; arrays "
                     f"of each {center} need {n_items} or a multiple of it",
                 )
@@ -115,13 +112,12 @@ class GridFrames:
     def _note_left_out(self, index: int) -> None:
         attributes = self._steps[index].findall("Attribute")
         others = [attribute for attribute in attributes if _center(attribute) not in CENTERS]
-        note_kinds(
-            self._notes,
+        self._notes.left_out(
             "data of neither nodes nor cells",
             (other.get("Name", "") for other in others),
         )
         sets = (one.get("Name", "(unnamed)") for one in self._steps[index].findall("Set"))
-        note_kinds(self._notes, "sets", sets)
+        self._notes.left_out("sets", sets)
 
     def _element(self, index: int, tag: str) -> Element:
         """Return the geometry or topology of a step, which it may include from another grid."""

@@ -21,6 +21,7 @@ from meshreel.app.viewer.page import Page, built_page
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
 from samples.players import PAGE, carried, opened_api, write_page
@@ -133,7 +134,7 @@ def test_tracks_are_left_out_with_a_note_when_they_exceed_the_limit(tmp_path, mo
     grid = with_tracks(waving_grid(5))
     limit_bytes = 24 * 5 * grid.n_verts + 4 * 5 * grid.n_verts
     monkeypatch.setattr(export, "MAX_ORIGINAL_BYTES", limit_bytes)
-    notes = []
+    notes = Notes()
     with opened_api(grid, grid, encoding=ENCODING) as api:
         export_page(api, tmp_path / "p.html", page=PAGE, notes=notes)
     comparison = carried((tmp_path / "p.html").read_text())["facts"]["original"]

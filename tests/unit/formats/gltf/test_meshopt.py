@@ -23,6 +23,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.kernel.order import depth_first_order
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from samples.costs import draws
 from samples.glb import written
@@ -305,7 +306,7 @@ def sources_of(sequence):
 )
 @pytest.mark.parametrize("make", [lambda: waving_grid(20, 15, 17), irregular_sequence])
 def test_compressed_file_has_the_positions_and_triangles_of_the_sequence(tmp_path, make, options):
-    sequence, notes = make(), []
+    sequence, notes = make(), Notes()
     result = written(tmp_path, sequence, notes, compression=True, **options)
     extension = f"{options.get('meshopt', 'ext').upper()}_meshopt_compression"
     assert extension in result.document["extensionsRequired"]

@@ -10,6 +10,7 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve, slerp
 from meshreel.formats.gltf.read import common_rate, sample_times
 from meshreel.formats.options import WriteOptions
+from meshreel.model.notes import Notes
 from samples.gltf import Gltf
 from samples.meshes import waving_grid
 
@@ -19,7 +20,7 @@ def float32(times):
 
 
 def sampled(keys, fps=0.0, *, is_curved=True):
-    notes = []
+    notes = Notes()
     return sample_times(float32(keys), fps, is_curved=is_curved, notes=notes), notes
 
 

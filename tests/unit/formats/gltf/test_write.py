@@ -12,6 +12,7 @@ from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.gltf.format import write_glb, write_gltf
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.glb import Glb, largest_error_percent, stream_of, written
@@ -293,7 +294,7 @@ def test_gltf_has_the_same_contents_as_glb(tmp_path, compression):
 
 
 def test_compression_is_noted(tmp_path):
-    notes = [[], []]
+    notes = [Notes(), Notes()]
     for compression, each in zip((False, True), notes, strict=True):
         written(tmp_path, grid(), each, compression=compression)
     assert not any("compress" in note for note in notes[0])
@@ -335,7 +336,7 @@ def stream_path(waves, tmp_path_factory):
 
 def write_frames(reel, path, frames=None, **options):
     """Write frames of a stream, and return the positions in the file and the notes."""
-    notes = []
+    notes = Notes()
     wanted = range(reel.n_frames) if frames is None else frames
     plain = WriteOptions(**options, compression=False)  # keeps the order of vertices
     save_part(reel, wanted, path, options=plain, notes=notes)

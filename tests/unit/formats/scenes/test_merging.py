@@ -7,6 +7,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track, TrackPart
 
 POINTS = np.eye(3)
@@ -30,7 +31,7 @@ def of_three(values, dtype=np.float64):
 
 
 def merged(tmp_path, *meshes):
-    notes = []
+    notes = Notes()
     whole = merge_meshes(meshes, "whole", notes)
     return next(open_mesh(whole, tmp_path, ReadOptions(notes=notes))).tracks, notes
 

@@ -9,7 +9,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
-from meshreel.model.notes import is_about
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
 from samples.datasets import positions_of, read_damaged
@@ -154,9 +154,9 @@ def test_deleted_elements_can_be_kept_with_a_track(tmp_path):
     alive = np.array([[1, 2, 3, 3, 2], [1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]])
     states = [state(index, moved(index), alive[index]) for index in range(4)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
-    notes: list[str] = []
+    notes = Notes()
     kept = load(path, keep_deleted=True, notes=notes)
-    assert not any(is_about(note, "deleted elements") for note in notes)
+    assert not any(note.subject == "deleted elements" for note in notes)
     track = kept.tracks["alive"]
     assert (kept.surface.cells.n_cells, track.domain) == (4, Domain.CELL)
     without_beam = alive[:, :4]
@@ -164,7 +164,7 @@ def test_deleted_elements_can_be_kept_with_a_track(tmp_path):
     decoded = meshreel.decode(meshreel.encode(kept, max_error="0.001u"))
     np.testing.assert_array_equal(decoded.tracks["alive"].values, track.values)
     load(path, notes=notes)
-    assert any(is_about(note, "deleted elements") for note in notes)
+    assert any(note.subject == "deleted elements" for note in notes)
 
 
 def test_deleted_nodes_delete_their_elements(tmp_path):

@@ -8,6 +8,7 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.formats.vtk.legacy import read_vtk_legacy
+from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain, Kind
 from samples.datasets import plain_sequence, positions_of, read_damaged
 from samples.opening import open_source
@@ -183,7 +184,7 @@ def test_load_reads_every_section_of_a_legacy_file(tmp_path):
     step = read_vtk_legacy(LEGACY.encode())
     names = [array.name for array in step.arrays if array.domain is Domain.VERTEX]
     assert names == ["paint", "plain", "up", "map a", "two", "v"]
-    heat = step.attributes(step.arrays, []).attributes[-1]
+    heat = step.attributes(step.arrays, Notes()).attributes[-1]
     assert (heat.name, heat.domain, heat.values.ravel().tolist()) == ("heat", Domain.FACE, [8, 8])
 
 
