@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, Self
 
 
@@ -57,15 +58,20 @@ class MeshReelError(Exception):
         The message in parts.
     message : str, optional
         The whole message instead, as a `DataLoader` of PyTorch passes it on from a worker.
+    path : str or Path, optional
+        The file with the fault, with which `str` begins; `args` are the rest.
     """
 
-    def __init__(self, *parts: str | Keyword, message: str = "") -> None:
+    def __init__(
+        self, *parts: str | Keyword, message: str = "", path: str | PathLike[str] = ""
+    ) -> None:
         super().__init__(*(parts or (message,)))
+        self.path = str(path)
 
     @property
     def message(self) -> Message:
-        """The message."""
-        return Message(*self.args)
+        """The message, with the path."""
+        return Message(*([f"{self.path}: "] if self.path else []), *self.args)
 
     def __str__(self) -> str:
         return str(self.message)

@@ -14,7 +14,14 @@ import pytest
 import meshreel
 from meshreel.codec.decoder import decode as decode_bytes
 from meshreel.codec.encoder import encode as encode_sequence
-from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.errors import (
+    CorruptStreamError,
+    FormatError,
+    InvalidInputError,
+    Keyword,
+    TruncatedStreamError,
+)
+from meshreel.formats.file_errors import errors_naming
 from meshreel.runtime.progress import silent
 from samples.meshes import waving_grid
 from samples.opening import open_source
@@ -168,6 +175,14 @@ def test_encode_warns_with_the_notes_of_load(tmp_path):
 def test_encode_has_the_options_of_the_codec():
     ours, theirs = inspect.signature(meshreel.encode), inspect.signature(encode_sequence)
     assert list(ours.parameters.values())[1:] == list(theirs.parameters.values())[1:]
+
+
+def test_error_keeps_its_path_and_keywords_when_pickled():
+    with pytest.raises(FormatError) as caught, errors_naming("walk.zip"), errors_naming("a.obj"):
+        raise FormatError("has no times; set ", Keyword("fps"))
+    error = pickle.loads(pickle.dumps(caught.value))
+    assert str(error) == "walk.zip: a.obj: has no times; set fps"
+    assert (error.path, Keyword("fps") in error.args) == ("walk.zip", True)
 
 
 @pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])

@@ -35,13 +35,13 @@ def refuse_pipe(path: str | os.PathLike[str]) -> None:
 
 @contextmanager
 def errors_naming(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Context manager that prefixes errors about the contents of a file with its path."""
+    """Context manager that adds the path of a file to errors about its contents."""
     try:
         yield
     except StoreError:  # its message already has the address
         raise
     except MeshReelError as error:
-        raise type(error)(f"{path}: ", *error.args) from None
+        raise type(error)(*error.message.parts, path=path) from None
 
 
 def read_bytes(path: Path) -> bytes:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.errors import MeshReelError
+from meshreel.errors import MeshReelError, Message
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import AnimationInfo, SequenceFormat
 from meshreel.formats.options import ReadOptions
@@ -166,7 +166,7 @@ def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
         except MeshReelError as error:
             if len(meshes) == 1:
                 raise
-            yield _bad_mesh_info(mesh, str(error).removeprefix(f"{path}: "))
+            yield _bad_mesh_info(mesh, str(Message(*error.args)))
         else:
             sequence = MeshSequence.of_segments(runs)
             yield replace(_sequence_info(sequence), name=mesh.name)

@@ -296,7 +296,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     if mesh_format is None or mesh_format.has_unshared_vertices:
         known = [one.extension for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
         raise FormatError(
-            f"{path}: the faces of a point cache must be in a {', '.join(known)} file"
+            f"the faces of a point cache must be in a {', '.join(known)} file", path=path
         )
     refuse_pipe(path)
     data = read_bytes(path)

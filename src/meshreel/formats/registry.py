@@ -123,13 +123,14 @@ def format_of(path: Path) -> FrameFormat | SequenceFormat:
     extension = extension_of(path)
     if extension in PROGRAMS:
         raise FormatError(
-            f"{path}: {extension} files are neither read nor written; exchange animations with "
-            f"{PROGRAMS[extension]} as Alembic (.abc), USD (.usdc) or glTF (.glb)"
+            f"{extension} files are neither read nor written; exchange animations with "
+            f"{PROGRAMS[extension]} as Alembic (.abc), USD (.usdc) or glTF (.glb)",
+            path=path,
         )
     if extension not in FORMATS:
         raise FormatError(
-            f"{path}: unknown file extension {extension or '(none)'}; "
-            f"known are {', '.join(FORMATS)}"
+            f"unknown file extension {extension or '(none)'}; known are {', '.join(FORMATS)}",
+            path=path,
         )
     return FORMATS[extension]
 

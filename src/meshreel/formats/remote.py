@@ -58,6 +58,7 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         yield _downloaded(addresses, folder, notes)
     except MeshReelError as error:
         local, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
+        error.path = error.path.replace(local, address)
         error.args = tuple(  # the user knows the file by its address
             part.replace(local, address) if isinstance(part, str) else part for part in error.args
         )

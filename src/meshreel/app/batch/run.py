@@ -219,8 +219,10 @@ class _Run:
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Message:
     """The error in one line, without its input; paths are relative to the input folder."""
+    top = f"{input_dir.absolute()}{os.sep}" if isinstance(input_dir, Path) else f"{input_dir}/"
     if isinstance(error, MeshReelError):
-        parts = error.args
+        has_other_path = error.path.removeprefix(top) not in ("", path)
+        parts = error.message.parts if has_other_path else error.args
     elif isinstance(error, CancelledError):
         parts = ("the call was lost; check that the scheduler is running",)
     elif isinstance(error, MemoryError):
@@ -229,11 +231,8 @@ def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Messag
         parts = (f"{error.strerror or error}: {error.filename}",)
     else:
         parts = (f"{type(error).__name__}: {error}",)
-    top = f"{input_dir.absolute()}{os.sep}" if isinstance(input_dir, Path) else f"{input_dir}/"
     texts = [
         part if isinstance(part, Keyword) else part.replace(top, "").replace("\n", " ")
         for part in parts
     ]
-    if isinstance(texts[0], str):
-        texts[0] = texts[0].removeprefix(f"{path}: ")
     return Message(*texts)

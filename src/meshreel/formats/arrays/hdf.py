@@ -90,7 +90,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         own_name = path.stem if name == POSITIONS else name
         about = read_description(arrays, own_name, options, n_frames, n_verts)
     if min(n_frames, n_verts) < 1:
-        raise InvalidInputError(f"{path}: {positions.name} is empty: {positions.shape}")
+        raise InvalidInputError(f"{positions.name} is empty: {positions.shape}", path=path)
     dtype = positions.dtype.newbyteorder("=")
     with errors_naming(path), hdf_errors():
         tracks = {

@@ -86,13 +86,14 @@ def archive_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except FormatError as error:
-        raise FormatError(f"{path}: {error}") from None
+        raise FormatError(*error.args, path=path) from None
     except MemoryError:  # not damage: a batch retries with fewer workers
         raise
     # On damaged files zipfile, zlib and numpy raise many types of exceptions.
     except Exception as error:
         raise FormatError(
-            f"{path}: is not a numpy archive, or is damaged ({error}); save it again with np.savez"
+            f"is not a numpy archive, or is damaged ({error}); save it again with np.savez",
+            path=path,
         ) from error
 
 

@@ -50,7 +50,7 @@ def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
     try:
         return read()
     except MeshReelError as error:
-        kind, parts = type(error), error.args
+        kind, parts = type(error), error.message.parts
 
     def fail(frame: int) -> NoReturn:
         raise kind(*parts)
