@@ -72,22 +72,6 @@ def test_mirrored_glb_node_has_hard_rims(read):
     assert len(result.surface.hard_edges) == 48
 
 
-def test_all_gltf_instances_have_hard_rims(read):
-    file = cake_file()
-    shifts = file.accessor([[0, 0, 0], [5, 0, 0], [0, 7, 0]])
-    file.json["nodes"][0]["extensions"] = {
-        "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": shifts}}
-    }
-    result, _ = read(file)
-    base = places(CAKE)
-    moved = {
-        frozenset((round(x + a, 3), round(y + b, 3), z) for x, y, z in edge)
-        for edge in base
-        for a, b in ((0, 0), (5, 0), (0, 7))
-    }
-    assert places(result) == moved
-
-
 def test_merged_mesh_has_the_hard_edges_of_all_parts(read):
     file = cake_file()
     file.node(mesh=file.mesh([[0, 0, 9], [1, 0, 9], [0, 1, 9]]))

@@ -41,12 +41,10 @@ LISTS = {
 """Lists of the file that are read, and the name of their items in messages."""
 
 DRACO = "KHR_draco_mesh_compression"
-INSTANCING = "EXT_mesh_gpu_instancing"
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 SUPPORTED_EXTENSIONS = {
     "KHR_mesh_quantization",
     DRACO,
-    INSTANCING,
     POINTER,
     VISIBILITY,
     *MESHOPT.values(),

@@ -21,7 +21,7 @@ from meshreel.formats.gltf.animation import (
     Nodes,
     other_pointers,
 )
-from meshreel.formats.gltf.document import INSTANCING, Document, JsonObject, unique_names
+from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.gltf.geometry import (
     Geometry,
     accessor_types,
@@ -33,8 +33,6 @@ from meshreel.formats.gltf.materials import MaterialReader, note_extensions
 from meshreel.formats.gltf.scene import (
     ShownMesh,
     no_mesh_error,
-    note_instances,
-    repeat_geometry,
     shown_meshes,
 )
 from meshreel.formats.kinds import AnimationInfo
@@ -50,7 +48,7 @@ from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.counting import counted
 
-LIGHTS = "KHR_lights_punctual"
+LIGHTS, INSTANCING = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
 
 WELDED = "welded vertices"
 """Subject of the note on vertices that are split at seams in the file."""
@@ -124,7 +122,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         n_targets = count_targets(mesh.mesh)
         default = mesh.mesh.numbers("weights", n_targets, np.zeros(n_targets))
         weights = nodes.objects[mesh.node].numbers("weights", n_targets, default)
-        posed = PosedMesh(mesh, weights, motion, times.curve_times_s, partial(read, mesh))
+        posed = PosedMesh(mesh, weights, motion, times.curve_times_s, partial(read, mesh.mesh))
         return SceneMesh(
             name,
             times.times_s,
@@ -203,13 +201,13 @@ def _visible(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[Shown
     return [mesh for mesh in shown if mesh.node not in never]
 
 
-def _geometry_reader(document: Document, notes: Notes) -> Callable[[ShownMesh], Geometry]:
-    """Return a function that reads the mesh at a node at rest, with all its instances."""
+def _geometry_reader(document: Document, notes: Notes) -> Callable[[JsonObject], Geometry]:
+    """Return a function that reads the mesh at a node at rest."""
     materials, normal_notes = MaterialReader(document, notes), NormalNotes(notes)
     welded: list[Geometry] = []
 
     @cache
-    def read_mesh(mesh: JsonObject) -> Geometry:
+    def read(mesh: JsonObject) -> Geometry:
         geometry = read_geometry(mesh, document, materials.labels, notes)
         if geometry.hard_edges is not None:
             normal_notes.add(mesh.place, geometry.hard_edges)
@@ -218,13 +216,6 @@ def _geometry_reader(document: Document, notes: Notes) -> Callable[[ShownMesh], 
             welded.append(geometry)
             _note_welds(welded, notes)
         return replace(geometry, surface=replace(geometry.surface, materials=look, images=images))
-
-    def read(mesh: ShownMesh) -> Geometry:
-        geometry = read_mesh(mesh.mesh)
-        if mesh.instances is None:
-            return geometry
-        place = document.lists["nodes"][mesh.node].place
-        return repeat_geometry(geometry, mesh.instances, document, place)
 
     return read
 
@@ -254,10 +245,9 @@ def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes)
         unknown = sorted(name for name in names - {"TANGENT"} if not accessor_types(name))
         notes.left_out("attributes that glTF does not define", unknown)
     nodes = document.lists["nodes"]
-    note_instances([(nodes[mesh.node], mesh.instances) for mesh in shown], notes)
-    skinned = [nodes[mesh.node] for mesh in shown if mesh.skin is not None]
-    instanced = [node.label() for node in skinned if node.extension(INSTANCING) is not None]
-    notes.left_out("instances of skinned meshes", instanced)
+    holders = [nodes[mesh.node] for mesh in shown]
+    copied = [node.label() for node in holders if node.extension(INSTANCING) is not None]
+    notes.left_out(f"copies of a mesh ({INSTANCING}), which is read once", copied)
     cameras = [node for node in nodes if "camera" in node]
     lights = [node for node in nodes if node.extension(LIGHTS) is not None]
     for what, users in (("cameras", cameras), ("lights", lights)):
