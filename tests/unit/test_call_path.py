@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
-from samples.gltf import TRIANGLE, Gltf
+from samples.gltf import TRIANGLE, Gltf, shifted
 
 SCRIPT = Path(__file__).parents[2] / "bench" / "call_path.py"
 
@@ -53,6 +53,14 @@ def loading_changes(path, n_nodes):
 def test_loading_gltf_rarely_changes_file_when_many_nodes_are_animated(tmp_path):
     few, many = (loading_changes(tmp_path / "a.glb", n_nodes) for n_nodes in (1, 50))
     assert many <= few + 10
+
+
+def test_loading_gltf_rarely_changes_file_when_it_has_many_meshes(tmp_path):
+    file = Gltf()
+    for number in range(60):
+        file.node(mesh=file.mesh(shifted(TRIANGLE, [number, 0, 0])))
+    path = file.save(tmp_path / "many.glb")
+    assert file_changes(partial(meshreel.load, path, merge=True)).total() <= 400
 
 
 def test_changes_are_counted_by_file():

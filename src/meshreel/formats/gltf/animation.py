@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
@@ -17,9 +19,10 @@ from meshreel.formats.gltf.document import (
     JsonObject,
     unique_names,
 )
-from meshreel.formats.gltf.geometry import Matrices, count_targets
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.model.notes import Notes, listed
+
+Matrices = npt.NDArray[np.float64]
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 
@@ -126,31 +129,36 @@ class Nodes:
             stack += self._children[node][::-1]
         return subtrees
 
-    def path(self, node: int, default_name: str) -> str:
-        """Return the path of a node: names from the root, each after a slash.
+    def paths(self, defaults: Mapping[int, str]) -> list[str]:
+        """Return the paths of nodes: names from the root, each after a slash.
 
         Parameters
         ----------
-        default_name : str
-            Name of the node if it has none.
+        defaults : dict of int to str
+            Name of each node if it has none.
 
         Raises
         ------
         FormatError
-            If the path is longer than `MAX_PATH`.
+            If a path is longer than `MAX_PATH`.
         """
-        names: list[str] = []
-        n_characters = 0
-        for ancestor in self.ancestors(node):
-            name = self.objects[ancestor].text("name", "")
-            names.append(name or (default_name if ancestor == node else "") or f"node_{ancestor}")
-            n_characters += len(names[-1]) + 1
-            if n_characters > MAX_PATH:
-                raise FormatError(
-                    f"node {node}: its path is longer than {MAX_PATH} characters; "
-                    "nodes are nested too deeply"
-                )
-        return "".join(f"/{name.replace('/', '_')}" for name in reversed(names))
+        above = self.with_ancestors(defaults)
+        names = {node: self.objects[node].text("name", "") for node in above}
+        paths = []
+        for node, default in defaults.items():
+            path: list[str] = []
+            n_characters = 0
+            for ancestor in self.ancestors(node):
+                name = names[ancestor] or (default if ancestor == node else "")
+                path.append(name or f"node_{ancestor}")
+                n_characters += len(path[-1]) + 1
+                if n_characters > MAX_PATH:
+                    raise FormatError(
+                        f"node {node}: its path is longer than {MAX_PATH} characters; "
+                        "nodes are nested too deeply"
+                    )
+            paths.append("".join([f"/{name.replace('/', '_')}" for name in reversed(path)]))
+        return paths
 
     def labels(self, nodes: Iterable[int]) -> str:
         """Return the names of some nodes for messages."""
@@ -165,29 +173,37 @@ class Nodes:
             if extension is not None and extension.values.get("visible") is False
         ]
 
-    def rest(self, nodes: Iterable[int]) -> dict[int, tuple[Matrices | None, dict[str, Floats]]]:
-        """Return the matrix of each node, if it has one, and its other properties.
+    @cached_property
+    def _rest(self) -> list[dict[str, Floats] | FormatError]:
+        """Matrix or other properties of each node, or the error of one with invalid numbers."""
+        properties: list[dict[str, Floats] | FormatError] = []
+        for json in self.objects:
+            try:
+                matrix = {"matrix": json.numbers("matrix", 16)} if "matrix" in json.values else {}
+                rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
+                length = float(np.linalg.norm(rest["rotation"]))
+                if not 0 < length < np.inf:
+                    raise json.error("rotation", "a quaternion of length 1")
+                rest["rotation"] /= length
+                properties.append(rest | matrix)
+            except FormatError as error:
+                properties.append(error)
+        return properties
 
-        These are a translation, a unit quaternion x y z w, and a scale. A matrix has the shape
-        (1, 4, 4).
+    def rest(self, node: int) -> dict[str, Floats]:
+        """Return the translation, unit quaternion x y z w and scale of a node, and its matrix.
+
+        The matrix is missing if the node has none.
 
         Raises
         ------
         FormatError
             If a number is not finite, or a rotation has length 0.
         """
-        properties: dict[int, tuple[Matrices | None, dict[str, Floats]]] = {}
-        for node in nodes:
-            json, matrix = self.objects[node], None
-            if "matrix" in json:
-                matrix = json.numbers("matrix", 16).reshape(1, 4, 4).transpose(0, 2, 1)
-            rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
-            length = float(np.linalg.norm(rest["rotation"]))
-            if not 0 < length < np.inf:
-                raise json.error("rotation", "a quaternion of length 1")
-            rest["rotation"] /= length
-            properties[node] = matrix, rest
-        return properties
+        rest = self._rest[node]
+        if isinstance(rest, FormatError):
+            raise rest
+        return rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,11 +346,11 @@ class Clips:
     def __init__(self, document: Document, moving: Mapping[str, Collection[int]]) -> None:
         self._document, self._moving = document, moving
         self._animations = document.lists["animations"]
-        stored = [animation.values.get("name") for animation in self._animations]
+        names = [animation.values.get("name") for animation in self._animations]
         self.names: list[str] = unique_names(
             [
                 name if isinstance(name, str) and name else f"animation_{number}"
-                for number, name in enumerate(stored)
+                for number, name in enumerate(names)
             ]
         )
 
@@ -428,12 +444,12 @@ class Clips:
 
     def _read(self, number: int) -> Clip:
         """Return the keys and values of an animation; the last curve of several for a property."""
-        animation = self._animations[number]
+        animation, document = self._animations[number], self._document
         animation.text("name", "")
         channels = _read_channels(animation)
         inputs = {channel.input: channel.sampler for channel in channels}
         keys = {
-            name: self._document.read_floats(sampler, "input", "SCALAR")[:, 0]
+            name: document.read_floats(sampler, "input", "SCALAR")[:, 0]
             for name, sampler in inputs.items()
         }
         for name, sampler in inputs.items():
@@ -442,11 +458,11 @@ class Clips:
         keys_s = np.unique(np.concatenate([*keys.values()])) if keys else np.empty(0)
         moving = [channel for channel in channels if channel.node in self._moving[channel.path]]
         values = [
-            self._document.read_floats(channel.sampler, "output", PATHS[channel.path][0])
+            document.read_floats(channel.sampler, "output", PATHS[channel.path][0])
             for channel in moving
         ]
         curves = {
-            (channel.node, channel.path): _curve(channel, keys[channel.input], numbers)
+            (channel.node, channel.path): _curve(channel, keys[channel.input], numbers, document)
             for channel, numbers in zip(moving, values, strict=True)
         }
         return Clip(keys_s, curves)
@@ -485,7 +501,7 @@ def other_pointers(animation: JsonObject) -> list[str]:
     return [pointer for pointer in pointers if pointer and not POINTERS.fullmatch(pointer)]
 
 
-def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
+def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document) -> Curve:
     """Return a curve of the numbers that its sampler stores."""
     _, path, sampler, interpolation, place = channel
     node = sampler.lists["nodes"][channel.node]
@@ -497,7 +513,7 @@ def _curve(channel: Channel, keys_s: Floats, values: Floats) -> Curve:
         raise sampler.error("interpolation", f"one of {', '.join(INTERPOLATIONS)}")
     if path == VISIBLE and interpolation != STEP:
         raise sampler.error("interpolation", "STEP, as visibility is not a number")
-    width = PATHS[path][1] or count_targets(node.item("mesh", "meshes"))
+    width = PATHS[path][1] or document.mesh(node.item("mesh", "meshes")).n_targets
     n_each = 3 if interpolation == CUBICSPLINE else 1
     if values.size != len(keys_s) * n_each * width:
         raise FormatError(
@@ -518,6 +534,8 @@ class Motion:
     nodes: Nodes
     curves: Curves
     """Empty if nothing is animated."""
+    carriers: Collection[int]
+    """Nodes whose transforms are needed."""
 
     @cached_property
     def animated(self) -> set[int]:
@@ -529,29 +547,46 @@ class Motion:
         """The nodes whose visibility is animated, or below such a node."""
         return self.nodes.with_below({node for node, path in self.curves if path == VISIBLE})
 
+    @cached_property
+    def rest_worlds(self) -> dict[int, Matrices]:
+        """World transforms of carriers that are not animated, of shape (1, 4, 4), by node.
+
+        Nodes with invalid numbers are missing, and so are those below them.
+        """
+        worlds: dict[int, Matrices] = {}
+        for node in self.nodes.with_ancestors(self.carriers):
+            parent = self.nodes.parents[node]
+            if node in self.animated or not (parent < 0 or parent in worlds):
+                continue
+            with suppress(FormatError), np.errstate(over="ignore", invalid="ignore"):
+                local = self._local(node, np.zeros(1))
+                worlds[node] = local if parent < 0 else worlds[parent] @ local
+        return worlds
+
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
         """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
         transforms: dict[int, Matrices] = {}
-        for node, (matrix, rest) in self.nodes.rest(self.nodes.with_ancestors(nodes)).items():
-            local, parent = matrix, self.nodes.parents[node]
-            if local is None:
-                curves = {path: self.curves.get((node, path)) for path in rest}
-                local = compose(
-                    *(
-                        rest[path][np.newaxis] if curve is None else curve.at(times_s)
-                        for path, curve in curves.items()
-                    )
-                )
-            transforms[node] = local if parent < 0 else transforms[parent] @ local
+        for node in self.nodes.with_ancestors(nodes):
+            if node in self.rest_worlds:
+                transforms[node] = self.rest_worlds[node]
+            else:
+                local, parent = self._local(node, times_s), self.nodes.parents[node]
+                transforms[node] = local if parent < 0 else transforms[parent] @ local
         worlds = np.empty((len(times_s), len(nodes), 3, 4))
         for index, node in enumerate(nodes):
             worlds[:, index] = transforms[node][:, :3]
         return worlds
 
-    def weights(self, node: int, default: Floats, times_s: Floats) -> Floats:
-        """Return the weights of morph targets at a node, of shape (T, M)."""
-        curve = self.curves.get((node, "weights"))
-        return np.tile(default, (len(times_s), 1)) if curve is None else curve.at(times_s)
+    def _local(self, node: int, times_s: Floats) -> Matrices:
+        """Return transforms of a node relative to its parent, of shape (T, 4, 4) or (1, 4, 4)."""
+        rest = self.nodes.rest(node)
+        if "matrix" in rest:
+            return rest["matrix"].reshape(1, 4, 4).transpose(0, 2, 1)
+        values = []
+        for path in ("translation", "rotation", "scale"):
+            curve = self.curves.get((node, path))
+            values.append(rest[path][np.newaxis] if curve is None else curve.at(times_s))
+        return compose(*values)
 
 
 def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -64,6 +65,10 @@ ADVICE = f"{SUPPORTED}; convert it (gltf-pipeline)"
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+N_MODES = 7
+"""Modes of primitives; lower ones are points and lines."""
 
 MAX_INTEGER = 1 << 53
 """Integers up to here are exact in every JSON reader."""
@@ -231,6 +236,57 @@ def _is_finite(value: Any) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class Primitive:
+    """Triangles of a mesh, with positions."""
+
+    json: JsonObject
+    attributes: JsonObject
+    """The accessor of each attribute."""
+    mode: int
+    """How corners form triangles, one of `TRIANGLES`, `STRIP` and `FAN`."""
+
+    @cached_property
+    def material(self) -> int | None:
+        """Index of the material."""
+        return self.json.index("material", "materials")
+
+    @cached_property
+    def targets(self) -> tuple[JsonObject, ...]:
+        """The accessors of each morph target."""
+        return self.json.children("targets", "target")
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A mesh of the file, without its values."""
+
+    json: JsonObject
+    n_primitives: int
+    """Number of all primitives, including points and lines."""
+    triangles: tuple[Primitive, ...]
+    """The primitives that consist of triangles and have positions."""
+    names: frozenset[str]
+    """Names of their attributes."""
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether the mesh can be skinned."""
+        joints = {"JOINTS_0", "WEIGHTS_0"}
+        return any(joints <= triangles.attributes.values.keys() for triangles in self.triangles)
+
+    @cached_property
+    def n_targets(self) -> int:
+        """The number of morph targets; raises `FormatError` if primitives differ in it."""
+        counts = {len(triangles.targets) for triangles in self.triangles}
+        if len(counts) > 1:
+            raise FormatError(
+                f"{self.json.place}: its primitives have {' or '.join(map(str, sorted(counts)))} "
+                "morph targets; expected the same number in all"
+            )
+        return counts.pop() if counts else 0
+
+
+@dataclass(frozen=True, eq=False)
 class Values:
     """The values of an accessor."""
 
@@ -287,6 +343,22 @@ class Document:
         self._available, self._reserved = len(data), 0
         self._buffers: dict[str, memoryview] = {}
         self._decompressed: dict[str, memoryview] = {}
+        self._meshes: dict[JsonObject, Mesh] = {}
+
+    def mesh(self, json: JsonObject) -> Mesh:
+        """Return the primitives of a mesh of the file, which are read once."""
+        if json not in self._meshes:
+            triangles: list[Primitive] = []
+            primitives = json.children("primitives", "primitive")
+            for primitive in primitives:
+                mode = primitive.index("mode", N_MODES)
+                attributes = primitive.required_child("attributes")
+                if "POSITION" in attributes and (mode is None or mode >= TRIANGLES):
+                    mode = TRIANGLES if mode is None else mode
+                    triangles.append(Primitive(primitive, attributes, mode))
+            names = frozenset().union(*[each.attributes.values for each in triangles])
+            self._meshes[json] = Mesh(json, len(primitives), tuple(triangles), names)
+        return self._meshes[json]
 
     def read(self, parent: JsonObject, key: str, *kinds: str, count: int | None = None) -> Values:
         """Return the values of an accessor that an object refers to.
@@ -332,6 +404,23 @@ class Document:
         if not np.isfinite(numbers).all():
             raise FormatError(f"{parent.place}: the numbers of {key!r} must be finite")
         return numbers
+
+    def read_named(
+        self,
+        parent: JsonObject,
+        kinds: Mapping[str, tuple[str, ...]],
+        decoded: Mapping[str, Values],
+        *,
+        count: int,
+    ) -> dict[str, Values]:
+        """Return the values of the accessors with these keys and types, unless they are decoded."""
+        return {
+            key: decoded[key]
+            if key in decoded
+            else self.read(parent, key, *kinds[key], count=count)
+            for key in parent.values
+            if key in kinds
+        }
 
     def read_each(
         self, parents: Sequence[JsonObject], key: str, kind: str, *, count: int

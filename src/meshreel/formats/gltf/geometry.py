@@ -1,38 +1,40 @@
 """Meshes of a glTF file: primitives are read, welded at seams, and posed by targets and joints."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats
 from meshreel.codec.bitstream.container import read_varint
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.gltf.document import (
     DRACO,
+    FAN,
+    TRIANGLES,
     WIDTHS,
     Document,
     JsonObject,
+    Mesh,
     Values,
     declared_type,
 )
-from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
+from meshreel.formats.gltf.materials import MaterialReader, set_label
+from meshreel.formats.gltf.scene import Geometry, Influences
+from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.surfaces.welding import SplitMesh, weld_rows
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces
-from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.model.surface import Attribute, FaceGroups, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO as LIBRARY
-from meshreel.runtime.threads import chunks, in_threads
 
-Matrices = npt.NDArray[np.float64]
-
-TRIANGLES, STRIP, FAN = 4, 5, 6
-N_MODES = 7
+WELDED = "welded vertices"
+"""Subject of the note on vertices that are split at seams in the file."""
 
 ACCESSOR_TYPES = {
     "POSITION": ("VEC3",),
@@ -51,155 +53,66 @@ DRACO_START = b"DRACO\x02\x02\x01"
 """Start of a triangle mesh with bitstream version 2.2, the only one that glTF allows."""
 DRACO_HEADER_BYTES = 11
 
-PIECE_FRAMES = 8
-"""Frames that a thread poses at once."""
-
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """Vertices shared by primitives, split at seams as in the file."""
 
+    positions: npt.NDArray[Any]
+    """float array of shape (N, 3)."""
     values: dict[str, Values]
-    """By attribute name, including "POSITION", all with the same number of rows."""
+    """Other values by attribute name, all with the same number of rows."""
     displacements: tuple[npt.NDArray[Any] | None, ...]
     """tuple of float arrays of shape (N, 3). Displacements by each morph target; None for a target
     without positions.
     """
 
-    @property
-    def n_verts(self) -> int:
-        """Number of vertices."""
-        return len(self.values["POSITION"].array)
 
+class GeometryReader:
+    """Reads each mesh of a file at rest, once.
 
-@dataclass(frozen=True, eq=False)
-class Influences:
-    """The joints that move each vertex, and their weights."""
+    Parameters
+    ----------
+    notes : list of str
+        Gains a sentence for everything that is left out, filled in or welded.
 
-    joints: npt.NDArray[np.int64]
-    """int64 array of shape (V, K). Indices into the joints of a skin; 0 where the weight is 0."""
-    weights: npt.NDArray[np.float64]
-    """float64 array of shape (V, K). Nonnegative, with row sums of 1."""
-
-    def blend(self, matrices: Matrices) -> Matrices:
-        """Return the transform of each vertex, of shape (V, 3, 4), given those of the joints."""
-        blended = np.zeros((len(self.joints), 3, 4))
-        for joints, weights in zip(self.joints.T, self.weights.T, strict=True):
-            blended += weights[:, np.newaxis, np.newaxis] * matrices[joints]
-        return blended
-
-
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """A mesh at rest."""
-
-    positions: npt.NDArray[Any]
-    """float array of shape (V, 3)."""
-    displacements: tuple[npt.NDArray[Any] | None, ...]
-    """tuple of float arrays of shape (V, 3). Displacements by each morph target; None for a target
-    without positions.
+    Attributes
+    ----------
+    read : callable
+        Returns a mesh with at least one triangle primitive, with its materials.
     """
-    influences: Influences | None
-    """Influences of joints; None for a mesh without joints."""
-    faces: Faces
-    """int32 array of shape (M, 3)."""
-    surface: Surface
-    """Attributes, groups and hard edges, without materials."""
-    materials: tuple[int, ...]
-    """Indices of the materials in use."""
-    n_split: int
-    """Number of vertices in the file, before welding."""
-    hard_edges: HardEdges | None
-    """How normals were converted; None for a mesh without normals."""
 
-    def posed(self, weights: Floats, transforms: Matrices) -> npt.NDArray[np.float32]:
-        """Return the positions in several frames, of shape (T, V, 3).
+    def __init__(self, document: Document, notes: Notes) -> None:
+        self._document, self._notes = document, notes
+        self._materials, self._normal_notes = MaterialReader(document, notes), NormalNotes(notes)
+        self._n_split = self._n_welded = 0
+        self.read = cache(self._read)
 
-        Parameters
-        ----------
-        weights : float64 array of shape (T, M)
-            Weights of the morph targets.
-        transforms : float64 array of shape (T, J, 3, 4)
-            Transforms of the joints from the bind pose, or of the mesh if J is 1 without joints.
-        """
-        posed = np.empty((len(weights), *self.positions.shape), np.float32)
-        rest = self.positions.astype(np.float64)
-        fields = [
-            None if field is None else np.asarray(field, np.float64) for field in self.displacements
-        ]
+    def read_all(self, meshes: Iterable[Mesh]) -> None:
+        """Read meshes that will all be needed."""
+        for mesh in meshes:
+            self.read(mesh)
 
-        def pose(frames: slice) -> None:
-            moved, product = np.empty_like(rest), np.empty_like(rest)
-            for index in range(frames.start, frames.stop):
-                moved[:] = rest
-                for weight, field in zip(weights[index], fields, strict=True):
-                    if field is not None and weight != 0:
-                        np.multiply(field, weight, out=product)
-                        moved += product
-                if self.influences is None:
-                    matrix = transforms[index, 0]
-                    posed[index] = moved @ matrix[:, :3].T + matrix[:, 3]
-                else:
-                    blended = self.influences.blend(transforms[index])
-                    rotated = np.einsum("vij,vj->vi", blended[:, :, :3], moved)
-                    posed[index] = rotated + blended[:, :, 3]
+    def _read(self, mesh: Mesh) -> Geometry:
+        geometry = read_geometry(mesh, self._document, self._materials.labels, self._notes)
+        if geometry.hard_edges is not None:
+            self._normal_notes.add(mesh.json.place, geometry.hard_edges)
+        if geometry.materials:
+            look, images = self._materials.look(geometry.materials)
+            surface = replace(geometry.surface, materials=look, images=images)
+            geometry = replace(geometry, surface=surface)
+        if geometry.n_split > len(geometry.positions):
+            self._note_welds(geometry)
+        return geometry
 
-        # By frames and not by a matrix product, whose rounding depends on the number of frames.
-        in_threads(pose, chunks(len(posed), PIECE_FRAMES))
-        return posed
-
-    def with_reversed_faces(self) -> "Geometry":
-        """Return the mesh with reversed faces, for a transform that mirrors."""
-        attributes = tuple(
-            replace(attribute, indices=reversed_triangles(indices.reshape(-1, 3)).ravel())
-            if attribute.domain is Domain.CORNER and (indices := attribute.indices) is not None
-            else attribute
-            for attribute in self.surface.attributes
-        )
-        faces = np.ascontiguousarray(reversed_triangles(self.faces))
-        return replace(self, faces=faces, surface=replace(self.surface, attributes=attributes))
-
-
-def reversed_triangles(triangles: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return triangles of shape (..., 3) with reversed orientation."""
-    return triangles[..., [0, 2, 1]]
-
-
-def triangle_primitives(mesh: JsonObject) -> list[JsonObject]:
-    """Return the primitives of a mesh that consist of triangles and have positions."""
-    triangles = []
-    for primitive in mesh.children("primitives", "primitive"):
-        mode = primitive.index("mode", N_MODES)
-        has_positions = "POSITION" in primitive.required_child("attributes")
-        if has_positions and (mode is None or mode >= TRIANGLES):
-            triangles.append(primitive)
-    return triangles
-
-
-def has_joints(mesh: JsonObject) -> bool:
-    """Return whether a mesh can be skinned."""
-    return any(
-        {"JOINTS_0", "WEIGHTS_0"} <= primitive.required_child("attributes").values.keys()
-        for primitive in triangle_primitives(mesh)
-    )
-
-
-def count_targets(mesh: JsonObject) -> int:
-    """Return the number of morph targets of a mesh, the same for all of its primitives.
-
-    Raises
-    ------
-    FormatError
-        If primitives differ in it.
-    """
-    primitives = triangle_primitives(mesh)
-    counts = {len(primitive.children("targets", "target")) for primitive in primitives}
-    if len(counts) > 1:
-        raise FormatError(
-            f"{mesh.place}: its primitives have {' or '.join(map(str, sorted(counts)))} morph "
-            "targets; expected the same number in all"
-        )
-    return counts.pop() if counts else 0
+    def _note_welds(self, geometry: Geometry) -> None:
+        """Note the number of welded vertices of all meshes so far."""
+        self._n_split += geometry.n_split
+        self._n_welded += len(geometry.positions)
+        n_split = counted(self._n_split, "vertex")
+        text = f"welded {n_split}, split at seams, to {self._n_welded}"
+        self._notes.discard(WELDED)
+        self._notes.changed(WELDED, text)
 
 
 def accessor_types(name: str) -> tuple[str, ...]:
@@ -209,9 +122,7 @@ def accessor_types(name: str) -> tuple[str, ...]:
     return ACCESSOR_TYPES.get(semantic, ())
 
 
-def read_geometry(
-    mesh: JsonObject, document: Document, labels: Sequence[str], notes: Notes
-) -> Geometry:
+def read_geometry(mesh: Mesh, document: Document, labels: Sequence[str], notes: Notes) -> Geometry:
     """Return a mesh of the file, from its triangle primitives.
 
     Vertices that always coincide, split at seams of UVs or normals, are welded; the order of
@@ -219,25 +130,24 @@ def read_geometry(
 
     Parameters
     ----------
-    mesh : JsonObject
+    mesh : Mesh
         A mesh with at least one triangle primitive.
     labels : sequence of str
         Names of the materials of the file; empty for those that form no group.
     notes : Notes
         Gains a sentence for each attribute that is left out or filled in.
     """
-    count_targets(mesh)
     blocks, triangles, materials = _read_primitives(mesh, document)
-    positions = np.concatenate([block.values["POSITION"].floats() for block in blocks])
+    positions = np.concatenate([block.positions for block in blocks])
     displacements = [
         _join_displacements(blocks, number) for number in range(len(blocks[0].displacements))
     ]
-    influences = _read_influences(blocks, mesh.place)
+    influences = _read_influences(blocks, mesh.json.place) if "JOINTS_0" in mesh.names else None
     bound = [] if influences is None else [influences.joints, influences.weights]
     moved = [positions, *(field for field in displacements if field is not None)]
     vertex_of, first = weld_rows([*(rows + 0 for rows in moved), *bound])
     split = SplitMesh(vertex_of, first, triangles.ravel())
-    attributes = tuple(_read_attributes(blocks, split, mesh.place, notes))
+    attributes = tuple(_read_attributes(blocks, split, mesh.json.place, notes))
     faces = vertex_of[triangles].astype(np.int32)
     hard_edges = _find_hard_edges(blocks, triangles, positions[first], faces)
     edges = None if hard_edges is None else hard_edges.edges
@@ -254,60 +164,54 @@ def read_geometry(
 
 
 def _read_primitives(
-    mesh: JsonObject, document: Document
+    mesh: Mesh, document: Document
 ) -> tuple[list[Block], npt.NDArray[np.int64], npt.NDArray[np.int32]]:
     """Return vertex blocks, triangles into their concatenation, and material indices or -1."""
+    kinds = {name: types for name in mesh.names if (types := accessor_types(name))}
     blocks: dict[str, tuple[int, Block]] = {}
     n_verts, triangles, materials = 0, [], []
-    for primitive in triangle_primitives(mesh):
-        decoded = _decode_draco(primitive, document)
-        key = repr([primitive.values.get(key) for key in ("attributes", "targets", "extensions")])
+    n_targets = mesh.n_targets  # before reading, since primitives may differ in it
+    for primitive in mesh.triangles:
+        json, attributes = primitive.json, primitive.attributes.values
+        compressed = json.extension(DRACO)
+        decoded = {} if compressed is None else _decode_draco(json, compressed, document)
+        key = repr((attributes, json.values.get("targets"), json.values.get("extensions")))
+        count = primitive.attributes.item("POSITION", "accessors").integer("count")
         if key not in blocks:
-            blocks[key] = n_verts, _read_block(primitive, document, decoded)
-            n_verts += blocks[key][1].n_verts
-        start, block = blocks[key]
-        rows = _read_triangles(primitive, document, decoded, block.n_verts)
-        material = primitive.index("material", "materials")
-        triangles.append(start + rows)
-        materials.append(np.full(len(rows), -1 if material is None else material, np.int32))
+            values = document.read_named(primitive.attributes, kinds, decoded, count=count)
+            positions = values.pop("POSITION").floats()
+            moved = document.read_each(
+                primitive.targets[:n_targets], "POSITION", "VEC3", count=count
+            )
+            blocks[key] = n_verts, Block(positions, values, moved)
+            n_verts += count
+        if "indices" in decoded:
+            corners = decoded["indices"].array[:, 0]
+        elif "indices" in json.values:
+            corners = document.read(json, "indices", "SCALAR").array[:, 0]
+        else:
+            corners = np.arange(count)
+        mode, material = TRIANGLES if decoded else primitive.mode, primitive.material
+        triangles.append(blocks[key][0] + _checked_triangles(corners, mode, count, json.place))
+        materials.append(
+            np.full(len(triangles[-1]), -1 if material is None else material, np.int32)
+        )
     vertices = [block for _, block in blocks.values()]
     return vertices, np.concatenate(triangles), np.concatenate(materials)
 
 
-def _read_block(primitive: JsonObject, document: Document, decoded: dict[str, Values]) -> Block:
-    """Return the vertices of a primitive; arrays decoded from Draco replace accessors."""
-    attributes = primitive.required_child("attributes")
-    n_verts = attributes.item("POSITION", "accessors").integer("count")
-    values = {
-        name: decoded[name]
-        if name in decoded
-        else document.read(attributes, name, *types, count=n_verts)
-        for name in attributes.values
-        if (types := accessor_types(name))
-    }
-    targets = primitive.children("targets", "target")
-    return Block(values, document.read_each(targets, "POSITION", "VEC3", count=n_verts))
-
-
-def _read_triangles(
-    primitive: JsonObject, document: Document, decoded: dict[str, Values], n_verts: int
+def _checked_triangles(
+    corners: npt.NDArray[Any], mode: int, n_verts: int, place: str
 ) -> npt.NDArray[np.int64]:
-    """Return the triangles of a primitive as indices into its block, of shape (M, 3)."""
-    if "indices" in decoded:
-        corners = decoded["indices"].array[:, 0]
-    elif "indices" in primitive:
-        corners = document.read(primitive, "indices", "SCALAR").array[:, 0]
-    else:
-        corners = np.arange(n_verts)
+    """Return the triangles of corners as indices below the number of vertices, of shape (M, 3)."""
     if corners.dtype.kind not in "iu":
-        raise FormatError(f"{primitive.place}: its indices are not integers")
+        raise FormatError(f"{place}: its indices are not integers")
     corners = corners.astype(np.int64)
     if len(corners) and not 0 <= corners.min() <= corners.max() < n_verts:
         raise FormatError(
-            f"{primitive.place}: has vertex indices {corners.min()}..{corners.max()}; "
+            f"{place}: has vertex indices {corners.min()}..{corners.max()}; "
             f"expected 0..{n_verts - 1}"
         )
-    mode = TRIANGLES if "indices" in decoded else primitive.integer("mode", TRIANGLES)
     return assemble_triangles(corners, mode)
 
 
@@ -330,7 +234,7 @@ def _join_displacements(blocks: Sequence[Block], target: int) -> npt.NDArray[Any
     """Return the concatenated displacements of all blocks by a morph target, or None."""
     if all(block.displacements[target] is None for block in blocks):
         return None
-    stored = [(block.displacements[target], block.n_verts) for block in blocks]
+    stored = [(block.displacements[target], len(block.positions)) for block in blocks]
     return np.concatenate(
         [np.zeros((count, 3), np.float32) if field is None else field for field, count in stored]
     )
@@ -347,11 +251,11 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
         return None
     if 0 in counts:
         raise FormatError(f"{place}: only some of its primitives have joints")
-    n_verts = sum(block.n_verts for block in blocks)
+    n_verts = sum(len(block.positions) for block in blocks)
     joints, weights = np.zeros((2, n_verts, 4 * max(counts)))
     start = 0
     for block, count in zip(blocks, counts, strict=True):
-        rows = slice(start, start := start + block.n_verts)
+        rows = slice(start, start := start + len(block.positions))
         for number in range(count):
             columns = slice(4 * number, 4 * number + 4)
             own_joints = block.values[f"JOINTS_{number}"].array
@@ -388,7 +292,7 @@ def _find_hard_edges(
     normals = [
         block.values["NORMAL"].floats()
         if "NORMAL" in block.values
-        else np.zeros((block.n_verts, 3))
+        else np.zeros((len(block.positions), 3))
         for block in blocks
     ]
     mesh = PolygonMesh(positions, np.full(len(faces), 3, np.int64), faces.ravel())
@@ -431,18 +335,13 @@ def _read_attributes(
             yield mesh.attribute(label, kind, rows)
 
 
-def set_label(kind: Kind, number: int) -> str:
-    """Return the name of a set of UVs or colors: "uv", "uv1", and so on."""
-    return kind.value + (str(number) if number else "")
-
-
 Joined = tuple[npt.NDArray[Any] | None, str]
 """Concatenated values of all blocks, and a note on them."""
 
 
 def _join_uvs(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
     filled = [
-        np.zeros((block.n_verts, 2)) if values is None else values.floats()
+        np.zeros((len(block.positions), 2)) if values is None else values.floats()
         for values, block in zip(stored, blocks, strict=True)
     ]
     # In glTF, v points down. Adding zero turns -0.0 into 0.0, for bitwise comparisons.
@@ -456,7 +355,7 @@ def _join_colors(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Jo
     width = max(array.shape[1] for array in arrays)
     are_bytes = all(array.dtype == np.uint8 for array in arrays)
     white, dtype = (255, np.uint8) if are_bytes else (1, np.float32)
-    rows = [np.full((block.n_verts, width), white, dtype) for block in blocks]
+    rows = [np.full((len(block.positions), width), white, dtype) for block in blocks]
     for values, filled in zip(stored, rows, strict=True):
         if values is not None:
             colors = Values(values.array, is_normalized=True).floats() + 0.0
@@ -485,14 +384,10 @@ JOINS: tuple[tuple[Kind, Join], ...] = (
 )
 
 
-def _decode_draco(primitive: JsonObject, document: Document) -> dict[str, Values]:
-    """Return the Draco-compressed arrays of a primitive, by attribute name and "indices".
-
-    The result is empty if the primitive is not compressed.
-    """
-    compressed = primitive.extension(DRACO)
-    if compressed is None:
-        return {}
+def _decode_draco(
+    primitive: JsonObject, compressed: JsonObject, document: Document
+) -> dict[str, Values]:
+    """Return the Draco-compressed arrays of a primitive, by attribute name and "indices"."""
     names, ids = primitive.required_child("attributes"), compressed.required_child("attributes")
     data = bytes(document.view(compressed)[0])
     n_corners = primitive.item("indices", "accessors").integer("count")

@@ -9,8 +9,7 @@ from typing import Any
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.container import BufferWriter, Json
-from meshreel.formats.gltf.document import Document, JsonObject, unique_names
-from meshreel.formats.gltf.geometry import set_label, triangle_primitives
+from meshreel.formats.gltf.document import Document, JsonObject, Mesh, unique_names
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import (
     DEFAULT_MATERIAL,
@@ -73,6 +72,11 @@ EXTENSION_OF = {mime_type: name for name, mime_type in IMAGE_EXTENSIONS.items()}
 CORE_TYPES = ("image/png", "image/jpeg")
 NEAREST_WRAPS = {Wrap.BLACK: Wrap.CLAMP, Wrap.METADATA: Wrap.REPEAT}
 """Replacements for wrap modes that glTF does not support."""
+
+
+def set_label(kind: Kind, number: int) -> str:
+    """Return the name of a set of UVs or colors: "uv", "uv1", and so on."""
+    return kind.value + (str(number) if number else "")
 
 
 class MaterialReader:
@@ -186,11 +190,11 @@ class MaterialReader:
         return Image(name or PurePosixPath(file_name).stem, declared or mime_type, data)
 
 
-def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: Notes) -> None:
+def note_extensions(document: Document, meshes: Sequence[Mesh], notes: Notes) -> None:
     """Note the unsupported extensions in the materials of some meshes."""
     lists = document.lists
-    primitives = [primitive for mesh in meshes for primitive in triangle_primitives(mesh)]
-    numbers = {primitive.index("material", "materials") for primitive in primitives}
+    primitives = [primitive for mesh in meshes for primitive in mesh.triangles]
+    numbers = {primitive.material for primitive in primitives}
     users: dict[str, list[str]] = {}
     for number in sorted(number for number in numbers if number is not None):
         material = lists["materials"][number]
@@ -199,7 +203,8 @@ def note_extensions(document: Document, meshes: Sequence[JsonObject], notes: Not
             supported.add(SPECULAR_GLOSSINESS)
         for name in _extensions(material) - supported:
             users.setdefault(name, []).append(material.label())
-    if any(primitive.extension(VARIANTS) is not None for primitive in primitives):
+    variants = [primitive.json.extension(VARIANTS) for primitive in primitives]
+    if any(extension is not None for extension in variants):
         users[VARIANTS] = ["other materials of the same faces"]
     for texture in lists["textures"]:
         for name in _extensions(texture):

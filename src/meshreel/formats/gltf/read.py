@@ -1,9 +1,9 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 
@@ -17,41 +17,26 @@ from meshreel.formats.gltf.animation import (
     VISIBLE,
     Clips,
     Curve,
+    Curves,
     Motion,
     Nodes,
     other_pointers,
 )
-from meshreel.formats.gltf.document import Document, JsonObject, unique_names
-from meshreel.formats.gltf.geometry import (
-    Geometry,
-    accessor_types,
-    count_targets,
-    read_geometry,
-    triangle_primitives,
-)
-from meshreel.formats.gltf.materials import MaterialReader, note_extensions
-from meshreel.formats.gltf.scene import (
-    ShownMesh,
-    no_mesh_error,
-    shown_meshes,
-)
+from meshreel.formats.gltf.document import Document, unique_names
+from meshreel.formats.gltf.geometry import GeometryReader, accessor_types
+from meshreel.formats.gltf.materials import note_extensions
+from meshreel.formats.gltf.scene import PosedMesh, ShownMesh, no_mesh_error, shown_meshes
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
-from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, SceneMesh, read_or_defer_error
-from meshreel.formats.surfaces.hard_edges import NormalNotes
-from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes, listed
-from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_fps
-from meshreel.runtime.counting import counted
 
 LIGHTS, INSTANCING = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
-
-WELDED = "welded vertices"
-"""Subject of the note on vertices that are split at seams in the file."""
 
 SEGMENT_START = "meshreelSegmentStart"
 """Property of the extras of a node above the meshes of a segment: time of its first frame."""
@@ -84,8 +69,9 @@ class Sampling:
     fps: float
     """Frames per second; 0 for a single frame."""
 
+    @cached_property
     def first(self) -> "Sampling":
-        """Return a sampling with the first frame only."""
+        """The sampling of the first frame only."""
         return Sampling(self.times_s[:1], self.curve_times_s[:1], 0.0)
 
 
@@ -114,27 +100,16 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     motion, sampling = _select_motion(shown, nodes, document, options)
     shown = _visible(shown, motion, notes)
     _note_left_out(document, shown, notes)
-    read = _geometry_reader(document, notes)
-    names = unique_names([nodes.path(mesh.node, mesh.mesh.text("name", "")) for mesh in shown])
-
-    def scene_mesh(name: str, mesh: ShownMesh) -> SceneMesh:
-        times = sampling if _is_animated(mesh, motion) else sampling.first()
-        n_targets = count_targets(mesh.mesh)
-        default = mesh.mesh.numbers("weights", n_targets, np.zeros(n_targets))
-        weights = nodes.objects[mesh.node].numbers("weights", n_targets, default)
-        posed = PosedMesh(mesh, weights, motion, times.curve_times_s, partial(read, mesh.mesh))
-        return SceneMesh(
-            name,
-            times.times_s,
-            posed.frame,
-            posed.surface,
-            times.fps or None,
-        )
-
-    meshes = [
-        read_or_defer_error(name, partial(scene_mesh, name, mesh))
-        for name, mesh in zip(names, shown, strict=True)
-    ]
+    defaults = [mesh.mesh.json.text("name", "") for mesh in shown]
+    holders = [mesh.node for mesh in shown]
+    names = unique_names(nodes.paths(dict(zip(holders, defaults, strict=True))))
+    reader = GeometryReader(document, notes)
+    meshes = []
+    for name, mesh in zip(names, shown, strict=True):
+        times = sampling if _is_animated(mesh, motion) else sampling.first
+        node = nodes.objects[mesh.node]
+        posed = PosedMesh(mesh, motion, times.curve_times_s, node, reader.read)
+        meshes.append(SceneMesh(name, times.times_s, posed.frame, posed.surface, times.fps or None))
     switching = find_switching(shown, motion, sampling.curve_times_s)
     if switching is not None and options.object is None:
         if all(_is_of_segment(mesh, nodes) for mesh in shown):
@@ -144,6 +119,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     pairs = zip(names, shown, strict=True)
     if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
         notes.left_out(f"changes of the visibility of {listed(changing)}")
+    if options.merge and options.object is None and not options.skip_bad:
+        reader.read_all([mesh.mesh for mesh in shown])  # before any is posed
     return meshes
 
 
@@ -165,13 +142,14 @@ def _select_motion(
     shown: Sequence[ShownMesh], nodes: Nodes, document: Document, options: ReadOptions
 ) -> tuple[Motion, Sampling]:
     """Return the motion of nodes with meshes, and the sampling of frames."""
-    clips = Clips(document, _moving_nodes(shown, nodes))
+    moving = _moving_nodes(shown, nodes)
+    carriers, clips = moving["translation"], Clips(document, moving)
     clip = clips.select(options.animation, options.notes)
     if clip is None:
-        return Motion(nodes, {}), STATIC
+        return Motion(nodes, {}, carriers), STATIC
     fps = validate_fps(options.fps or 0.0)
     sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=options.notes)
-    return Motion(nodes, clip.curves), sampling
+    return Motion(nodes, clip.curves, carriers), sampling
 
 
 def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int]]:
@@ -201,49 +179,19 @@ def _visible(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[Shown
     return [mesh for mesh in shown if mesh.node not in never]
 
 
-def _geometry_reader(document: Document, notes: Notes) -> Callable[[JsonObject], Geometry]:
-    """Return a function that reads the mesh at a node at rest."""
-    materials, normal_notes = MaterialReader(document, notes), NormalNotes(notes)
-    welded: list[Geometry] = []
-
-    @cache
-    def read(mesh: JsonObject) -> Geometry:
-        geometry = read_geometry(mesh, document, materials.labels, notes)
-        if geometry.hard_edges is not None:
-            normal_notes.add(mesh.place, geometry.hard_edges)
-        look, images = materials.look(geometry.materials)
-        if geometry.n_split > len(geometry.positions):
-            welded.append(geometry)
-            _note_welds(welded, notes)
-        return replace(geometry, surface=replace(geometry.surface, materials=look, images=images))
-
-    return read
-
-
-def _note_welds(welded: Sequence[Geometry], notes: Notes) -> None:
-    """Note the number of welded vertices of all meshes so far."""
-    n_split = sum(geometry.n_split for geometry in welded)
-    n_verts = sum(len(geometry.positions) for geometry in welded)
-    text = f"welded {counted(n_split, 'vertex')}, split at seams, to {n_verts}"
-    notes.discard(WELDED)
-    notes.changed(WELDED, text)
-
-
 def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes) -> None:
-    used = [mesh.mesh for mesh in shown]
-    meshes = [mesh for mesh in document.lists["meshes"] if mesh in used]
+    used = {mesh.mesh.json: mesh.mesh for mesh in shown}
+    meshes = [used[json] for json in document.lists["meshes"] if json in used]
+    names = frozenset().union(*[mesh.names for mesh in meshes]) - {"TANGENT"}
+    unknown = sorted(name for name in names if not accessor_types(name))
     for mesh in meshes:
-        triangles = triangle_primitives(mesh)
-        n_primitives = len(mesh.children("primitives", "primitive"))
-        if n_left := n_primitives - len(triangles):
-            notes.left_out(
-                f"points and lines, {n_left} of {n_primitives} primitives of {mesh.place}"
-            )
-        names = {name for each in triangles for name in each.required_child("attributes").values}
-        if "TANGENT" in names:
+        if n_left := mesh.n_primitives - len(mesh.triangles):
+            primitives = f"{n_left} of {mesh.n_primitives} primitives of {mesh.json.place}"
+            notes.left_out(f"points and lines, {primitives}")
+        if "TANGENT" in mesh.names:
             notes.left_out("tangents, which programs compute")
-        unknown = sorted(name for name in names - {"TANGENT"} if not accessor_types(name))
-        notes.left_out("attributes that glTF does not define", unknown)
+        if own := [name for name in unknown if name in mesh.names]:
+            notes.left_out("attributes that glTF does not define", own)
     nodes = document.lists["nodes"]
     holders = [nodes[mesh.node] for mesh in shown]
     copied = [node.label() for node in holders if node.extension(INSTANCING) is not None]
@@ -375,76 +323,6 @@ def _snap_to_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats
     return np.where(np.abs(last - times_s) <= tolerance_s, last, times_s)
 
 
-@dataclass(frozen=True, eq=False)
-class PosedMesh:
-    """A mesh at a node, animated in world space."""
-
-    mesh: ShownMesh
-    weights: Floats
-    """float64 array of shape (M,). Default weights of the morph targets."""
-    motion: Motion
-    times_s: Floats
-    """float64 array of shape (T,). Times at which curves are evaluated for the frames."""
-    read: Callable[[], Geometry]
-    """Returns the mesh at rest."""
-    _blocks: dict[int, Vertices] = field(default_factory=dict)
-
-    def _positions(self, start: int, stop: int) -> Vertices:
-        """Return the float32 positions of frames start..stop - 1."""
-        geometry, blocks = self._geometry, []
-        carriers = self.mesh.carriers
-        n_nodes = len(carriers) + len(self.motion.nodes.with_ancestors(carriers))
-        step = max(1, BLOCK_BYTES // (8 * (16 * n_nodes + len(self.weights))))
-        for first in range(start, stop, step):
-            times = self.times_s[first : min(first + step, stop)]
-            weights = self.motion.weights(self.mesh.node, self.weights, times)
-            with np.errstate(over="ignore", invalid="ignore"):  # positions are validated later
-                transforms = self.motion.world(carriers, times)
-                if self.mesh.skin is not None:
-                    transforms = transforms @ self.mesh.skin.inverse_binds
-                blocks.append(geometry.posed(weights, transforms))
-        return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
-
-    def frame(self, index: int) -> PolygonMesh:
-        """Return the mesh in a frame; later frames are computed in blocks."""
-        faces = self._faces
-        step = max(1, BLOCK_BYTES // faces.vertices.nbytes)
-        first = 0 if index == 0 else 1 + (index - 1) // step * step
-        block = self._blocks.get(first)
-        if block is None:  # several threads may read frames
-            stop = min(first + step, len(self.times_s)) if index else 1
-            block = self._positions(first, stop)
-            self._blocks.clear()
-            self._blocks[first] = block
-        return PolygonMesh(block[index - first], faces.counts, faces.corners)
-
-    def surface(self, index: int) -> Surface:
-        """Return the surface of the mesh, which is the same in all frames."""
-        return self._geometry.surface
-
-    @cached_property
-    def _geometry(self) -> Geometry:
-        geometry, skin = self.read(), self.mesh.skin
-        if skin is None:
-            transforms = self.motion.world([self.mesh.node], self.times_s[:1])
-            is_mirrored = np.linalg.det(transforms[0, 0, :, :3]) < 0
-            geometry = replace(geometry, influences=None)
-            return geometry.with_reversed_faces() if is_mirrored else geometry
-        n_joints = len(skin.joints)
-        if geometry.influences is not None and geometry.influences.joints.max() >= n_joints:
-            raise FormatError(
-                f"node {self.mesh.node}: its mesh refers to joint "
-                f"{geometry.influences.joints.max()}, but its skin has {n_joints} joints"
-            )
-        return geometry
-
-    @cached_property
-    def _faces(self) -> PolygonMesh:
-        geometry = self._geometry
-        counts = np.full(len(geometry.faces), 3, np.int64)
-        return polygon_mesh(geometry.positions, counts, geometry.faces.ravel())
-
-
 def find_switching(
     shown: Sequence[ShownMesh], motion: Motion, times_s: Floats
 ) -> tuple[int, list[tuple[int, ...]]] | None:
@@ -454,7 +332,12 @@ def find_switching(
     before the first and after the last mesh may be empty. None unless there are at least two groups
     of meshes, of which each frame shows one.
     """
-    switches = [_switches(motion, mesh) for mesh in shown]
+    showing = {
+        (node, path): curve
+        for (node, path), curve in motion.curves.items()
+        if path == VISIBLE or (path == "scale" and _steps_from_zero(curve))
+    }
+    switches = [_switches(showing, motion, mesh) for mesh in shown] if showing else []
     if not any(switches):
         return None
     visible = np.ones((len(times_s), len(shown)), np.bool_)
@@ -471,19 +354,11 @@ def find_switching(
     return int(filled[0]), groups
 
 
-def _switches(motion: Motion, mesh: ShownMesh) -> list[Curve]:
-    """Return the curves that show and hide a mesh: visibility, and scales that step from or to 0.
-
-    Nodes above a skinned mesh do not scale it.
-    """
+def _switches(showing: Curves, motion: Motion, mesh: ShownMesh) -> list[Curve]:
+    """Return the curves that show and hide a mesh; nodes above a skinned mesh do not scale it."""
     paths = [VISIBLE] if mesh.skin is not None else [VISIBLE, "scale"]
-    return [
-        curve
-        for node in motion.nodes.ancestors(mesh.node)
-        for path in paths
-        if (curve := motion.curves.get((node, path))) is not None
-        and (path == VISIBLE or _steps_from_zero(curve))
-    ]
+    keys = [(node, path) for node in motion.nodes.ancestors(mesh.node) for path in paths]
+    return [showing[key] for key in keys if key in showing]
 
 
 def _steps_from_zero(scale: Curve) -> bool:

@@ -38,7 +38,21 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
     times = unite_times([mesh.times_s for mesh in meshes])
 
     def frame(index: int) -> PolygonMesh:
-        return _join_frames([_at(mesh, times[index]) for mesh in meshes])
+        places = [neighbours(mesh.times_s, times[index]) for mesh in meshes]
+        pairs = [*zip(meshes, places, strict=True)]
+        before = [mesh.frame(place.before) for mesh, place in pairs]
+        after = [
+            mesh.frame(place.after) if place.after != place.before else first
+            for (mesh, place), first in zip(pairs, before, strict=True)
+        ]
+        return _join_frames(
+            [
+                replace(first, vertices=blend(first.vertices, second.vertices, place.share))
+                if second is not first and second.has_faces_of(first)
+                else first
+                for first, second, place in zip(before, after, places, strict=True)
+            ]
+        )
 
     def surface(index: int) -> Surface:
         numbers = [int(np.searchsorted(mesh.times_s, times[index], "right")) - 1 for mesh in meshes]
@@ -54,17 +68,6 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
     return SceneMesh(name, times, frame, surface, fps, tracks)
-
-
-def _at(mesh: SceneMesh, time_s: float) -> PolygonMesh:
-    place = neighbours(mesh.times_s, time_s)
-    first = mesh.frame(place.before)
-    if place.after == place.before:
-        return first
-    second = mesh.frame(place.after)
-    if not second.has_faces_of(first):
-        return first
-    return replace(first, vertices=blend(first.vertices, second.vertices, place.share))
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:

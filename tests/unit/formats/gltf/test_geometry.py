@@ -6,7 +6,8 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.gltf import morphs
-from meshreel.formats.gltf.geometry import FAN, STRIP, TRIANGLES, assemble_triangles
+from meshreel.formats.gltf.document import FAN, STRIP, TRIANGLES
+from meshreel.formats.gltf.geometry import assemble_triangles
 from meshreel.formats.gltf.morphs import (
     BYTE,
     SHORT,

@@ -355,7 +355,7 @@ def test_faces_of_a_rotating_node_are_not_reversed(read):
 
 @pytest.mark.parametrize("make", [moving_triangle, rich_gltf])
 def test_open_source_reads_the_same_frames_as_load(tmp_path, make, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.gltf.read.BLOCK_BYTES", 3000)  # a few frames at once
+    monkeypatch.setattr("meshreel.formats.gltf.scene.BLOCK_BYTES", 3000)  # a few frames at once
     path = make().save(tmp_path / "a.glb")
     opened, loaded = open_source(path, fps=60, max_loaded_bytes=0), load(path, fps=60)
     assert isinstance(opened, StoredFrames)
