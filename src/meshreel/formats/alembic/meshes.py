@@ -340,14 +340,14 @@ class _AnimatedMesh:
     def _mesh_at(self, time_s: float) -> PolygonMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
         points, cached = self._points_at(time_s), self._cached_faces
-        stored = self._counts, self._corners
-        samples = [neighbours(values.times_s, time_s).before for values in stored]
+        properties = self._counts, self._corners
+        samples = [neighbours(values.times_s, time_s).before for values in properties]
         indices = [
-            values.stored_index(sample) for values, sample in zip(stored, samples, strict=True)
+            values.stored_index(sample) for values, sample in zip(properties, samples, strict=True)
         ]
         key = (*indices, len(points))
         if cached is None or cached[0] != key:
-            pairs = zip(stored, samples, strict=True)
+            pairs = zip(properties, samples, strict=True)
             counts, corners = (values.integers(sample) for values, sample in pairs)
             total = int(counts.sum())
             if total != len(corners) or (counts < 0).any():

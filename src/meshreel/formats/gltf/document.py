@@ -383,9 +383,9 @@ class Document:
         if n_elements == 0 or n_elements != (count or n_elements):
             raise accessor.error("count", f"{count or 'at least 1'}, as {parent.place} requires")
         is_stored = accessor.index("bufferView", "bufferViews") is not None
-        stored = self._elements(accessor, dtype, n_elements, width) if is_stored else None
+        elements = self._elements(accessor, dtype, n_elements, width) if is_stored else None
         self.reserve(n_elements * width * dtype.itemsize, accessor.place)
-        array = np.zeros((n_elements, width), dtype) if stored is None else stored.copy()
+        array = np.zeros((n_elements, width), dtype) if elements is None else elements.copy()
         if (sparse := accessor.child("sparse")) is not None:
             self._overwrite(array, sparse)
         return Values(array, accessor.flag("normalized"))

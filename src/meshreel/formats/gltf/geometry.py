@@ -234,9 +234,9 @@ def _join_displacements(blocks: Sequence[Block], target: int) -> npt.NDArray[Any
     """Return the concatenated displacements of all blocks by a morph target, or None."""
     if all(block.displacements[target] is None for block in blocks):
         return None
-    stored = [(block.displacements[target], len(block.positions)) for block in blocks]
+    fields = [(block.displacements[target], len(block.positions)) for block in blocks]
     return np.concatenate(
-        [np.zeros((count, 3), np.float32) if field is None else field for field, count in stored]
+        [np.zeros((count, 3), np.float32) if field is None else field for field, count in fields]
     )
 
 
@@ -303,8 +303,8 @@ def _material_groups(
     materials: npt.NDArray[np.int32], labels: Sequence[str]
 ) -> tuple[FaceGroups, ...]:
     """Return the materials in use, in file order; unnamed ones form no group."""
-    stored = np.unique(materials)
-    used = np.array([index for index in stored if index >= 0 and labels[index]], np.int64)
+    indices = np.unique(materials)
+    used = np.array([index for index in indices if index >= 0 and labels[index]], np.int64)
     if len(used) == 0:
         return ()
     numbers = np.full(len(labels) + 1, -1, np.int32)  # the last is for faces without a material
@@ -339,32 +339,32 @@ Joined = tuple[npt.NDArray[Any] | None, str]
 """Concatenated values of all blocks, and a note on them."""
 
 
-def _join_uvs(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+def _join_uvs(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
     filled = [
         np.zeros((len(block.positions), 2)) if values is None else values.floats()
-        for values, block in zip(stored, blocks, strict=True)
+        for values, block in zip(of_blocks, blocks, strict=True)
     ]
     # In glTF, v points down. Adding zero turns -0.0 into 0.0, for bitwise comparisons.
     flipped = [np.stack([uv[:, 0] + 0.0, 1 - uv[:, 1]], axis=1) for uv in filled]
-    note = "is 0 1 on primitives without it" if None in stored else ""
+    note = "is 0 1 on primitives without it" if None in of_blocks else ""
     return np.concatenate(flipped).astype(np.float32), note
 
 
-def _join_colors(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    arrays = [values.array for values in stored if values is not None]
+def _join_colors(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    arrays = [values.array for values in of_blocks if values is not None]
     width = max(array.shape[1] for array in arrays)
     are_bytes = all(array.dtype == np.uint8 for array in arrays)
     white, dtype = (255, np.uint8) if are_bytes else (1, np.float32)
     rows = [np.full((len(block.positions), width), white, dtype) for block in blocks]
-    for values, filled in zip(stored, rows, strict=True):
+    for values, filled in zip(of_blocks, rows, strict=True):
         if values is not None:
             colors = Values(values.array, is_normalized=True).floats() + 0.0
             filled[:, : colors.shape[1]] = values.array if are_bytes else colors
-    return np.concatenate(rows), "is white on primitives without it" if None in stored else ""
+    return np.concatenate(rows), "is white on primitives without it" if None in of_blocks else ""
 
 
-def _join_custom(stored: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    present = [values for values in stored if values is not None]
+def _join_custom(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    present = [values for values in of_blocks if values is not None]
     types = {(each.array.dtype, each.array.shape[1], each.is_normalized) for each in present}
     if len(types) > 1 or len(present) < len(blocks):
         return None, "is left out, since not all primitives have it with the same type"

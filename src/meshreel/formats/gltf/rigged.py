@@ -170,8 +170,8 @@ class _RiggedScene:
         targets = self._rig.correctives.targets
         if not len(targets):
             return []
-        stored = self.buffer.add_vertices([target[sources] for target in targets])
-        return [{"POSITION": values} for values in stored]
+        displacements = self.buffer.add_vertices([target[sources] for target in targets])
+        return [{"POSITION": values} for values in displacements]
 
     def _add_bones(self) -> list[int]:
         """Add the nodes of the bones below one at the origin of the rig; return their indices."""
@@ -212,16 +212,18 @@ class _RiggedScene:
 
         pairs = [*zip(bones, rig.tracks, strict=True)]
         # The root has keys in all frames, even if it rests, so that readers find all of them.
-        turning = [(node, one) for node, one in pairs if moves(one.codes) or node == bones[0]]
-        moving = [(node, one) for node, one in pairs if moves(one.translations)]
-        codes = np.concatenate([one.codes for _, one in turning])
-        rotations = buffer.add_curves([one.rotations for _, one in turning], (codes, "QUATERNION"))
-        for (node, one), values in zip(turning, rotations, strict=True):
-            animate(node, "rotation", one.frames, values)
+        turning = [(node, track) for node, track in pairs if moves(track.codes) or node == bones[0]]
+        moving = [(node, track) for node, track in pairs if moves(track.translations)]
+        codes = np.concatenate([track.codes for _, track in turning])
+        rotations = buffer.add_curves(
+            [track.rotations for _, track in turning], (codes, "QUATERNION")
+        )
+        for (node, track), values in zip(turning, rotations, strict=True):
+            animate(node, "rotation", track.frames, values)
         if moving:
-            translations = buffer.add_curves([one.translations for _, one in moving])
-            for (node, one), values in zip(moving, translations, strict=True):
-                animate(node, "translation", one.frames, values)
+            translations = buffer.add_curves([track.translations for _, track in moving])
+            for (node, track), values in zip(moving, translations, strict=True):
+                animate(node, "translation", track.frames, values)
         if rig.n_targets:
             self._count("bones and keys")
             every = np.arange(len(rig.times_s))
