@@ -23,6 +23,7 @@ import numpy as np
 import meshreel
 import meshreel.codec.reel.encoding.basis_coding as basis_coding
 import meshreel.codec.reel.encoding.effort as effort
+from measuring import print_table
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.fields import CodingOrder, coding_order
@@ -136,7 +137,7 @@ def curve(source: str, variant: str) -> list[tuple[float, float, float]]:
 def difference(usual: list[Any], other: list[Any], column: int) -> float:
     """BD-rate in percent at equal error."""
     reference, changed_curve = (
-        [(point[0], point[column]) for point in one] for one in (usual, other)
+        [(point[0], point[column]) for point in points] for points in (usual, other)
     )
     return float(bd_rate(changed_curve, reference).percent or 0.0)
 
@@ -157,13 +158,14 @@ def main() -> None:
     with ProcessPoolExecutor() as pool:
         curves = dict(zip(jobs, pool.map(curve, *zip(*jobs, strict=True)), strict=True))
     titles = [Path(source).stem for source in arguments.sources]
-    print("| KG, STED | " + " | ".join(titles) + " |\n|---|" + "---|" * len(titles))
+    rows = []
     for name in names[1:]:
-        cells = []
+        cells = [name]
         for source in arguments.sources:
             change = partial(difference, curves[source, "unchanged"], curves[source, name])
             cells.append(f"{change(1):+.1f}, {change(2):+.1f}")
-        print(f"| {name} | " + " | ".join(cells) + " |")
+        rows.append(cells)
+    print_table("", ["KG, STED", *titles], rows)
     if arguments.out:
         points = [
             {"source": Path(source).stem, "variant": variant, "points": points}

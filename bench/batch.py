@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ import numpy as np
 import psutil
 
 import meshreel
+from meshreel.studies.timing import timed_once
 
 TENTHS = 10
 SAMPLE_PERIOD_S = 0.2
@@ -65,9 +67,9 @@ def dask_cluster(n_workers: int) -> Iterator[tuple[str, list[int]]]:
         yield cluster.scheduler_address, [worker.pid for worker in cluster.workers.values()]
 
 
-def watch(program: "subprocess.Popen[bytes]", workers: list[int], manifest: Path) -> list[Any]:
-    """Sample the number of finished streams, and the memory of program and workers in MiB."""
-    out = manifest.parent
+def watch(command: list[str], workers: list[int], out: Path) -> list[Any]:
+    """Run a batch; sample the number of its streams, and memory of program and workers in MiB."""
+    program = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     samples: list[Any] = []
     while program.poll() is None:
         n_done = sum(1 for _ in out.glob("*.reel"))
@@ -119,18 +121,15 @@ def main() -> None:
         if chosen.dask:
             address, workers = stack.enter_context(dask_cluster(chosen.workers))
             executor = ["--scheduler", address]
-        start = time.perf_counter()
-        command = [sys.executable, "-m", "meshreel", "batch", inputs, out, *executor]
-        program = subprocess.Popen(list(map(str, command)), stdout=subprocess.DEVNULL)
-        samples = watch(program, workers, out / "manifest.json")
-        seconds = time.perf_counter() - start
+        command = [sys.executable, "-m", "meshreel", "batch", str(inputs), str(out), *executor]
+        samples, seconds = timed_once(partial(watch, command, workers, out))
         records = json.loads((out / "manifest.json").read_text())["inputs"].values()
         work = sum(record["seconds"] or 0 for record in records)
         states = {
             state: sum(record["state"] == state for record in records)
             for state in ("done", "failed")
         }
-        print(f"{states}, {seconds:.1f} s; work of the workers {work:.1f} s")
+        print(f"{states}, {seconds.wall:.1f} s; work of the workers {work:.1f} s")
         print_growth(samples, chosen.inputs)
 
 

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import Any
 
 import meshreel
+from measuring import start_table
 
 ROOT = f"{Path(meshreel.__file__).parent}/"
 
@@ -66,11 +67,11 @@ def main() -> None:
         ),
         "decode": partial(meshreel.decode, data),
     }
-    print("| call | changes of file | files |\n|---|---|---|")
+    print_row = start_table("call", "changes of file", "files")
     for name, call in calls.items():
         changes = file_changes(call)
         files = {path for pair in changes for path in pair}
-        print(f"| {name} | {changes.total()} | {len(files)} |")
+        print_row(name, str(changes.total()), str(len(files)))
         for (first, second), count in changes.most_common() if arguments.pairs else ():
             print(f"  {count} {first} -> {second}")
 

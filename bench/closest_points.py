@@ -8,26 +8,18 @@ Printed are medians of processor milliseconds to build the tree, and microsecond
 """
 
 import argparse
-import time
-from collections.abc import Callable
 from functools import partial
 from statistics import median
-from typing import Any
 
 import igl
 import numpy as np
 
+from measuring import print_table
 from meshreel.kernel.closest import TriangleTree
+from meshreel.studies.timing import timed_once
 from registration import frames_of, remeshed
 
 FIRST = 4
-
-
-def timed(function: Callable[[], Any]) -> tuple[float, Any]:
-    """Return processor seconds, and the result."""
-    begin = time.process_time()
-    result = function()
-    return time.process_time() - begin, result
 
 
 def main() -> None:
@@ -45,20 +37,23 @@ def main() -> None:
 
     seconds: dict[str, list[tuple[float, float]]] = {"core": [], "libigl": []}
     for _ in range(arguments.repeats):
-        build, tree = timed(partial(TriangleTree, vertices, faces))
-        search, found = timed(partial(tree.closest, points))
-        seconds["core"].append((build, search))
-        tree = igl.AABB()
-        build, _ = timed(partial(tree.init, vertices, faces))
-        search, (squares, *_) = timed(partial(tree.squared_distance, vertices, faces, points))
-        seconds["libigl"].append((build, search))
-    largest = np.abs(np.sqrt(squares) - found.distances).max() / np.ptp(vertices, axis=0).max()
+        tree, build = timed_once(partial(TriangleTree, vertices, faces))
+        closest, search = timed_once(partial(tree.closest, points))
+        seconds["core"].append((build.processor, search.processor))
+        tree_of_igl = igl.AABB()
+        _, build = timed_once(partial(tree_of_igl.init, vertices, faces))
+        (squares, *_), search = timed_once(
+            partial(tree_of_igl.squared_distance, vertices, faces, points)
+        )
+        seconds["libigl"].append((build.processor, search.processor))
+    largest = np.abs(np.sqrt(squares) - closest.distances).max() / np.ptp(vertices, axis=0).max()
     print(f"{len(faces)} faces, {len(points)} points; distances differ by {largest:.1g} sides")
-    print("| | build, ms | search, us per point | both, ms |\n|---|---|---|---|")
+    rows = []
     for name, times in seconds.items():
-        build, search = (1e3 * median(column) for column in zip(*times, strict=True))
-        each = 1e3 * search / len(points)
-        print(f"| {name} | {build:.1f} | {each:.2f} | {build + search:.1f} |")
+        build_ms, search_ms = (1e3 * median(column) for column in zip(*times, strict=True))
+        each_us = 1e3 * search_ms / len(points)
+        rows.append([name, f"{build_ms:.1f}", f"{each_us:.2f}", f"{build_ms + search_ms:.1f}"])
+    print_table("", ["", "build, ms", "search, us per point", "both, ms"], rows)
 
 
 if __name__ == "__main__":

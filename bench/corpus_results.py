@@ -14,7 +14,6 @@ import json
 import multiprocessing
 import os
 import resource
-import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -35,7 +34,7 @@ from corpus.tables import losses_of
 from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import limit_cores
 from meshreel.studies.runs import Outcome, Result, Run, Store, file_name, finite, result_of
-from meshreel.studies.timing import machine_facts
+from meshreel.studies.timing import machine_facts, timed_once
 from stored_results import RESULTS, commit
 
 DRAWN = 4
@@ -74,23 +73,27 @@ def store_of(source: Source, work: Path) -> Store:
 def result_within(source: Source, work: Path, files: Files, limits: argparse.Namespace) -> Result:
     """The stored result of a sequence, or a new one from a process with limits."""
     store, run = store_of(source, work), run_of(source, files)
-    found = store.find(run)
-    if found is not None:
-        return found
+    result = store.find(run)
+    if result is not None:
+        return result
+    reason, seconds = timed_once(partial(_execute_within, run, store, limits))
+    result = store.find(run) or store.write(run, Outcome({"refused": reason}))
+    outcome = result.get("refused", f"{result.get('n_frames')} x {result.get('n_verts')}")
+    print(f"{source.name}: {outcome} ({seconds.wall:.1f} s)", flush=True)
+    return result
+
+
+def _execute_within(run: Run, store: Store, limits: argparse.Namespace) -> str:
+    """Execute a run in a process with limits; return the reason if it does not store a result."""
     context = multiprocessing.get_context("fork")
     process = context.Process(target=_execute, args=(run, store, limits.memory << 30))
-    start = time.perf_counter()
     process.start()
     process.join(limits.seconds)
-    reason = f"exit code {process.exitcode}"
     if process.is_alive():
         process.kill()
         process.join()
-        reason = f"not finished after {limits.seconds} s"
-    found = store.find(run) or store.write(run, Outcome({"refused": reason}))
-    outcome = found.get("refused", f"{found.get('n_frames')} x {found.get('n_verts')}")
-    print(f"{source.name}: {outcome} ({time.perf_counter() - start:.1f} s)", flush=True)
-    return found
+        return f"not finished after {limits.seconds} s"
+    return f"exit code {process.exitcode}"
 
 
 def _execute(run: Run, store: Store, memory: int) -> None:

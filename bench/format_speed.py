@@ -11,7 +11,6 @@ evicted from the page cache first if the system allows it; all others are cached
 
 import argparse
 import os
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -26,6 +25,7 @@ from inputs import waving_sphere
 from measuring import is_unsteady, machine_text, medians, print_table, store
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, is_written
+from meshreel.studies.timing import timed_once
 
 SPHERE = (5, 20)
 """Subdivisions (10,242 vertices) and frames."""
@@ -87,13 +87,6 @@ def case_of(
     return Case(file_format.extension, paths, partial(meshreel.load, source), write)
 
 
-def seconds_of(work: Callable[[], Any]) -> float:
-    """Wall time of one call."""
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start
-
-
 def read_bytes(paths: list[Path]) -> None:
     """Read files without parsing them."""
     for path in paths:
@@ -118,17 +111,16 @@ def one_round(case: Case) -> Seconds:
     """Time every task once."""
     contents = [np.fromfile(path, np.uint8) for path in case.paths]
     plain = partial(read_bytes, case.paths)
-    times = {
-        "write_bytes": seconds_of(partial(write_bytes, contents, case.paths[0].parent)),
-        "write": seconds_of(case.write),
-        "read_bytes": seconds_of(plain),
-        "read": seconds_of(case.read),
+    tasks: dict[str, Callable[[], Any]] = {
+        "write_bytes": partial(write_bytes, contents, case.paths[0].parent),
+        "write": case.write,
+        "read_bytes": plain,
+        "read": case.read,
     }
-    if CAN_EVICT:
+    times = {name: timed_once(task)[1].wall for name, task in tasks.items()}
+    for name in ("read_bytes", "read") if CAN_EVICT else ():
         evict(case.paths)
-        times["read_bytes_disk"] = seconds_of(plain)
-        evict(case.paths)
-        times["read_disk"] = seconds_of(case.read)
+        times[f"{name}_disk"] = timed_once(tasks[name])[1].wall
     return times
 
 

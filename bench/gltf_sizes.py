@@ -10,9 +10,9 @@ file, as a web server sends it.
 import argparse
 import gzip
 import json
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -28,6 +28,7 @@ from meshreel.formats.gltf.format import write_glb
 from meshreel.formats.gltf.morphs import place_frames
 from meshreel.formats.options import WriteOptions
 from meshreel.model.notes import Notes
+from meshreel.studies.timing import timed_once
 
 HEADER = [
     "name",
@@ -57,17 +58,20 @@ def diagonal(sequence: meshreel.MeshSequence) -> float:
     return float(np.linalg.norm(sequence.extent.high - sequence.extent.low))
 
 
-def size_of(name: str, n_morphs: int, data: bytes, error_percent: float, start_s: float) -> Size:
-    """The size of a file whose writing started at a time of `time.perf_counter`."""
-    seconds = time.perf_counter() - start_s
+Written = tuple[int, bytes, float]
+"""Number of morph targets, bytes of a file, and error in percent."""
+
+
+def size_of(name: str, write: Callable[[], Written]) -> Size:
+    """The size of a file, and the seconds to write it."""
+    (n_morphs, data, error_percent), seconds = timed_once(write)
     packed = len(gzip.compress(data, 6))
-    return Size(name, n_morphs, len(data), packed, error_percent, seconds)
+    return Size(name, n_morphs, len(data), packed, error_percent, seconds.wall)
 
 
-def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name: str) -> Size:
+def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike) -> Written:
     """The buffer of a file with a morph target for each frame but the first."""
-    start_s, n_morphs = time.perf_counter(), sequence.n_frames - 1
-    first = sequence.vertices[0]
+    first, n_morphs = sequence.vertices[0], sequence.n_frames - 1
     moves = (sequence.vertices[1:] - first).astype(np.float64)
     base, error = first, 0.0
     if np.dtype(dtype).kind == "i":
@@ -84,7 +88,7 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike, name:
     buffer.add_times(np.arange(sequence.n_frames, dtype=np.float32))
     buffer.add_samples(np.eye(sequence.n_frames, n_morphs, -1, dtype=np.float32), width=1)
     described = json.dumps([buffer.accessors, buffer.views]).encode()
-    return size_of(name, n_morphs, b"".join([*buffer.pieces, described]), error, start_s)
+    return n_morphs, b"".join([*buffer.pieces, described]), error
 
 
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -103,35 +107,36 @@ def ours(
     notes = Notes()
     plain = meshreel.MeshSequence(sequence.vertices, sequence.faces, fps=25.0)
     stream = SegmentedStream(plain, notes=notes)
-    start_s = time.perf_counter()
     options = WriteOptions(max_error=max_error, **VARIANTS.get(variant, {}))
-    write_glb(folder / "ours.glb", stream, options)
-    words = next(note for note in notes if note.startswith("the largest error is")).split()
-    n_morphs, error_percent = int(words[words.index("morph") - 1]), float(words[4])
-    name = f"our .glb, at most {max_error:g} %, {variant}".removesuffix(", ")
-    return size_of(name, n_morphs, (folder / "ours.glb").read_bytes(), error_percent, start_s)
+
+    def write() -> Written:
+        write_glb(folder / "ours.glb", stream, options)
+        words = next(note for note in notes if note.startswith("the largest error is")).split()
+        n_morphs = int(words[words.index("morph") - 1])
+        return n_morphs, (folder / "ours.glb").read_bytes(), float(words[4])
+
+    return size_of(f"our .glb, at most {max_error:g} %, {variant}".removesuffix(", "), write)
 
 
-def reel(sequence: meshreel.MeshSequence) -> Size:
+def reel(sequence: meshreel.MeshSequence) -> Written:
     """A stream with default quality."""
-    start_s = time.perf_counter()
     data = meshreel.encode(sequence)
-    error_percent = meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
-    return size_of(".reel, default quality", 0, data, error_percent, start_s)
+    return 0, data, meshreel.compare(sequence, meshreel.decode(data)).max_error_percent
 
 
 def measure(sequence: meshreel.MeshSequence, errors: list[float]) -> Iterator[Size]:
     """Yield the size of a sequence in every representation."""
     raw = sequence.vertices.tobytes() + sequence.faces.tobytes()
-    yield size_of("raw arrays", 0, raw, 0.0, time.perf_counter())
-    yield morph_per_frame(sequence, np.float32, "a morph target per frame, float32")
-    yield morph_per_frame(sequence, np.int16, "a morph target per frame, int16")
+    yield size_of("raw arrays", lambda: (0, raw, 0.0))
+    for name in ("float32", "int16"):
+        write = partial(morph_per_frame, sequence, name)
+        yield size_of(f"a morph target per frame, {name}", write)
     with TemporaryDirectory() as folder:
         for max_error in errors:
             yield ours(sequence, Path(folder), max_error)
         for variant in VARIANTS:
             yield ours(sequence, Path(folder), errors[0], variant)
-    yield reel(sequence)
+    yield size_of(".reel, default quality", partial(reel, sequence))
 
 
 def row(size: Size, raw_bytes: int) -> list[str]:

@@ -12,13 +12,11 @@ the folder. Every command runs in a separate process.
 
 import argparse
 import math
-import os
 import sys
 import tempfile
-import time
 import zipfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +24,7 @@ import numpy.typing as npt
 
 import meshreel
 from inputs import quartered
-from measuring import print_table
+from measuring import print_table, run_process
 
 Floats = npt.NDArray[np.float32]
 
@@ -39,15 +37,6 @@ HEIGHT = 0.02
 """Height of the longest wave, in sides."""
 
 FPS = 25.0
-
-
-@dataclass(frozen=True)
-class Run:
-    """Times and peak memory of a command."""
-
-    seconds: float
-    processor_s: float
-    peak_mb: float
 
 
 def sheet(n_verts: int, n_frames: int, path: Path) -> None:
@@ -130,24 +119,11 @@ def grid_faces(side: int) -> npt.NDArray[np.int32]:
     return np.stack(squares, axis=1).reshape(-1, 3).astype(np.int32)
 
 
-def run(*words: str | Path) -> Run:
-    """Run `meshreel` with these arguments."""
-    start = time.perf_counter()
-    process = os.posix_spawn(
-        sys.executable, [sys.executable, "-m", "meshreel", *map(str, words)], dict(os.environ),
-        file_actions=[(os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0)],
-    )  # fmt: skip
-    _, status, used = os.wait4(process, 0)
-    if status:
-        raise SystemExit(f"meshreel {' '.join(map(str, words))} ended with {status}")
-    seconds = time.perf_counter() - start
-    return Run(seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
-
-
 def measure(path: Path, folder: Path) -> list[str]:
     """Measure a file, and return its row of the table."""
     with np.load(path) as arrays:
         n_frames, n_verts, _ = arrays["vertices"].shape
+    run = partial(run_process, sys.executable, "-m", "meshreel")
     out, back = folder / "large.reel", folder / "back.npz"
     encoding = run("encode", path, "-o", out, "--force")
     decoding = run("decode", out, "-o", back, "--force")
@@ -160,7 +136,7 @@ def measure(path: Path, folder: Path) -> list[str]:
         f"{encoding.seconds:.1f}, {decoding.seconds:.1f}",
         f"{encoding.processor_s:.1f}, {decoding.processor_s:.1f}",
         f"{millions / encoding.seconds:.1f}, {millions / decoding.seconds:.1f}",
-        f"{encoding.peak_mb:,.0f}, {decoding.peak_mb:,.0f}", f"{first.seconds:.1f}",
+        f"{encoding.peak_mib:,.0f}, {decoding.peak_mib:,.0f}", f"{first.seconds:.1f}",
     ]  # fmt: skip
     for output in (back, preview):
         output.unlink()

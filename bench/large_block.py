@@ -9,7 +9,6 @@ array at the same bound. Needs the extra [peers], and 3.3 GB on disk per million
 """
 
 import argparse
-import resource
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,9 @@ import numpy as np
 from numpy.lib.format import open_memmap
 
 import meshreel
-from measuring import machine_text, print_table, timed
+from measuring import machine_text, peak_mib, print_table
 from meshreel.evaluation.peers import sz3_bytes
+from meshreel.studies.timing import timed_once
 
 HEXAHEDRON = 12
 WIDTHS = {"positions": 3, "temperature": 1, "stress": 1, "velocity": 3}
@@ -60,8 +60,8 @@ def simulate(n: int, n_steps: int, folder: Path) -> None:
 
 def measured(name: str, raw_bytes: int, work: Callable[[], bytes]) -> list[str]:
     """Return cells: bytes, ratio, seconds, speed, and the peak memory of the process so far."""
-    data, _, seconds = timed(work)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    data, (_, seconds) = timed_once(work)
+    peak = peak_mib() * 2**10 / 1e6
     sizes = [f"{len(data):,}", f"{raw_bytes / len(data):.0f}"]
     return [name, *sizes, f"{seconds:.0f}", f"{raw_bytes / 1e6 / seconds:.1f}", f"{peak:.1f}"]
 

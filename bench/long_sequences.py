@@ -12,17 +12,17 @@ encoder's default length is measured.
 
 import argparse
 import math
-import resource
-import time
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from typing import Any
 
 import meshreel
 from long_sources import KINDS, LongSequence
-from measuring import print_table
+from measuring import peak_mib, print_table
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.reel_file import ReelFile
+from meshreel.studies.timing import timed_once
 
 QUALITIES = (80.0, 87.0)
 
@@ -50,14 +50,11 @@ class Point:
 
 def measure(sequence: LongSequence, quality: float, **options: Any) -> Point:
     """Encode a sequence, and measure the error of the stream."""
-    start, processor_start = time.perf_counter(), time.process_time()
-    data = meshreel.encode(sequence, quality=quality, **options)
-    seconds = time.perf_counter() - start
-    processor_s = time.process_time() - processor_start
+    data, seconds = timed_once(partial(meshreel.encode, sequence, quality=quality, **options))
     budget = meshreel.info(data).budget_bytes
     still = budget["order"] + budget["connectivity"]
     error = measure_stream(meshreel.MeshSequence.of_segments([sequence]), data).kg_error_percent
-    return Point(data, len(data) - still, error, seconds, processor_s)
+    return Point(data, len(data) - still, error, *seconds)
 
 
 def bytes_at(points: list[Point], kg_error_percent: float) -> float:
@@ -74,14 +71,15 @@ def access_ms(data: bytes) -> tuple[float, float, float]:
 
     The second block is excluded, because it loads data that all later blocks share.
     """
-    start = time.perf_counter()
-    reel = ReelFile(BytesIO(data))
-    reel.read(0, 1)
-    first, others = time.perf_counter() - start, []
-    for number in reel.starts[1:-1]:
-        start = time.perf_counter()
-        reel.read(number, number + 1)
-        others.append(time.perf_counter() - start)
+
+    def opened() -> ReelFile:
+        reel = ReelFile(BytesIO(data))
+        reel.read(0, 1)
+        return reel
+
+    reel, (first, _) = timed_once(opened)
+    reads = (partial(reel.read, number, number + 1) for number in reel.starts[1:-1])
+    others = [timed_once(read)[1].wall for read in reads]
     others = others[1:] or others or [first]
     return 1e3 * first, 1e3 * sum(others) / len(others), 1e3 * max(others)
 
@@ -89,7 +87,7 @@ def access_ms(data: bytes) -> tuple[float, float, float]:
 def default_row(sequence: LongSequence) -> list[str]:
     """Measure the encoder's default block length, and return the row of the table."""
     point = measure(sequence, QUALITIES[0])
-    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    memory_mb = peak_mib()
     first, mean, largest = access_ms(point.data)
     info = meshreel.info(point.data)
     frames_per_s = sequence.n_frames / point.seconds

@@ -8,8 +8,8 @@ packages pcodec, fpzip, blosc2 and zstandard; missing ones are listed and skippe
 
 import argparse
 import importlib
-import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ import meshreel
 from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.geometry.normals import vertex_normals
+from meshreel.studies.timing import timed_once
 
 Numbers = npt.NDArray[Any]
 Coder = tuple[Callable[[Numbers], Any], Callable[[Any], Any]]
@@ -131,16 +132,14 @@ def measure(values: Numbers, coder: Coder) -> tuple[int, float, float]:
     RuntimeError
         If decoded bytes differ.
     """
-    start = time.process_time()
-    data = coder[0](values)
-    encoded = time.process_time()
-    decoded = coder[1](data)
-    end = time.process_time()
+    data, encoding = timed_once(partial(coder[0], values))
+    decoded, decoding = timed_once(partial(coder[1], data))
     decoded_bytes = decoded.tobytes() if isinstance(decoded, np.ndarray) else bytes(decoded)
     if decoded_bytes != values.tobytes():
         raise RuntimeError("decoded values differ from the original")
     size = values.nbytes / 1e6
-    return len(data), size / max(encoded - start, 1e-9), size / max(end - encoded, 1e-9)
+    encode_s, decode_s = (max(seconds.processor, 1e-9) for seconds in (encoding, decoding))
+    return len(data), size / encode_s, size / decode_s
 
 
 def report(

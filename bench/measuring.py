@@ -1,13 +1,17 @@
-"""What the benchmarks share: alternating rounds, and tables with the machine."""
+"""What the benchmarks share: alternating rounds, processes, and tables with the machine."""
 
 import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any, TypeVar
 
-from meshreel.studies.study import markdown_table
+from meshreel.studies.study import markdown_row, markdown_table
 from meshreel.studies.timing import machine_facts, machine_line
 
 Name = TypeVar("Name")
@@ -17,11 +21,44 @@ UNSTEADY = 1.5
 """Runs are unsteady if the slowest exceeds the fastest by this factor."""
 
 
-def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return the result of the work, and its wall-clock and processor seconds."""
-    wall, processor = time.perf_counter(), time.process_time()
-    result = work()
-    return result, time.perf_counter() - wall, time.process_time() - processor
+@dataclass(frozen=True)
+class Usage:
+    """Times and peak memory of a process."""
+
+    seconds: float
+    processor_s: float
+    peak_mib: float
+
+
+def run_process(*command: object, log: Path | None = None) -> Usage:
+    """Run a command whose messages go to a file, or whose output is discarded.
+
+    Raises
+    ------
+    SystemExit
+        If it fails.
+    """
+    words = [*map(str, command)]
+    with Path(log or os.devnull).open("w") as output:
+        start = time.perf_counter()
+        process = subprocess.Popen(words, stdout=output, stderr=output if log else None)
+        _, status, used = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - start
+    process.returncode = status
+    if status:
+        raise SystemExit(f"{' '.join(words)} ended with {status}")
+    return Usage(seconds, used.ru_utime + used.ru_stime, _mib(used.ru_maxrss))
+
+
+def peak_mib() -> float:
+    """Peak memory of this process so far."""
+    import resource  # not on Windows
+
+    return _mib(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+
+
+def _mib(peak: int) -> float:
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
 def rounds(
@@ -58,7 +95,17 @@ def is_unsteady(seconds: Sequence[float]) -> bool:
 
 def print_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """Print a Markdown table below a title, which may be empty."""
-    print(f"{title}\n\n" if title else "", markdown_table(header, rows), "\n", sep="", flush=True)
+    print(f"{title}\n\n" if title else "", end="")
+    print_row = start_table(*header)
+    for row in rows:
+        print_row(*row)
+    print()
+
+
+def start_table(*header: str) -> Callable[..., None]:
+    """Print the head of a Markdown table; return the function that prints a row of cells."""
+    print(markdown_table(header, ()), flush=True)
+    return lambda *cells: print(markdown_row(cells), flush=True)
 
 
 def machine_text() -> str:

@@ -15,6 +15,7 @@ from unittest.mock import patch
 import numpy as np
 
 import meshreel
+from measuring import start_table
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.open_stream import OpenStream
@@ -46,8 +47,8 @@ def main() -> None:
     parser.add_argument("--shares", nargs="+", type=float, default=[0.005, 0.02])
     parser.add_argument("--frames", nargs="+", type=int, default=[1, 8], help="per segment")
     arguments = parser.parse_args()
-    print("| | share | frames | segments | edits | bytes without edits | bytes |")
-    print("|---|---|---|---|---|---|---|", flush=True)
+    header = ["", "share", "frames", "segments", "edits", "bytes without edits", "bytes"]
+    print_row = start_table(*header)
     for path in arguments.sequences:
         sequence = meshreel.load(path)
         for share in arguments.shares:
@@ -57,14 +58,14 @@ def main() -> None:
                 with patch.object(MeshEdits, "edit_to", lambda *_: None):
                     alone = len(meshreel.encode(segments, order="keep"))
                 n_edits = sum(
-                    any(one.id == Section.EDIT for one in OpenStream(data, segment=i).leading)
+                    any(
+                        section.id == Section.EDIT
+                        for section in OpenStream(data, segment=i).leading
+                    )
                     for i in range(segments.n_segments)
                 )
-                print(
-                    f"| {path.stem} | {share:.1%} | {n_frames} | {segments.n_segments} | {n_edits} "
-                    f"| {alone:,} | {len(data):,} |",
-                    flush=True,
-                )
+                counts = map(str, (n_frames, segments.n_segments, n_edits))
+                print_row(path.stem, f"{share:.1%}", *counts, f"{alone:,}", f"{len(data):,}")
 
 
 if __name__ == "__main__":

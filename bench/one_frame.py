@@ -12,7 +12,6 @@ runs that take turns.
 """
 
 import argparse
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,7 @@ import numpy as np
 import meshreel
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.threads import limit_cores, n_cores
+from meshreel.studies.timing import Seconds, timed_once
 
 LEVEL = 7
 LEFT_OUT = 0.02
@@ -37,7 +37,7 @@ def changing_frames(path: Path, n_frames: int) -> list[MeshSequence]:
     segments = meshreel.load(files, attributes="none").segments
     if len(segments) > 1:
         places = [(segment, t) for segment in segments for t in range(segment.n_frames)][:n_frames]
-        return [MeshSequence(one.read(t, t + 1), one.faces) for one, t in places]
+        return [MeshSequence(segment.read(t, t + 1), segment.faces) for segment, t in places]
     (whole,), rng = segments, np.random.default_rng(1)
     frames = whole.read(0, min(n_frames, whole.n_frames))
     return [subset(frame, whole.faces, rng) for frame in frames]
@@ -45,8 +45,8 @@ def changing_frames(path: Path, n_frames: int) -> list[MeshSequence]:
 
 def subset(vertices: Any, faces: Any, rng: np.random.Generator) -> MeshSequence:
     """Return a frame without some faces, and without vertices that no face uses."""
-    kept = faces[rng.random(len(faces)) > LEFT_OUT]
-    used, numbers = np.unique(kept, return_inverse=True)
+    remaining = faces[rng.random(len(faces)) > LEFT_OUT]
+    used, numbers = np.unique(remaining, return_inverse=True)
     return MeshSequence(vertices[None, used], numbers.reshape(-1, 3).astype(np.int32))
 
 
@@ -56,7 +56,10 @@ def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> No
     low = np.min([vertices.min(axis=0) for vertices, _ in meshes], axis=0)
     sides = np.max([vertices.max(axis=0) for vertices, _ in meshes], axis=0).astype(float) - low
     step = float(sides.max() / (2**bits - 1) / np.linalg.norm(sides))
-    segmented, n_verts = MeshSequence.of_segments(frames), sum(len(one) for one, _ in meshes)
+    segmented, n_verts = (
+        MeshSequence.of_segments(frames),
+        sum(len(vertices) for vertices, _ in meshes),
+    )
 
     def encode() -> bytes:
         return meshreel.encode(segmented, "grid", step=step, order="drop")
@@ -72,33 +75,31 @@ def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> No
 
     own, other = encode(), encode_draco()
     size, other_size = len(own), sum(map(len, other))
-    seconds: dict[tuple[str, int], list[tuple[float, float]]] = defaultdict(list)
+    seconds: dict[tuple[str, int], list[Seconds]] = defaultdict(list)
 
-    def clock(what: str, cores: int, work: Callable[[], Any]) -> None:
-        wall, processor = time.perf_counter(), time.process_time()
-        work()
-        spent = time.perf_counter() - wall, time.process_time() - processor
-        seconds[what, cores].append(spent)
-
+    tasks: dict[str, Callable[[], Any]] = {
+        "encode": encode,
+        "encode draco": encode_draco,
+        "decode": lambda: meshreel.decode(own),
+        "decode draco": lambda: [DracoPy.decode(stream) for stream in other],
+    }
     every = n_cores()
     for _ in range(n_runs):
         for cores in (1, every):
             limit_cores(cores)
-            clock("encode", cores, encode)
-            clock("encode draco", cores, encode_draco)
-            clock("decode", cores, lambda: meshreel.decode(own))
-            clock("decode draco", cores, lambda: [DracoPy.decode(one) for one in other])
+            for task, work in tasks.items():
+                seconds[task, cores].append(timed_once(work)[1])
 
-    def speed(what: str, cores: int, clock: int) -> float:
-        return n_verts / 1e6 / median(one[clock] for one in seconds[what, cores])
+    def speed(task: str, cores: int, clock: int) -> float:
+        return n_verts / 1e6 / median(run[clock] for run in seconds[task, cores])
 
     print(f"{name} {len(frames)} x {n_verts // len(frames)}, {bits} bits: ", end="")
     print(f"{size} bytes, {size / other_size:.3f} of Draco", flush=True)
     for label, cores, kind in (("1 core", 1, 0), (f"{every} cores", every, 0), ("processor", 1, 1)):
         cells = []
-        for what in ("encode", "decode"):
-            mine, draco = speed(what, cores, kind), speed(f"{what} draco", cores, kind)
-            cells.append(f"{what} {mine:6.2f} / {draco:6.2f} = {mine / draco:5.2f}")
+        for task in ("encode", "decode"):
+            mine, draco = speed(task, cores, kind), speed(f"{task} draco", cores, kind)
+            cells.append(f"{task} {mine:6.2f} / {draco:6.2f} = {mine / draco:5.2f}")
         print(f"    {label:10} {'   '.join(cells)}", flush=True)
 
 

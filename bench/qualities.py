@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import meshreel
+from measuring import print_table
 
 
 def measure(source: str, quality: float) -> dict[str, Any]:
@@ -44,18 +45,14 @@ def main() -> None:
     jobs = [(source, quality) for source in arguments.sources for quality in qualities]
     with ProcessPoolExecutor(arguments.workers) as pool:
         results = list(pool.map(measure, *zip(*jobs, strict=True)))
-    print(
-        "| degrees, STED; RMS, largest %; ratio | " + " | ".join(f"{q:g}" for q in qualities) + " |"
-    )
-    print("|---|" + "---|" * len(qualities))
-    for source in arguments.sources:
-        cells = [
-            f"{row['angle_deg']:.2g}, {row['sted']:.2g}; "
-            f"{row['rms_percent']:.2g}, {row['max_percent']:.2g}; {row['ratio']:.0f}"
-            for row in results
-            if row["source"] == Path(source).stem
-        ]
-        print(f"| {Path(source).stem} | " + " | ".join(cells) + " |")
+    rows: dict[str, list[str]] = {}
+    for result in results:
+        rows.setdefault(result["source"], [result["source"]]).append(
+            f"{result['angle_deg']:.2g}, {result['sted']:.2g}; {result['rms_percent']:.2g}, "
+            f"{result['max_percent']:.2g}; {result['ratio']:.0f}"
+        )
+    header = ["degrees, STED; RMS, largest %; ratio", *(f"{quality:g}" for quality in qualities)]
+    print_table("", header, rows.values())
     if arguments.out:
         arguments.out.write_text(json.dumps(results, indent=1))
 

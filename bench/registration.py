@@ -23,8 +23,8 @@ diagonal of the frame's box. It is no metric of MPEG, and its samples are the ve
 """
 
 import argparse
-import time
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import DracoPy
@@ -32,6 +32,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
+from measuring import start_table
 from meshreel import MeshFrame, MeshSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
@@ -41,6 +42,7 @@ from meshreel.model.extent import Extent
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
+from meshreel.studies.timing import timed_once
 
 LENGTHS = 0.87, 0.93
 N_HOLES, EDGES_PER_FRAME, LIMB_WIDTH = 6, 3.0, 80.0
@@ -178,9 +180,8 @@ def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, 
     return sum(map(len, streams)), as_segments([as_frame(x.points, x.faces) for x in decoded])
 
 
-def show(name: str, kilobits: float, db: float, d2: float) -> None:
-    """Print a row: kilobits per frame, megabits per second at 30 frames per second, PSNR, D2."""
-    print(f"| {name} | {kilobits:.2f} | {kilobits * 0.03:.3f} | {db:.2f} | {d2:.2f} |", flush=True)
+HEADER = ["", "kbit/frame", "Mbit/s", "surface PSNR, dB", "D2 of TVMC, dB"]
+"""Megabits at 30 frames per second."""
 
 
 def least_rate(points: Iterable[tuple[float, float, str]], db: float) -> str:
@@ -192,7 +193,9 @@ def least_rate(points: Iterable[tuple[float, float, str]], db: float) -> str:
         Kilobits, dB, and the name of a curve.
     """
     best = sorted(points)
-    envelope = [one for n, one in enumerate(best) if all(one[1] > other[1] for other in best[:n])]
+    envelope = [
+        point for n, point in enumerate(best) if all(point[1] > other[1] for other in best[:n])
+    ]
     for lower, upper in pairwise(envelope):
         if lower[1] <= db <= upper[1]:
             share = (db - lower[1]) / (upper[1] - lower[1])
@@ -235,16 +238,19 @@ def main() -> None:
         )
     measured, extent = range(0, n_frames, arguments.every), raw.extent
 
-    begin = time.process_time()
-    registered = register(raw, bound_of(arguments.tolerance))
-    seconds = (time.process_time() - begin) / raw.n_frames
+    registered, times = timed_once(partial(register, raw, bound_of(arguments.tolerance)))
+    seconds = times.processor / raw.n_frames
     n_verts = np.mean([segment.n_verts for segment in raw.segments])
     sizes = [segment.n_frames for segment in registered.sequence.segments]
     print(f"{raw.n_frames} frames of {n_verts:.0f} vertices: segments of "
           f"{sizes} frames, {seconds:.2f} processor seconds per frame, "
           f"{1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
           f"{registered.distances}; {registered.distances.n_folded} folded faces")  # fmt: skip
-    print("| | kbit/frame | Mbit/s | surface PSNR, dB | D2 of TVMC, dB |\n|---|---|---|---|---|")
+    print_row = start_table(*HEADER)
+
+    def show(name: str, kilobits: float, db: float, d2: float) -> None:
+        print_row(name, f"{kilobits:.2f}", f"{kilobits * 0.03:.3f}", f"{db:.2f}", f"{d2:.2f}")
+
     targets = chosen(raw, measured)
     show("registered, not coded", 0, *psnr(targets, chosen(registered.sequence, measured), extent))
     reached = []
@@ -264,7 +270,7 @@ def main() -> None:
     for share in (1.0, *arguments.decimate):
         coarse = list(targets)
         if share < 1:
-            coarse = [filtered(one, DECIMATION, targetperc=share) for one in coarse]
+            coarse = [filtered(frame, DECIMATION, targetperc=share) for frame in coarse]
         for bits in arguments.bits:
             n_bytes, decoded = draco(coarse, bits, extent)
             kilobits, db = n_bytes * 8e-3 / len(measured), psnr(targets, decoded, extent)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import meshreel
+from measuring import start_table
 from meshreel import MeshFrame, MeshSequence
 from meshreel.arrays import Floats
 from meshreel.codec.error_bounds import bound_of
@@ -127,23 +128,23 @@ def main() -> None:
     stream = meshreel.encode(registered, quality=arguments.quality, order="keep")
     decoded = meshreel.decode(stream)
     cuts = np.isin(np.arange(1, raw.n_frames), registered.starts)
-    print("| | motion, % | difference from raw, % | change of normals, degrees |")
-    print("|---|---|---|---|")
+    header = ["motion, %", "difference from raw, %", "change of normals, degrees"]
+    print_row = start_table("", *header)
     for name, other in (("raw", raw), ("registered", registered), ("decoded", decoded)):
         rows = motion(raw, other) * [100 / diagonal, 100 / diagonal, 1]
-        for place, chosen in (("within segments", ~cuts), ("at cuts", cuts)):
-            if chosen.any():
-                figures = " | ".join(f"{one:.3f}" for one in rows[chosen].mean(axis=0))
-                print(f"| {name}, {place} | {figures} |", flush=True)
+        for place, mask in (("within segments", ~cuts), ("at cuts", cuts)):
+            if mask.any():
+                print_row(f"{name}, {place}", *(f"{x:.3f}" for x in rows[mask].mean(axis=0)))
     if not arguments.remesh:
         return
     original, first = [mesh_of(frame) for frame in frames], 0
-    print("| frames from the key | along the surface, % | 95 %, % | per frame, % |")
-    print("|---|---|---|---|")
+    print()
+    header = ["along the surface, %", "95 %, %", "per frame, %"]
+    print_row = start_table("frames from the key", *header)
     for result in results:
         for distance, *lengths in sliding(result, decoded, original, first):
-            cells = " | ".join(f"{100 * length / diagonal:.3f}" for length in lengths)
-            print(f"| {distance:.0f} | {cells} |")
+            cells = (f"{100 * length / diagonal:.3f}" for length in lengths)
+            print_row(f"{distance:.0f}", *cells)
         first += result.sequence.n_frames
 
 

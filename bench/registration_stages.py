@@ -8,20 +8,22 @@ that fold over, kilobits per frame and surface PSNR at quality 70, and processor
 """
 
 import argparse
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 import meshreel
+from measuring import start_table
 from meshreel.codec.error_bounds import bound_of
 from meshreel.registration import fitting, folds, growing, tracking, triangle_mesh
 from meshreel.registration.fitting import Rows
 from meshreel.registration.register import register
 from meshreel.registration.tracking import ATTEMPTS
+from meshreel.studies.timing import timed_once
 from registration import as_segments, chosen, frames_of, psnr, remeshed
 
 
@@ -93,20 +95,20 @@ def main() -> None:
         frames = frames_of(source, slice(arguments.frames))
         n_frames = len(frames)
         raw = as_segments(remeshed(frames) if arguments.remesh else frames)
-        print(f"\n{source}, {n_frames} frames\n\n| | segments | dB | folded faces | kbit/frame | "
-              "dB, coded | s/frame |\n|---|---|---|---|---|---|---|", flush=True)  # fmt: skip
+        print(f"\n{source}, {n_frames} frames\n")
+        header = ["segments", "dB", "folded faces", "kbit/frame", "dB, coded", "s/frame"]
+        print_row = start_table("", *header)
         for name, changes in VARIANTS.items():
-            begin = time.process_time()
             with changed(changes):
-                registered = register(raw, bound_of(arguments.tolerance))
-            seconds = (time.process_time() - begin) / n_frames
+                work = partial(register, raw, bound_of(arguments.tolerance))
+                registered, seconds = timed_once(work)
             data = meshreel.encode(registered.sequence, quality=70, order="drop")
             decoded, measured = meshreel.decode(data), range(0, n_frames, 4)
             coded, _ = psnr(chosen(raw, measured), chosen(decoded, measured), raw.extent)
             distances, n_segments = registered.distances, registered.sequence.n_segments
-            print(f"| {name} | {n_segments} | {distances.psnr_db:.1f} | "
-                  f"{distances.n_folded} | {len(data) * 8e-3 / n_frames:.1f} | {coded:.1f} | "
-                  f"{seconds:.2f} |", flush=True)  # fmt: skip
+            kilobits, each_s = len(data) * 8e-3 / n_frames, seconds.processor / n_frames
+            print_row(name, str(n_segments), f"{distances.psnr_db:.1f}", str(distances.n_folded),
+                      f"{kilobits:.1f}", f"{coded:.1f}", f"{each_s:.2f}")  # fmt: skip
 
 
 if __name__ == "__main__":

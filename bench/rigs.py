@@ -8,12 +8,13 @@ Normals are left out of both GLB files.
 """
 
 import argparse
-import time
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import meshreel
 from measuring import machine_text, print_table
+from meshreel.studies.timing import timed_once
 
 HEADER = [
     "sequence",
@@ -33,16 +34,12 @@ def row_of(path: Path, folder: Path, args: argparse.Namespace) -> tuple[list[str
     folder = folder / path.stem
     folder.mkdir()
     rigged, morphed = folder / "rig.glb", folder / "morphs.glb"
-    start_s = time.process_time()
-    meshreel.save(
-        sequence, rigged, max_error=args.max_error, normals=False, notes=notes,
-        rig=args.bones or True, kg=args.kg,
-    )  # fmt: skip
-    seconds = time.process_time() - start_s
+    save = partial(meshreel.save, sequence, max_error=args.max_error, normals=False)
+    _, seconds = timed_once(partial(save, rigged, notes=notes, rig=args.bones or True, kg=args.kg))
     quality = meshreel.compare(sequence, meshreel.load(rigged))
     # Files leave out vertices that no face uses; then only surfaces can be compared.
     is_same = isinstance(quality, meshreel.Quality)
-    meshreel.save(sequence, morphed, max_error=args.max_error, normals=False)
+    save(morphed)
     stream = meshreel.encode(sequence, kg=args.kg)
     row = [
         path.stem,
@@ -50,7 +47,7 @@ def row_of(path: Path, folder: Path, args: argparse.Namespace) -> tuple[list[str
         f"{quality.max_error_percent:.3f}" if is_same else "-",
         f"{quality.normal_angle_mean_deg:.1f}" if is_same else "-",
         f"{rigged.stat().st_size / 1e3:.0f}",
-        f"{seconds:.0f}",
+        f"{seconds.processor:.0f}",
         f"{morphed.stat().st_size / 1e3:.0f}",
         f"{len(stream) / 1e3:.0f}",
     ]

@@ -9,7 +9,6 @@ VTK's reader, the package vtk. Needs about 3 GB on disk at full size.
 """
 
 import argparse
-import resource
 import runpy
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -20,25 +19,19 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from measuring import timed
+from measuring import peak_mib, start_table
 from meshreel.runtime.counting import counted
+from meshreel.studies.timing import timed_once
 
 SIMULATION = Path(__file__).with_name("heat_on_a_sphere.py")
 BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}
 
 
-def print_row(task: str, wall: float, processor: float) -> None:
-    """Print the seconds of a task, and the peak memory so far."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"| {task} | {wall:.2f} | {processor:.2f} | {peak:.0f} |", flush=True)
-
-
-def simulate_to_file(simulate: Callable[..., Any], size: tuple[int, int], path: Path) -> int:
+def simulate_to_file(measure: Callable[..., Any], size: tuple[int, int], path: Path) -> int:
     """Simulate, write the file, and return the raw size of the arrays."""
-    simulated, *seconds = timed(lambda: simulate(*size))
-    print_row("simulating", *seconds)
-    _, *seconds = timed(lambda: meshreel.save(simulated, path, overwrite=True))
-    print_row(f"writing {path.name}", *seconds)
+    simulate = runpy.run_path(str(SIMULATION))["simulate"]
+    simulated = measure("simulating", lambda: simulate(*size))
+    measure(f"writing {path.name}", lambda: meshreel.save(simulated, path, overwrite=True))
     return int(simulated.raw_size_bytes)
 
 
@@ -91,23 +84,29 @@ def main() -> None:
     raw, coded, back = (
         arguments.folder / name for name in ("sphere.vtkhdf", "sphere.reel", "decoded.vtkhdf")
     )
-    print("| | s | processor s | peak MiB |\n|---|---|---|---|")
-    simulate = runpy.run_path(str(SIMULATION))["simulate"]
-    raw_bytes = simulate_to_file(simulate, (arguments.vertices, arguments.frames), raw)
-    data, *seconds = timed(lambda: meshreel.encode(raw, tracks=BOUNDS))
-    print_row("encoding it", *seconds)
+    print_row = start_table("", "s", "processor s", "peak MiB")
+
+    def measure(task: str, work: Callable[[], Any]) -> Any:
+        """Do the work, and print its seconds and the peak memory so far."""
+        value, seconds = timed_once(work)
+        print_row(task, *(f"{each:.2f}" for each in seconds), f"{peak_mib():.0f}")
+        return value
+
+    raw_bytes = simulate_to_file(measure, (arguments.vertices, arguments.frames), raw)
+    data = measure("encoding it", lambda: meshreel.encode(raw, tracks=BOUNDS))
     coded.write_bytes(data)
     with meshreel.open(coded) as reel:
-        _, *seconds = timed(lambda: reel.read(0, reel.n_frames))
-        print_row("decoding the mesh and positions, 3 columns", *seconds)
+        read = partial(reel.read, 0, reel.n_frames)
+        measure("decoding the mesh and positions, 3 columns", read)
         for name in BOUNDS:
             track = reel.track(name)
-            _, *seconds = timed(partial(track.read, 0, len(track)))
-            print_row(f"decoding {name}, {counted(track.shape[2], 'column')}", *seconds)
-    quality, *seconds = timed(lambda: meshreel.compare(raw, coded))
-    print_row("comparing", *seconds)
-    _, *seconds = timed(lambda: meshreel.save(meshreel.load(coded), back, overwrite=True))
-    print_row(f"decoding all and writing {back.name}", *seconds)
+            title = f"decoding {name}, {counted(track.shape[2], 'column')}"
+            measure(title, partial(track.read, 0, len(track)))
+    quality = measure("comparing", lambda: meshreel.compare(raw, coded))
+    measure(
+        f"decoding all and writing {back.name}",
+        lambda: meshreel.save(meshreel.load(coded), back, overwrite=True),
+    )
     stream = meshreel.info(data)
     rest = stream.size_bytes - sum(track.size_bytes for track in stream.tracks)
     print(f"\n{raw_bytes:,} bytes of arrays, {raw.stat().st_size:,} as {raw.name}; "

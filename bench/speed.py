@@ -17,8 +17,6 @@ middle frame of a newly opened stream; next frame: the frame after it.
 import argparse
 import multiprocessing
 import os
-import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -39,7 +37,7 @@ from inputs import (
     standard_sources,
     waving_sphere,
 )
-from measuring import is_unsteady, machine_text, medians, print_table, rounds, store
+from measuring import is_unsteady, machine_text, medians, peak_mib, print_table, rounds, store
 from meshreel.codec.subspace.pca import autocorrelation
 from meshreel.codec.subspace.trajectories import bounding_frame, from_matrices, to_matrices
 from meshreel.evaluation import draco
@@ -47,6 +45,7 @@ from meshreel.evaluation.peers import Shape, pack_frames, unpack_frames
 from meshreel.model.sequence import Vertices
 from meshreel.paper.basis import expand, project
 from meshreel.runtime.threads import n_cores, one_blas_thread
+from meshreel.studies.timing import timed_once
 
 DRACO, DRACO_BITS = "Draco", 10
 FLOORS = ("floor, all BLAS threads", "floor, one BLAS thread")
@@ -227,9 +226,7 @@ def serial_seconds(sequence: meshreel.MeshSequence, n_modes: int) -> dict[str, A
     data = meshreel.encode(head, SERIAL_METHOD, n_modes=min(n_modes, head.n_frames))
 
     def seconds(n_frames: int) -> float:
-        start = time.perf_counter()
-        meshreel.decode(data, frames=slice(0, n_frames))
-        return time.perf_counter() - start
+        return timed_once(partial(meshreel.decode, data, frames=slice(0, n_frames)))[1].wall
 
     first_s = seconds(1)
     n_timed = min(1 + max(n_cores(), int(SERIAL_BUDGET_S / first_s)), head.n_frames)
@@ -247,14 +244,12 @@ def peaks_mib(trial: Trial) -> dict[str, float]:
         np.savez(path, vertices=trial.sequence.vertices, faces=trial.sequence.faces)
         for task in TASKS[:2]:
             with ProcessPoolExecutor(1, mp_context=context) as pool:
-                peaks[task] = pool.submit(peak_mib, trial.coder, task, path).result()
+                peaks[task] = pool.submit(peak_mib_of, trial.coder, task, path).result()
     return peaks
 
 
-def peak_mib(coder: Coder, task: str, path: Path) -> float:
+def peak_mib_of(coder: Coder, task: str, path: Path) -> float:
     """Encode a stored sequence, or decode its stream, and return the peak of this process."""
-    import resource  # not on Windows
-
     stream = path.with_suffix(".stream")
     if task == "encode":
         with np.load(path) as arrays:
@@ -264,8 +259,7 @@ def peak_mib(coder: Coder, task: str, path: Path) -> float:
         with np.load(path, mmap_mode="r") as arrays:
             shape = arrays["vertices"].shape
         coder.decode(stream.read_bytes(), shape)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+    return peak_mib()
 
 
 def print_case(result: dict[str, Any]) -> None:

@@ -45,6 +45,7 @@ from meshreel.studies.runs import (
     without_identities,
 )
 from meshreel.studies.study import Study, Subject, measure
+from meshreel.studies.timing import timed_once
 from questions.answers import search_answers
 from questions.plot import draw_rows
 from questions.search import search_runs
@@ -162,17 +163,15 @@ def large_mesh(folder: Path) -> dict[str, Any]:
     n_modes = sequence.n_verts // 50
     subject = Store.for_sequence(folder, sequence)
     once = result_of(decompositions_run(sequence, n_modes), subject)
-    start = time.perf_counter()
-    data = meshreel.encode(sequence, "gft", n_modes=n_modes)
-    middle = time.perf_counter()
-    decoded = meshreel.decode(data)
+    data, encoding = timed_once(partial(meshreel.encode, sequence, "gft", n_modes=n_modes))
+    decoded, decoding = timed_once(partial(meshreel.decode, data))
     return {
         "n_verts": sequence.n_verts,
         "n_frames": sequence.n_frames,
         "n_modes": n_modes,
         "seconds_each": once["seconds_each"],
-        "encode_s": middle - start,
-        "decode_s": time.perf_counter() - middle,
+        "encode_s": encoding.wall,
+        "decode_s": decoding.wall,
         "kg_error_percent": meshreel.compare(sequence, decoded).kg_error_percent,
         "all_frequencies": full_bases(folder),
     }

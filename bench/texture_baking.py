@@ -12,8 +12,8 @@ whole pictures.
 """
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,6 +39,7 @@ from meshreel.registration.transfer import items_at_corners
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.visibility import nearness, visible_faces
+from meshreel.studies.timing import timed_once
 from registration import remeshed
 
 N_VIEWS = 8
@@ -253,9 +254,8 @@ def measure(
     print(f"{pattern}: {raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; "
           f"{notes}; mesh {8e-3 * len(data) / raw.n_frames:.1f} kbit per frame")  # fmt: skip
     for job, shown in zip(jobs, (textured.sequence, decoded), strict=True):
-        begin = time.process_time()
-        job.write(textured, shown)
-        seconds = (time.process_time() - begin) / raw.n_frames
+        _, times = timed_once(partial(job.write, textured, shown))
+        seconds = times.processor / raw.n_frames
         n_bytes = sum(path.stat().st_size for path in job.paths)
         kilobits = 8e-3 * n_bytes / raw.n_frames
         print(f"{job.output.name}: {seconds:.2f} processor seconds per frame, without the video "

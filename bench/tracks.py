@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
+from measuring import start_table
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.track_bounds import DROP, EXACT, Measure, bound_of_track
@@ -229,12 +230,11 @@ def main() -> None:
     peers = [peer for peer in TRACK_PEERS if peer.package.is_available]
     head = ["track", "bound", "positions", "bytes", *(peer.name for peer in peers)]
     head += ["of the best", "encoding, s", "decoding, s"]
-    print("| " + " | ".join(head) + " |")
-    print("|" + len(head) * "---|")
+    print_row = start_table(*head)
     for name, sequence in sequences.items():
         for row in rows(sequence, arguments.bounds, peers):
             cells = [f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in row]
-            print("| " + " | ".join([f"{Path(name).stem}, {cells[0]}", *cells[1:]]) + " |")
+            print_row(f"{Path(name).stem}, {cells[0]}", *cells[1:])
 
 
 if __name__ == "__main__":

@@ -7,11 +7,13 @@ Rates are of the whole file with and without vertex order; errors and seconds wi
 
 import argparse
 import itertools
-import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import meshreel
+from measuring import start_table
+from meshreel.studies.timing import timed_once
 
 
 def parse(text: str) -> tuple[str, list[Any]]:
@@ -39,11 +41,8 @@ def combinations(options: list[tuple[str, list[Any]]]) -> Iterator[dict[str, Any
 
 def row(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> list[str]:
     """The cells of one line of the table."""
-    start = time.perf_counter()
-    data = meshreel.encode(sequence, **options)
-    middle = time.perf_counter()
-    decoded = meshreel.decode(data)
-    end = time.perf_counter()
+    data, encoding = timed_once(partial(meshreel.encode, sequence, **options))
+    decoded, decoding = timed_once(partial(meshreel.decode, data))
     quality = meshreel.compare(sequence, decoded)
     smallest = meshreel.info(meshreel.encode(sequence, **options, order="drop"))
     return [
@@ -56,8 +55,8 @@ def row(sequence: meshreel.MeshSequence, options: dict[str, Any]) -> list[str]:
         f"{quality.kg_error_percent:.3f}",
         f"{quality.sted:.4f}",
         f"{quality.max_error_percent:.3f}",
-        f"{middle - start:.2f}",
-        f"{end - middle:.2f}",
+        f"{encoding.wall:.2f}",
+        f"{decoding.wall:.2f}",
     ]
 
 
@@ -69,12 +68,11 @@ def main() -> None:
     arguments = parser.parse_args()
     header = ["sequence", *(name for name, _ in arguments.options), "modes", "ratio",
               "bpvf", "bpvf, drop", "KG %", "STED", "max %", "encode s", "decode s"]  # fmt: skip
-    print("| " + " | ".join(header) + " |")
-    print("|" + "---|" * len(header))
+    print_row = start_table(*header)
     for source in arguments.inputs:
         sequence = meshreel.load(source)
         for options in combinations(arguments.options):
-            print("| " + " | ".join(row(sequence, options)) + " |", flush=True)
+            print_row(*row(sequence, options))
 
 
 if __name__ == "__main__":

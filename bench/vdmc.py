@@ -15,33 +15,28 @@ all frames as `meshreel compare` defines them, and processor seconds of the enco
 
 import argparse
 import re
-import resource
-import subprocess
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import meshreel
+from measuring import run_process, start_table
 from meshreel import MeshFrame, MeshSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.model.extent import Extent
 from meshreel.registration.register import register
+from meshreel.studies.timing import timed_once
 from registration import as_frame, as_segments, frames_of, remeshed
 
 BITS = 12
 """Bits of the positions that the test model reads."""
 
 
-def run(log: Path, *command: object) -> float:
-    """Run a command, which writes to `log`, and return its processor seconds."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with log.open("w") as output:
-        subprocess.run([*map(str, command)], stdout=output, stderr=output, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return float(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+PARTS = "intra base meshes, motion, displacements"
+HEADER = ["kbit/frame", PARTS, "surface PSNR, dB", "D1, dB", "D2, dB", "processor s/frame"]
 
 
 def step_of(extent: Extent) -> float:
@@ -74,24 +69,23 @@ def read_obj(path: Path, extent: Extent) -> MeshFrame:
     return as_frame(extent.low + points * step_of(extent), np.array(faces) - 1)
 
 
-def show(
-    name: str, n_bytes: int, parts: str, raw: MeshSequence, other: MeshSequence, seconds: float
-) -> None:
-    """Print a row."""
+def cells(
+    n_bytes: int, parts: str, raw: MeshSequence, other: MeshSequence, seconds: float
+) -> list[str]:
+    """The cells of a row below `HEADER`."""
     quality = compare_surfaces(raw, other)
-    print(f"| {name} | {n_bytes * 8e-3 / raw.n_frames:.2f} | {parts} | {quality.psnr_db:.2f} | "
-          f"{quality.d1_psnr_db:.2f} | {quality.d2_psnr_db:.2f} | {seconds / raw.n_frames:.2f} |",
-          flush=True)  # fmt: skip
+    decibels = (quality.psnr_db, quality.d1_psnr_db, quality.d2_psnr_db)
+    figures = (f"{figure:.2f}" for figure in (*decibels, seconds / raw.n_frames))
+    return [f"{n_bytes * 8e-3 / raw.n_frames:.2f}", parts, *figures]
 
 
 def code_vdmc(
     name: str, config: Path, raw: MeshSequence, arguments: argparse.Namespace, folder: Path
-) -> None:
-    """Code the frames in a folder with the test model, decode them, and print a row."""
+) -> list[str]:
+    """Code the frames in a folder with the test model, decode them, and return their cells."""
     extent, stream, log = raw.extent, folder / f"{name}.vmesh", folder / f"{name}_encoder.txt"
     low, high = extent.low, extent.low + step_of(extent) * ((1 << BITS) - 1)
-    seconds = run(
-        log,
+    usage = run_process(
         arguments.encoder,
         f"--config={config}",
         f"--srcMesh={folder}/raw_%04d.obj",
@@ -103,19 +97,20 @@ def code_vdmc(
         f"--maxPosition={' '.join(map(str, high))}",
         "--encodeTextureVideo=0",
         f"--compressed={stream}",
+        log=log,
     )
-    run(
-        folder / f"{name}_decoder.txt",
+    run_process(
         arguments.decoder,
         f"--compressed={stream}",
         f"--decMesh={folder}/{name}_%04d.obj",
         f"--decTex={folder}/{name}_%04d.png",
+        log=folder / f"{name}_decoder.txt",
     )
     numbers = range(raw.n_frames)
     decoded = as_segments([read_obj(folder / f"{name}_{n:04d}.obj", extent) for n in numbers])
     sizes = re.findall(r"(?:Intra|Inter|V3C_GVD.*Video) = +(\d+) B", log.read_text())
     parts = ", ".join(f"{int(size) * 8e-3 / raw.n_frames:.2f}" for size in sizes)
-    show(f"V-DMC, {name}", stream.stat().st_size, parts, raw, decoded, seconds)
+    return cells(stream.stat().st_size, parts, raw, decoded, usage.processor_s)
 
 
 def main() -> None:
@@ -133,20 +128,19 @@ def main() -> None:
     frames = frames_of(arguments.source, slice(arguments.frames))
     raw = as_segments(remeshed(frames) if arguments.remesh else frames)
     extent = raw.extent
-    print("| | kbit/frame | intra base meshes, motion, displacements | surface PSNR, dB | D1, dB "
-          "| D2, dB | processor s/frame |\n|---|---|---|---|---|---|---|")  # fmt: skip
+    print_row = start_table("", *HEADER)
     with tempfile.TemporaryDirectory() as folder:
         write_raw(raw, extent, Path(folder))
-        for name, _, config in (one.partition("=") for one in arguments.config):
-            code_vdmc(name, Path(config), raw, arguments, Path(folder))
-    begin = time.process_time()
-    registered = register(raw, bound_of(arguments.tolerance)).sequence
-    registering = time.process_time() - begin
+        for name, _, config in (text.partition("=") for text in arguments.config):
+            figures = code_vdmc(name, Path(config), raw, arguments, Path(folder))
+            print_row(f"V-DMC, {name}", *figures)
+    registration, registering = timed_once(partial(register, raw, bound_of(arguments.tolerance)))
+    encode = partial(meshreel.encode, registration.sequence, order="drop")
     for quality in arguments.quality:
-        begin = time.process_time()
-        data = meshreel.encode(registered, quality=quality, order="drop")
-        seconds = registering + time.process_time() - begin
-        show(f"meshreel, quality {quality:g}", len(data), "", raw, meshreel.decode(data), seconds)
+        data, encoding = timed_once(partial(encode, quality=quality))
+        seconds = registering.processor + encoding.processor
+        figures = cells(len(data), "", raw, meshreel.decode(data), seconds)
+        print_row(f"meshreel, quality {quality:g}", *figures)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ import ctypes
 import gzip
 import math
 import multiprocessing
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from meshreel.metrics.position_errors import ErrorSums, PositionErrors
 from meshreel.metrics.reference import bounding_box_reference, shared_reference
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.threads import limit_cores
+from meshreel.studies.timing import timed_once
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "q60": {"quality": 60},
@@ -184,8 +184,8 @@ def features(sequence: MeshSequence) -> dict[str, float]:
 def measure_setting(subject: Subject, name: str) -> dict[str, Any]:
     """Measure our codec with one setting, and others at its error."""
     options = SETTINGS[name]
-    data, encode_s = _timed(partial(meshreel.encode, subject.sequence, **options))
-    decoded, decode_s = _timed(partial(meshreel.decode, data))
+    data, encoding = timed_once(partial(meshreel.encode, subject.sequence, **options))
+    decoded, decoding = timed_once(partial(meshreel.decode, data))
     originals, results = subject.segments, list(decoded.segments)
     for one, other in zip(originals, results, strict=True):
         if not np.array_equal(one.faces, other.faces):
@@ -202,8 +202,8 @@ def measure_setting(subject: Subject, name: str) -> dict[str, Any]:
         "order": order,
         "max": errors.max_error_percent,
         "rms": errors.rms_error_percent,
-        "encode_s": encode_s,
-        "decode_s": decode_s,
+        "encode_s": encoding.processor,
+        "decode_s": decoding.processor,
     }
     if percent is not None:
         figures["is_broken"] = not errors.max_error_percent <= percent
@@ -293,9 +293,3 @@ def _with_growth(work: Callable[[], Any]) -> tuple[Any, int]:
 def _status_bytes(name: str) -> int:
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(int(line.split()[1]) << 10 for line in lines if line.startswith(f"{name}:"))
-
-
-def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    start = time.process_time()
-    result = work()
-    return result, time.process_time() - start

@@ -5,7 +5,7 @@ import platform
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,21 @@ REPEATS = 3
 Value = TypeVar("Value")
 
 
+class Seconds(NamedTuple):
+    """Seconds of one run."""
+
+    wall: float
+    processor: float
+    """Of all threads of this process."""
+
+
+def timed_once(work: Callable[[], Value]) -> tuple[Value, Seconds]:
+    """Return the value of the work and the seconds of its only run."""
+    start, start_processor = time.perf_counter(), time.process_time()
+    value = work()
+    return value, Seconds(time.perf_counter() - start, time.process_time() - start_processor)
+
+
 def timed(work: Callable[[], Value], n_repeats: int = REPEATS) -> tuple[Value, Floats]:
     """Return the value of the work and the seconds of each run; long work is run once.
 
@@ -26,12 +41,11 @@ def timed(work: Callable[[], Value], n_repeats: int = REPEATS) -> tuple[Value, F
     value, float64 array of shape (runs, 2)
         Wall-clock seconds, and processor seconds of all threads of this process.
     """
-    runs: list[tuple[float, float]] = []
+    runs: list[Seconds] = []
     while True:
-        start, start_processor = time.perf_counter(), time.process_time()
-        value = work()
-        runs.append((time.perf_counter() - start, time.process_time() - start_processor))
-        if len(runs) >= n_repeats or runs[0][0] >= REPEAT_BELOW_S:
+        value, seconds = timed_once(work)
+        runs.append(seconds)
+        if len(runs) >= n_repeats or runs[0].wall >= REPEAT_BELOW_S:
             return value, np.array(runs)
 
 
