@@ -59,7 +59,7 @@ VARIANTS: dict[str, list[Change]] = {
     "first attempt only": [(growing, "ATTEMPTS", ATTEMPTS[:1])],
     "folds are not opened to meet the tolerance": [(growing, "MAX_ERROR_TO_OPEN", 0.0)],
     "boundaries do not attract": [
-        (tracking, "TANGENTIAL_AT_BOUNDARY", tracking.TANGENTIAL),
+        (tracking, "TANGENTIAL_AT_EDGE", tracking.TANGENTIAL),
     ],
     "details forgotten after each frame": [(tracking, "DETAIL_KEPT", 0.0)],
     "no fit": [(fitting.TwoSidedFit, "step", lambda self, mesh, *_: mesh.vertices)],
