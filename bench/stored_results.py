@@ -25,8 +25,8 @@ import numpy as np
 
 import measuring
 import meshreel
-from meshreel.evaluation.comparison import CodecResults
-from meshreel.evaluation.positions import KIND, compare_positions, own_sweeps
+from meshreel.evaluation.comparison import ERRORS, CodecResults
+from meshreel.evaluation.positions import compare_positions, own_sweeps
 from meshreel.evaluation.recorded import read_recorded
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.findings import findings
@@ -222,7 +222,7 @@ def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) 
     sweeps = {**own_sweeps(quick=False), **option_sweeps(quick=False)}
     study = compare_positions({name: sweeps[name] for name in ("reel", "pca-qp")}, (), recorded)
     results: CodecResults = run_study(study, sequence, folder)
-    kg, sted = (results.curves(error) for error in KIND.errors[:2])
+    kg, sted = (results.curves(error) for error in ERRORS[:2])
     more_anchors = [
         point(sequence, "pca-qp", n_modes=n_modes, bits=bits, anchors=share)
         for share in MORE_ANCHORS

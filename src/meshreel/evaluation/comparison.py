@@ -42,17 +42,6 @@ Measure = Callable[[Progress], dict[str, Any]]
 METHOD, PEER = "method", "peer"
 """Kinds of runs."""
 
-SECONDS = (
-    "**Seconds.** Wall clock in one process, from arrays in memory to bytes in memory and back, "
-    "with the default number of threads of each codec; the median of three runs if one takes less "
-    "than two seconds."
-)
-BD_RATE = (
-    "**BD-rate.** Mean difference of log rate over log error in the common range of both envelopes "
-    "(in parentheses), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
-    "extrapolated."
-)
-
 
 @dataclass(frozen=True)
 class Error:
@@ -70,28 +59,50 @@ class Error:
     """Follows a level."""
 
 
-@dataclass(frozen=True)
-class Kind:
-    """What is compared."""
+TITLE = "meshreel compared with other codecs: rate, distortion, time"
 
-    title: str
-    rate: str
-    """Key of the rate in a result."""
-    rate_name: str
-    """Name of the rate."""
-    errors: tuple[Error, ...]
-    columns: Mapping[str, str]
-    """Headings of the table of all runs, with the keys of a result separated by dots."""
-    caption: str
-    """The rate, in a sentence below plots."""
-    methodology: tuple[str, ...]
+RATE_NAME = "bits per vertex and frame"
+
+ERRORS = (
+    Error("kg_error_percent", "KG error", "KG error (%)", (0.5, 0.2, 0.1)),
+    Error("sted", "STED", "STED", (0.05, 0.02, 0.01), ""),
+    Error("max_error_percent", "largest error", "largest error (% of the diagonal)"),
+)
+"""Errors at which codecs are compared."""
+
+COLUMNS = {
+    "bpvf": "rate_bpvf",
+    "KG error %": "quality.kg_error_percent",
+    "STED": "quality.sted",
+    "largest error %": "quality.max_error_percent",
+    "encode, s": "seconds.encode",
+    "decode, s": "seconds.decode",
+}
+"""Headings of the table of all runs, with the keys of a result separated by dots."""
+
+METHODOLOGY = (
+    "**Rate.** All bits, including connectivity and headers, per vertex and frame. Codecs need "
+    "not preserve the order of vertices and faces.",
+    "**Connectivity.** For codecs that do not code faces, the bytes and seconds of meshreel's "
+    "coded connectivity are added, once per sequence. These codecs receive the vertices in the "
+    "order of the coded connectivity, or in the original order if that is smaller in total "
+    "with the order stored. Draco codes the connectivity in every frame.",
+    "**Errors.** Distance of every vertex from its original. Draco's vertex order follows from "
+    "the faces alone; it is reconstructed outside the timing and not counted. Draco drops "
+    "degenerate and repeated faces.",
+    "**BD-rate.** Mean difference of log rate over log error in the common range of both envelopes "
+    "(in parentheses), by piecewise cubic interpolation; -50 % is half the rate. Nothing is "
+    "extrapolated.",
+    "**Seconds.** Wall clock in one process, from arrays in memory to bytes in memory and back, "
+    "with the default number of threads of each codec; the median of three runs if one takes less "
+    "than two seconds.",
+)
 
 
 @dataclass(frozen=True)
 class CodecResults:
     """All results of one sequence."""
 
-    kind: Kind
     slug: str
     """Prefix of the names of its plots."""
     sequence: dict[str, Any]
@@ -122,7 +133,7 @@ class CodecResults:
         curves: dict[str, list[Point]] = {}
         for result in self.points:
             if value := result["quality"].get(error.key):
-                curves.setdefault(result["codec"], []).append((result[self.kind.rate], value))
+                curves.setdefault(result["codec"], []).append((result["rate_bpvf"], value))
         return {codec: sorted(points) for codec, points in curves.items()}
 
     def as_dict(self) -> dict[str, Any]:
@@ -135,22 +146,15 @@ class CodecResults:
 class Comparison:
     """A study that compares codecs."""
 
-    kind: Kind
     runs: Callable[[Any], list[Run]]
     """Returns the runs of a sequence, our methods first."""
     peers: Sequence[Peer]
     """The report lists those whose package is missing."""
-    remarks: Callable[[Sequence[CodecResults]], list[str]] = lambda _: []
-    """Returns more lines about missing results."""
     recorded: Sequence[Result] = ()
     """From `read_recorded`; points of other sequences are ignored."""
     program: str = "meshreel evaluate"
     introduction: str = "Created by"
-
-    @property
-    def title(self) -> str:
-        """Title of the report."""
-        return self.kind.title
+    title: str = TITLE
 
     def plan(self, sequence: Any) -> dict[str, list[Run]]:
         """All runs, in one group."""
@@ -162,19 +166,26 @@ class Comparison:
         """The results of all runs."""
         sequence = subject.store.sequence
         recorded = matching(self.recorded, sequence)
-        return CodecResults(self.kind, subject.slug, sequence, groups["measured"], recorded)
+        return CodecResults(subject.slug, sequence, groups["measured"], recorded)
 
     def drawings(
         self, subject: Subject, results: CodecResults, folder: Path
     ) -> Iterator[Callable[[], Picture]]:
         """Functions that each draw a plot of rate and one error, if there are points."""
-        for error in results.kind.errors:
+        for error in ERRORS:
             if curves := shown_curves(results.curves(error)):
                 yield partial(draw_curves, results, error, curves, folder)
 
     def notes(self, measured: Sequence[CodecResults]) -> list[str]:
-        """Missing packages, and other missing results."""
-        return why_missing(self.peers) + self.remarks(measured)
+        """Missing packages, and sequences without recorded points."""
+        unrecorded = [
+            f"no recorded row matches {each.sequence['name'] or 'a sequence without a name'} "
+            f"with {each.sequence['n_verts']} vertices (n) and {each.sequence['n_frames']} "
+            "frames (k)"
+            for each in measured
+            if self.recorded and not each.recorded
+        ]
+        return why_missing(self.peers) + unrecorded
 
     def preface(self, measured: Sequence[CodecResults]) -> list[Part]:
         """The notes."""
@@ -194,7 +205,7 @@ class Comparison:
         lines = [f"`{peer.name}`: {peer.summary}" for peer in available]
         parts: list[Part] = [
             Heading(2, "How it was measured"),
-            Bullets((*self.kind.methodology, SECONDS)),
+            Bullets(METHODOLOGY),
         ]
         return [*parts, Heading(2, "Other codecs"), Bullets(tuple(lines))] if lines else parts
 
@@ -210,12 +221,12 @@ def draw_curves(
 ) -> Picture:
     """Draw the curves of rate and one error."""
     figure = blank_figure(9.5, 5.6)
-    draw_envelopes(figure.add_subplot(), curves, error.axis, results.kind.rate_name)
+    draw_envelopes(figure.add_subplot(), curves, error.axis, RATE_NAME)
     path = folder / f"{results.slug}-{file_name(error.name)}.png"
     save_figure(figure, path, overwrite=True)
     caption = (
-        f"{results.kind.caption} A point is a stream; a line connects the Pareto-optimal points of "
-        "a codec. Lossless streams do not appear on a log axis of errors."
+        "Total rate without vertex order. A point is a stream; a line connects the Pareto-optimal "
+        "points of a codec. Lossless streams do not appear on a log axis of errors."
     )
     if any(codec.endswith(RECORDED) for codec in curves):
         caption += (
@@ -241,7 +252,7 @@ def equal_error_tables(results: CodecResults) -> list[Part]:
         rate_table(results),
         Paragraph("'-': the points of the codec do not enclose this error."),
     ]
-    for error in results.kind.errors:
+    for error in ERRORS:
         parts += bd_rate_parts(results, error)
     lossless = lossless_table(results)
     return [*parts, *([lossless] if lossless else []), seconds_table(results)]
@@ -249,14 +260,14 @@ def equal_error_tables(results: CodecResults) -> list[Part]:
 
 def rate_table(results: CodecResults) -> Table:
     """Rates at fixed errors, interpolated on each lower envelope."""
-    columns = [(error, level) for error in results.kind.errors for level in error.levels]
-    curves = {error: results.curves(error) for error in results.kind.errors}
+    columns = [(error, level) for error in ERRORS for level in error.levels]
+    curves = {error: results.curves(error) for error in ERRORS}
     rows = []
     for codec in dict.fromkeys(codec for group in curves.values() for codec in group):
         rates = [rate_at_error(curves[error].get(codec, []), level) for error, level in columns]
         if any(rate is not None for rate in rates):
             rows.append((codec, *map(significant, rates)))
-    rate_name = results.kind.rate_name.capitalize()
+    rate_name = RATE_NAME.capitalize()
     headings = (f"{error.name} {level:g}{error.unit}" for error, level in columns)
     return Table(f"{rate_name} at equal error, {results.name}", ("codec", *headings), tuple(rows))
 
@@ -295,11 +306,11 @@ def bd_text(difference: RateDifference | None) -> str:
 def lossless_table(results: CodecResults) -> Table | None:
     """Rates and seconds of lossless codecs; None without any."""
     rows = [
-        (result["codec"], *map(significant, (result[results.kind.rate], *_seconds(result))))
+        (result["codec"], *map(significant, (result["rate_bpvf"], *_seconds(result))))
         for result in results.points
         if result["quality"].get("max_error_percent") == 0
     ]
-    header = ("codec", results.kind.rate_name, "encode, s", "decode, s")
+    header = ("codec", RATE_NAME, "encode, s", "decode, s")
     return Table(f"Lossless, {results.name}", header, tuple(rows)) if rows else None
 
 
@@ -327,16 +338,15 @@ def seconds_table(results: CodecResults) -> Table:
 
 def runs_table(results: CodecResults) -> Table:
     """Every measured point."""
-    columns = {**results.kind.columns, "encode, s": "seconds.encode", "decode, s": "seconds.decode"}
     rows = [
         (
             f"{result['codec']} {result['params']}".strip(),
             str(result["size_bytes"]),
-            *(_cell(result, keys) for keys in columns.values()),
+            *(_cell(result, keys) for keys in COLUMNS.values()),
         )
         for result in done(results.measured)
     ]
-    header = ("codec and setting", "bytes", *columns)
+    header = ("codec and setting", "bytes", *COLUMNS)
     return Table(f"All runs, {results.name}", header, tuple(rows))
 
 

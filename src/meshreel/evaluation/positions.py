@@ -13,15 +13,7 @@ from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
 from meshreel.codec.open_stream import whole_file
-from meshreel.evaluation.comparison import (
-    BD_RATE,
-    CodecResults,
-    Comparison,
-    Error,
-    Kind,
-    method_run,
-    peer_run,
-)
+from meshreel.evaluation.comparison import Comparison, method_run, peer_run
 from meshreel.evaluation.draco import DRACO
 from meshreel.evaluation.peers import ARRAY_PEERS, Peer
 from meshreel.metrics.position_errors import position_errors
@@ -34,36 +26,6 @@ from meshreel.studies.timing import seconds_of, timed
 
 PEERS = (DRACO, *ARRAY_PEERS)
 DEFAULT_METHODS = ("reel", "pca-qp", "v2v")
-
-KIND = Kind(
-    title="meshreel compared with other codecs: rate, distortion, time",
-    rate="rate_bpvf",
-    rate_name="bits per vertex and frame",
-    errors=(
-        Error("kg_error_percent", "KG error", "KG error (%)", (0.5, 0.2, 0.1)),
-        Error("sted", "STED", "STED", (0.05, 0.02, 0.01), ""),
-        Error("max_error_percent", "largest error", "largest error (% of the diagonal)"),
-    ),
-    columns={
-        "bpvf": "rate_bpvf",
-        "KG error %": "quality.kg_error_percent",
-        "STED": "quality.sted",
-        "largest error %": "quality.max_error_percent",
-    },
-    caption="Total rate without vertex order.",
-    methodology=(
-        "**Rate.** All bits, including connectivity and headers, per vertex and frame. Codecs need "
-        "not preserve the order of vertices and faces.",
-        "**Connectivity.** For codecs that do not code faces, the bytes and seconds of meshreel's "
-        "coded connectivity are added, once per sequence. These codecs receive the vertices in the "
-        "order of the coded connectivity, or in the original order if that is smaller in total "
-        "with the order stored. Draco codes the connectivity in every frame.",
-        "**Errors.** Distance of every vertex from its original. Draco's vertex order follows from "
-        "the faces alone; it is reconstructed outside the timing and not counted. Draco drops "
-        "degenerate and repeated faces.",
-        BD_RATE,
-    ),
-)
 
 Sweep = Callable[[int, int], list[dict[str, Any]]]
 """Returns the options to measure for a sequence of this many frames and vertices."""
@@ -117,16 +79,7 @@ def compare_positions(
             for value in (peer.quick if quick else peer.settings)
         ]  # fmt: skip
 
-    def unrecorded(measured: Sequence[CodecResults]) -> list[str]:
-        return [
-            f"no recorded row matches {each.sequence['name'] or 'a sequence without a name'} "
-            f"with {each.sequence['n_verts']} vertices (n) and {each.sequence['n_frames']} "
-            "frames (k)"
-            for each in measured
-            if recorded and not each.recorded
-        ]
-
-    return Comparison(KIND, runs, peers, unrecorded, recorded)
+    return Comparison(runs, peers, recorded)
 
 
 def params_of(peer: Peer, value: float) -> str:
@@ -153,9 +106,9 @@ class Arrangement:
 def arrange(sequence: MeshSequence, order: str) -> Arrangement:
     """Bring the sequence into a vertex order, and code and time its connectivity."""
     faces, n_verts = sequence.faces, sequence.n_verts
-    stored = "drop" if order == "coded" else "vertices"
-    coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=stored))
-    stream = encode(MeshSequence(sequence.vertices[:1], faces), "lossless", order=stored)
+    order_kept = "drop" if order == "coded" else "vertices"
+    coded, encode_s = timed(lambda: encode_connectivity(faces, n_verts, order=order_kept))
+    stream = encode(MeshSequence(sequence.vertices[:1], faces), "lossless", order=order_kept)
     _, decode_s = timed(lambda: whole_file(stream).read_mesh())
     if order == "coded":
         vertices: Vertices = sequence.vertices[:, coded.internal_to_given]

@@ -12,6 +12,7 @@ import meshreel
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.methods import METHOD_NAMES
 from meshreel.evaluation.comparison import (
+    ERRORS,
     CodecResults,
     bd_rate_parts,
     rate_table,
@@ -22,7 +23,6 @@ from meshreel.evaluation.comparison import (
 from meshreel.evaluation.draco import DRACO
 from meshreel.evaluation.peers import ARRAY_PEERS, Package
 from meshreel.evaluation.positions import (
-    KIND,
     arrange,
     compare_positions,
     measure_method,
@@ -37,7 +37,7 @@ from meshreel.studies.runs import Store, result_of
 from meshreel.studies.study import evaluate
 
 SWEEPS = {**option_sweeps(quick=True), **own_sweeps(quick=True)}
-KG, STED, _ = KIND.errors
+KG, STED, _ = ERRORS
 [NPZ] = [peer for peer in ARRAY_PEERS if peer.name == "npz"]
 MISSING = replace(NPZ, name="future", package=Package(name="package_of_the_future"))
 
@@ -178,7 +178,7 @@ def test_bd_rate_parts_list_codecs_without_a_common_error(results):
 
 def test_rate_table_interpolates_between_points():
     points = [recorded("famc", rate, 0.4 / rate) for rate in (0.5, 1.0, 8.0)]
-    table = rate_table(CodecResults(KIND, "flag", {"name": "flag"}, [], points))
+    table = rate_table(CodecResults("flag", {"name": "flag"}, [], points))
     assert table.rows == (("famc (recorded)", "0.8", "2", "4", "-", "-", "-"),)
 
 
