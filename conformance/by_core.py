@@ -10,7 +10,8 @@ from conformance.reader import Reel
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.decoder import decode
 from meshreel.codec.entropy.exact import decode_exact
-from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.method_names import METHOD_NAMES
+from meshreel.codec.methods import method_named
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, FILTERS, WRAPS
 from meshreel.codec.surface.payloads import MATERIAL_NUMBERS, TEXTURE_NUMBERS
@@ -35,7 +36,7 @@ def read_all_by_core(data):
 def read_by_core(data, segment=None):
     """Decode a stream or a segment, as far as the core exposes its contents."""
     opened, sequence = whole_stream(data, segment=segment), decode(data, segment=segment)
-    has_tracks = opened.method.name in ("reel", "lossless", "grid")
+    has_tracks = opened.method in ("reel", "lossless", "grid")
     blocks, anchors = [block_of(opened, number) for number in range(opened.n_blocks)], []
     if not has_tracks:
         blocks, anchors = paper_blocks(opened)
@@ -117,7 +118,7 @@ def leading(opened, section):
 
 
 def header_of(opened):
-    info, method = opened.file.info, opened.method.name
+    info, method = opened.file.info, opened.method
     announced = int.from_bytes(opened.file.bytes_at(10, 4), "little")
     assert method in METHOD_NAMES
     return Header(
@@ -147,7 +148,7 @@ def block_of(opened, number, track=0):
 
 def paper_blocks(opened):
     """Return the integers per block of the paper's methods, and the anchors."""
-    variant = variant_named(opened.method.name)
+    variant = variant_named(opened.method)
     decoder, mesh = PaperBlockDecoder(opened, variant), stored_mesh(opened, variant)
     blocks = []
     for number in range(opened.n_blocks):
@@ -180,7 +181,7 @@ def tracks_of(opened):
     for number, track in enumerate(opened.tracks, start=1):
         blocks = [block_of(opened, block, number) for block in range(opened.n_blocks)]
         values = np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype)
-        opened.method.frames(opened, None).fill(values, 0, number)
+        method_named(opened.method).frames(opened, None).fill(values, 0, number)
         fields = {key: getattr(track, key) for key in ("name", "unit", "kind", "domain", "coding")}
         tracks.append((fields | {"bound": track.bound}, blocks, Floats(values)))
     return tracks

@@ -5,7 +5,7 @@ python docs/option_texts.py
 
 from collections.abc import Iterable
 
-from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.option import Option, documentation, literal, type_text
 from meshreel.codec.options import all_options
 

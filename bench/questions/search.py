@@ -6,11 +6,11 @@ from typing import Any
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
+from meshreel.codec.paper_options import TRACKED_BLOCK_FRAMES
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.sweeps import ANCHORS
-from meshreel.paper.variants import TRACKED_BLOCK_FRAMES
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Outcome, Run, finite
 

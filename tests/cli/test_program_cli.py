@@ -66,7 +66,7 @@ def imported(*arguments):
 
 
 REGISTRY = {
-    "meshreel.methods", "meshreel.codec", "meshreel.codec.methods",
+    "meshreel.methods", "meshreel.codec", "meshreel.codec.methods", "meshreel.codec.method_names",
     "meshreel.model", "meshreel.model.showing", "meshreel.runtime", "meshreel.runtime.version",
 }  # fmt: skip
 """The version, and modules that register methods and the viewer without loading them."""
@@ -135,7 +135,7 @@ def test_completion_offers_names(offered, line, expected):
 
 
 def test_names_in_help_equal_those_of_the_evaluation():
-    from meshreel.codec.methods import METHOD_NAMES
+    from meshreel.codec.method_names import METHOD_NAMES
     from meshreel.evaluation.positions import DEFAULT_METHODS, PEERS
     from meshreel.paper import sweeps
     from meshreel.paper.sweeps import PRESETS

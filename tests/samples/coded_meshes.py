@@ -7,7 +7,7 @@ from meshreel.codec.bitstream.container import Header, write_block_counts
 from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
-from meshreel.codec.methods import METHOD_CODES
+from meshreel.codec.method_names import METHOD_CODES
 from meshreel.kernel.connectivity import encode_faces
 from meshreel.kernel.files import OpenFile
 from samples.streams import raw_stream

@@ -10,6 +10,7 @@ from conformance.reader import read_layout, read_track
 from meshreel.codec.bitstream import container
 from meshreel.codec.bitstream.container import Header, read_varint, write_header, write_sections
 from meshreel.codec.bitstream.layout import Section, VertexType
+from meshreel.codec.methods import method_named
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel.normative.fields import Layout
 from meshreel.codec.streaming import Encoder
@@ -135,7 +136,7 @@ def track_header(payload):
 
 def track_values(data):
     opened, result = whole_stream(data), []
-    reader = opened.method.frames(opened, None)
+    reader = method_named(opened.method).frames(opened, None)
     for number, track in enumerate(opened.tracks, start=1):
         result.append(np.empty((opened.n_frames, track.n_items, track.n_columns), track.dtype))
         reader.fill(result[-1], 0, number)

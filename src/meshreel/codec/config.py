@@ -7,11 +7,11 @@ add an option, add a field and read it in the methods that support it.
 
 from bisect import bisect_right
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from meshreel.codec.bitstream.layout import Laplacian, Order
 from meshreel.codec.memory import bytes_of
-from meshreel.codec.methods import LOSSLESS, METHOD_NAMES, Method, method_named
+from meshreel.codec.method_names import LOSSLESS, METHOD_NAMES
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
 from meshreel.codec.targets import ABOVE_ZERO
 from meshreel.errors import InvalidInputError
@@ -39,8 +39,11 @@ class EncoderConfig:
     Raises
     ------
     InvalidInputError
-        If an option is out of range, or two exclude each other.
+        If an option is out of range.
     """
+
+    positions_only: ClassVar[bool] = False
+    """Whether the methods code the positions of one mesh, without tracks, segments or workers."""
 
     method: Annotated[
         str,
@@ -127,7 +130,6 @@ class EncoderConfig:
         if self.memory is not None:
             object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
         self._complete()
-        method_named(self.method).check(self)
 
     def _complete(self) -> None:
         """Replace text by numbers, and set options that follow from others."""
@@ -146,11 +148,6 @@ class EncoderConfig:
     def bound_percent(self) -> float | None:
         """Error bound of positions and all tracks in percent of their ranges, if one was set."""
         return None
-
-    @property
-    def method_row(self) -> Method:
-        """The method."""
-        return method_named(self.method)
 
     @property
     def laplacian_choice(self) -> Laplacian:
@@ -186,6 +183,28 @@ class EncoderConfig:
         """Memory limit in bytes, or None."""
         return None if self.memory is None else float(self.memory)
 
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
+        """Return the number of frames per block without an option or a memory limit.
+
+        None if the number of frames is unknown, and any number will do.
+        """
+        raise NotImplementedError
+
+    def block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+    ) -> float:
+        """Estimate the memory of encoding with blocks of this length.
+
+        Parameters
+        ----------
+        block_frames, n_verts : int
+        number_bytes : int
+            Size of a coordinate.
+        is_whole : bool
+            Whether one block is the whole sequence, so that no other is read meanwhile.
+        """
+        raise NotImplementedError
+
     def frames_in_block(self, n_frames: int, n_verts: int, number_bytes: int) -> int:
         """Return the number of frames per block.
 
@@ -201,7 +220,7 @@ class EncoderConfig:
         InvalidInputError
             If not even one frame fits into the memory limit.
         """
-        longest = self.method_row.longest_block(n_frames, n_verts) or n_frames
+        longest = self.longest_block(n_frames, n_verts) or n_frames
         preferred = min(self.block_frames or longest, n_frames)
         if self.memory is None:
             return preferred
@@ -209,9 +228,7 @@ class EncoderConfig:
 
         def needed(block_frames: int) -> float:
             is_whole = block_frames >= n_frames
-            return self.method_row.block_bytes(
-                block_frames, n_verts, number_bytes, is_whole=is_whole
-            )
+            return self.block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
 
         if needed(preferred) <= memory:
             return preferred
@@ -224,5 +241,5 @@ class EncoderConfig:
 
     def with_blocks_of(self, block_frames: int, n_verts: int, number_bytes: int) -> Self:
         """Return these options with shorter blocks, and the memory that they need."""
-        needed = self.method_row.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
+        needed = self.block_bytes(block_frames, n_verts, number_bytes, is_whole=False)
         return replace(self, block_frames=block_frames, memory=needed)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.memory import MemoryLimit, memory_limit
-from meshreel.codec.methods import FrameReader
+from meshreel.codec.methods import FrameReader, method_named
 from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
@@ -134,7 +134,7 @@ def _decode_parts(
     arrays: list[list[npt.NDArray[Any]]] = []  # positions, and values of each track
     for part in parts:
         opened, n_frames = part.opened, len(part.frames)
-        readers.append(opened.method.frames(opened, n_modes))
+        readers.append(method_named(opened.method).frames(opened, n_modes))
         opened.require_frames(part.frames)
         arrays.append([])
         for track in opened.file.tracks:

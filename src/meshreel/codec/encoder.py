@@ -7,6 +7,7 @@ import numpy as np
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.joining import join_streams
 from meshreel.codec.mesh_edits import MeshEdits
+from meshreel.codec.methods import method_named
 from meshreel.codec.option import takes_fields
 from meshreel.codec.options import all_options, config_of
 from meshreel.codec.paper_options import PaperOptions
@@ -120,7 +121,7 @@ def encode_with(
     if sequence.n_segments > 1:
         return encode_segments(config, sequence, attributes, tracks, progress)
     surface = select(sequence.surface, attributes)
-    if surface.cells is not None and config.method_row.positions_only:
+    if surface.cells is not None and config.positions_only:
         raise InvalidInputError(
             f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
         )
@@ -129,7 +130,7 @@ def encode_with(
     progress("encoding connectivity", 0.0)
     bounds = kept_bounds(config, sequence.tracks, tracks)
     source = Source(sequence.segments[0], config, surface, bounds)
-    return next(config.method_row.encode([source], progress))
+    return next(method_named(config.method).encode([source], progress))
 
 
 def encode_segments(
@@ -150,7 +151,7 @@ def encode_segments(
         If no segment has an attribute or a track of a selected name, the method needs constant
         connectivity, or no stream meets the target.
     """
-    if config.method_row.positions_only:
+    if config.positions_only:
         raise InvalidInputError(
             f"method {config.method} needs constant connectivity, and the sequence has "
             f"{sequence.n_segments} segments; use reel or lossless"
@@ -184,7 +185,7 @@ def encode_segments(
             (source.sequence.faces, source.sequence.n_verts),
         )
         edited.append(replace(source, edit=edits.edit_to(*mesh)) if is_edited else source)
-    streams = list(config.method_row.encode(edited, progress))
+    streams = list(method_named(config.method).encode(edited, progress))
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
 
 

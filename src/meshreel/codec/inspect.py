@@ -7,7 +7,7 @@ from typing import Any
 
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
-from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
@@ -365,7 +365,7 @@ def stream_info(
         n_faces=opened.n_faces,
         fps=opened.timing.fps,
         name=opened.name,
-        method=opened.method.name,
+        method=opened.method,
         laplacian=opened.laplacian.name.lower(),
         order=opened.order_kept.name.lower(),
         vertex_type=str(opened.dtype),
@@ -376,7 +376,7 @@ def stream_info(
         part_bytes=_parts(opened, sizes, tracks),
         block_bytes=tuple(sizes.block_bytes),
         error_bound_percent=opened.error_bound_percent,
-        is_lossless=opened.method.name == LOSSLESS,
+        is_lossless=opened.method == LOSSLESS,
         is_whole=opened.is_whole,
         start_s=opened.timing.start_s,
         times=opened.timing.uneven_times,

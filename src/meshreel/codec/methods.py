@@ -1,4 +1,4 @@
-"""Encoding methods: their names, their codes in a stream, and their interface.
+"""Interface of the encoding methods.
 
 `meshreel.methods` registers the packages that implement them (`reel`, `paper`), which are imported
 when a method is first used.
@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
-from meshreel.errors import InvalidInputError, UnsupportedVersionError
+from meshreel.codec.method_names import METHOD_CODES, METHOD_NAMES
+from meshreel.errors import InvalidInputError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,32 +95,8 @@ class Method(Protocol):
     def name(self) -> str:
         """Name of the method, as in the options."""
 
-    @property
-    def positions_only(self) -> bool:
-        """Whether it codes the positions of one mesh, without tracks, segments or workers."""
-
     def check(self, config: "EncoderConfig") -> None:
         """Raise InvalidInputError if options, each in range, exclude each other."""
-
-    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
-        """Return the number of frames per block without an option or a memory limit.
-
-        None if the number of frames is unknown, and any number will do.
-        """
-
-    def block_bytes(
-        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
-    ) -> float:
-        """Estimate the memory of encoding with blocks of this length.
-
-        Parameters
-        ----------
-        block_frames, n_verts : int
-        number_bytes : int
-            Size of a coordinate.
-        is_whole : bool
-            Whether one block is the whole sequence, so that no other is read meanwhile.
-        """
 
     def encode(self, sources: "Sequence[Source]", progress: "Progress") -> "Iterator[bytes]":
         """Yield a stream for each segment of a sequence; all together meet the target.
@@ -151,24 +128,6 @@ class Method(Protocol):
         """
 
 
-METHOD_CODES = {
-    "pca-qp": 0,
-    "pca": 1,
-    "pca-q": 2,
-    "v2v": 3,
-    "pca-qs": 4,
-    "blocks": 5,
-    "gft": 6,
-    "reel": 7,
-    "lossless": 8,
-    "grid": 9,
-}
-"""Codes of the methods in a stream, by name."""
-
-METHOD_NAMES = tuple(METHOD_CODES)
-
-LOSSLESS = "lossless"
-
 Methods = Mapping[str, Method]
 _LOADERS: dict[str, Callable[[], Methods]] = {}
 
@@ -178,24 +137,9 @@ def register(names: Iterable[str], load: Callable[[], Methods]) -> None:
     _LOADERS.update(dict.fromkeys(names, load))
 
 
-def own_name(name: str) -> str:
-    """Return our name of a method that may have its name in the paper, such as "PCA+qp"."""
-    plain = str(name).lower().replace("+", "-").replace(" ", "-")
-    plain = "gft" if plain == "per-mesh" else plain
-    return plain if plain in METHOD_CODES else name
-
-
 @cache
 def method_named(name: str) -> Method:
     """Return the method of this name; raises InvalidInputError, with all names, if unknown."""
     if name not in METHOD_CODES:
         raise InvalidInputError(f"method {name!r} is unknown; choose {', '.join(METHOD_NAMES)}")
     return _LOADERS[name]()[name]
-
-
-def method_of_code(code: int) -> Method:
-    """Return the method of this code; raises UnsupportedVersionError if unknown."""
-    for name, known in METHOD_CODES.items():
-        if code == known:
-            return method_named(name)
-    raise UnsupportedVersionError(f"method {code} is unknown to this build; upgrade meshreel")

@@ -17,7 +17,7 @@ from meshreel.codec.bitstream.layout import (
     Section,
 )
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
-from meshreel.codec.methods import LOSSLESS, Method, method_of_code
+from meshreel.codec.method_names import LOSSLESS, name_of_code
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, UnsupportedVersionError
@@ -53,7 +53,7 @@ class OpenStream:
         First byte: 0, or the start of a segment.
     size_bytes : int
         Size up to the end of the stream or segment, or of the last complete block.
-    method : Method
+    method : str
     laplacian : Laplacian
         Laplacian of the deltas, if the method has deltas.
     order_kept : Order
@@ -99,11 +99,11 @@ class OpenStream:
         self.offset: int = self.file.offset
         self.starts: list[int] = self.file.starts
         self.tracks: tuple[FileTrack, ...] = self.file.tracks[1:]
-        self.method: Method = method_of_code(info.method)
+        self.method: str = name_of_code(info.method)
         self.laplacian: Laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept: Order = _choice_of_code(Order, info.order)
         self.error_bound_percent: float | None = (
-            0.0 if self.method.name == LOSSLESS else info.error_bound_percent or None
+            0.0 if self.method == LOSSLESS else info.error_bound_percent or None
         )
         self.n_frames: int = info.n_frames
         self.n_verts: int = info.n_verts

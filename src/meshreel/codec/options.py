@@ -6,7 +6,8 @@ from functools import cache
 from typing import Any
 
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
-from meshreel.codec.methods import METHOD_NAMES, own_name
+from meshreel.codec.method_names import METHOD_NAMES, own_name
+from meshreel.codec.methods import method_named
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.paper_options import PAPER, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
@@ -64,4 +65,6 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
         if name not in own and options.get(name, option.default) != option.default:
             option.check(options[name])
             option.check_method(method)
-    return family(method, **{name: options[name] for name in options if name in own})
+    config = family(method, **{name: options[name] for name in options if name in own})
+    method_named(config.method).check(config)
+    return config

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.codec.config import EncoderConfig
@@ -22,6 +22,22 @@ DEFAULT_BITS, FINE_BITS = 9, 16
 DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
 
 
+TRACKED_BLOCK_FRAMES = 25
+"""Most frames of a block of `blocks` by default."""
+
+PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
+"""Memory of the program, per vertex, and per position of a block, without a graph basis."""
+
+
+def equal_blocks(n_frames: int) -> int:
+    """Frames of each block, the paper's k_f = k / n_b, for n_b = ceil(k / 25) blocks.
+
+    The last block may have fewer.
+    """
+    n_blocks = -(-n_frames // TRACKED_BLOCK_FRAMES)
+    return -(-n_frames // n_blocks)
+
+
 class Allocation(Enum):
     """Distribution of bits over the rows of coefficients."""
 
@@ -31,7 +47,9 @@ class Allocation(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PaperOptions(EncoderConfig):
-    """Options of the paper's methods, checked."""
+    """Options of the paper's methods; `paper.settings.check` compares them with each other."""
+
+    positions_only: ClassVar[bool] = True
 
     energy: Annotated[
         float | None,
@@ -122,3 +140,15 @@ class PaperOptions(EncoderConfig):
     def laplacian_choice(self) -> Laplacian:
         """The Laplacian as an enumeration member."""
         return Laplacian[self.laplacian.upper()]
+
+    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
+        """Default frames per block, if memory suffices; those of `blocks` are of equal length."""
+        if self.method != "blocks":
+            return n_frames
+        return TRACKED_BLOCK_FRAMES if n_frames is None else equal_blocks(n_frames)
+
+    def block_bytes(
+        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
+    ) -> float:
+        """Memory for encoding with blocks of this many frames, independent of the number type."""
+        return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
-from meshreel.codec.methods import FrameReader
+from meshreel.codec.methods import FrameReader, method_named
 from meshreel.codec.open_stream import OpenStream, require_whole, timing_of
 from meshreel.codec.reel_track import DecodedValues, ReelTrack
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -182,7 +182,7 @@ class ReelFile(Timed):
     @property
     def method(self) -> str:
         """Encoding method, as in `meshreel.encode`."""
-        return self._opened.method.name
+        return self._opened.method
 
     @property
     def order(self) -> str:
@@ -207,7 +207,7 @@ class ReelFile(Timed):
     @cached_property
     def _frames(self) -> FrameReader:
         """Decoder of frames, created on first use."""
-        return self._opened.method.frames(self._opened, self._n_modes)
+        return method_named(self._opened.method).frames(self._opened, self._n_modes)
 
     @cached_property
     def _positions(self) -> DecodedValues:

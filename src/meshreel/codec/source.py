@@ -23,7 +23,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_mesh
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.mesh_edits import MeshEdit
-from meshreel.codec.methods import METHOD_CODES
+from meshreel.codec.method_names import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
 from meshreel.codec.surface.payloads import (
     surface_in_order,

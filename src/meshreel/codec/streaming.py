@@ -17,7 +17,7 @@ from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.mesh_edits import MeshEdits
-from meshreel.codec.methods import BlockCoder, LiveStart
+from meshreel.codec.methods import BlockCoder, LiveStart, method_named
 from meshreel.codec.options import config_of
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
@@ -342,7 +342,7 @@ class Encoder:
             if faces is None:
                 faces, surface = _faces_of(self._faces, len(array), surface)
         elif _begins_segment(last, len(array), faces, surface):
-            if self._config.method_row.positions_only:
+            if self._config.positions_only:
                 raise InvalidInputError(
                     f"frame {self.n_frames} has other faces; method {self._config.method} needs "
                     "the same in every frame; use reel or lossless"
@@ -401,7 +401,7 @@ class Encoder:
     def _block_frames(self, n_verts: int) -> int:
         if self._config.block_frames is not None:
             return self._config.block_frames
-        if (default := self._config.method_row.longest_block(None, n_verts)) is not None:
+        if (default := self._config.longest_block(None, n_verts)) is not None:
             return default
         seconds = self._max_latency_s * (1 - SHARE_FOR_CODING)
         return max(
@@ -451,7 +451,7 @@ class Encoder:
         coded = CodedMesh(mesh.faces, mesh.n_verts, self._config, mesh.surface, timing)
         if coded.may_be_edited:
             coded = replace(coded, edit=self._edits.edit_to(mesh.faces, mesh.n_verts))
-        method, frame, order = self._config.method_row, self._bounding_frame, coded.order
+        method, frame, order = method_named(self._config.method), self._bounding_frame, coded.order
         targets = self._targets_of(tracks, is_first=is_first)
         start = LiveStart(coded, frame, first.take(order, axis=1), tracks, targets)
         coder = method.live_coder(start)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.methods import LOSSLESS
+from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
 from meshreel.model.notes import Notes
@@ -134,7 +134,7 @@ def kept_bounds(
 
     bounds = track_bounds(tracks, targets, default)
     kept = {name: bound for name, bound in bounds.items() if bound != DROP}
-    if kept and config.method_row.positions_only:
+    if kept and config.positions_only:
         names = ", ".join(kept)
         raise InvalidInputError(
             f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"

@@ -60,7 +60,7 @@ def stored_block(opened: OpenStream, number: int) -> StoredBlock:
         raise CorruptStreamError(
             f"block {number} has {n_frames} frames; the index has {place.n_frames}"
         )
-    is_on_graph = variant_named(opened.method.name).basis is Basis.GRAPH
+    is_on_graph = variant_named(opened.method).basis is Basis.GRAPH
     max_modes = n_verts if is_on_graph else n_frames
     if not 1 <= n_modes <= max_modes:
         raise CorruptStreamError(

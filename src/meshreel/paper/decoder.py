@@ -206,12 +206,12 @@ def open_paper_stream(
         If even the list of sections takes more memory than allowed.
     """
     opened = whole_stream(data, limit)
-    if opened.method.name not in METHODS:
+    if opened.method not in METHODS:
         raise InvalidInputError(
-            f"the stream has method {opened.method.name}, not one of the paper's: "
+            f"the stream has method {opened.method}, not one of the paper's: "
             f"{', '.join(METHODS)}; encode the sequence with one of these, or use meshreel.decode"
         )
-    return opened, PaperBlockDecoder(opened, variant_named(opened.method.name))
+    return opened, PaperBlockDecoder(opened, variant_named(opened.method))
 
 
 def coded_blocks(data: bytes) -> list[CodedBlock]:

@@ -14,11 +14,8 @@ from meshreel.errors import CorruptStreamError
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
-from meshreel.paper.variants import VARIANTS, Variant, equal_blocks
+from meshreel.paper.variants import VARIANTS, Variant
 from meshreel.runtime.progress import Count, Progress
-
-PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
-"""Memory of the program, per vertex, and per position of a block, without a graph basis."""
 
 
 @dataclass(frozen=True)
@@ -32,27 +29,10 @@ class PaperMethod:
         """Name of the variant, as users write it."""
         return self.variant.name
 
-    @property
-    def positions_only(self) -> bool:
-        """True."""
-        return True
-
     def check(self, config: EncoderConfig) -> None:
         """Check that the options are compatible; raises as `settings.check`."""
         assert isinstance(config, PaperOptions)
         settings.check(config)
-
-    def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
-        """Default frames per block, if memory suffices; tracked blocks are of equal length."""
-        if n_frames is None or self.variant.block_frames is None:
-            return self.variant.block_frames or n_frames
-        return equal_blocks(n_frames)
-
-    def block_bytes(
-        self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
-    ) -> float:
-        """Memory for encoding with blocks of this many frames, independent of the number type."""
-        return PROCESS_BYTES + n_verts * (BYTES_PER_VERTEX + BYTES_PER_POSITION * block_frames)
 
     def encode(self, sources: Sequence[Source], progress: Progress) -> Iterator[bytes]:
         """Yield the stream of the only source."""

@@ -288,7 +288,7 @@ def read(
     if all_frequencies:
         mesh = replace(mesh, basis_memory=limit.limit_bytes)
     stream = PaperStream(
-        method=opened.method.name,
+        method=opened.method,
         faces=opened.faces,
         blocks=(),
         origin=opened.frame.origin,

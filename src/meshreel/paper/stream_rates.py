@@ -99,7 +99,7 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
     >>> rates.eq13.q_s, rates.stored.q_s
     """
     opened, decoder = open_paper_stream(bytes_of(data))
-    variant, size = variant_named(opened.method.name), opened.n_verts * opened.n_frames
+    variant, size = variant_named(opened.method), opened.n_verts * opened.n_frames
     blocks = decoder.all_coded()
     n_squares = sum((stop - start) ** 2 for start, stop in pairwise(opened.starts))
     stored_bytes = stream_info(opened).budget_bytes

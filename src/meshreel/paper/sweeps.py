@@ -7,11 +7,15 @@ from functools import partial
 from typing import Any
 
 from meshreel.codec.options import config_of
-from meshreel.codec.paper_options import Allocation, PaperOptions
+from meshreel.codec.paper_options import (
+    TRACKED_BLOCK_FRAMES,
+    Allocation,
+    PaperOptions,
+    equal_blocks,
+)
 from meshreel.errors import InvalidInputError
 from meshreel.paper.choices import choices_of
 from meshreel.paper.settings import ineffective_choices
-from meshreel.paper.variants import TRACKED_BLOCK_FRAMES, equal_blocks
 
 METHOD_NAMES = ("pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft")
 WITHOUT_ANCHORS = METHOD_NAMES[:3]

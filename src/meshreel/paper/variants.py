@@ -8,9 +8,6 @@ from enum import Enum
 
 from meshreel.codec.paper_options import DEFAULT_BITS, FINE_BITS
 
-TRACKED_BLOCK_FRAMES = 25
-"""Most frames of a tracked block by default."""
-
 
 class Signal(Enum):
     """The signal that is projected and quantized."""
@@ -50,8 +47,6 @@ class Variant:
     """
     bits: int = DEFAULT_BITS
     """Default bits of the largest coefficient."""
-    block_frames: int | None = None
-    """Default number of frames per block; None is all."""
 
     @property
     def has_anchors(self) -> bool:
@@ -68,21 +63,12 @@ VARIANTS = (
     Variant("pca-q", _D, _T, Decoding.LAPLACIAN),
     Variant("v2v", Signal.VERTICES, _T, Decoding.PRODUCT),
     Variant("pca-qs", _D, _T, _A, is_serial=True),
-    Variant("blocks", _D, Basis.TRACKED, _A, block_frames=TRACKED_BLOCK_FRAMES),
+    Variant("blocks", _D, Basis.TRACKED, _A),
     Variant("gft", _D, Basis.GRAPH, _A, is_serial=True),
 )
 
 METHODS = tuple(variant.name for variant in VARIANTS)
 """Names of the seven variants for `meshreel.encode(method=)`."""
-
-
-def equal_blocks(n_frames: int) -> int:
-    """Frames of each block, the paper's k_f = k / n_b, for n_b = ceil(k / 25) blocks.
-
-    The last block may have fewer.
-    """
-    n_blocks = -(-n_frames // TRACKED_BLOCK_FRAMES)
-    return -(-n_frames // n_blocks)
 
 
 def variant_named(name: str) -> Variant:

@@ -13,7 +13,7 @@ import meshreel
 from meshreel.codec.config import UV_BITS_RANGE, EncoderConfig
 from meshreel.codec.encoder import encode
 from meshreel.codec.entropy.multiples import MAX_GRID_BITS
-from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.option import Option, Range, numpydoc, options_of_fields, takes_fields
 from meshreel.codec.options import FAMILIES, all_options, config_of
 from meshreel.codec.reel.encoding.effort import EFFORTS

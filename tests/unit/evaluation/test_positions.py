@@ -10,7 +10,7 @@ from PIL import Image
 
 import meshreel
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.evaluation.comparison import (
     ERRORS,
     CodecResults,

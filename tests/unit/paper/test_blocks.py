@@ -3,8 +3,9 @@ import pytest
 
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.methods import METHOD_NAMES as CODED
+from meshreel.codec.method_names import METHOD_NAMES as CODED
 from meshreel.codec.options import config_of
+from meshreel.codec.paper_options import equal_blocks
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import blocks
@@ -22,7 +23,6 @@ from meshreel.paper.sweeps import (
     sweep,
     variants,
 )
-from meshreel.paper.variants import equal_blocks
 from meshreel.studies.plots import METHOD_COLORS
 
 

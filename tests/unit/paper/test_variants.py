@@ -7,7 +7,7 @@ import meshreel
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.methods import METHOD_NAMES
+from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.options import config_of
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices

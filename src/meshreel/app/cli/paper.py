@@ -94,7 +94,7 @@ def paper_command(
     require([PAPER, PLOT, *extras_to_read(files)])  # the modules of the study import SciPy
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
-    from meshreel.codec.methods import own_name
+    from meshreel.codec.method_names import own_name
     from meshreel.paper.study.study import PaperStudy
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
     from meshreel.studies.study import checked_names

@@ -158,7 +158,7 @@ class Header:
     vertex_type: VertexType
     """Number type of the positions, in the input and in the decoded output."""
     method: int
-    """Code of the method (`codec.methods`)."""
+    """Code of the method (`codec.method_names`)."""
     laplacian: int
     """A `layout.Laplacian`."""
     order: int

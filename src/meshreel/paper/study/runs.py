@@ -13,6 +13,7 @@ from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import StreamInfo, info
+from meshreel.codec.paper_options import equal_blocks
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
@@ -31,7 +32,6 @@ from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
 from meshreel.paper.stream_rates import rates
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, Setting, TableSettings
-from meshreel.paper.variants import equal_blocks
 from meshreel.runtime.counting import duration_text
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Outcome, Run, finite

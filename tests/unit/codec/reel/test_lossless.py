@@ -5,6 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.achieved import measure_stream
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.formats.options import WriteOptions
 from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
@@ -180,11 +181,11 @@ def test_live_frames_are_lossless():
 
 
 def test_blocks_are_short_enough_for_random_access():
-    method = meshreel.codec.methods.method_named("lossless")
-    assert method.longest_block(300, 8000) == 300
-    assert method.longest_block(3000, 8000) <= 1 << 9
-    assert method.longest_block(300, 1_000_000) == 60
-    assert method.longest_block(2, 1 << 28) == 1
+    config = config_of("lossless")
+    assert config.longest_block(300, 8000) == 300
+    assert config.longest_block(3000, 8000) <= 1 << 9
+    assert config.longest_block(300, 1_000_000) == 60
+    assert config.longest_block(2, 1 << 28) == 1
 
 
 @pytest.mark.parametrize(

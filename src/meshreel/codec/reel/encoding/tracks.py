@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.methods import LOSSLESS, LiveStart
+from meshreel.codec.method_names import LOSSLESS
+from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
