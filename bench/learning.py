@@ -13,7 +13,7 @@ zstd), and as plain NPY. Prints for each:
 - windows per second in one process with all cores, and per processor second, after one pass over
   all sequences: median of `--rounds` rounds, in which the formats alternate, lowest and highest;
 - the same through a `DataLoader` of PyTorch, for each number of workers;
-- with `--device`: on the device, from decoded windows in pinned memory, and computed there.
+- with `--device`: on the device, from decoded windows in pinned memory.
 
 Formats whose library is missing are omitted with a note. Windows are checked: those of arrays must
 be equal to the input, those of `.reel` files within 2 % of the diagonal.
@@ -347,19 +347,15 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
         speeds = loaded_per_second(loader, place, options)
         print(f"{name:34} {n_workers:2} workers {text_of(speeds)} windows per second", flush=True)
 
-    def report_first(**settings: Any) -> None:
+    def report_first() -> None:
         """Print the milliseconds of the first batch of new datasets, whose blocks load at once."""
         times = []
         for _ in range(options.rounds):
             started = time.perf_counter()
-            dataset = ReelDataset(reels[0].folder(options.work), options.window, **settings)
-            batch = next(iter(DataLoader(dataset, options.batch, shuffle=True, collate_fn=collate)))
-            if batch.vertices.is_cuda:
-                torch.cuda.synchronize()
+            dataset = ReelDataset(reels[0].folder(options.work), options.window)
+            _ = next(iter(DataLoader(dataset, options.batch, shuffle=True, collate_fn=collate)))
             times.append(1e3 * (time.perf_counter() - started))
-        print(
-            f"reel, first batch{' there' if settings else ''}: {median(times):.0f} ms", flush=True
-        )
+        print(f"reel, first batch: {median(times):.0f} ms", flush=True)
 
     pin = device is not None and device.startswith("cuda")
     print(f"DataLoader, batches of {options.batch}, to {device or 'memory'}")
@@ -380,25 +376,6 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
         for layout in formats:
             if layout.suffix != ".reel" and (layout.name != "npz" or n_workers):
                 report(layout.name, Windows(layout, options, lengths), n_workers, stacked, pin=pin)
-    if device is None:
-        return
-    report_first(device=device)
-    for dtype in (torch.float32, torch.float16):
-        dataset = ReelDataset(
-            reels[0].folder(options.work),
-            options.window,
-            dtype=dtype,
-            normalize=True,
-            device=device,
-        )
-        name = f"reel, computed on {device}, {str(dtype).removeprefix('torch.')}"
-        report(name, dataset, 0, collate, pin=False)
-        decoded = ReelDataset(reels[0].folder(options.work), options.window, normalize=True)
-        difference = max(
-            float((dataset[index].vertices.cpu().float() - decoded[index].vertices).abs().max())
-            for index in range(0, len(decoded), max(1, len(decoded) // 40))
-        )
-        print(f"    largest difference to decoded positions: {difference:.2g} diagonals")
     assert Batch._fields[0] == "vertices"
 
 

@@ -11,7 +11,7 @@ Window, Batch  what they yield, alone and collated
 """
 
 import os
-from bisect import bisect, bisect_left
+from bisect import bisect
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
@@ -19,17 +19,15 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from weakref import finalize
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.reel import open as open_reel
-from meshreel.kernel.files import FileModes
 from meshreel.runtime.extras import TORCH
 from meshreel.runtime.stores.address import is_remote
 from meshreel.runtime.threads import in_threads, limit_cores, n_cores
@@ -44,8 +42,8 @@ else:
 MAX_OPEN = 256
 """Files that a process keeps open, below the limits of operating systems."""
 
-Key = tuple[int | str, ...]
-"""Sequence and block, and on a device the name of the track."""
+Key = tuple[int, int]
+"""Sequence and block."""
 
 
 class Window(NamedTuple):
@@ -136,13 +134,8 @@ class ReelDataset(Dataset[Window]):
         normalize positions.
     normalize : bool, default False
         Return positions relative to the center of the sequence's bounding box, in diagonals of it.
-    device : str or torch device, optional
-        Compute frames there, as products of fields and basis vectors that stay on the device.
-        Values then differ from decoded ones by rounding errors of float32 and are not the same bits
-        on every machine. Only in the process that trains (``num_workers=0``).
     memory : float or str, default "2GiB"
-        Memory for decoded blocks, in bytes or such as "500MB"; on the device, if one is given.
-        Each worker has as much.
+        Memory for decoded blocks, in bytes or such as "500MB". Each worker has as much.
 
     Attributes
     ----------
@@ -165,7 +158,6 @@ class ReelDataset(Dataset[Window]):
         tracks: Iterable[str] = (),
         dtype: "torch.dtype" = torch.float32,
         normalize: bool = False,
-        device: "str | torch.device | None" = None,
         memory: float | str = "2GiB",
     ) -> None:
         _require_integers(1, window=window, step=step)
@@ -178,7 +170,6 @@ class ReelDataset(Dataset[Window]):
         self.tracks: tuple[str, ...] = tuple(tracks)
         self.dtype: torch.dtype = dtype
         self.normalize: bool = normalize
-        self.device: torch.device | None = None if device is None else _device(device)
         self._memory, self._cache = bytes_of(memory, "memory"), cast("_Cache | None", None)
         self.sequences: tuple[SequenceEntry, ...] = tuple(_sequences(paths, self.tracks))
         self._ends = np.cumsum([self.n_windows(sequence) for sequence in self.sequences])
@@ -209,8 +200,8 @@ class ReelDataset(Dataset[Window]):
         """Return several windows, as a `DataLoader` fetches them; blocks load on all cores."""
         places = {index: self._place(index) for index in sorted(set(indices))}
         self._load(places.values())
-        found = {index: self.at(*place) for index, place in places.items()}
-        return [found[index] for index in indices]
+        windows = {index: self.at(*place) for index, place in places.items()}
+        return [windows[index] for index in indices]
 
     def _place(self, index: int) -> tuple[int, int]:
         """Return the sequence and the first frame of a window."""
@@ -234,58 +225,32 @@ class ReelDataset(Dataset[Window]):
         if not 0 <= first < n_windows:
             raise IndexError(f"no window starts with frame {first}; the sequence has {n_windows}")
         frames = range(first, first + self.span, self.step)
-        vertices, *values = (self._values(sequence, name, frames) for name in ("", *self.tracks))
+        vertices, *values = (self._decoded(sequence, name, frames) for name in ("", *self.tracks))
         tracks = dict(zip(self.tracks, values, strict=True))
         return Window(vertices, tracks, sequence, torch.tensor(frames))
 
     def faces(self, sequence: int) -> "torch.Tensor":
         """Return the vertices of each triangle of a sequence, of shape (M, 3), as int64."""
         reel = self._open().get((sequence, 0), partial(self._reel, sequence))
-        return torch.from_numpy(reel.faces.astype(np.int64)).to(self.device or "cpu")
+        return torch.from_numpy(reel.faces.astype(np.int64))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_cache": None}
 
-    def _values(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
-        """Return positions (name "") or values of a track at some frames, of shape (W, N, C)."""
-        if self.device is None:
-            return self._decoded(sequence, name, frames)
-        starts, parts = self.sequences[sequence].starts, []
-        first, last = (self._block(sequence, frame) for frame in (frames[0], frames[-1]))
-        for number in range(first, last + 1):
-            start, stop = starts[number : number + 2]
-            if not (part := frames[bisect_left(frames, start) : bisect_left(frames, stop)]):
-                continue
-            key = sequence, number, name
-            block = self._open().get(key, partial(self._modes, *key))
-            if block.is_sum:
-                within = slice(part[0] - start, part[-1] - start + 1, self.step)
-                parts.append(block.values(within).to(self.dtype))
-            else:
-                parts.append(self._decoded(sequence, name, part).to(self.device))
-        return parts[0] if len(parts) == 1 else torch.cat(parts)
-
     def _load(self, places: Iterable[tuple[int, int]]) -> None:
         """Load the blocks in which these windows begin, unless they are cached."""
         cache = self._open()
-        made: dict[Key, Callable[[], _Cached]] = {}
-        for sequence, first in places:
-            block = self._block(sequence, first)
-            if self.device is None:
-                made[sequence, block] = partial(self._loaded, sequence, block)
-                continue
-            for name in ("", *self.tracks):
-                made[sequence, block, name] = partial(self._modes, sequence, block, name)
-        missing = [key for key in made if key not in cache]
+        keys = dict.fromkeys((sequence, self._block(sequence, first)) for sequence, first in places)
+        missing = [key for key in keys if key not in cache]
 
         def load(key: Key) -> None:
             try:
-                loaded[key] = made[key]()
+                loaded[key] = self._loaded(*key)
             except Exception as error:  # raised below, when no thread opens a file any more
                 errors.append(error)
 
         for start in range(0, len(missing), n_cores()):  # few at a time, to bound the memory
-            loaded: dict[Key, _Cached] = {}
+            loaded: dict[Key, ReelFile] = {}
             errors: list[Exception] = []
             in_threads(load, missing[start : start + n_cores()])
             for key, entry in loaded.items():
@@ -294,6 +259,7 @@ class ReelDataset(Dataset[Window]):
                 raise error
 
     def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
+        """Return positions (name "") or values of a track at some frames, of shape (W, N, C)."""
         # A file holds two blocks at a time; opened once for each, all of them can be cached.
         key = sequence, self._block(sequence, frames[0])
         reel = self._open().get(key, partial(self._reel, sequence))
@@ -304,21 +270,12 @@ class ReelDataset(Dataset[Window]):
             if self.normalize:
                 values -= np.asarray(reel.frame.origin, values.dtype)
                 values /= values.dtype.type(reel.frame.scale)
-        found = torch.from_numpy(values)
-        return found.to(self.dtype) if found.is_floating_point() else found
+        tensor = torch.from_numpy(values)
+        return tensor.to(self.dtype) if tensor.is_floating_point() else tensor
 
     def _block(self, sequence: int, frame: int) -> int:
         """Return the block that contains a frame of a sequence."""
         return bisect(self.sequences[sequence].starts, frame) - 1
-
-    def _modes(self, sequence: int, number: int, name: str) -> "_DeviceBlock":
-        """Load the modes of a block to the device; the file does not stay open."""
-        assert self.device is not None
-        with self._reel(sequence) as reel:
-            modes = (reel.track(name) if name else reel).modes(number)
-            is_moved = self.normalize and not name
-            center, scale = (reel.frame.origin, reel.frame.scale) if is_moved else (0.0, 1.0)
-            return _DeviceBlock(modes, self.device, np.asarray(center), scale)
 
     def _has_room(self) -> bool:
         """Whether the memory holds one more block, as large as the largest so far."""
@@ -336,18 +293,13 @@ class ReelDataset(Dataset[Window]):
         return reel
 
     def _reel(self, sequence: int) -> ReelFile:
-        one = self.sequences[sequence]
-        return open_reel(one.path, segment=one.segment)
+        entry = self.sequences[sequence]
+        return open_reel(entry.path, segment=entry.segment)
 
     def _open(self) -> "_Cache":
         """Return the cache of this process."""
         if self._cache is None or self._cache.process != os.getpid():
             if get_worker_info() is not None:
-                if self.device is not None:
-                    raise InvalidInputError(
-                        "a dataset with a device computes frames in the process that trains; "
-                        "set num_workers=0, or give no device"
-                    )
                 limit_cores(torch.get_num_threads())
             self._cache = _Cache(self._memory)
         return self._cache
@@ -485,69 +437,13 @@ def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
     return result
 
 
-class _DeviceBlock:
-    """The modes of a track in a block, on a device; `is_sum` is False if it has none."""
-
-    def __init__(
-        self,
-        modes: FileModes | None,
-        device: "torch.device",
-        center: npt.NDArray[np.float64],
-        scale: float,
-    ) -> None:
-        self.is_sum = modes is not None
-        self.cached_bytes = 0
-        if modes is None:
-            return
-
-        def upload(values: npt.NDArray[Any]) -> "torch.Tensor":
-            is_real = values.dtype.kind == "f"
-            found = torch.from_numpy(np.ascontiguousarray(values, np.float32 if is_real else None))
-            self.cached_bytes += found.nbytes
-            return found.to(device)
-
-        self._fields = upload(modes.fields.T)  # (K, N)
-        self._basis = upload(modes.basis.transpose(0, 2, 1) / scale)  # (T, C, K)
-        self._origin = upload((modes.origin - center) / scale)
-        self._corrections_of = list(pairwise(modes.correction_starts.tolist()))
-        self._corrected = upload(modes.corrected.astype(np.int64))
-        self._corrections = upload(modes.corrections / scale)
-
-    def values(self, frames: slice) -> "torch.Tensor":
-        """Return values of some frames of the block, of shape (W, N, C)."""
-        rows = self._basis[frames]
-        n_frames, n_columns, n_modes = rows.shape
-        origin = self._origin.repeat(n_frames)[:, None]
-        values = torch.addmm(origin, rows.reshape(-1, n_modes), self._fields)
-        result = values.view(n_frames, n_columns, -1).transpose(1, 2)
-        for frame, (start, stop) in enumerate(self._corrections_of[frames]):
-            if start < stop:
-                result[frame].index_add_(
-                    0, self._corrected[start:stop], self._corrections[start:stop]
-                )
-        return result
-
-    def close(self) -> None:
-        """Do nothing: the device releases tensors that nothing refers to."""
-
-
-class _Cached(Protocol):
-    @property
-    def cached_bytes(self) -> int: ...
-
-    def close(self) -> None: ...
-
-
-Entry = TypeVar("Entry", bound=_Cached)
-
-
 class _Cache:
-    """Open files and blocks on a device of one process: those used last, up to a limit."""
+    """Open files of one process: those used last, up to a limit."""
 
     def __init__(self, limit_bytes: float) -> None:
         self.process = os.getpid()
         self._limit = limit_bytes
-        self._entries: OrderedDict[Key, _Cached] = OrderedDict()
+        self._entries: OrderedDict[Key, ReelFile] = OrderedDict()
         self._sizes: dict[Key, int] = {}
         self._total = 0
         finalize(self, _close_all, self._entries)
@@ -555,16 +451,16 @@ class _Cache:
     def __contains__(self, key: Key) -> bool:
         return key in self._entries
 
-    def get(self, key: Key, make: Callable[[], Entry]) -> Entry:
+    def get(self, key: Key, make: Callable[[], ReelFile]) -> ReelFile:
         """Return the entry of this key, made if it is new."""
         if key not in self._entries:
             self.put(key, make())
         else:
             self._count_last()
             self._entries.move_to_end(key)
-        return cast("Entry", self._entries[key])
+        return self._entries[key]
 
-    def put(self, key: Key, entry: _Cached) -> None:
+    def put(self, key: Key, entry: ReelFile) -> None:
         """Add an entry; the oldest are closed for it."""
         self._count_last()
         self._entries[key] = entry
@@ -580,9 +476,9 @@ class _Cache:
         fits = self._total + max(self._sizes.values(), default=0) <= self._limit
         return fits and len(self._entries) < MAX_OPEN
 
-    def close(self, first: Key) -> None:
-        """Close the entries whose keys begin with this one."""
-        for key in [key for key in self._entries if key[: len(first)] == first]:
+    def close(self, key: Key) -> None:
+        """Close an entry, if it exists."""
+        if key in self._entries:
             self._remove(key)
 
     def _remove(self, key: Key) -> None:
@@ -601,7 +497,7 @@ class _Cache:
         self._sizes[key] = size
 
 
-def _close_all(entries: OrderedDict[Key, _Cached]) -> None:
+def _close_all(entries: OrderedDict[Key, ReelFile]) -> None:
     for entry in entries.values():
         entry.close()
 
@@ -611,19 +507,6 @@ def _require_integers(least: int, **options: object) -> None:
     for name, value in options.items():
         if not isinstance(value, int | np.integer) or value < least:
             raise InvalidInputError(f"{name} must be an integer, at least {least}; got {value!r}")
-
-
-def _device(device: "str | torch.device") -> "torch.device":
-    """Return a device that can compute; raises InvalidInputError if this machine has none."""
-    try:
-        torch.ones(1, device=device).cpu()  # "meta" and devices without a driver fail here
-        return torch.device(device)
-    except Exception as error:  # AssertionError, NotImplementedError, and others of back ends
-        reason = str(error).partition("\n")[0].rstrip(".")
-        raise InvalidInputError(
-            f"PyTorch cannot compute on device {str(device)!r} ({reason}); "
-            'give device="cpu", or none, or install a PyTorch and a driver for this device'
-        ) from error
 
 
 def _sequences(

@@ -1,4 +1,4 @@
-"""Datasets for PyTorch: windows, orders, workers, devices. Needs the extra [torch]."""
+"""Datasets for PyTorch: windows, orders, workers. Needs the extra [torch]."""
 
 import pickle
 import sys
@@ -24,7 +24,6 @@ from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
 pytestmark = pytest.mark.filterwarnings(
     "ignore:This process .* is multi-threaded:DeprecationWarning"  # of forks, since Python 3.12
 )
-DEVICES = [None, "cpu", *(["cuda"] if torch.cuda.is_available() else [])]
 STARTS = ["spawn", *(["fork"] if sys.platform == "linux" else [])]
 
 
@@ -74,21 +73,18 @@ def test_windows_equal_decoded_frames(folder, wholes):
         sequence, first = place_of(window)
         places.append((sequence, first))
         assert window.frames.tolist() == list(range(first, first + 4))
-        np.testing.assert_allclose(
-            window.vertices.cpu(), wholes[sequence][first : first + 4], atol=1e-6
-        )
+        np.testing.assert_allclose(window.vertices, wholes[sequence][first : first + 4], atol=1e-6)
     assert len(set(places)) == len(dataset)
     assert place_of(dataset[-1]) == (2, 26)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize(("window", "step", "frames"), [(3, 5, [9, 14, 19]), (2, 9, [7, 16])])
-def test_step_spaces_the_frames(folder, wholes, window, step, frames, device):
-    dataset = ReelDataset([folder / "b.reel"], window, step=step, device=device)
+def test_step_spaces_the_frames(folder, wholes, window, step, frames):
+    dataset = ReelDataset([folder / "b.reel"], window, step=step)
     assert len(dataset) == 20 - (window - 1) * step
     result = dataset[frames[0]]
     assert result.frames.tolist() == frames
-    np.testing.assert_allclose(result.vertices.cpu(), wholes[1][frames], atol=1e-5)
+    np.testing.assert_allclose(result.vertices, wholes[1][frames], atol=1e-5)
 
 
 def test_faces_are_those_of_the_sequence(folder):
@@ -97,30 +93,18 @@ def test_faces_are_those_of_the_sequence(folder):
     np.testing.assert_array_equal(faces, waving_grid(2, 6, 7).faces)
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
-def test_normalized_positions_of_every_type(folder, wholes, device, dtype):
+def test_normalized_positions_of_every_type(folder, wholes, dtype):
     dtype = getattr(torch, dtype)
-    window = ReelDataset(folder, 3, dtype=dtype, normalize=True, device=device).at(1, 7)
+    window = ReelDataset(folder, 3, dtype=dtype, normalize=True).at(1, 7)
     assert window.vertices.dtype == dtype
     with meshreel.open(folder / "b.reel") as reel:
         expected = (wholes[1][7:10] - reel.frame.origin) / reel.frame.scale
     tolerance = 1e-3 if dtype == torch.float16 else 1e-6
-    np.testing.assert_allclose(window.vertices.cpu(), expected, atol=tolerance)
+    np.testing.assert_allclose(window.vertices, expected, atol=tolerance)
 
 
-@pytest.mark.parametrize("device", DEVICES[1:])
-def test_frames_computed_on_a_device_equal_decoded_ones(folder, device):
-    decoded, computed = ReelDataset(folder, 5), ReelDataset(folder, 5, device=device)
-    for index in range(len(decoded)):
-        result = computed[index].vertices.cpu()
-        np.testing.assert_allclose(result, decoded[index].vertices, rtol=0, atol=1e-5)
-    with meshreel.open(folder / "deeper" / "c.reel") as reel:
-        assert len(reel.modes(0).corrected)
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
+def test_tracks_and_lossless_positions(tmp_path):
     sheet = tracked_sheet()
     tracks = {
         name: meshreel.Track(
@@ -132,16 +116,16 @@ def test_tracks_and_lossless_positions_on_a_device(tmp_path, device):
     bounds = {name: "1%" for name, track in sheet.tracks.items() if track.values.dtype.kind == "f"}
     (tmp_path / "lossy.reel").write_bytes(meshreel.encode(sheet, tracks=bounds))
     (tmp_path / "exact.reel").write_bytes(meshreel.encode(sheet, lossless=True))
-    dataset = ReelDataset(tmp_path, 3, tracks=sheet.tracks, device=device)
+    dataset = ReelDataset(tmp_path, 3, tracks=sheet.tracks)
     for sequence, one in enumerate(dataset.sequences):
         whole = meshreel.decode(one.path)
         window = dataset.at(sequence, 2)
-        np.testing.assert_allclose(window.vertices.cpu(), whole.vertices[2:5], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(window.vertices, whole.vertices[2:5], rtol=0, atol=1e-5)
         assert list(window.tracks) == list(sheet.tracks)
         for name, values in window.tracks.items():
             expected = whole.tracks[name].values[2:5]
             largest = np.abs(expected[np.isfinite(expected)]).max()
-            np.testing.assert_allclose(values.cpu(), expected, rtol=0, atol=1e-5 * largest)
+            np.testing.assert_allclose(values, expected, rtol=0, atol=1e-5 * largest)
             assert values.is_floating_point() == (expected.dtype.kind == "f")
 
 
@@ -176,21 +160,14 @@ def test_workers_yield_every_window_once(folder, start, kind):
     assert len(places) == len(set(places)) == len(dataset)
 
 
-def test_device_is_refused_in_workers(folder):
-    loader = DataLoader(ReelDataset(folder, 4, device="cpu"), 4, num_workers=1, collate_fn=collate)
-    with pytest.raises(InvalidInputError, match="num_workers=0"):
-        next(iter(loader))
-
-
 def test_default_collation_stacks_windows_of_one_mesh(folder):
     batch = next(iter(DataLoader(ReelDataset(folder / "a.reel", 3), 5)))
     assert batch.vertices.shape == (5, 3, 99, 3)
     assert batch.frames.shape == (5, 3)
 
 
-@pytest.mark.parametrize("device", DEVICES)
-def test_batches_open_each_block_once(folder, monkeypatch, device):
-    dataset = ReelDataset(folder, 3, device=device)
+def test_batches_open_each_block_once(folder, monkeypatch):
+    dataset = ReelDataset(folder, 3)
     opened = []
     open_file = dataset._reel
     monkeypatch.setattr(dataset, "_reel", lambda item: opened.append(item) or open_file(item))
@@ -200,9 +177,7 @@ def test_batches_open_each_block_once(folder, monkeypatch, device):
     expected = ReelDataset(folder, 3)
     for index, window in zip(indices, windows, strict=True):
         assert place_of(window) == place_of(expected[index])
-        torch.testing.assert_close(
-            window.vertices.cpu(), expected[index].vertices, rtol=0, atol=1e-5
-        )
+        torch.testing.assert_close(window.vertices, expected[index].vertices, rtol=0, atol=1e-5)
 
 
 def test_damaged_file_of_a_batch_is_reported(folder, tmp_path):
@@ -217,20 +192,18 @@ def test_damaged_file_of_a_batch_is_reported(folder, tmp_path):
     assert dataset[12].vertices.shape == (3, 42, 3)
 
 
-@pytest.mark.parametrize(
-    ("device", "memory"), [(None, "2GiB"), (None, "300kB"), (None, 1), ("cpu", "2GiB")]
-)
-def test_stream_opens_each_block_once(folder, monkeypatch, device, memory):
-    """Three files have five blocks; on a device also the next blocks of windows that cross."""
-    dataset = ReelDataset(folder, 3, memory=memory, device=device)
+@pytest.mark.parametrize("memory", ["2GiB", "300kB", 1])
+def test_stream_opens_each_block_once(folder, monkeypatch, memory):
+    """Three files have five blocks."""
+    dataset = ReelDataset(folder, 3, memory=memory)
     opened = []
     open_file = dataset._reel
     monkeypatch.setattr(dataset, "_reel", lambda item: opened.append(item) or open_file(item))
     windows = [place_of(window) for window in ReelStream(dataset, open_blocks=3)]
     assert sorted(windows) == sorted(set(windows))
     assert len(windows) == 10 + 18 + 28
-    assert len(opened) == 5 if device is None else 5 <= len(opened) <= 7
-    assert len(dataset._cache._entries) <= (1 if device is None else 2)
+    assert len(opened) == 5
+    assert len(dataset._cache._entries) <= 1
 
 
 def test_order_of_a_stream_follows_seed_and_epoch(folder):
@@ -303,9 +276,6 @@ def test_pickled_dataset_opens_its_own_files(folder):
         ({"step": "2"}, "step must be an integer"),
         ({"dtype": torch.int32}, "real type"),
         ({"dtype": "float16"}, r"such as torch\.float16; got 'float16'"),
-        ({"device": "cuda:99"}, "'cuda:99' .* or install a PyTorch and a driver"),
-        ({"device": "meta"}, "'meta'"),
-        ({"device": "gpu"}, "'gpu'"),
         ({"tracks": ["heat"]}, "no track 'heat'"),
         ({"memory": "much"}, "memory takes a size"),
     ],
