@@ -15,22 +15,22 @@ static void allocate_state(exact_coder *coder, reel_arena *arena) {
     reel_allocate_traversal(&coder->traversal, arena, n);
     coder->models = reel_allocate(arena, 1, sizeof *coder->models);
     coder->columns = reel_allocate(arena, (size_t)coder->width, sizeof *coder->columns);
-    coder->known = reel_allocate(arena, all, sizeof *coder->known);
-    coder->sizes = reel_allocate(arena, all, sizeof *coder->sizes);
-    coder->flags = reel_allocate(arena, rows, 1);
-    coder->constant = reel_allocate(arena, n, 1);
+    coder->coded.values = reel_allocate(arena, all, sizeof *coder->coded.values);
+    coder->coded.sizes = reel_allocate(arena, all, sizeof *coder->coded.sizes);
+    coder->coded.flags = reel_allocate(arena, rows, 1);
+    coder->coded.is_constant = reel_allocate(arena, n, 1);
     coder->lags = reel_allocate(arena, (size_t)coder->n_frames, sizeof *coder->lags);
     coder->samples =
         reel_allocate(arena, (size_t)coder->n_frames * N_SAMPLES, sizeof *coder->samples);
-    coder->noises = reel_allocate(arena, n, sizeof *coder->noises);
-    coder->patterns = reel_allocate(arena, row, sizeof *coder->patterns);
-    coder->sums = reel_allocate(arena, row, sizeof *coder->sums);
-    coder->max_sizes = reel_allocate(arena, row, sizeof *coder->max_sizes);
-    coder->motions =
-        reel_allocate(arena, 2 * exact_motions_count(coder->width), sizeof *coder->motions);
-    coder->lagged_motions =
-        coder->motions ? coder->motions + exact_motions_count(coder->width) : NULL;
-    coder->n_filled = INPUTS;
+    coder->coded.noises = reel_allocate(arena, n, sizeof *coder->coded.noises);
+    coder->item.patterns = reel_allocate(arena, row, sizeof *coder->item.patterns);
+    coder->item.near_size_sums = reel_allocate(arena, row, sizeof *coder->item.near_size_sums);
+    coder->item.max_near_sizes = reel_allocate(arena, row, sizeof *coder->item.max_near_sizes);
+    coder->filter.motions =
+        reel_allocate(arena, 2 * exact_motions_count(coder->width), sizeof *coder->filter.motions);
+    coder->filter.lagged_motions =
+        coder->filter.motions ? coder->filter.motions + exact_motions_count(coder->width) : NULL;
+    coder->filter.n_filled = INPUTS;
 }
 
 size_t reel_exact_memory(int64_t n_frames, int64_t n_items, int64_t width) {
@@ -100,33 +100,35 @@ static enum reel_code code_grid(exact_coder *coder) {
 }
 
 int64_t reel_exact_block(exact_coder *coder, int64_t count) {
-    coder->kind = (int)reel_code_raw(coder->range_coder, 2, (uint32_t)coder->kind);
-    if (coder->kind == LABELS) { /* bit patterns */
+    coder->choices.kind = (int)reel_code_raw(coder->range_coder, 2, (uint32_t)coder->choices.kind);
+    if (coder->choices.kind == LABELS) { /* bit patterns */
         coder->numbers.shift = coder->numbers.digits = 0;
     }
-    coder->in_given_order =
-        coder->kind == LABELS && reel_code_raw(coder->range_coder, 1, coder->in_given_order);
-    if (coder->in_given_order) {
+    coder->choices.in_given_order =
+        coder->choices.kind == LABELS &&
+        reel_code_raw(coder->range_coder, 1, coder->choices.in_given_order);
+    if (coder->choices.in_given_order) {
         reel_traverse_in_order(&coder->traversal);
     } else if (coder->traversal.in_given_order) {
         reel_traverse_graph(&coder->traversal);
     }
-    if (coder->kind == RAW) {
+    if (coder->choices.kind == RAW) {
         code_raw_values(coder);
         return reel_finish(coder->range_coder);
     }
     start_models(coder);
-    if (coder->kind != LABELS) {
+    if (coder->choices.kind != LABELS) {
         if (code_grid(coder)) {
             return reel_failure(REEL_CORRUPT, 0);
         }
-        coder->has_special = reel_code_raw(coder->range_coder, 1, coder->has_special);
+        coder->choices.has_special =
+            reel_code_raw(coder->range_coder, 1, coder->choices.has_special);
     }
-    coder->has_repeats =
-        coder->kind == LABELS || reel_code_raw(coder->range_coder, 1, coder->has_repeats);
-    if (coder->kind == FILTER) {
-        coder->has_lags = reel_code_raw(coder->range_coder, 1, coder->has_lags);
-        if (coder->has_lags) {
+    coder->choices.has_repeats = coder->choices.kind == LABELS ||
+                                 reel_code_raw(coder->range_coder, 1, coder->choices.has_repeats);
+    if (coder->choices.kind == FILTER) {
+        coder->choices.has_lags = reel_code_raw(coder->range_coder, 1, coder->choices.has_lags);
+        if (coder->choices.has_lags) {
             code_lags(coder);
         } else {
             reel_zero(coder->lags, (size_t)coder->n_frames * sizeof *coder->lags);

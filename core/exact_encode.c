@@ -81,7 +81,7 @@ static void choose_numbers(exact_coder *coder) {
     for (int64_t i = 0; i < count; i++) {
         uint64_t pattern = reel_read_pattern(numbers, coder->values, i) & magnitudes;
         if (reel_is_special(numbers, pattern)) {
-            coder->has_special = true;
+            coder->choices.has_special = true;
         } else {
             any |= pattern;
             max_pattern = pattern > max_pattern ? pattern : max_pattern;
@@ -136,13 +136,13 @@ static void choose_lags(exact_coder *coder) {
         }
         n_found += coder->lags[t] > 0;
     }
-    coder->has_lags = n_found >= coder->n_frames / 8 + 1;
+    coder->choices.has_lags = n_found >= coder->n_frames / 8 + 1;
 }
 
 /* Whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */
 static void count_repeats(exact_coder *coder, bool *many, bool *some) {
     int64_t n_repeated = 0, n_rows = 0, n_constant = 0;
-    for (coder->item = 0; coder->item < coder->n_items; coder->item++) {
+    for (coder->item.index = 0; coder->item.index < coder->n_items; coder->item.index++) {
         if (is_constant(coder)) {
             n_constant++;
             continue;
@@ -160,8 +160,8 @@ static void count_repeats(exact_coder *coder, bool *many, bool *some) {
 enum { LABELS_IN_GIVEN_ORDER = RAW + 1 };
 
 static void set_mode(exact_coder *coder, int mode) {
-    coder->in_given_order = mode == LABELS_IN_GIVEN_ORDER;
-    coder->kind = coder->in_given_order ? LABELS : mode;
+    coder->choices.in_given_order = mode == LABELS_IN_GIVEN_ORDER;
+    coder->choices.kind = coder->choices.in_given_order ? LABELS : mode;
 }
 
 /* Return the size of the first items when coded in a mode. */
@@ -179,7 +179,7 @@ static int64_t try_mode(exact_coder *coder, int mode, uint8_t *out, size_t capac
 static void choose_mode(exact_coder *coder, uint8_t *out, size_t capacity) {
     static const int candidates[] = {LABELS, MEANS, LABELS_IN_GIVEN_ORDER};
     bool many_repeats;
-    count_repeats(coder, &many_repeats, &coder->has_repeats);
+    count_repeats(coder, &many_repeats, &coder->choices.has_repeats);
     bool is_float = coder->numbers.type == REEL_FLOATS;
     int best = coder->n_frames > 1 && (is_float || coder->numbers.size > 1) ? FILTER : MEANS;
     if (!is_float || many_repeats) {
@@ -217,7 +217,7 @@ int64_t reel_exact_encode(void *memory, size_t memory_size, void *values, int64_
     int64_t n_bytes = reel_exact_block(&coder, n_items);
     if (n_bytes < 0) { /* incompressible */
         range_coder = reel_start_encoder(out, capacity);
-        coder.kind = RAW;
+        coder.choices.kind = RAW;
         n_bytes = reel_exact_block(&coder, n_items);
     }
     return n_bytes;

@@ -10,36 +10,39 @@
 #define INITIAL_VARIANCE 1000.0        /* initial variance of the weights */
 #define COVARIANCE_GROWTH (1.0 / 0.99) /* growth of the covariance per frame */
 
-static void begin_item_filter(exact_coder *coder) {
-    int n = coder->n_near, n_used = n + TEMPORAL;
-    coder->noise = 0;
-    for (; coder->n_filled > n; coder->n_filled--) { /* columns beyond the neighbors are 0 */
+/* Start from equal weights of the neighbors, and from their noise. */
+static void start_filter(exact_coder *coder) {
+    motion_filter *filter = &coder->filter;
+    int n = coder->item.n_near, n_used = n + TEMPORAL;
+    for (; filter->n_filled > n; filter->n_filled--) {
         for (size_t at = 0; at < 2 * exact_motions_count(coder->width); at += INPUTS) {
-            coder->motions[at + (size_t)coder->n_filled - 1] = 0;
+            filter->motions[at + (size_t)filter->n_filled - 1] = 0;
         }
     }
-    coder->n_filled = n;
-    coder->first = 1 - MOTION_FRAMES; /* no motions are stored yet; frame 0 has none */
+    filter->n_filled = n;
+    filter->first_frame = 1 - MOTION_FRAMES; /* no motions are stored yet; frame 0 has none */
     for (int i = 0; i < INPUTS; i++) {
-        coder->weights[i] = i < n ? 1.0 / n : i < n_used ? coder->models->temporal[i - n] : 0;
+        filter->weights[i] = i < n ? 1.0 / n : i < n_used ? coder->models->temporal[i - n] : 0;
         for (int j = 0; j < INPUTS; j++) {
-            coder->covariance[INPUTS * i + j] = 0;
+            filter->covariance[INPUTS * i + j] = 0;
         }
-        coder->covariance[INPUTS * i + i] = i < n        ? INITIAL_VARIANCE / (n + 1)
-                                            : i < n_used ? INITIAL_VARIANCE
-                                                         : 0;
+        filter->covariance[INPUTS * i + i] = i < n        ? INITIAL_VARIANCE / (n + 1)
+                                             : i < n_used ? INITIAL_VARIANCE
+                                                          : 0;
     }
+    double noise = 0;
     for (int i = 0; i < n; i++) {
-        coder->noise += coder->noises[coder->near[i]];
+        noise += coder->coded.noises[coder->item.near[i]];
     }
-    coder->noise = coder->fast_noise = n ? coder->noise / n : 0;
+    filter->noise = filter->fast_noise = n ? noise / n : 0;
 }
 
+/* Keep what the filters of later items start from. */
 static void end_filter(exact_coder *coder) {
-    coder->noises[coder->position] = coder->noise;
+    coder->coded.noises[coder->item.position] = coder->filter.noise;
     for (int i = 0; i < TEMPORAL; i++) {
         double *weight = &coder->models->temporal[i];
-        *weight += (coder->weights[coder->n_near + i] - *weight) / 64;
+        *weight += (coder->filter.weights[coder->item.n_near + i] - *weight) / 64;
     }
 }
 
@@ -49,19 +52,22 @@ static void load_motions(exact_coder *coder, int64_t first) {
     int64_t w = coder->width, stride = coder->n_frames * w, end = first + MOTION_FRAMES;
     int64_t from = first > 1 ? first - 1 : 1, origin = (first - 1) * w;
     end = end < coder->n_frames ? end : coder->n_frames;
-    coder->first = first;
-    for (int i = 0; i < coder->n_near; i++) {
-        const double *row = coder->known + coder->near[i] * stride;
+    motion_filter *filter = &coder->filter;
+    const current_item *item = &coder->item;
+    filter->first_frame = first;
+    for (int i = 0; i < item->n_near; i++) {
+        const double *row = coder->coded.values + item->near[i] * stride;
         for (int64_t at = from * w; at < end * w; at++) {
-            coder->motions[(at - origin) * INPUTS + i] = row[at] - row[at - w];
+            filter->motions[(at - origin) * INPUTS + i] = row[at] - row[at - w];
         }
     }
-    for (int64_t t = first; coder->has_lags && t < end; t++) {
+    for (int64_t t = first; coder->choices.has_lags && t < end; t++) {
         int64_t lag = coder->lags[t];
-        for (int i = 0; lag && i < coder->n_near; i++) {
-            const double *row = coder->known + coder->near[i] * stride;
+        for (int i = 0; lag && i < item->n_near; i++) {
+            const double *row = coder->coded.values + item->near[i] * stride;
             for (int64_t at = t * w; at < (t + 1) * w; at++) {
-                coder->lagged_motions[(at - origin) * INPUTS + i] = row[at - lag * w] - row[at - w];
+                filter->lagged_motions[(at - origin) * INPUTS + i] =
+                    row[at - lag * w] - row[at - w];
             }
         }
     }

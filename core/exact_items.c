@@ -10,20 +10,20 @@
    since the previous frame. */
 REEL_INLINE double mean_near(const exact_coder *coder, int64_t t, int64_t col, int max_neighbors) {
     int64_t stride = coder->n_frames * coder->width, at = t * coder->width + col;
-    int n = coder->n_near < max_neighbors ? coder->n_near : max_neighbors;
+    int n = coder->item.n_near < max_neighbors ? coder->item.n_near : max_neighbors;
     double sum = 0;
     for (int i = 0; i < n; i++) {
-        const double *row = coder->known + coder->near[i] * stride + at;
+        const double *row = coder->coded.values + coder->item.near[i] * stride + at;
         sum += t ? row[0] - row[-coder->width] : row[0];
     }
     return n ? sum / n : 0;
 }
 
 /* Code whether a number is infinite or NaN, and if so its bit pattern. Return the former. */
-REEL_INLINE bool code_special(exact_coder *coder, int64_t t, int64_t col, uint64_t *pattern) {
-    int own = t && coder->flags[coder->position * coder->n_frames + t - 1] & SPECIAL, near = 0;
-    for (int i = 0; i < coder->n_near && i < 2; i++) {
-        near += (coder->flags[coder->near[i] * coder->n_frames + t] & SPECIAL) != 0;
+REEL_INLINE bool code_special(exact_coder *coder, int64_t t, uint64_t *pattern) {
+    int own = t && flags_of(coder, coder->item.position)[t - 1] & SPECIAL, near = 0;
+    for (int i = 0; i < coder->item.n_near && i < 2; i++) {
+        near += (flags_of(coder, coder->item.near[i])[t] & SPECIAL) != 0;
     }
     bool special =
         reel_is_encoder(coder->range_coder) && reel_is_special(&coder->numbers, *pattern);
@@ -31,7 +31,7 @@ REEL_INLINE bool code_special(exact_coder *coder, int64_t t, int64_t col, uint64
         return false;
     }
     uint64_t last = coder->models->last_special;
-    coder->flags[coder->position * coder->n_frames + t] |= SPECIAL;
+    flags_of(coder, coder->item.position)[t] |= SPECIAL;
     if (reel_bit(coder->range_coder, &coder->models->special_repeats,
                  reel_is_encoder(coder->range_coder) && *pattern == last)) {
         *pattern = last;
@@ -43,18 +43,17 @@ REEL_INLINE bool code_special(exact_coder *coder, int64_t t, int64_t col, uint64
         }
         *pattern = coder->models->last_special = result;
     }
-    (void)col;
     return true;
 }
 
 /* Record a number and the size of its difference for later predictions. */
 REEL_INLINE void record(exact_coder *coder, int64_t t, int64_t col, double value, int32_t size) {
     column_state *state = &coder->columns[col];
-    int64_t at = (coder->position * coder->n_frames + t) * coder->width + col;
-    coder->known[at] = value;
-    coder->sizes[at] = (int16_t)size;
+    int64_t at = (coder->item.position * coder->n_frames + t) * coder->width + col;
+    coder->coded.values[at] = value;
+    coder->coded.sizes[at] = (int16_t)size;
     int32_t excess = size - (t > 1 ? state->fast >> 4 : state->recent);
-    coder->excess = col ? (coder->excess + excess) >> 1 : excess;
+    coder->item.excess = col ? (coder->item.excess + excess) >> 1 : excess;
     state->last = size;
 }
 
@@ -82,12 +81,12 @@ typedef struct {
 REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
     int64_t stride = coder->n_frames * coder->width;
     prediction result = {0};
-    int64_t source = coder->n_near ? coder->near[0] : coder->position - 1;
+    int64_t source = coder->item.n_near ? coder->item.near[0] : coder->item.position - 1;
     if (source < 0) {
         return result;
     }
-    result.base = coder->known[source * stride + col];
-    result.value = coder->n_near ? mean_near(coder, 0, col, REEL_MAX_NEAR) : result.base;
+    result.base = coder->coded.values[source * stride + col];
+    result.value = coder->item.n_near ? mean_near(coder, 0, col, REEL_MAX_NEAR) : result.base;
     if (coder->numbers.type != REEL_FLOATS) {
         uint64_t pattern = pattern_at(coder, 0, coder->traversal.order[source], col);
         result.index = reel_integer_of(&coder->numbers, pattern);
@@ -109,10 +108,10 @@ REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
 
 /* Code whether a row differs from the previous one. */
 REEL_INLINE bool code_moved(exact_coder *coder, int64_t t, bool moved) {
-    const uint8_t *own = coder->flags + coder->position * coder->n_frames + t;
+    const uint8_t *own = flags_of(coder, coder->item.position) + t;
     int near = 0;
-    for (int i = 0; i < coder->n_near && i < N_VOTES; i++) {
-        near += coder->flags[coder->near[i] * coder->n_frames + t] & MOVED;
+    for (int i = 0; i < coder->item.n_near && i < N_VOTES; i++) {
+        near += flags_of(coder, coder->item.near[i])[t] & MOVED;
     }
     int history = (t > 1 ? own[-1] & MOVED : 0) | (t > 2 ? (own[-2] & MOVED) << 1 : 0);
     return reel_bit(coder->range_coder, &coder->models->moved[near][history], moved);
@@ -120,27 +119,27 @@ REEL_INLINE bool code_moved(exact_coder *coder, int64_t t, bool moved) {
 
 static void copy_row(const exact_coder *coder, int64_t t, int64_t from) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
-    reel_copy(coder->values + (size_t)(t * coder->n_items + coder->item) * size,
-              coder->values + (size_t)(from * coder->n_items + coder->item) * size, size);
+    reel_copy(coder->values + (size_t)(t * coder->n_items + coder->item.index) * size,
+              coder->values + (size_t)(from * coder->n_items + coder->item.index) * size, size);
 }
 
 /* Set a row to that of the previous frame, and update the statistics as for any row. */
 static void repeat_row(exact_coder *coder, int64_t t) {
-    uint8_t *flags = coder->flags + coder->position * coder->n_frames + t;
+    uint8_t *flags = flags_of(coder, coder->item.position) + t;
     if (!reel_is_encoder(coder->range_coder)) {
         copy_row(coder, t, t - 1);
-        for (int64_t at = t * coder->width; coder->kind != LABELS && at < (t + 1) * coder->width;
-             at++) {
-            coder->patterns[at] = coder->patterns[at - coder->width];
+        for (int64_t at = t * coder->width;
+             coder->choices.kind != LABELS && at < (t + 1) * coder->width; at++) {
+            coder->item.patterns[at] = coder->item.patterns[at - coder->width];
         }
     }
     *flags = flags[-1] & SPECIAL;
-    if (coder->kind == LABELS) {
+    if (coder->choices.kind == LABELS) {
         return;
     }
     for (int64_t col = 0; col < coder->width; col++) {
-        double value =
-            coder->known[(coder->position * coder->n_frames + t - 1) * coder->width + col];
+        int64_t before = (coder->item.position * coder->n_frames + t - 1) * coder->width + col;
+        double value = coder->coded.values[before];
         int32_t step;
         reel_predict_index(&coder->numbers, value, value, 0, &coder->columns[col].decade, &step);
         record(coder, t, col, value, clamp(step - 16, REEL_MAX_SIZE));
@@ -159,14 +158,14 @@ static const uint8_t *row_of(const exact_coder *coder, int64_t t, int64_t item) 
    `votes` counts the neighbors that have each row. */
 static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **rows, int *votes) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
-    const uint8_t *previous = t ? row_of(coder, t - 1, coder->item) : NULL;
+    const uint8_t *previous = t ? row_of(coder, t - 1, coder->item.index) : NULL;
     int n = 0;
-    for (int i = -1; i < coder->n_near && i < N_VOTES; i++) {
+    for (int i = -1; i < coder->item.n_near && i < N_VOTES; i++) {
         if (i < 0 && t < 2) {
             continue;
         }
-        const uint8_t *row = i < 0 ? row_of(coder, t - 2, coder->item)
-                                   : row_of(coder, t, coder->traversal.order[coder->near[i]]);
+        const uint8_t *row = i < 0 ? row_of(coder, t - 2, coder->item.index)
+                                   : row_of(coder, t, coder->traversal.order[coder->item.near[i]]);
         int same = 0;
         while (same < n && !reel_equal_bytes(rows[same], row, size)) {
             same++;
@@ -187,13 +186,13 @@ static void code_new_row(exact_coder *coder, int64_t t) {
     int decade = 0; /* unused */
     for (int64_t col = 0; col < coder->width; col++) {
         column_state *state = &coder->columns[col];
-        int64_t from = coder->position ? coder->traversal.order[coder->position - 1] : -1;
-        uint64_t base = t           ? pattern_at(coder, t - 1, coder->item, col)
+        int64_t from = coder->item.position ? coder->traversal.order[coder->item.position - 1] : -1;
+        uint64_t base = t           ? pattern_at(coder, t - 1, coder->item.index, col)
                         : from >= 0 ? pattern_at(coder, 0, from, col)
                                     : 0;
         uint64_t index = reel_index_of(numbers, base, &decade);
         uint64_t pattern =
-            reel_is_encoder(coder->range_coder) ? pattern_at(coder, t, coder->item, col) : 0;
+            reel_is_encoder(coder->range_coder) ? pattern_at(coder, t, coder->item.index, col) : 0;
         uint64_t difference = reel_index_of(numbers, pattern, &decade) - index;
         difference = code_difference(coder, class_of(state->last >> 4), difference);
         int32_t size = size_of(difference >> 63 ? 0 - difference : difference);
@@ -207,8 +206,8 @@ static void code_label(exact_coder *coder, int64_t t) {
     const uint8_t *rows[N_VOTES + 1];
     int votes[N_VOTES + 1], n = find_candidates(coder, t, rows, votes);
     size_t size = (size_t)(coder->width * coder->numbers.size);
-    uint8_t *row = coder->values + (row_of(coder, t, coder->item) - coder->values);
-    coder->flags[coder->position * coder->n_frames + t] = MOVED;
+    uint8_t *row = coder->values + (row_of(coder, t, coder->item.index) - coder->values);
+    flags_of(coder, coder->item.position)[t] = MOVED;
     for (int i = 0; i < n; i++) {
         bool same = reel_is_encoder(coder->range_coder) && reel_equal_bytes(rows[i], row, size);
         int vote = votes[i] < N_VOTES ? votes[i] : N_VOTES;
@@ -228,82 +227,83 @@ static void code_label(exact_coder *coder, int64_t t) {
 static bool code_constant(exact_coder *coder) {
     bool constant =
         coder->n_frames > 1 && reel_is_encoder(coder->range_coder) && is_constant(coder);
-    int near = coder->n_near ? 1 : 0;
-    for (int i = 0; i < coder->n_near && i < 2; i++) {
-        near += coder->constant[coder->near[i]];
+    int near = coder->item.n_near ? 1 : 0;
+    for (int i = 0; i < coder->item.n_near && i < 2; i++) {
+        near += coder->coded.is_constant[coder->item.near[i]];
     }
     if (coder->n_frames > 1) {
         constant = reel_bit(coder->range_coder, &coder->models->constant[near], constant);
     }
-    coder->constant[coder->position] = constant;
+    coder->coded.is_constant[coder->item.position] = constant;
     return constant;
 }
 
 /* Load the bit patterns of the item (encoder), and sum the sizes of its neighbors. */
 static void load_item(exact_coder *coder) {
     int64_t count = coder->n_frames * coder->width;
-    int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;
+    int n = coder->item.n_near < N_NEAR ? coder->item.n_near : N_NEAR;
     if (reel_is_encoder(coder->range_coder)) {
         for (int64_t t = 0; t < coder->n_frames; t++) {
             for (int64_t col = 0; col < coder->width; col++) {
-                coder->patterns[t * coder->width + col] = pattern_at(coder, t, coder->item, col);
+                coder->item.patterns[t * coder->width + col] =
+                    pattern_at(coder, t, coder->item.index, col);
             }
         }
     }
-    reel_zero(coder->sums, (size_t)count * sizeof *coder->sums);
+    reel_zero(coder->item.near_size_sums, (size_t)count * sizeof *coder->item.near_size_sums);
     for (int i = 0; i < n; i++) {
-        const int16_t *row = coder->sizes + coder->near[i] * count;
+        const int16_t *row = coder->coded.sizes + coder->item.near[i] * count;
         for (int64_t at = 0; at < count; at++) {
-            coder->sums[at] += row[at];
-            coder->max_sizes[at] =
-                i && coder->max_sizes[at] > row[at] ? coder->max_sizes[at] : row[at];
+            coder->item.near_size_sums[at] += row[at];
+            coder->item.max_near_sizes[at] = i && coder->item.max_near_sizes[at] > row[at]
+                                                 ? coder->item.max_near_sizes[at]
+                                                 : row[at];
         }
     }
 }
 
 static void code_item(exact_coder *coder) {
-    int64_t next =
-        coder->traversal
-            .order[coder->position + 1 < coder->n_items ? coder->position + 1 : coder->position];
+    int64_t after = coder->item.position + 1;
+    int64_t next = after < coder->n_items ? coder->traversal.order[after] : coder->item.index;
     bool constant = code_constant(coder);
-    if (coder->kind != LABELS) {
+    if (coder->choices.kind != LABELS) {
         load_item(coder);
     }
-    if (coder->kind == FILTER) {
-        begin_item_filter(coder);
+    if (coder->choices.kind == FILTER) {
+        start_filter(coder);
     }
     for (int64_t t = 0; t < coder->n_frames; t++) {
         __builtin_prefetch(row_of(coder, t, next));
         bool moved = !constant || t == 0;
-        if (t && !constant && coder->has_repeats) {
+        if (t && !constant && coder->choices.has_repeats) {
             moved = reel_is_encoder(coder->range_coder) && !same_rows(coder, t, t - 1);
             moved = code_moved(coder, t, moved);
         }
         if (!moved) {
             repeat_row(coder, t);
-        } else if (coder->kind == LABELS) {
+        } else if (coder->choices.kind == LABELS) {
             code_label(coder, t);
         } else {
-            if (coder->kind == FILTER && t >= coder->first + MOTION_FRAMES) {
+            if (coder->choices.kind == FILTER && t >= coder->filter.first_frame + MOTION_FRAMES) {
                 load_motions(coder, t);
             }
             REEL_UP_TO_4(coder->vector_width, code_numbers, coder, t);
         }
     }
-    if (coder->kind == FILTER) {
+    if (coder->choices.kind == FILTER) {
         end_filter(coder);
     }
 }
 
 void reel_exact_items(exact_coder *coder, int64_t count) {
-    for (coder->position = 0; coder->position < count; coder->position++) {
-        coder->item = coder->traversal.order[coder->position];
-        int max_neighbors = coder->kind == LABELS ? N_VOTES : REEL_MAX_NEAR;
-        coder->n_near =
-            reel_find_near(&coder->traversal, (int32_t)coder->position, max_neighbors, coder->near);
-        if (coder->in_given_order && coder->position) {
-            coder->n_near = reel_prepend_position((int32_t)coder->position - 1, coder->near,
-                                                  coder->n_near, max_neighbors);
+    int max_near = coder->choices.kind == LABELS ? N_VOTES : REEL_MAX_NEAR;
+    current_item *item = &coder->item;
+    for (int32_t position = 0; position < count; position++) {
+        item->position = position;
+        item->index = coder->traversal.order[position];
+        item->n_near = reel_find_near(&coder->traversal, position, max_near, item->near);
+        if (coder->choices.in_given_order && position) {
+            item->n_near = reel_prepend_position(position - 1, item->near, item->n_near, max_near);
         }
         code_item(coder);
     }

@@ -31,50 +31,50 @@ TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *input
 /* Compute the gains = covariance inputs; returns the variance of the predicted motion. */
 TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *coder, const double *inputs,
                                             const double *temporal) {
-    const VEC *row = (const VEC *)coder->covariance;
+    const VEC *row = (const VEC *)coder->filter.covariance;
     VEC sums[N_VECS];
     FOR_VECS(k) { sums[k] = (VEC){0}; }
     for (int j = 0; j < REEL_MAX_NEAR; j++) {
         FOR_VECS(k) { sums[k] += row[N_VECS * j + k] * inputs[j]; }
     }
     for (int i = 0; i < TEMPORAL; i++) {
-        FOR_VECS(k) { sums[k] += row[N_VECS * (coder->n_near + i) + k] * temporal[i]; }
+        FOR_VECS(k) { sums[k] += row[N_VECS * (coder->item.n_near + i) + k] * temporal[i]; }
     }
-    FOR_VECS(k) { ((VEC *)coder->gains)[k] = sums[k]; }
-    return NAMED(filter_sum)(coder->gains, inputs, coder->n_near, temporal);
+    FOR_VECS(k) { ((VEC *)coder->filter.gains)[k] = sums[k]; }
+    return NAMED(filter_sum)(coder->filter.gains, inputs, coder->item.n_near, temporal);
 }
 
 /* Kalman update with a prediction error of variance `spread`: move the weights along the gains, and
    shrink the covariance. Returns false if the numbers are unusable. */
-TARGET REEL_INLINE bool NAMED(update_filter)(exact_coder *coder, double error, double spread) {
+TARGET REEL_INLINE bool NAMED(update_filter)(motion_filter *filter, double error, double spread) {
     if (!(spread > 0 && spread < 1e100 && error * error < 1e100)) {
         return false;
     }
     double by = 1.0 / spread, step = error * by;
     VEC gains[N_VECS];
     FOR_VECS(k) {
-        gains[k] = ((const VEC *)coder->gains)[k];
-        ((VEC *)coder->weights)[k] += gains[k] * step;
+        gains[k] = ((const VEC *)filter->gains)[k];
+        ((VEC *)filter->weights)[k] += gains[k] * step;
     }
     for (int j = 0; j < INPUTS; j++) {
-        VEC *row = (VEC *)(coder->covariance + INPUTS * j);
-        double gain = coder->gains[j] * by;
+        VEC *row = (VEC *)(filter->covariance + INPUTS * j);
+        double gain = filter->gains[j] * by;
         FOR_VECS(k) { row[k] -= gains[k] * gain; }
     }
     return true;
 }
 
 /* Inflate the covariance, unless the weights are nearly unknown. */
-TARGET REEL_INLINE void NAMED(inflate_covariance)(exact_coder *coder) {
+TARGET REEL_INLINE void NAMED(inflate_covariance)(motion_filter *filter, int n_inputs) {
     double sum = 0;
-    for (int i = 0; i < coder->n_near + TEMPORAL; i++) {
-        sum += coder->covariance[INPUTS * i + i];
+    for (int i = 0; i < n_inputs; i++) {
+        sum += filter->covariance[INPUTS * i + i];
     }
     if (!(sum < INITIAL_VARIANCE)) {
         return;
     }
     for (int k = 0; k < INPUTS * N_VECS; k++) {
-        ((VEC *)coder->covariance)[k] *= COVARIANCE_GROWTH;
+        ((VEC *)filter->covariance)[k] *= COVARIANCE_GROWTH;
     }
 }
 
@@ -84,53 +84,58 @@ TARGET static void NAMED(update_from_positions)(exact_coder *coder, int64_t col,
     static const double none[TEMPORAL] = {0};
     int64_t stride = coder->n_frames * coder->width;
     double positions[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
-    for (int i = 0; i < coder->n_near; i++) {
-        positions[i] = coder->known[coder->near[i] * stride + col] - mean;
+    for (int i = 0; i < coder->item.n_near; i++) {
+        positions[i] = coder->coded.values[coder->item.near[i] * stride + col] - mean;
     }
     double squares = NAMED(filter_sum)(positions, positions, 0, NULL);
-    double sum = NAMED(filter_sum)(coder->weights, positions, 0, NULL);
-    double spread = NAMED(find_gains)(coder, positions, none) + 0.2 * (squares / coder->n_near);
-    NAMED(update_filter)(coder, (value - mean) - sum, spread + coder->numbers.rounding);
+    double sum = NAMED(filter_sum)(coder->filter.weights, positions, 0, NULL);
+    double spread =
+        NAMED(find_gains)(coder, positions, none) + 0.2 * (squares / coder->item.n_near);
+    NAMED(update_filter)(&coder->filter, (value - mean) - sum, spread + coder->numbers.rounding);
 }
 
 /* Motion of the item relative to the weighted motions of its neighbors. */
 TARGET REEL_INLINE double NAMED(residual_motion)(const exact_coder *coder, const double *motions,
                                                  double motion) {
-    return motion - NAMED(filter_sum)(coder->weights, motions, 0, NULL);
+    return motion - NAMED(filter_sum)(coder->filter.weights, motions, 0, NULL);
 }
 
 /* Predict the motion of a number since the last frame, from its neighbors' motions and its own
    recent ones. */
 TARGET REEL_INLINE double NAMED(predict_motion)(exact_coder *coder, int64_t t, int64_t col,
                                                 double *spread) {
-    int64_t w = coder->width, lag = coder->lags[t], at = (t - coder->first + 1) * w + col;
-    const double *patterns = coder->known + (coder->position * coder->n_frames + t) * w + col;
-    const double *motions = coder->motions + at * INPUTS;
+    int64_t w = coder->width, lag = coder->lags[t],
+            at = (t - coder->filter.first_frame + 1) * w + col;
+    const double *patterns =
+        coder->coded.values + (coder->item.position * coder->n_frames + t) * w + col;
+    const double *motions = coder->filter.motions + at * INPUTS;
     double temporal[TEMPORAL] = {0};
     if (t > 1) {
         temporal[0] =
             NAMED(residual_motion)(coder, motions - w * INPUTS, patterns[-w] - patterns[-2 * w]);
     }
     if (lag) {
-        temporal[1] = NAMED(residual_motion)(coder, coder->lagged_motions + at * INPUTS,
+        temporal[1] = NAMED(residual_motion)(coder, coder->filter.lagged_motions + at * INPUTS,
                                              patterns[-lag * w] - patterns[-w]);
     }
-    double fast = 4 * coder->fast_noise, noise = coder->noise < fast ? coder->noise : fast;
+    double fast = 4 * coder->filter.fast_noise,
+           noise = coder->filter.noise < fast ? coder->filter.noise : fast;
     *spread = (NAMED(find_gains)(coder, motions, temporal) + noise) + coder->numbers.rounding;
-    return NAMED(filter_sum)(coder->weights, motions, coder->n_near, temporal);
+    return NAMED(filter_sum)(coder->filter.weights, motions, coder->item.n_near, temporal);
 }
 
 TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *coder, int64_t t, int64_t col) {
     prediction result = {0};
-    result.base = coder->known[(coder->position * coder->n_frames + t - 1) * coder->width + col];
-    if (coder->kind == FILTER) {
+    result.base =
+        coder->coded.values[(coder->item.position * coder->n_frames + t - 1) * coder->width + col];
+    if (coder->choices.kind == FILTER) {
         result.value = result.base + NAMED(predict_motion)(coder, t, col, &result.spread);
     } else {
         result.value = result.base + mean_near(coder, t, col, N_NEAR);
     }
     if (coder->numbers.type != REEL_FLOATS) {
         result.index =
-            reel_integer_of(&coder->numbers, coder->patterns[(t - 1) * coder->width + col]);
+            reel_integer_of(&coder->numbers, coder->item.patterns[(t - 1) * coder->width + col]);
     }
     return result;
 }
@@ -138,9 +143,9 @@ TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *coder, int64_t t, i
 TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *coder, const prediction *predicted,
                                             double value) {
     double error = value - predicted->value;
-    if (NAMED(update_filter)(coder, error, predicted->spread)) {
-        coder->noise += (error * error - coder->noise) / 20;
-        coder->fast_noise += (error * error - coder->fast_noise) / 8;
+    if (NAMED(update_filter)(&coder->filter, error, predicted->spread)) {
+        coder->filter.noise += (error * error - coder->filter.noise) / 20;
+        coder->filter.fast_noise += (error * error - coder->filter.fast_noise) / 8;
     }
 }
 
@@ -148,7 +153,7 @@ TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *coder, const prediction
 TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_t col) {
     const reel_numbers *numbers = &coder->numbers;
     prediction predicted = t ? NAMED(predict_at)(coder, t, col) : predict_first(coder, col);
-    uint64_t pattern = coder->patterns[t * coder->width + col];
+    uint64_t pattern = coder->item.patterns[t * coder->width + col];
     if (!(predicted.value >= -0x1p1000 && predicted.value <= 0x1p1000)) {
         predicted.value = predicted.base;
     }
@@ -158,7 +163,7 @@ TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_
                                         &decade, &step);
     coder->columns[col].decade = decade;
     int32_t inputs[N_INPUTS], size = predict_size(coder, t, col, predicted.spread, inputs);
-    if (coder->has_special && code_special(coder, t, col, &pattern)) {
+    if (coder->choices.has_special && code_special(coder, t, &pattern)) {
         put_pattern(coder, t, col, pattern);
         record(coder, t, col, predicted.value, clamp(size, REEL_MAX_SIZE));
         return;
@@ -174,24 +179,24 @@ TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_
     update_size_weights(coder, inputs, coded_size - size);
     double value = reel_known_value(numbers, pattern, predicted.value);
     record(coder, t, col, value, coded_size);
-    if (coder->kind != FILTER) {
+    if (coder->choices.kind != FILTER) {
         return;
     }
     if (t) {
         NAMED(learn_motion)(coder, &predicted, value);
-    } else if (coder->n_near) {
+    } else if (coder->item.n_near) {
         NAMED(update_from_positions)(coder, col, predicted.value, value);
     }
 }
 
 TARGET static void NAMED(code_numbers)(exact_coder *coder, int64_t t) {
-    coder->flags[coder->position * coder->n_frames + t] = MOVED;
+    flags_of(coder, coder->item.position)[t] = MOVED;
     for (int64_t col = 0; col < coder->width; col++) {
         NAMED(code_number)(coder, t, col);
     }
     update_columns(coder, t);
-    if (t && coder->kind == FILTER) {
-        NAMED(inflate_covariance)(coder);
+    if (t && coder->choices.kind == FILTER) {
+        NAMED(inflate_covariance)(&coder->filter, coder->item.n_near + TEMPORAL);
     }
 }
 

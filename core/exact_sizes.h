@@ -95,22 +95,23 @@ static const int32_t inverses_q16[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 
 REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double spread,
                                  int32_t inputs[N_INPUTS]) {
     column_state *state = &coder->columns[col];
-    int n = coder->n_near < N_NEAR ? coder->n_near : N_NEAR;
+    int n = coder->item.n_near < N_NEAR ? coder->item.n_near : N_NEAR;
     int64_t at = t * coder->width + col;
     int32_t recent = state->fast >> 4; /* moving average of the sizes in this column */
-    int32_t neighbors = n   ? coder->sums[at] * inverses_q16[n] >> 16 /* their mean size */
-                        : t ? recent
-                            : state->last;
+    int32_t neighbors =
+        n   ? coder->item.near_size_sums[at] * inverses_q16[n] >> 16 /* their mean size */
+        : t ? recent
+            : state->last;
     recent = t > 1 ? recent : neighbors;
     int32_t neighbors_before =
-        n && t ? coder->sums[at - coder->width] * inverses_q16[n] >> 16 : recent;
+        n && t ? coder->item.near_size_sums[at - coder->width] * inverses_q16[n] >> 16 : recent;
     state->recent = recent;
     inputs[0] = 16;
     inputs[1] = neighbors - recent;
-    inputs[2] = col ? coder->excess : 0;
+    inputs[2] = col ? coder->item.excess : 0;
     inputs[3] = neighbors_before - recent;
     inputs[4] = t > 1 ? recent - (state->slow >> 4) : 0;
-    inputs[5] = n ? coder->max_sizes[at] - neighbors : 0;
+    inputs[5] = n ? coder->item.max_near_sizes[at] - neighbors : 0;
     inputs[6] = spread > 0 ? reel_size_of_variance(spread) - recent : 0;
     int64_t sum = 0;
     for (int i = 0; i < N_INPUTS; i++) {

@@ -48,40 +48,63 @@ typedef struct {
     int decade;         /* decade of the last number, for decimal floats */
 } column_state;
 
+/* What the encoder chooses for a block; its header stores it. */
 typedef struct {
-    reel_range_coder *range_coder;
-    reel_numbers numbers;
-    uint8_t *values; /* frames x items x width numbers */
-    int64_t n_frames, n_items, width;
-    int kind;
-    bool has_repeats, has_special, has_lags, in_given_order;
-    reel_traversal traversal;
-    exact_models *models;
-    column_state *columns; /* per column */
-    double *known;     /* items in coding order x frames x width: scaled values for prediction */
-    int16_t *sizes;    /* same shape: sizes of the differences */
-    uint8_t *flags;    /* items in coding order x frames: row flags */
-    uint8_t *constant; /* items in coding order: whether the item is constant */
-    int32_t *lags;     /* frames: distance to a frame with similar motion before it; 0: none */
-    float *samples;    /* frames x N_SAMPLES: changes of sampled numbers, to find such frames */
-    int32_t excess; /* how much larger sizes of this row were than the average of their column */
-    /* State of the current item. */
-    int64_t item, position;
-    int32_t near[REEL_MAX_NEAR];
+    int kind;         /* how values are predicted: LABELS, MEANS, FILTER or RAW */
+    bool has_repeats; /* rows may repeat the previous frame */
+    bool has_special; /* numbers may be infinite or NaN */
+    bool has_lags;    /* frames may resemble earlier ones; see `lags` */
+    bool in_given_order;
+} exact_choices;
+
+/* What later items need of the coded ones. All arrays begin with the items in coding order. */
+typedef struct {
+    double *values;       /* items x frames x width: scaled values for prediction */
+    int16_t *sizes;       /* items x frames x width: sizes of the differences */
+    uint8_t *flags;       /* items x frames: row flags */
+    uint8_t *is_constant; /* items: whether all rows are equal */
+    double *noises;       /* items: final `noise` of the filter */
+} coded_items;
+
+/* The item that is being coded. */
+typedef struct {
+    int64_t index, position;     /* its number, and its place in coding order */
+    int32_t near[REEL_MAX_NEAR]; /* positions of the earlier items that predict it */
     int n_near;
-    int vector_width; /* doubles per vector */
+    uint64_t *patterns;      /* frames x width: bit patterns */
+    int32_t *near_size_sums; /* frames x width: sums of the sizes of neighbors */
+    int16_t *max_near_sizes; /* frames x width: maxima of the sizes of neighbors */
+    int32_t excess; /* how much larger sizes of this row were than the average of their column */
+} current_item;
+
+/* The filter that predicts the motion of the current item. */
+typedef struct {
     double weights[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double gains[INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double covariance[INPUTS * INPUTS] __attribute__((aligned(REEL_ALIGNMENT)));
     double noise, fast_noise; /* slow and fast moving averages of squared errors */
-    double *noises;           /* items in coding order: final `noise` */
-    uint64_t *patterns;       /* frames x width: bit patterns */
-    int32_t *sums;            /* frames x width: sums of the sizes of neighbors */
-    int16_t *max_sizes;       /* frames x width: maxima of the sizes of neighbors */
-    double *motions,
-        *lagged_motions; /* MOTION_FRAMES + 1 frames x width x INPUTS: motions of neighbors */
-    int64_t first;       /* first frame of `motions`, which also hold the frame before */
-    int n_filled;        /* neighbors that have motions */
+    /* Motions of neighbors since the previous and since the lagged frame: MOTION_FRAMES + 1 frames
+       x width x INPUTS. All frames of an item would not fit into the fastest cache. */
+    double *motions, *lagged_motions;
+    int64_t first_frame; /* first frame of `motions`, which also hold the frame before */
+    int n_filled;        /* neighbors that have motions; the columns of others are 0 */
+} motion_filter;
+
+typedef struct {
+    reel_range_coder *range_coder;
+    uint8_t *values; /* frames x items x width numbers */
+    int64_t n_frames, n_items, width;
+    reel_numbers numbers;
+    exact_choices choices;
+    reel_traversal traversal;
+    exact_models *models;
+    column_state *columns; /* per column */
+    coded_items coded;
+    current_item item;
+    int32_t *lags;    /* frames: distance to a frame with similar motion before it; 0: none */
+    float *samples;   /* frames x N_SAMPLES: changes of sampled numbers, to find such frames */
+    int vector_width; /* doubles per vector */
+    motion_filter filter;
 } exact_coder;
 
 /* Length of `motions`. */
@@ -117,17 +140,22 @@ REEL_INLINE uint64_t pattern_at(const exact_coder *coder, int64_t t, int64_t ite
 
 REEL_INLINE void put_pattern(const exact_coder *coder, int64_t t, int64_t col, uint64_t pattern) {
     const reel_numbers *numbers = &coder->numbers;
-    coder->patterns[t * coder->width + col] = pattern;
+    coder->item.patterns[t * coder->width + col] = pattern;
     reel_write_pattern(numbers, coder->values,
-                       (t * coder->n_items + coder->item) * coder->width + col, pattern);
+                       (t * coder->n_items + coder->item.index) * coder->width + col, pattern);
+}
+
+/* Return the row flags of an item at each frame. */
+REEL_INLINE uint8_t *flags_of(const exact_coder *coder, int64_t position) {
+    return coder->coded.flags + position * coder->n_frames;
 }
 
 /* Whether the item has equal rows at two frames. */
 REEL_INLINE bool same_rows(const exact_coder *coder, int64_t t, int64_t other) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
-    return reel_equal_bytes(coder->values + (size_t)(t * coder->n_items + coder->item) * size,
-                            coder->values + (size_t)(other * coder->n_items + coder->item) * size,
-                            size);
+    return reel_equal_bytes(
+        coder->values + (size_t)(t * coder->n_items + coder->item.index) * size,
+        coder->values + (size_t)(other * coder->n_items + coder->item.index) * size, size);
 }
 
 /* Whether the item has equal rows at all frames. */
