@@ -99,6 +99,14 @@ typedef struct {
     copy_source sources[MAX_COLUMNS];
 } surface_coder;
 
+/* Values of the row that is being coded, and what its columns so far tell about the next ones. */
+typedef struct {
+    const int32_t *input;   /* encoder: its values */
+    int32_t *decoded;       /* decoder: memory of its values */
+    int32_t mean_magnitude; /* moving average of the magnitudes of residuals */
+    int copy_answer;        /* last answer of code_copy: 0: none yet, 1: yes, 2: no */
+} current_row;
+
 /* Means of neighbors of a row, for a group of columns: of a and b and of c of its parallelograms,
    and of all earlier rows around it. */
 typedef struct {
@@ -420,13 +428,12 @@ REEL_INLINE int32_t code_residual(reel_range_coder *coder, residual_models *mode
     return (int32_t)((magnitude ^ negative) - negative);
 }
 
-/* Code whether a residual equals its copy source, and set it if so. `context` is the last answer in
-   this row (0: none yet, 1: yes, 2: no), and becomes this one. */
+/* Code whether a residual equals its copy source, and set it if so. */
 REEL_INLINE bool code_copy(reel_range_coder *range_coder, const surface_coder *coder,
-                           int32_t source, int run, int *context, int32_t *residual) {
-    reel_model *model = &coder->state->models.copy[*context][source == 0][run];
+                           int32_t source, int run, current_row *row, int32_t *residual) {
+    reel_model *model = &coder->state->models.copy[row->copy_answer][source == 0][run];
     bool is_copy = reel_even_bit(range_coder, model, *residual == source);
-    *context = is_copy ? 1 : 2;
+    row->copy_answer = is_copy ? 1 : 2;
     *residual = is_copy ? source : *residual;
     return is_copy;
 }
@@ -462,17 +469,16 @@ REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, i
     return near;
 }
 
-/* Code a group of columns of a row. The encoder passes the values of the row in `input`, the
-   decoder their memory in `decoded`. `row_average` is the moving average of the magnitudes in
-   earlier columns of the row; `copy_context` is as in code_copy. */
-REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder, int64_t row,
-                            int64_t group, int64_t n_groups, int64_t n_columns,
-                            const int32_t *input, int32_t *decoded, int32_t *row_average,
-                            int *copy_context) {
+/* Code a group of columns of a row. The models of a residual depend on its expected magnitude: a
+   weighted sum of how much the parallelograms differ, or else of the residuals around; of the
+   errors of the selected candidate, or else of the residuals of the column; and of the residuals in
+   earlier columns of the row. */
+REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *coder, current_row *row,
+                              int64_t number, int64_t group, int64_t n_groups, int64_t n_columns) {
     static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12}; /* 48 / number of rows */
     int32_t value[LANES] = {0}, coded[LANES] = {0};
     candidates all = {0};
-    vec4i predicted = predict_group(coder, row, group, n_groups, &all);
+    vec4i predicted = predict_group(coder, number, group, n_groups, &all);
     near_residuals near = sum_near(coder, group, n_groups);
     bool has_deviation = coder->n_parallelograms != 0;
     bool has_candidates = has_deviation && coder->state->choices & BEST;
@@ -486,19 +492,19 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
         int32_t earlier = has_candidates ? 3 * all.error[k] >> 2 : *recent;
         int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * earlier + 72;
-        float expected = (float)(sum + (column ? mean + 48 * *row_average : 2 * mean));
+        float expected = (float)(sum + (column ? mean + 48 * row->mean_magnitude : 2 * mean));
         int32_t bits;
         __builtin_memcpy(&bits, &expected, sizeof bits);
         int size = (bits >> 22) - 2 * (127 + 6); /* half octaves above 64 */
         int32_t residual = 0;
         if (reel_is_encoder(range_coder)) {
-            residual = (int32_t)((uint32_t)input[column] - (uint32_t)predicted[k]);
+            residual = (int32_t)((uint32_t)row->input[column] - (uint32_t)predicted[k]);
         }
         const copy_source *from = &coder->sources[column];
         bool is_copy = false;
         if (from->next) {
             int32_t source = coder->residuals[from->next * n_groups + group][k];
-            is_copy = code_copy(range_coder, coder, source, from->run, copy_context, &residual);
+            is_copy = code_copy(range_coder, coder, source, from->run, row, &residual);
         }
         if (!is_copy) {
             residual =
@@ -506,24 +512,24 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
         }
         value[k] = (int32_t)((uint32_t)predicted[k] + (uint32_t)residual);
         if (!reel_is_encoder(range_coder)) {
-            decoded[column] = value[k];
+            row->decoded[column] = value[k];
         }
         residual = residual < LARGEST ? residual : LARGEST;
         residual = residual > -LARGEST ? residual : -LARGEST;
         coded[k] = residual;
         if (coder->state->choices & COPIES) {
-            find_source(coder, row, column, residual, is_copy);
+            find_source(coder, number, column, residual, is_copy);
         }
         int32_t magnitude = residual < 0 ? -residual : residual;
         *recent += (48 * magnitude - *recent) >> 3;
-        *row_average = column ? (*row_average + magnitude) >> 1 : magnitude;
+        row->mean_magnitude = column ? (row->mean_magnitude + magnitude) >> 1 : magnitude;
     }
     vec4i values = {value[0], value[1], value[2], value[3]};
     if (has_candidates) {
         compare_candidates(coder, group, &all, values);
     }
-    coder->values[row * n_groups + group] = __builtin_convertvector(values, vec4d);
-    coder->residuals[(coder->first_row + row) * n_groups + group] =
+    coder->values[number * n_groups + group] = __builtin_convertvector(values, vec4d);
+    coder->residuals[(coder->first_row + number) * n_groups + group] =
         (vec4i){coded[0], coded[1], coded[2], coded[3]};
 }
 
@@ -531,13 +537,11 @@ REEL_INLINE void code_group(reel_range_coder *range_coder, surface_coder *coder,
    other. */
 REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, int64_t n_groups,
                            int64_t n_columns, const int32_t *input, int32_t *decoded) {
-    for (int64_t row = 0; row < coder->n_rows; row++) {
-        int32_t row_average = 0;
-        int copy_context = 0;
-        find_neighbors(coder, (int32_t)row);
+    for (int64_t number = 0; number < coder->n_rows; number++) {
+        current_row row = {.input = input, .decoded = decoded};
+        find_neighbors(coder, (int32_t)number);
         for (int64_t group = 0; group < n_groups; group++) {
-            code_group(range_coder, coder, row, group, n_groups, n_columns, input, decoded,
-                       &row_average, &copy_context);
+            code_columns(range_coder, coder, &row, number, group, n_groups, n_columns);
         }
         input += input ? n_columns : 0;
         decoded += decoded ? n_columns : 0;
