@@ -16,18 +16,24 @@ typedef struct {
     int last_ways[2];
 } item_models;
 
+/* The open items: uncoded ones with a coded neighbor. Each has a time, by which they are sorted.
+
+   Coding an item opens its other neighbors, at consecutive times. If another coded item reaches one
+   of them, it moves to the front of these times, as it is likely to be coded sooner. */
+typedef struct {
+    reel_ranks times;    /* times of the open items */
+    int32_t *time_of;    /* time of each item, or -1 if it was never open */
+    int32_t *item_at;    /* item of each time */
+    int32_t *opener;     /* coded neighbor that opened each item */
+    int32_t *next_front; /* for each opener, the first time after those that moved to the front */
+    int32_t clock;       /* time of the next item that opens */
+} open_items;
+
 typedef struct {
     item_models *models;
     const reel_item_graph *graph;
     reel_ranks uncoded; /* items that are not coded yet */
-    reel_ranks open;    /* opening times of uncoded items with a coded neighbor */
-    int32_t *opened_at; /* opening time of each item, or -1 */
-    int32_t *item_at;   /* item that opened at each time */
-    int32_t *opener;    /* coded neighbor that opened each item */
-    /* The items that an item opened have consecutive times. Those reached from another coded item
-       since then come first. This is the first time of the others, for each opener. */
-    int32_t *first_once;
-    int32_t clock;               /* next opening time */
+    open_items open;
     int64_t last_open, last_any; /* where the last leap of OPEN and of ANY went */
 } item_state;
 
@@ -48,9 +54,8 @@ int64_t reel_code_leap(reel_range_coder *coder, reel_leap_model *model, const re
                        int64_t from, int64_t to) {
     int64_t start = reel_ranks_rank(set, from);
     int64_t distance = reel_is_encoder(coder) ? reel_ranks_rank(set, to) - start : 0;
-    distance += distance < -(set->size / 2)      ? set->size
-                : distance > (set->size - 1) / 2 ? -set->size
-                                                 : 0;
+    distance +=
+        distance<-(set->size / 2) ? set->size : distance>(set->size - 1) / 2 ? -set->size : 0;
     int32_t leap = (int32_t)distance;
     uint32_t size = model->last < 0 ? 0U - (uint32_t)model->last : (uint32_t)model->last;
     int length = reel_bit_length(size), sign = model->last > 0 ? 1 : model->last < 0 ? 2 : 0;
@@ -69,8 +74,8 @@ size_t reel_item_graph_bytes(int64_t n, int64_t n_near) {
 
 reel_item_graph reel_allocate_item_graph(reel_arena *arena, int64_t n, int64_t n_near) {
     return (reel_item_graph){.n = n,
-                        .starts = reel_allocate(arena, (size_t)n + 2, sizeof(int64_t)),
-                        .near = reel_allocate(arena, (size_t)n_near, sizeof(int32_t))};
+                             .starts = reel_allocate(arena, (size_t)n + 2, sizeof(int64_t)),
+                             .near = reel_allocate(arena, (size_t)n_near, sizeof(int32_t))};
 }
 
 size_t reel_item_coder_bytes(int64_t n) {
@@ -82,16 +87,17 @@ static item_state start_item_coder(reel_arena *arena, const reel_item_graph *gra
     size_t n = (size_t)graph->n;
     item_state state = {.models = reel_allocate(arena, 1, sizeof(item_models)), .graph = graph};
     state.uncoded = reel_ranks_of(arena, graph->n, true);
-    state.open = reel_ranks_of(arena, graph->n, false);
-    state.opened_at = reel_allocate(arena, n, sizeof(int32_t));
-    state.item_at = reel_allocate(arena, n, sizeof(int32_t));
-    state.opener = reel_allocate(arena, n, sizeof(int32_t));
-    state.first_once = reel_allocate(arena, n, sizeof(int32_t));
+    open_items *open = &state.open;
+    open->times = reel_ranks_of(arena, graph->n, false);
+    open->time_of = reel_allocate(arena, n, sizeof(int32_t));
+    open->item_at = reel_allocate(arena, n, sizeof(int32_t));
+    open->opener = reel_allocate(arena, n, sizeof(int32_t));
+    open->next_front = reel_allocate(arena, n, sizeof(int32_t));
     if (arena->failed) {
         return state;
     }
     for (size_t i = 0; i < n; i++) {
-        state.opened_at[i] = -1;
+        open->time_of[i] = -1;
     }
     item_models *models = state.models;
     reel_reset_models(models->next, sizeof models->next);
@@ -114,7 +120,7 @@ static int near_items(const item_state *state, int32_t last, int32_t next, int32
         if (here == next || !reel_ranks_has(&state->uncoded, here)) {
             continue;
         }
-        while (place > 0 && state->opened_at[result[place - 1]] > state->opened_at[here]) {
+        while (place > 0 && state->open.time_of[result[place - 1]] > state->open.time_of[here]) {
             place--;
         }
         if (place > 0 && result[place - 1] == here) {
@@ -139,7 +145,7 @@ static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_
         next = -1;
     } else {
         *way = 0;
-        if (reel_bit(coder, &models->next[h][g][state->opened_at[next] >= 0], target == next)) {
+        if (reel_bit(coder, &models->next[h][g][state->open.time_of[next] >= 0], target == next)) {
             return next;
         }
     }
@@ -157,15 +163,14 @@ static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_
 }
 
 /* Code the next item by a leap: among the open items, or among all uncoded ones. */
-static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t target,
-                             int *way) {
+static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t target, int *way) {
     item_models *models = state->models;
-    int64_t time = reel_is_encoder(coder) ? state->opened_at[target] : -1, result;
-    if (state->open.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
+    int64_t time = reel_is_encoder(coder) ? state->open.time_of[target] : -1, result;
+    if (state->open.times.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
         *way = OPEN;
-        result = reel_code_leap(coder, &models->leap, &state->open, state->last_open, time);
+        result = reel_code_leap(coder, &models->leap, &state->open.times, state->last_open, time);
         state->last_open = result;
-        return state->item_at[result];
+        return state->open.item_at[result];
     }
     *way = ANY;
     result = reel_code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
@@ -173,46 +178,52 @@ static int32_t code_far_item(reel_range_coder *coder, item_state *state, int32_t
     return (int32_t)result;
 }
 
-/* An open item was reached from a second coded item: swap its opening time with that of the first
-   item of the same opener that was not. */
-static void reach_again(item_state *state, int32_t item) {
-    int32_t *first_once = &state->first_once[state->opener[item]], time = state->opened_at[item];
-    if (time < *first_once) {
+/* Open an item, as a neighbor of a coded one. */
+REEL_INLINE void open_item(open_items *open, int32_t item, int32_t opener) {
+    open->time_of[item] = open->clock;
+    open->item_at[open->clock] = item;
+    open->opener[item] = opener;
+    reel_ranks_change(&open->times, open->clock++, 1);
+}
+
+/* Move an open item, which now has a second coded neighbor, to the front of those with the same
+   opener: it swaps times with the first one that was not moved. */
+REEL_INLINE void move_to_front(open_items *open, int32_t item) {
+    int32_t *front = &open->next_front[open->opener[item]], time = open->time_of[item];
+    if (time < *front) {
         return;
     }
-    while (!reel_ranks_has(&state->open, *first_once)) {
-        ++*first_once;
+    while (!reel_ranks_has(&open->times, *front)) {
+        ++*front;
     }
-    int32_t earlier = (*first_once)++, other = state->item_at[earlier];
-    state->item_at[time] = other;
-    state->opened_at[other] = time;
-    state->item_at[earlier] = item;
-    state->opened_at[item] = earlier;
+    int32_t earlier = (*front)++, other = open->item_at[earlier];
+    open->item_at[time] = other;
+    open->time_of[other] = time;
+    open->item_at[earlier] = item;
+    open->time_of[item] = earlier;
 }
 
 /* Mark an item as coded: it is no longer open, and its uncoded neighbors become open. */
 static void mark_item_coded(item_state *state, int32_t item) {
     const reel_item_graph *graph = state->graph;
-    int32_t first_time = state->clock;
+    open_items *open = &state->open;
+    int32_t first_time = open->clock;
     reel_ranks_change(&state->uncoded, item, -1);
-    if (state->opened_at[item] >= 0) {
-        reel_ranks_change(&state->open, state->opened_at[item], -1);
+    if (open->time_of[item] >= 0) {
+        reel_ranks_change(&open->times, open->time_of[item], -1);
     }
     for (int64_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
-        int32_t here = graph->near[i], time = state->opened_at[here];
+        int32_t here = graph->near[i], time = open->time_of[here];
         if (!reel_ranks_has(&state->uncoded, here)) {
             continue;
         }
         if (time < 0) {
-            state->opened_at[here] = state->clock;
-            state->item_at[state->clock] = here;
-            state->opener[here] = item;
-            reel_ranks_change(&state->open, state->clock++, 1);
-        } else if (time < first_time) {
-            reach_again(state, here);
+            open_item(open, here, item);
+        } else if (time < first_time) { /* otherwise this item opened it: a repeated edge */
+            move_to_front(open, here);
         }
     }
-    state->first_once[item] = first_time;
+    open->next_front[item] = first_time;
 }
 
 int64_t reel_code_items(reel_range_coder *coder, reel_arena arena, const reel_item_graph *graph,
@@ -245,7 +256,7 @@ size_t reel_vertex_names_bytes(int64_t n_verts) {
 
 reel_vertex_names reel_start_names(reel_arena *arena, int64_t n_verts) {
     reel_vertex_names names = {n_verts, 0, reel_allocate(arena, (size_t)n_verts, sizeof(int32_t)),
-                          reel_allocate(arena, (size_t)n_verts, sizeof(int32_t))};
+                               reel_allocate(arena, (size_t)n_verts, sizeof(int32_t))};
     for (int64_t i = 0; !arena->failed && i < n_verts; i++) {
         names.name_of[i] = -1;
     }
@@ -281,4 +292,3 @@ int64_t reel_code_named(reel_range_coder *coder, reel_arena arena, const reel_it
     rename_vertices(sequence, result < 0 ? 0 : names->n_verts, names->vertex_of);
     return result;
 }
-
