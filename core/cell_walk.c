@@ -86,6 +86,19 @@ typedef struct {
     int cells_at_edge; /* maximum of the numbers of visited cells at the shared edges */
 } proposal;
 
+typedef struct {
+    proposal items[MAX_PROPOSALS];
+    int n;
+} proposal_list;
+
+/* Two known, consecutive corners of a side of the new cell, and an unknown corner of this side. */
+typedef struct {
+    int32_t first, second; /* nodes of the edge */
+    int side_size;         /* corners of the side */
+    int steps;             /* from the first corner of the edge to the unknown one */
+    int n_cells;           /* visited cells at the edge, clipped */
+} proposing_edge;
+
 static const reel_cell_shape *shape_of(const cell_walk *walk, int32_t cell) {
     return reel_shape_of(reel_find_cell_type(walk->types[cell]));
 }
@@ -179,53 +192,50 @@ static bool contains(const new_cell *cell, int32_t node) {
     return false;
 }
 
-/* Let open sides propose a node for corner `slot` on side `number` of a cell. An open side at the
-   edge between corners `at` and `at` + 1 of this side is assumed to be the same side: it proposes
-   its node in the place of the corner. */
-static int propose(cell_walk *walk, const new_cell *cell, int number, int slot, int at,
-                   proposal *proposals, int n) {
-    int size = cell->shape->side_sizes[number], place = 0, met = 0, looked = 0;
-    const uint8_t *corners = cell->shape->sides[number];
-    int32_t a = cell->nodes[corners[at]], b = cell->nodes[corners[(at + 1) % size]];
-    while (corners[place] != slot) {
-        place++;
+/* Add a vote for a node, unless the cell has it or the list is full. */
+static void vote_for(proposal_list *list, const new_cell *cell, int32_t node, int n_cells) {
+    int i = 0;
+    while (i < list->n && list->items[i].node != node) {
+        i++;
     }
-    int steps = (place - at + size) % size, at_edge = cells_at_edge(walk, a, b);
-    for (int32_t *link = &walk->sides_at[a];
-         met < 2 && looked < MAX_LOOKUPS && open_link(walk, link) != NONE;
-         looked++, link = link_after(walk, *link)) {
+    if (contains(cell, node) || i == MAX_PROPOSALS) {
+        return;
+    }
+    if (i == list->n) {
+        list->items[list->n++] = (proposal){node, 0, 0};
+    }
+    proposal *voted = &list->items[i];
+    voted->votes++;
+    voted->cells_at_edge = voted->cells_at_edge > n_cells ? voted->cells_at_edge : n_cells;
+}
+
+/* Let the open sides at an edge vote for the unknown corner. Each is assumed to be the same side as
+   that of the new cell, so that it has the node in the place of the corner. Only two vote. */
+static void vote_across(cell_walk *walk, const new_cell *cell, proposing_edge edge,
+                        proposal_list *list) {
+    int size = edge.side_size, n_voters = 0, n_lookups = 0;
+    for (int32_t *link = &walk->sides_at[edge.first];
+         n_voters < 2 && n_lookups < MAX_LOOKUPS && open_link(walk, link) != NONE;
+         n_lookups++, link = link_after(walk, *link)) {
         const open_side *side = &walk->sides[*link / REEL_MAX_SIDES];
         int corner = *link % REEL_MAX_SIDES;
         if (side_size(walk, side) != size) {
             continue;
         }
-        bool follows = side_node(walk, side, (corner + 1) % size) == b;
-        if (!follows && side_node(walk, side, (corner + size - 1) % size) != b) {
+        bool follows = side_node(walk, side, (corner + 1) % size) == edge.second;
+        if (!follows && side_node(walk, side, (corner + size - 1) % size) != edge.second) {
             continue;
         }
-        met++;
-        int32_t node = side_node(walk, side, (corner + (follows ? steps : size - steps)) % size);
-        int i = 0;
-        while (i < n && proposals[i].node != node) {
-            i++;
-        }
-        if (contains(cell, node) || i == MAX_PROPOSALS) {
-            continue;
-        }
-        if (i == n) {
-            proposals[n++] = (proposal){node, 0, 0};
-        }
-        proposals[i].votes++;
-        proposals[i].cells_at_edge =
-            proposals[i].cells_at_edge > at_edge ? proposals[i].cells_at_edge : at_edge;
+        n_voters++;
+        int steps = follows ? edge.steps : size - edge.steps;
+        vote_for(list, cell, side_node(walk, side, (corner + steps) % size), edge.n_cells);
     }
-    return n;
 }
 
-/* Collect the proposals for a corner, and sort them by votes, then by cells at the edge; equal ones
-   keep their order. */
-static int find_proposals(cell_walk *walk, const new_cell *cell, int slot, proposal *proposals) {
-    int n = 0;
+/* Find the candidates for a corner: the proposals with the most votes, then the most cells at the
+   edge; equal ones keep their order. */
+static void find_proposals(cell_walk *walk, const new_cell *cell, int slot, proposal_list *list) {
+    list->n = 0;
     for (int k = 0; k < cell->shape->n_sides; k++) {
         const uint8_t *corners = cell->shape->sides[k];
         int size = cell->shape->side_sizes[k], place = 0;
@@ -233,13 +243,18 @@ static int find_proposals(cell_walk *walk, const new_cell *cell, int slot, propo
             place++;
         }
         for (int i = 0; place < size && i < size; i++) {
-            if (cell->known >> corners[i] & cell->known >> corners[(i + 1) % size] & 1U) {
-                n = propose(walk, cell, k, slot, i, proposals, n);
+            int first = corners[i], second = corners[(i + 1) % size];
+            if (cell->known >> first & cell->known >> second & 1U) {
+                int32_t a = cell->nodes[first], b = cell->nodes[second];
+                int steps = (place - i + size) % size;
+                proposing_edge edge = {a, b, size, steps, cells_at_edge(walk, a, b)};
+                vote_across(walk, cell, edge, list);
                 break;
             }
         }
     }
-    for (int i = 1; i < n; i++) {
+    proposal *proposals = list->items;
+    for (int i = 1; i < list->n; i++) {
         proposal moved = proposals[i];
         int at = i;
         while (at > 0 && (proposals[at - 1].votes < moved.votes ||
@@ -250,13 +265,13 @@ static int find_proposals(cell_walk *walk, const new_cell *cell, int slot, propo
         }
         proposals[at] = moved;
     }
-    return n < MAX_CANDIDATES ? n : MAX_CANDIDATES;
+    list->n = list->n < MAX_CANDIDATES ? list->n : MAX_CANDIDATES;
 }
 
 /* List the nodes of open sides at the corners of the entered side, except nodes of the cell and
    candidates. */
-static int find_around(cell_walk *walk, const new_cell *cell, const proposal *candidates,
-                       int n_candidates, int32_t *around) {
+static int find_around(cell_walk *walk, const new_cell *cell, const proposal_list *candidates,
+                       int32_t *around) {
     int n = 0;
     if (cell->entry == NONE) {
         return 0;
@@ -271,8 +286,8 @@ static int find_around(cell_walk *walk, const new_cell *cell, const proposal *ca
             for (int k = 0; k < side_size(walk, side); k++) {
                 int32_t node = side_node(walk, side, k);
                 bool is_known = contains(cell, node);
-                for (int j = 0; j < n_candidates; j++) {
-                    is_known |= candidates[j].node == node;
+                for (int j = 0; j < candidates->n; j++) {
+                    is_known |= candidates->items[j].node == node;
                 }
                 for (int j = 0; j < n; j++) {
                     is_known |= around[j] == node;
@@ -288,18 +303,20 @@ static int find_around(cell_walk *walk, const new_cell *cell, const proposal *ca
 
 /* Code a corner of a cell: as one of the candidates, or otherwise. */
 static int32_t code_corner(cell_walk *walk, const new_cell *cell, int slot) {
-    proposal candidates[MAX_PROPOSALS];
+    proposal_list candidates;
     int32_t around[MAX_AROUND];
-    int shape = cell->type->shape, n = find_proposals(walk, cell, slot, candidates);
+    find_proposals(walk, cell, slot, &candidates);
+    int shape = cell->type->shape, n = candidates.n;
     for (int i = 0; i < n; i++) {
-        int votes = candidates[i].votes > 3 ? 2 : candidates[i].votes - 1;
+        const proposal *candidate = &candidates.items[i];
+        int votes = candidate->votes > 3 ? 2 : candidate->votes - 1;
         reel_model *model =
-            &walk->models->candidate[shape][i][n - 1][votes][candidates[i].cells_at_edge];
-        if (reel_bit(&walk->coder, model, candidates[i].node == name_of(walk, cell, slot))) {
-            return candidates[i].node;
+            &walk->models->candidate[shape][i][n - 1][votes][candidate->cells_at_edge];
+        if (reel_bit(&walk->coder, model, candidate->node == name_of(walk, cell, slot))) {
+            return candidate->node;
         }
     }
-    int n_around = find_around(walk, cell, candidates, n, around);
+    int n_around = find_around(walk, cell, &candidates, around);
     return code_new_or_far(walk, cell, slot, &walk->models->is_new[shape][n], around, n_around);
 }
 
