@@ -213,16 +213,18 @@ class TriangleMesh:
         These points are on faces with similar normals within reach. Samples farther than `HIDDEN`
         below a face of another direction are hidden, as where bodies touch, and do not correspond.
         """
-        closest, directions = self._tree.closest(samples.points), samples.normals / min_cosine
-        disagrees = _dots(self.face_normals[closest.faces], directions) < 1
-        deep = np.flatnonzero(disagrees & (closest.distances > HIDDEN))
-        hidden = deep[self.encloses(samples.points[deep], closest.at(deep))]
-        disagrees[hidden] = False
-        again = np.flatnonzero(disagrees)
+        closest = self._tree.closest(samples.points)
+        directions = samples.normals / min_cosine  # dot product >= 1 if normals are similar
+        differs = _dots(self.face_normals[closest.faces], directions) < 1
+        below = np.flatnonzero(differs & (closest.distances > HIDDEN))
+        hidden = below[self.encloses(samples.points[below], closest.at(below))]
         closest.faces[closest.distances > reach] = closest.faces[hidden] = -1
-        other = self._tree.closest(samples.points[again], directions[again], reach)
-        for values, others in zip(closest, other, strict=True):
-            values[again] = others
+        differs[hidden] = False
+        # Most closest faces are similar: search by direction only for the other samples.
+        searched = np.flatnonzero(differs)
+        similar = self._tree.closest(samples.points[searched], directions[searched], reach)
+        for values, of_searched in zip(closest, similar, strict=True):
+            values[searched] = of_searched
         indices = np.flatnonzero(closest.faces >= 0)
         return indices, closest.at(indices)
 
