@@ -294,7 +294,7 @@ typedef struct {
     double s, t;   /* coordinates along the edges of the triangle */
     int64_t face, leaf;
     int place; /* in the leaf */
-} found_point;
+} nearest_point;
 
 typedef struct {
     double square; /* of the distance from its box */
@@ -302,8 +302,8 @@ typedef struct {
     int level; /* -1 for leaves */
 } pending_node;
 
-static void write_point(const search_job *job, int64_t point, const found_point *found) {
-    if (found->face == INT64_MAX) {
+static void write_point(const search_job *job, int64_t point, const nearest_point *nearest) {
+    if (nearest->face == INT64_MAX) {
         job->distances[point] = __builtin_inf();
         job->faces[point] = -1;
         for (int axis = 0; axis < 3; axis++) {
@@ -311,17 +311,17 @@ static void write_point(const search_job *job, int64_t point, const found_point 
         }
         return;
     }
-    const triangles *leaf = job->tree.leaves + found->leaf;
-    job->distances[point] = __builtin_sqrt(found->square);
-    job->faces[point] = (int32_t)found->face;
+    const triangles *leaf = job->tree.leaves + nearest->leaf;
+    job->distances[point] = __builtin_sqrt(nearest->square);
+    job->faces[point] = (int32_t)nearest->face;
     for (int axis = 0; axis < 3; axis++) {
-        double along = found->s * leaf->edges[0][axis][found->place] +
-                       found->t * leaf->edges[1][axis][found->place];
-        job->closest[3 * point + axis] = leaf->origin[axis][found->place] + along;
+        double along = nearest->s * leaf->edges[0][axis][nearest->place] +
+                       nearest->t * leaf->edges[1][axis][nearest->place];
+        job->closest[3 * point + axis] = leaf->origin[axis][nearest->place] + along;
     }
-    job->weights[3 * point] = larger(1.0 - found->s - found->t, 0.0);
-    job->weights[3 * point + 1] = found->s;
-    job->weights[3 * point + 2] = found->t;
+    job->weights[3 * point] = larger(1.0 - nearest->s - nearest->t, 0.0);
+    job->weights[3 * point + 1] = nearest->s;
+    job->weights[3 * point + 2] = nearest->t;
 }
 
 #define LANES 2

@@ -64,7 +64,7 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
    All of them are on the triangle: rounding errors of slivers yield no distance that is too
    small. */
 TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t number, const double *point,
-                                           const double *direction, found_point *found) {
+                                           const double *direction, nearest_point *nearest) {
     const triangles *leaf = leaves + number;
     REEL_UNROLLED for (int i = 0; i < LEAF; i += LANES) {
         VEC3 origin = LOAD(leaf->origin, i), normal = LOAD(leaf->normal, i);
@@ -104,7 +104,7 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         s = SELECT(is_less, inside_s, s);
         t = SELECT(is_less, inside_t, t);
 
-        MASK counts = square <= found->square;
+        MASK counts = square <= nearest->square;
         if (direction) { /* the length of `normal` is its inverse */
             VEC3 along = {(VEC){0} + direction[0], (VEC){0} + direction[1], (VEC){0} + direction[2]};
             VEC product = NAMED(dot)(normal, along);
@@ -114,28 +114,28 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         for (; bits; bits &= bits - 1) {
             int lane = __builtin_ctz(bits);
             int64_t face = leaf->face[i + lane];
-            if (square[lane] < found->square ||
-                (square[lane] == found->square && face < found->face)) {
-                *found = (found_point){square[lane], s[lane], t[lane], face, number, i + lane};
+            if (square[lane] < nearest->square ||
+                (square[lane] == nearest->square && face < nearest->face)) {
+                *nearest = (nearest_point){square[lane], s[lane], t[lane], face, number, i + lane};
             }
         }
     }
 }
 
-/* Find the closest point of one point; the leaf `found->leaf` is searched first. Without a face in
-   reach, `found->face` is INT64_MAX. */
+/* Find the closest point of a point; the search starts in the leaf `nearest->leaf`. Without a face in
+   reach, `nearest->face` is INT64_MAX. */
 TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t number,
-                                            found_point *found) {
+                                            nearest_point *nearest) {
     const triangle_tree *tree = &job->tree;
     const double *point = job->points + 3 * number;
     const double *direction = job->directions ? job->directions + 3 * number : NULL;
     pending_node pending[MAX_PENDING];
     int n_pending = 1;
     pending[0] = (pending_node){0.0, 0, tree->n_levels - 1};
-    *found = (found_point){job->reach_square, 0.0, 0.0, INT64_MAX, found->leaf, 0};
-    int64_t searched = found->leaf;
-    NAMED(search_leaf)(tree->leaves, searched, point, direction, found);
-    double bound = found->square * (1.0 + SLACK) + job->slack;
+    *nearest = (nearest_point){job->reach_square, 0.0, 0.0, INT64_MAX, nearest->leaf, 0};
+    int64_t searched = nearest->leaf;
+    NAMED(search_leaf)(tree->leaves, searched, point, direction, nearest);
+    double bound = nearest->square * (1.0 + SLACK) + job->slack;
     while (n_pending) {
         pending_node node = pending[--n_pending];
         if (node.square >= bound) {
@@ -143,8 +143,8 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
         }
         if (node.level < 0) {
             if (node.number != searched) {
-                NAMED(search_leaf)(tree->leaves, node.number, point, direction, found);
-                bound = found->square * (1.0 + SLACK) + job->slack;
+                NAMED(search_leaf)(tree->leaves, node.number, point, direction, nearest);
+                bound = nearest->square * (1.0 + SLACK) + job->slack;
             }
             continue;
         }
@@ -164,11 +164,11 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
 }
 
 TARGET static void NAMED(search)(const search_job *job) {
-    found_point found = {.leaf = 0}; /* of the point before, which is near */
+    nearest_point nearest = {.leaf = 0}; /* of the point before, which is near */
     for (int64_t i = 0; i < job->n_points; i++) {
         int64_t point = (int64_t)(job->order[i] & UINT32_MAX);
-        NAMED(search_point)(job, point, &found);
-        write_point(job, point, &found);
+        NAMED(search_point)(job, point, &nearest);
+        write_point(job, point, &nearest);
     }
 }
 

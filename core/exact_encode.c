@@ -122,7 +122,7 @@ static double frame_distance(const exact_coder *coder, int64_t t, int64_t other)
 
 /* Choose the lags of frames that resemble earlier ones, as in cyclic motion. */
 static void choose_lags(exact_coder *coder) {
-    int64_t n_found = 0;
+    int64_t n_similar = 0;
     sample_frames(coder);
     for (int64_t t = 0; t < coder->n_frames; t++) {
         double best = t ? frame_distance(coder, t, t - 1) / 2 : 0;
@@ -134,9 +134,9 @@ static void choose_lags(exact_coder *coder) {
                 coder->lags[t] = lag;
             }
         }
-        n_found += coder->lags[t] > 0;
+        n_similar += coder->lags[t] > 0;
     }
-    coder->choices.has_lags = n_found >= coder->n_frames / 8 + 1;
+    coder->choices.has_lags = n_similar >= coder->n_frames / 8 + 1;
 }
 
 /* Whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */

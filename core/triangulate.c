@@ -208,12 +208,12 @@ static void copy_vertices(const polygon *of, const int32_t *vertices, int32_t si
 /* Whether a reader finds the corners of the polygon in its triangles; not always with repeated
    vertices. */
 static bool is_readable(const polygon *of, void *memory, size_t memory_size, int32_t size,
-                        const int32_t *triangles, int32_t *found) {
-    if (reel_triangle_corners(memory, memory_size, triangles, &size, 1, size, found) < 0) {
+                        const int32_t *triangles, int32_t *read_corners) {
+    if (reel_triangle_corners(memory, memory_size, triangles, &size, 1, size, read_corners) < 0) {
         return false;
     }
-    return reel_equal_bytes((const uint8_t *)found, (const uint8_t *)of->corners,
-                            3 * ((size_t)size - 2) * sizeof *found);
+    return reel_equal_bytes((const uint8_t *)read_corners, (const uint8_t *)of->corners,
+                            3 * ((size_t)size - 2) * sizeof *read_corners);
 }
 
 size_t reel_triangulate_memory(int64_t max_size) {
@@ -231,7 +231,7 @@ int64_t reel_triangulate(void *memory, size_t memory_size, const double *positio
     polygon of;
     size_t outline_size = reel_triangle_corners_memory(max_size);
     (void)allocate_polygon(&arena, max_size, &of);
-    int32_t *found = reel_allocate(&arena, 3 * (size_t)max_size, sizeof *found);
+    int32_t *read_corners = reel_allocate(&arena, 3 * (size_t)max_size, sizeof *read_corners);
     void *outline_memory = reel_allocate(&arena, outline_size, 1);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
@@ -252,7 +252,7 @@ int64_t reel_triangulate(void *memory, size_t memory_size, const double *positio
             is_simple = clip_ears(&of, size);
             list_triangles(&of);
             copy_vertices(&of, corners, size, triangles);
-            is_cut = is_readable(&of, outline_memory, outline_size, size, triangles, found);
+            is_cut = is_readable(&of, outline_memory, outline_size, size, triangles, read_corners);
         }
         if (!is_cut) {
             list_fan(&of, size);

@@ -151,10 +151,10 @@ def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
         internal = np.argsort(internal_numbers(sequence)[Domain.VERTEX])
-    kept = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
-    if not any(map(is_quantized, kept)):
+    attributes = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
+    if not any(map(is_quantized, attributes)):
         return []
-    pairs = zip(kept, opened.surface.attributes, strict=True)
+    pairs = zip(attributes, opened.surface.attributes, strict=True)
     return [_largest_uv_error(uv, uv_hat) for uv, uv_hat in pairs if is_quantized(uv)]
 
 

@@ -60,8 +60,8 @@ def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> byt
     codes = np.full(len(order), NEW, np.int64)
     back = by_row[1:][is_same] - by_row[:-1][is_same]
     codes[by_row[1:][is_same]] = np.where(back == 1, AGAIN, back)
-    stored = codes[(places > 0) & (has_seam[vertices[order]] > 0)]
-    return write_varint(len(stored)) + encode_integers([has_seam, stored])
+    stored_codes = codes[(places > 0) & (has_seam[vertices[order]] > 0)]
+    return write_varint(len(stored_codes)) + encode_integers([has_seam, stored_codes])
 
 
 def _by_vertex(vertices: Integers) -> tuple[Integers, Integers]:

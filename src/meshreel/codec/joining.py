@@ -65,7 +65,7 @@ def separate_stream(opened: OpenStream) -> bytes:
 
 
 def _without_timing(opened: OpenStream) -> list[tuple[Section, bytes]]:
-    return [stored for stored in leading_of(opened) if stored[0] not in TIMING_SECTIONS]
+    return [section for section in leading_of(opened) if section[0] not in TIMING_SECTIONS]
 
 
 def header_of(opened: OpenStream) -> Header:

@@ -76,17 +76,17 @@ class MeshEdit:
             The edited mesh.
         """
         base, n_base_verts = self.base.connectivity, self.base.n_verts
-        kept = np.flatnonzero(self.verts >= 0)
-        rank = inverse_permutation(base.internal_to_given)[self.verts[kept]]
-        order = np.concatenate([kept[np.argsort(rank)], np.flatnonzero(self.verts < 0)])
+        old_verts = np.flatnonzero(self.verts >= 0)
+        rank = inverse_permutation(base.internal_to_given)[self.verts[old_verts]]
+        order = np.concatenate([old_verts[np.argsort(rank)], np.flatnonzero(self.verts < 0)])
         to_internal = inverse_permutation(order).astype(np.int32)
         number = np.full(n_base_verts, -1)
-        number[self.verts[kept]] = kept
+        number[self.verts[old_verts]] = old_verts
         to_given = base.internal_to_given[base.internal_faces]
         internal_of = matching_corners(self.base.faces, to_given, n_base_verts) // 3
-        stored = np.sort(internal_of[self.listed[self.listed >= 0]])
+        stored_faces = np.sort(internal_of[self.listed[self.listed >= 0]])
         internal = to_internal[
-            np.concatenate([number[to_given[stored]], faces[self.listed < 0]])
+            np.concatenate([number[to_given[stored_faces]], faces[self.listed < 0]])
         ].astype(np.int32)
         twins = twin_sides(internal, len(order)).astype(np.int32)
         return replace(base, internal_to_given=order, internal_faces=internal, internal_twins=twins)
@@ -165,9 +165,9 @@ def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
     first = faces.min(axis=1)
     fits = index.contains(faces + shift)
     np.add.at(behind, first[fits] + min(shift, 0), 1)
-    kept = np.cumsum(before) + np.cumsum(behind[::-1])[::-1]
+    n_kept_if_split = np.cumsum(before) + np.cumsum(behind[::-1])[::-1]
     low = min(n_verts, index.n_verts)
-    split = int(np.argmax(kept[: low + 1]))
+    split = int(np.argmax(n_kept_if_split[: low + 1]))
     numbers = np.arange(n_verts)
     numbers[split:] += shift
     if shift < 0:
@@ -195,16 +195,16 @@ def _steps(numbers: Integers, n_base: int) -> list[Integers]:
     expected = np.concatenate([[0], np.maximum.accumulate(np.where(is_new, -1, numbers)) + 1])
     starts_step = ~is_new & ((numbers != expected[:-1]) | np.concatenate([[False], is_new[:-1]]))
     bounds = np.concatenate([[0], np.flatnonzero(starts_step), [len(numbers)]])
-    kept, dropped, inserted = [], [], []
+    n_kept, n_dropped, n_inserted = [], [], []
     for start, stop in pairwise(bounds):
         n_new = int(np.count_nonzero(is_new[start:stop]))
         next_number = int(numbers[stop]) if stop < len(numbers) else n_base
-        kept.append(stop - start - n_new)
-        dropped.append(next_number - int(expected[stop]))
-        inserted.append(n_new)
-    if not (dropped[-1] or inserted[-1]):  # all others are kept
-        kept, dropped, inserted = kept[:-1], dropped[:-1], inserted[:-1]
-    return [np.array(column, np.int64) for column in (kept, dropped, inserted)]
+        n_kept.append(stop - start - n_new)
+        n_dropped.append(next_number - int(expected[stop]))
+        n_inserted.append(n_new)
+    if not (n_dropped[-1] or n_inserted[-1]):  # all others are kept
+        n_kept, n_dropped, n_inserted = n_kept[:-1], n_dropped[:-1], n_inserted[:-1]
+    return [np.array(column, np.int64) for column in (n_kept, n_dropped, n_inserted)]
 
 
 class MeshEdits:

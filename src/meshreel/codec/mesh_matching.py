@@ -199,8 +199,10 @@ def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
     blocks_found = np.flatnonzero(is_unique & (2 * most > size))
     shifts_found = shifts[n_equal[blocks_found].argmax(axis=1)]
     rank = np.abs(shifts_found) * len(starts) + blocks_found  # equal shifts are ascending too
-    kept = longest_ascending(rank)
-    for start, own in zip(starts[blocks_found[kept]], shifts_found[kept], strict=True):
+    is_ascending = longest_ascending(rank)
+    for start, own in zip(
+        starts[blocks_found[is_ascending]], shifts_found[is_ascending], strict=True
+    ):
         matches[start : start + size] = np.arange(start, start + size) + own
     matched = np.flatnonzero(matches >= 0)
     matches[matched[~longest_ascending(matches[matched])]] = -1

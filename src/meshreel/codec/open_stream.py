@@ -165,8 +165,8 @@ class OpenStream:
     @property
     def mesh_key(self) -> Hashable:
         """Key of the mesh: equal for segments of a file that share the sections of their mesh."""
-        stored = (section.offset for section in self.leading if section.id in MESH_SECTIONS)
-        return self.order_kept, *sorted(stored)
+        offsets = (section.offset for section in self.leading if section.id in MESH_SECTIONS)
+        return self.order_kept, *sorted(offsets)
 
     @property
     def has_surface(self) -> bool:

@@ -280,12 +280,12 @@ class ReelFile(Timed):
         return self.n_frames
 
     @overload
-    def __getitem__(self, chosen: SupportsIndex) -> MeshFrame: ...
+    def __getitem__(self, index: SupportsIndex) -> MeshFrame: ...
 
     @overload
-    def __getitem__(self, chosen: slice) -> MeshSequence: ...
+    def __getitem__(self, index: slice) -> MeshSequence: ...
 
-    def __getitem__(self, chosen: SupportsIndex | slice) -> MeshFrame | MeshSequence:
+    def __getitem__(self, index: SupportsIndex | slice) -> MeshFrame | MeshSequence:
         """Decode a frame, or the frames of a slice without a step, with their tracks.
 
         Raises
@@ -297,9 +297,9 @@ class ReelFile(Timed):
         MemoryLimitError
             If the frames, or a block, take more memory than allowed.
         """
-        if not isinstance(chosen, slice):
-            return frame_of(self.segments, self.starts, chosen)
-        wanted = frame_range(chosen, self.n_frames)
+        if not isinstance(index, slice):
+            return frame_of(self.segments, self.starts, index)
+        wanted = frame_range(index, self.n_frames)
         parts, held_bytes = [], 0
         for number, frames in frames_by_segment(self.starts, wanted):
             segment = self.segments[number]

@@ -57,17 +57,17 @@ class DecodedValues:
         MemoryLimitError
             If the values of these frames, or of a block, take more memory than allowed.
         """
-        opened, stored = self._opened, self._stored
+        opened, header = self._opened, self._stored
         if not 0 <= start <= stop <= len(self):
             raise InvalidInputError(
                 f"frames {start}:{stop} are not in the file; it has frames 0:{len(self)}"
             )
-        owner = f"track {stored.name!r}" if self._number else f"{opened.n_verts} vertices"
-        needed = (stop - start) * stored.frame_bytes
+        owner = f"track {header.name!r}" if self._number else f"{opened.n_verts} vertices"
+        needed = (stop - start) * header.frame_bytes
         opened.limit.require(needed, f"frames {start}:{stop} of {owner}")
         if start < stop:  # a damaged block raises before memory is allocated
             self._frames.load(opened.file.block_of_frame(start), self._number)
-        values = np.empty((stop - start, *self.shape[1:]), stored.dtype)
+        values = np.empty((stop - start, *self.shape[1:]), header.dtype)
         self._frames.fill(values, start, self._number)
         return values
 
@@ -138,9 +138,9 @@ class ReelTrack(DecodedValues):
         self.is_exact: bool = track.is_exact
         self.error_bound: float | None = 0.0 if track.is_exact else track.bound or None
 
-    def __getitem__(self, chosen: FrameChoice) -> Values:
+    def __getitem__(self, index: FrameChoice) -> Values:
         """Values of a frame, of shape (N, C), or of several, of shape (T, N, C)."""
-        numbers = chosen_frames(chosen, len(self))
+        numbers = chosen_frames(index, len(self))
         if isinstance(numbers, int):
             return np.asarray(self.read(numbers, numbers + 1)[0])
         if isinstance(numbers, range) and numbers.step == 1:

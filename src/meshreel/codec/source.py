@@ -139,8 +139,10 @@ class CodedMesh:
         faces = self.output_faces
         if self.surface.cells is not None and self.order_kept is Order.DROP:
             return list(surface_sections(self.cell_surface, faces, self.config.uv_bits))
-        kept = surface_in_order(self.surface, self.order_kept, self.given_faces, faces, self.order)
-        return list(surface_sections(kept, faces, self.config.uv_bits))
+        surface = surface_in_order(
+            self.surface, self.order_kept, self.given_faces, faces, self.order
+        )
+        return list(surface_sections(surface, faces, self.config.uv_bits))
 
     @property
     def face_order(self) -> Integers:

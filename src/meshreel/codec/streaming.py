@@ -475,8 +475,8 @@ def _checked_config(block_frames: int | str, options: dict[str, Any]) -> Encoder
         raise InvalidInputError(
             Keyword("block_frames"), f" must be a number or 'auto'; got {block_frames!r}"
         )
-    chosen = None if block_frames == "auto" else block_frames
-    config = config_of(**{**options, "block_frames": chosen})
+    n_frames = None if block_frames == "auto" else block_frames
+    config = config_of(**{**options, "block_frames": n_frames})
     config.check_live()
     return config
 

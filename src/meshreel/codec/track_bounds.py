@@ -133,13 +133,13 @@ def kept_bounds(
         return EXACT if is_exact else default_bound(track, config.bound_percent)
 
     bounds = track_bounds(tracks, targets, default)
-    kept = {name: bound for name, bound in bounds.items() if bound != DROP}
-    if kept and config.positions_only:
-        names = ", ".join(kept)
+    coded = {name: bound for name, bound in bounds.items() if bound != DROP}
+    if coded and config.positions_only:
+        names = ", ".join(coded)
         raise InvalidInputError(
             f"method {config.method} codes positions only; drop the tracks ({names}), or use reel"
         )
-    return kept
+    return coded
 
 
 def default_bound(track: TrackSource, percent: float | None = None) -> TrackBound:

@@ -280,13 +280,13 @@ class FrameDecoder:
         """
         with self._lock:
             self._begin()
-            modes, stored = Modes(), self._file.tracks[track]
+            modes, header = Modes(), self._file.tracks[track]
             numbers = _U32(track), _U32(block)
             self._file.call("modes_of", self._handle, *numbers, ctypes.byref(modes))
-            is_sum = modes.n_modes and not modes.has_missing and stored.kind != NORMAL
+            is_sum = modes.n_modes and not modes.has_missing and header.kind != NORMAL
             if not is_sum or (modes.shared and modes.correction_starts):
                 return None
-            return _file_modes(modes, stored.n_items)
+            return _file_modes(modes, header.n_items)
 
     def close(self) -> None:
         """Release the decoded blocks."""
@@ -490,9 +490,9 @@ class OpenFile:
         if not self.info.n_cells:
             return None
         self.read_mesh()
-        stored = Cells.from_address(_function("cells_of")(self.handle))
-        types = array_at(stored.types, stored.n_cells, np.uint8)
-        return types, array_at(stored.nodes, stored.n_nodes, np.int32)
+        cells = Cells.from_address(_function("cells_of")(self.handle))
+        types = array_at(cells.types, cells.n_cells, np.uint8)
+        return types, array_at(cells.nodes, cells.n_nodes, np.int32)
 
     @cached_property
     def stored_mesh(self) -> tuple[Integers, Integers]:

@@ -97,7 +97,10 @@ def _geometric_laplacian(frame: Floats, edges: Integers) -> Floats:
     inverse = np.divide(1.0, lengths, out=np.full_like(lengths, np.inf), where=present)
     unit = np.divide(back, lengths, out=np.zeros_like(back), where=present)
     weights = np.bincount(first, inverse, n_verts) + np.bincount(second, inverse, n_verts)
-    parts = [np.bincount(first, one, n_verts) - np.bincount(second, one, n_verts) for one in unit]
+    parts = [
+        np.bincount(first, column, n_verts) - np.bincount(second, column, n_verts)
+        for column in unit
+    ]
     # Without any edge, bincount returns integers.
     sums = np.stack(parts).astype(np.float64, copy=False)
     return np.asarray(np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0))

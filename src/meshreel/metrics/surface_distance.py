@@ -379,8 +379,10 @@ def _grid_errors(
     triangles: TriangleSet, triangles_hat: TriangleSet, space: _Space
 ) -> tuple[float, float]:
     """Return the mean squared distances D1 and D2, each the larger one of both directions."""
-    sets = [sample_on_grid(one, space.low, space.step) for one in (triangles, triangles_hat)]
-    trees = [k_d_tree(one.points, balanced_tree=False) for one in sets]
+    sets = [
+        sample_on_grid(surface, space.low, space.step) for surface in (triangles, triangles_hat)
+    ]
+    trees = [k_d_tree(surface.points, balanced_tree=False) for surface in sets]
     there = _point_errors(sets[0], sets[1], trees[1], space)
     back = _point_errors(sets[1], sets[0], trees[0], space)
     return max(there[0], back[0]), max(there[1], back[1])
@@ -393,7 +395,7 @@ def _point_errors(
     distances, closest = tree.query(source.points)
     offsets = source.points - target.points[closest]
     heights = np.abs(np.einsum("na,na->n", offsets, target.normals[closest]))
-    d1, d2 = (np.square(space.without_rounding(one)).mean() for one in (distances, heights))
+    d1, d2 = (np.square(space.without_rounding(lengths)).mean() for lengths in (distances, heights))
     return float(d1), float(d2)
 
 

@@ -81,13 +81,13 @@ def sample_uniformly(triangles: TriangleSet, n_samples: int) -> SurfacePoints:
     """
     cumulative = np.cumsum(triangles.areas)
     steps = (np.arange(n_samples) + 0.5) * (cumulative[-1] / n_samples)
-    chosen = np.searchsorted(cumulative, steps, side="right").clip(max=len(cumulative) - 1)
+    triangle_of = np.searchsorted(cumulative, steps, side="right").clip(max=len(cumulative) - 1)
     index = np.arange(1, n_samples + 1, dtype=np.uint64)
     s, t = ((index * stride >> np.uint64(11)) * 2.0**-53 for stride in STRIDES)
     is_outside = s + t > 1  # the other half of the parallelogram
     s, t = np.where(is_outside, 1 - s, s)[:, None], np.where(is_outside, 1 - t, t)[:, None]
-    a, b, c = (triangles.corners[chosen, corner] for corner in range(3))
-    return SurfacePoints(a + s * (b - a) + t * (c - a), triangles.normals[chosen])
+    a, b, c = (triangles.corners[triangle_of, corner] for corner in range(3))
+    return SurfacePoints(a + s * (b - a) + t * (c - a), triangles.normals[triangle_of])
 
 
 def projected_area(triangles: TriangleSet) -> float:
@@ -120,41 +120,41 @@ def sample_on_grid(triangles: TriangleSet, low: Floats, step: float) -> SurfaceP
     """
     corners = (triangles.corners - low) / step
     axes = np.abs(triangles.normals).argmax(axis=1)
-    found = [_on_lines(corners, np.flatnonzero(axes == axis), axis) for axis in range(3)]
-    points = np.concatenate([points for points, _ in found])
-    chosen = np.concatenate([chosen for _, chosen in found])
+    by_axis = [_on_lines(corners, np.flatnonzero(axes == axis), axis) for axis in range(3)]
+    points = np.concatenate([points for points, _ in by_axis])
+    triangle_of = np.concatenate([triangle_of for _, triangle_of in by_axis])
     if not len(points):
-        points, chosen = corners.mean(axis=1), np.arange(len(corners))
-    kept = _without_repetitions(points)
-    return SurfacePoints(low + step * points[kept], triangles.normals[chosen[kept]])
+        points, triangle_of = corners.mean(axis=1), np.arange(len(corners))
+    distinct = _without_repetitions(points)
+    return SurfacePoints(low + step * points[distinct], triangles.normals[triangle_of[distinct]])
 
 
 def _on_lines(
-    corners: Floats, chosen: npt.NDArray[np.intp], axis: int
+    corners: Floats, numbers: npt.NDArray[np.intp], axis: int
 ) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Return where integer lines along an axis meet the chosen triangles, and which they meet."""
+    """Return where integer lines along an axis meet triangles, and which they meet."""
     across = [other for other in range(3) if other != axis]
-    flat = corners[chosen][:, :, across]
+    flat = corners[numbers][:, :, across]
     first = np.ceil(flat.min(axis=1) - TOLERANCE)
     counts = (np.floor(flat.max(axis=1) + TOLERANCE) - first + 1).clip(min=0).astype(np.int64)
     n_cells = counts.prod(axis=1)
     borders = np.flatnonzero(np.diff(np.cumsum(n_cells) // CELLS_AT_ONCE)) + 1
     points, triangles = [np.empty((0, 3))], [np.empty(0, np.intp)]
-    for part in np.split(np.arange(len(chosen)), borders):
+    for part in np.split(np.arange(len(numbers)), borders):
         rows = np.repeat(part, n_cells[part])
         starts = np.cumsum(n_cells[part]) - n_cells[part]
         cells = np.arange(len(rows)) - np.repeat(starts, n_cells[part])
         lines = first[rows] + np.stack(np.divmod(cells, counts[rows, 1]), axis=1)
-        origin = corners[chosen[rows], 0]
+        origin = corners[numbers[rows], 0]
         s, t = _coordinates(lines - origin[:, across], flat[rows])
         inside = (s >= -TOLERANCE) & (t >= -TOLERANCE) & (s + t <= 1 + TOLERANCE)
         rows, lines, s, t = rows[inside], lines[inside], s[inside], t[inside]
-        deep = corners[chosen[rows], :, axis]
+        deep = corners[numbers[rows], :, axis]
         met = np.empty((len(rows), 3))
         met[:, across] = lines
         met[:, axis] = deep[:, 0] + s * (deep[:, 1] - deep[:, 0]) + t * (deep[:, 2] - deep[:, 0])
         points.append(met)
-        triangles.append(chosen[rows])
+        triangles.append(numbers[rows])
     return np.concatenate(points), np.concatenate(triangles)
 
 

@@ -400,16 +400,16 @@ class MeshSequence(Timed):
         return self.n_frames
 
     @overload
-    def __getitem__(self, chosen: SupportsIndex) -> MeshFrame: ...
+    def __getitem__(self, index: SupportsIndex) -> MeshFrame: ...
 
     @overload
-    def __getitem__(self, chosen: slice) -> "MeshSequence": ...
+    def __getitem__(self, index: slice) -> "MeshSequence": ...
 
-    def __getitem__(self, chosen: SupportsIndex | slice) -> "MeshFrame | MeshSequence":
+    def __getitem__(self, index: SupportsIndex | slice) -> "MeshFrame | MeshSequence":
         """Return a frame, or the frames of a slice without a step as a sequence."""
-        if isinstance(chosen, slice):
-            return self.part(frame_range(chosen, self.n_frames))
-        return frame_of(self.segments, self.starts, chosen)
+        if isinstance(index, slice):
+            return self.part(frame_range(index, self.n_frames))
+        return frame_of(self.segments, self.starts, index)
 
     def __iter__(self) -> Iterator[MeshFrame]:
         for segment in self.segments:

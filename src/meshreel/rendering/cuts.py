@@ -46,8 +46,8 @@ class Cut:
         place = low + self.position / 100 * (high - low) if self.is_percent else self.position
         sums = np.add.reduceat(along[cells.nodes], cells.starts[:-1])
         centers = sums / np.diff(cells.starts)
-        kept = np.flatnonzero(centers > place if self.keeps_high else centers <= place)
-        if not len(kept):
+        kept_cells = np.flatnonzero(centers > place if self.keeps_high else centers <= place)
+        if not len(kept_cells):
             side = "above" if self.keeps_high else "below"
             axis = AXES[self.axis]
             raise InvalidInputError(
@@ -55,7 +55,7 @@ class Cut:
                 f"to {high:.6g}; move the plane with ",
                 Keyword("cut"),
             )
-        return kept
+        return kept_cells
 
 
 def parse_cut(text: str) -> Cut:
@@ -94,12 +94,14 @@ def cut_open(segment: FrameSource, cut: Cut) -> tuple[Faces, Surface, Integers]:
         raise InvalidInputError(
             Keyword("cut"), " shows the inside of cells; the mesh is a surface without cells"
         )
-    kept = cut.kept(cells, segment.read(0, 1)[0])
+    kept_cells = cut.kept(cells, segment.read(0, 1)[0])
     is_kept = np.zeros(cells.n_cells, bool)
-    is_kept[kept] = True
+    is_kept[kept_cells] = True
     nodes = cells.nodes[np.repeat(is_kept, cell_sizes()[cells.types])]
-    sides = Cells(cells.types[kept], nodes).surface(segment.n_verts)
-    at_vertices = [one for one in segment.surface.attributes if one.domain is Domain.VERTEX]
+    sides = Cells(cells.types[kept_cells], nodes).surface(segment.n_verts)
+    at_vertices = [
+        attribute for attribute in segment.surface.attributes if attribute.domain is Domain.VERTEX
+    ]
     surface = replace(
         segment.surface,
         face_sizes=sides.sizes,
@@ -108,4 +110,4 @@ def cut_open(segment: FrameSource, cut: Cut) -> tuple[Faces, Surface, Integers]:
         parts=(),
         hard_edges=None,
     )
-    return sides.triangles, surface, kept[sides.owners]
+    return sides.triangles, surface, kept_cells[sides.owners]

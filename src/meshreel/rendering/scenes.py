@@ -230,7 +230,9 @@ class Scene:
         return Moment(
             [source[number].vertices for source in self._sources],
             looks,
-            [] if self.track is None else [self._values(one, number) for one in self._sources],
+            []
+            if self.track is None
+            else [self._values(source, number) for source in self._sources],
             self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
             [
                 None if look.is_cut else _shown_triangles(source.segments[segment], local)

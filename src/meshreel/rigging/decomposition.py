@@ -194,16 +194,16 @@ class Decomposition:
         alone = np.array([self._error(own, self._rigid(own)) for own in sets])
         errors = np.full(len(sets), np.inf)
         allowed = alone + sizes * self._n_frames * tolerance**2
-        chosen: list[Integers] = []
-        while len(chosen) < max_bones:
+        chosen_sets: list[Integers] = []
+        while len(chosen_sets) < max_bones:
             gains = np.where(errors > allowed, np.minimum(errors, 1e300) - alone, -1.0)
-            if chosen and gains.max() <= 0:
+            if chosen_sets and gains.max() <= 0:
                 break
             worst = int(np.where(np.isinf(errors), sizes, gains).argmax())
-            chosen.append(sets[worst])
+            chosen_sets.append(sets[worst])
             bone = self._rigid(sets[worst])
             errors = np.minimum(errors, [self._error(own, bone) for own in sets])
-        return chosen
+        return chosen_sets
 
     def _error(self, own: Integers, bone: Floats) -> float:
         """Return the squared error of vertices that a bone moves."""
@@ -259,10 +259,10 @@ class Decomposition:
             gram = np.einsum("vijm,vm->vij", pairs, monomials)
             weights = convex_weights(gram, np.take_along_axis(matches, candidates, axis=1), cost)
             n_kept = min(MAX_INFLUENCES, n_candidates)
-            kept = np.argsort(-weights, axis=1)[:, :n_kept]
+            largest = np.argsort(-weights, axis=1)[:, :n_kept]
             self.bones[part], self.weights[part] = 0, 0
-            self.bones[part, :n_kept] = np.take_along_axis(candidates, kept, axis=1)
-            self.weights[part, :n_kept] = np.take_along_axis(weights, kept, axis=1)
+            self.bones[part, :n_kept] = np.take_along_axis(candidates, largest, axis=1)
+            self.weights[part, :n_kept] = np.take_along_axis(weights, largest, axis=1)
 
         in_chunks(choose, len(self.rest), CHUNK)
 

@@ -347,9 +347,9 @@ class _Search:
             RigErrors(0.0, 0.0, 0.0),
         )
         # What the rounded bones do to the rest pose: matrices from the rest pose, in scaled units.
-        stored = rig.matrices.astype(np.float64)
-        stored[..., 3] /= unit
-        fit.set_skin(Skin(skin.rest, skin.bones, skin.weights, stored))
+        matrices = rig.matrices.astype(np.float64)
+        matrices[..., 3] /= unit
+        fit.set_skin(Skin(skin.rest, skin.bones, skin.weights, matrices))
         fit.fit_rest()
         rest = fit.rest * unit
         low, high = rest.min(axis=0), rest.max(axis=0)
@@ -381,11 +381,11 @@ class _Search:
         max_targets = min(MAX_TARGETS, len(self._times_s))
         best, smallest, n_rounds = rig.correctives, self._excess(rig), 0
         while smallest > FIT_LARGEST:
-            found, mean, largest = search.round(n_targets, bound)
+            correctives, mean, largest = search.round(n_targets, bound)
             kg = _percent(mean, self._deviation * self._unit)
             excess = self._bounds.excess(kg, _percent(largest, self._diagonal * self._unit))
             if excess < smallest:
-                best, smallest = found, excess
+                best, smallest = correctives, excess
             n_rounds += 1
             if n_rounds == CORRECTIVE_ROUNDS:
                 if n_targets == max_targets:

@@ -185,8 +185,8 @@ def fit_tracks(
         own_tolerance = tolerance if above is not None else -1.0
         track = _fit_track(local, float(radii[bone]), times_s, steps, own_tolerance)
         tracks.append(track)
-        found = track.matrices(times_s).astype(np.float64)
-        placed.append(found if above is None else composed(above, found))
+        local_hat = track.matrices(times_s).astype(np.float64)
+        placed.append(local_hat if above is None else composed(above, local_hat))
     return tuple(tracks)
 
 

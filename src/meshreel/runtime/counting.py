@@ -28,7 +28,7 @@ def counts_text(**numbers: int) -> str:
 def singular(noun: str) -> str:
     """The singular of a plural noun."""
     first, space, last = noun.rpartition(" ")
-    singulars = {many: one for one, many in PLURALS.items()}
+    singulars = {many: single for single, many in PLURALS.items()}
     return f"{first}{space}{singulars.get(last, last.removesuffix('s'))}"
 
 

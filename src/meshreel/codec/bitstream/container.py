@@ -263,9 +263,9 @@ class StoredMeshes:
         is_new = not ranges
         n_before = sum(section not in LOOK_SECTIONS for section, _ in own)
         look = own[n_before:]
-        stored = self._looks.get(_digest_of(look)) if look else None
-        if stored:
-            there, n_before_there = stored
+        earlier = self._looks.get(_digest_of(look)) if look else None
+        if earlier:
+            there, n_before_there = earlier
             own, more = _without(own, n_before, len(look), number - there, n_before_there)
             ranges += more
         if is_new:
@@ -409,7 +409,7 @@ class StreamWriter:
         leading : iterable of (Section, bytes)
             The sections before its first block, without START unless it is the first segment.
         """
-        stored = self._meshes.share(len(self._places), header, leading)
+        sections = self._meshes.share(len(self._places), header, leading)
         self._places.append([])
         if self._header is None:
             self._header = header
@@ -417,8 +417,8 @@ class StreamWriter:
         else:
             counts = header.n_verts, header.n_faces
             self._further.append(SegmentPlace(*counts, self.size_bytes, self._places[-1]))
-            stored = [(Section.SEGMENT, write_segment(header, self._header)), *stored]
-        self._write(b"".join(write_sections(stored)))
+            sections = [(Section.SEGMENT, write_segment(header, self._header)), *sections]
+        self._write(b"".join(write_sections(sections)))
 
     def write_block(self, n_frames: int, sections: Sections) -> None:
         """Write a block and flush the file.

@@ -146,7 +146,7 @@ def _encode_cells(cells: Cells, n_verts: int, *, order: str) -> CodedConnectivit
             Keyword("order"), f" of a mesh of cells is keep or drop; got {order!r}"
         )
     coded = [_code_cells(cells, n_verts, order, listed=listed) for listed in (True, False)]
-    return min(coded, key=lambda one: one.size_bytes)
+    return min(coded, key=lambda mesh: mesh.size_bytes)
 
 
 def _code_cells(cells: Cells, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:

@@ -42,14 +42,16 @@ class Corners:
 
     def has_faces_of(self, other: "Corners") -> bool:
         """Whether both segments may have the same mesh: most faces have the values of others."""
-        one, two = self.segment, other.segment
-        if one.dtype != two.dtype or _description(one.surface) != _description(two.surface):
+        segment, other_segment = self.segment, other.segment
+        if segment.dtype != other_segment.dtype or _description(segment.surface) != _description(
+            other_segment.surface
+        ):
             return False
         numbers = joint_numbers([self, other])
         faces = [own[corners.faces] for own, corners in zip(numbers, (self, other), strict=True)]
-        found = distinct_faces(np.concatenate(faces))[1]
-        counts = [len(np.unique(found[: len(faces[0])])), len(np.unique(found[len(faces[0]) :]))]
-        return int(found.max()) < (1.0 + MISSING_SHARE) * min(counts)
+        groups = distinct_faces(np.concatenate(faces))[1]
+        counts = [len(np.unique(groups[: len(faces[0])])), len(np.unique(groups[len(faces[0]) :]))]
+        return int(groups.max()) < (1.0 + MISSING_SHARE) * min(counts)
 
 
 def distinct_faces(faces: Integers) -> tuple[Integers, Integers]:
@@ -64,10 +66,12 @@ def distinct_faces(faces: Integers) -> tuple[Integers, Integers]:
 
 def joint_numbers(several: Sequence[Corners]) -> list[Integers]:
     """Number the values of several segments; return the number of each of their values."""
-    if all(np.array_equal(one.values, several[0].values) for one in several[1:]):
-        return [np.arange(len(one.values)) for one in several]
-    _, numbers = np.unique(np.concatenate([one.values for one in several]), return_inverse=True)
-    return np.split(numbers, np.cumsum([len(one.values) for one in several])[:-1])
+    if all(np.array_equal(corners.values, several[0].values) for corners in several[1:]):
+        return [np.arange(len(corners.values)) for corners in several]
+    _, numbers = np.unique(
+        np.concatenate([corners.values for corners in several]), return_inverse=True
+    )
+    return np.split(numbers, np.cumsum([len(corners.values) for corners in several])[:-1])
 
 
 def corners_of(segment: MeshSequence) -> Corners:
@@ -77,16 +81,18 @@ def corners_of(segment: MeshSequence) -> Corners:
     columns += [np.repeat(group.numbers, 3)[:, None] for group in surface.groups]
     if not surface.attributes:
         columns.append(segment.vertices[0][segment.faces.ravel()])
-    found, numbers = np.unique(rows_as_bytes(*columns), return_inverse=True)
+    values, numbers = np.unique(rows_as_bytes(*columns), return_inverse=True)
     rows = numbers.reshape(-1, 3)
     twins = opposite_sides(segment.faces, segment.n_verts).astype(np.int64)
     across = numbers[3 * (twins // 3) + (twins + 2) % 3].reshape(-1, 3)
     # If two corners have the lowest number, the face begins with the one before the other.
-    turns = np.argmin(rows * np.int64(len(found)) + np.roll(rows, -1, axis=1), axis=1)
+    turns = np.argmin(rows * np.int64(len(values)) + np.roll(rows, -1, axis=1), axis=1)
     turns = (turns[:, None] + np.arange(3)) % 3
     corners = 3 * np.arange(len(rows))[:, None] + turns
-    faces, opposite = (np.take_along_axis(one, turns, axis=1) for one in (rows, across))
-    return Corners(segment, found, *(one.astype(np.int32) for one in (faces, opposite, corners)))
+    faces, opposite = (np.take_along_axis(table, turns, axis=1) for table in (rows, across))
+    return Corners(
+        segment, values, *(table.astype(np.int32) for table in (faces, opposite, corners))
+    )
 
 
 def values_at_corners(attribute: Attribute, faces: Faces) -> npt.NDArray[np.generic]:

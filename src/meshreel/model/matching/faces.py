@@ -33,7 +33,7 @@ def aligned_faces(run: list[Corners]) -> tuple[Integers, Integers] | None:
         Number of each corner in each segment, or NONE.
     """
     own_numbers = joint_numbers(run)
-    faces = [own[one.faces] for one, own in zip(run, own_numbers, strict=True)]
+    faces = [own[member.faces] for member, own in zip(run, own_numbers, strict=True)]
     stacked = np.concatenate(faces)
     first, inverse = distinct_faces(stacked)
     keys = stacked[first]
@@ -48,10 +48,16 @@ def aligned_faces(run: list[Corners]) -> tuple[Integers, Integers] | None:
         return None
     corners = np.full((len(run), len(keys), 3), NONE, np.int32)
     alike = _AlikeFaces(len(run))
-    for number, (one, own) in enumerate(zip(run, rows, strict=True)):
-        corners[number, own] = one.corners
-        chosen = np.flatnonzero(is_alike[own])
-        alike.add(number, one, own[chosen], chosen, own_numbers[number][one.opposite[chosen]])
+    for number, (member, own) in enumerate(zip(run, rows, strict=True)):
+        corners[number, own] = member.corners
+        alike_faces = np.flatnonzero(is_alike[own])
+        alike.add(
+            number,
+            member,
+            own[alike_faces],
+            alike_faces,
+            own_numbers[number][member.opposite[alike_faces]],
+        )
     own_keys, own_corners = alike.result()
     values = np.concatenate([keys[~is_alike], keys[own_keys]])
     return values, np.concatenate([corners[:, ~is_alike], own_corners], axis=1)
@@ -68,7 +74,7 @@ class _AlikeFaces:
         self._of_key: dict[int, list[int]] = {}
 
     def add(
-        self, number: int, one: Corners, keys: Integers, chosen: Integers, opposite: Integers
+        self, number: int, corners: Corners, keys: Integers, numbers: Integers, opposite: Integers
     ) -> None:
         """Add faces of the next segment.
 
@@ -78,32 +84,32 @@ class _AlikeFaces:
             Number of the segment.
         keys : array of shape (N,)
             Number of the values of each face.
-        chosen : array of shape (N,)
+        numbers : array of shape (N,)
             Number of each face in the segment.
         opposite : array of shape (N, 3)
             Value opposite to each side.
         """
-        vertices = one.segment.faces.ravel()[one.corners[chosen]]
-        first, last = (one.segment.vertices[frame][vertices].astype(float) for frame in (0, -1))
+        vertices = corners.segment.faces.ravel()[corners.corners[numbers]]
+        first, last = (corners.segment.vertices[frame][vertices].astype(float) for frame in (0, -1))
         of_key: dict[int, list[int]] = {}
         for index, key in enumerate(keys.tolist()):
             of_key.setdefault(key, []).append(index)
         for key, own in of_key.items():
             known = self._of_key.setdefault(key, [])
-            is_turnable = len(set(one.faces[chosen[own[0]]].tolist())) == 1
-            found = _assigned(
+            is_turnable = len(set(corners.faces[numbers[own[0]]].tolist())) == 1
+            assigned = _assigned(
                 [self._last[i] for i in known],
                 [_Place(first[index], opposite[index]) for index in own],
                 turns=3 if is_turnable else 1,
             )
-            for index, (face, turn) in zip(own, found, strict=True):
+            for index, (face, turn) in zip(own, assigned, strict=True):
                 if face == NONE:
                     face = len(known)
                     known.append(len(self._keys))
                     self._keys.append(key)
                     self._corners.append(np.full((self._n_segments, 3), NONE, np.int32))
                     self._last.append(_Place(last[index], opposite[index]))
-                self._corners[known[face]][number] = np.roll(one.corners[chosen[index]], -turn)
+                self._corners[known[face]][number] = np.roll(corners.corners[numbers[index]], -turn)
                 self._last[known[face]] = _Place(last[index], opposite[index]).turned(turn)
 
     def result(self) -> tuple[Integers, Integers]:
@@ -142,9 +148,9 @@ def _assigned(
     list of (int, int)
         For each face its known one, or NONE, and by how many corners it is turned.
     """
-    found = [(NONE, 0)] * len(faces)
+    assigned = [(NONE, 0)] * len(faces)
     if not known:
-        return found
+        return assigned
     moved = np.mean([face.points for face in faces], axis=(0, 1))
     moved -= np.mean([face.points for face in known], axis=(0, 1))
     pairs = []
@@ -156,7 +162,7 @@ def _assigned(
             pairs.append((n_differing, distance, index, turn, number))
     used: set[int] = set()
     for _, _, index, turn, number in sorted(pairs):
-        if found[index][0] == NONE and number not in used:
-            found[index] = number, turn
+        if assigned[index][0] == NONE and number not in used:
+            assigned[index] = number, turn
             used.add(number)
-    return found
+    return assigned

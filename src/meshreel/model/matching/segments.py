@@ -80,7 +80,7 @@ def _is_supported(segment: FrameSource) -> TypeGuard[MeshSequence]:
 def _joined(run: list[Corners]) -> list[FrameSource]:
     """Join as many segments of a run as match; those that do not are tried in halves."""
     if len(run) < 2:
-        return [one.segment for one in run]
+        return [member.segment for member in run]
     joined = _join(run)
     if joined is not None:
         return [joined]
@@ -98,11 +98,11 @@ def _join(run: list[Corners]) -> MeshSequence | None:
     if is_missing.mean(axis=1).max() > MISSING_SHARE or is_missing.any(axis=0).all():
         return None
     at = np.full_like(corners, NONE)  # the vertex of each corner
-    for one, own, vertices in zip(run, corners, at, strict=True):
-        vertices[own != NONE] = one.segment.faces.ravel()[own[own != NONE]]
-    frames = [one.segment.vertices[0] for one in run]
+    for member, own, vertices in zip(run, corners, at, strict=True):
+        vertices[own != NONE] = member.segment.faces.ravel()[own[own != NONE]]
+    frames = [member.segment.vertices[0] for member in run]
     vertices, faces = joined_vertices(at.reshape(len(run), -1), values.ravel(), frames)
-    positions = [one.segment.vertices[:, own] for one, own in zip(run, vertices, strict=True)]
+    positions = [member.segment.vertices[:, own] for member, own in zip(run, vertices, strict=True)]
     for several, lacks in zip(positions, is_missing, strict=True):
         if not _adds_nothing(several, faces[lacks], faces[~lacks]):
             return None
@@ -146,12 +146,12 @@ def _assembled(
     corners : array of shape (S, M, 3)
         Number of each corner in each segment, or NONE.
     """
-    segments = [one.segment for one in run]
+    segments = [member.segment for member in run]
     source = np.argmax(corners[:, :, 0] != NONE, axis=0)  # the first segment with each face
     own = corners[source, np.arange(len(faces))]
     order = np.lexsort((own[:, 0] // 3, source))
     turns = (np.argmin(own % 3, axis=1)[:, None] + np.arange(3)) % 3
-    faces, own = (np.take_along_axis(one, turns, axis=1)[order] for one in (faces, own))
+    faces, own = (np.take_along_axis(table, turns, axis=1)[order] for table in (faces, own))
     source = source[order]
     used, first_corners, numbers = np.unique(faces, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first_corners))

@@ -101,7 +101,7 @@ def _nearest_known(
     """Return the vertex below `n_known` that is nearest in a segment where a vertex is known."""
     segment = int(np.argmax(vertices[vertex] != NONE))
     positions = frames[segment]
-    known = positions[[one[segment] for one in vertices[:n_known]]]
+    known = positions[[vertex_of[segment] for vertex_of in vertices[:n_known]]]
     apart = np.square(known - positions[vertices[vertex][segment]], dtype=np.float64)
     return int(np.argmin(apart.sum(axis=1)))
 

@@ -167,21 +167,21 @@ def find_rests(
     rests = Rests(runs, _rest_bits(frames.n_verts, targets, finer))
     with_rests = encode_basis(targets, rate_weight, BasisCoding(rests))
     without = encode_basis(targets, rate_weight)
-    kept = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(without))
-    return Rests(kept, rests.bits) if kept else NO_REST
+    kept_runs = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(without))
+    return Rests(kept_runs, rests.bits) if kept_runs else NO_REST
 
 
 def _affordable(runs: Runs, bits: Floats, bits_without: Floats) -> Runs:
     """Return the runs to keep; see `MAX_COST_RATIO`."""
     costs = [(bits[start:end].sum(), bits_without[start:end].sum()) for start, end in runs]
-    budget, kept = MAX_COST_SHARE * bits_without.sum(), []
+    budget, kept_runs = MAX_COST_SHARE * bits_without.sum(), []
     for (cost, cost_without), run in sorted(zip(costs, runs, strict=True), key=_extra_bits):
         if cost <= MAX_COST_RATIO * cost_without:
-            kept.append(run)
+            kept_runs.append(run)
         elif cost - cost_without <= budget:
             budget -= cost - cost_without
-            kept.append(run)
-    return tuple(sorted(kept))
+            kept_runs.append(run)
+    return tuple(sorted(kept_runs))
 
 
 def _extra_bits(item: tuple[tuple[float, float], tuple[int, int]]) -> float:

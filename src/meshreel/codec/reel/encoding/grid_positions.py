@@ -90,8 +90,10 @@ class GridPositionCoder(PositionCoder):
         choices = []
         is_precise = meets_bound or rounding is not None
         if is_precise and np.abs(coordinates).max() <= MAX_VALUE:
-            stored, n_frames = coordinates[:1] if is_single else coordinates, len(vertices)
-            choices.append(write_on_surface(stored, step, *self.sides, rounding, n_frames=n_frames))
+            coded_frames, n_frames = coordinates[:1] if is_single else coordinates, len(vertices)
+            choices.append(
+                write_on_surface(coded_frames, step, *self.sides, rounding, n_frames=n_frames)
+            )
             if is_single or self.is_fast:
                 return choices[0]
         choices.append(write_grid_positions(vertices, 0.0, self.graph))
@@ -229,12 +231,12 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
     """
     if not _takes_grid(source.config):
         return None
-    stored = grid_of_frame(source)
-    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), stored)
+    grid = grid_of_frame(source)
+    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), grid)
     own = stream_of(moved, coder, progress)
-    if stored is None or coder.is_stored:
+    if grid is None or coder.is_stored:
         return own
-    return min(own, _encoded_on(stored, source, progress), key=len)
+    return min(own, _encoded_on(grid, source, progress), key=len)
 
 
 def encode_moving(source: Source, step: float) -> bytes:
@@ -309,20 +311,20 @@ def _encoded(
     return stream_of(source, replace(coder, is_fast=is_fast), progress)
 
 
-def _with_coder(source: Source, stored: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
+def _with_coder(source: Source, grid: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
     """Return the source and its coder.
 
-    Both use the stored grid if it is coarser than that of the target, and meets the bound;
+    Both use the given grid if it is coarser than that of the target, and meets the bound;
     otherwise a coarse grid with errors as small, if few frames lie near one.
     """
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if stored is not None and stored.step > coder.grid.step:
-        on_stored = replace(coder, grid=stored, is_stored=True)
+    if grid is not None and grid.step > coder.grid.step:
+        on_stored = replace(coder, grid=grid, is_stored=True)
         frame = sequence.read(0, 1)
-        coordinates = stored.coordinates(frame)
-        if on_stored._meets_bound(coordinates, frame) or stored.rounding(coordinates, frame):
-            return source.with_changes(origin=stored.frame.origin), on_stored
+        coordinates = grid.coordinates(frame)
+        if on_stored._meets_bound(coordinates, frame) or grid.rounding(coordinates, frame):
+            return source.with_changes(origin=grid.frame.origin), on_stored
     coarse = _coarse_grid(source, coder) if source.n_frames <= FEW_FRAMES else None
     if coarse is not None:
         return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
