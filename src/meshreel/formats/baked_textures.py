@@ -167,15 +167,15 @@ class TextureJob:
 
 def _texture_files(source: Source) -> tuple[Path, ...]:
     if not isinstance(source, str | os.PathLike):
-        return tuple(Path(one) for one in source)
+        return tuple(Path(file) for file in source)
     path = Path(source)
     if path.is_dir():
-        found: Iterable[Path] = (one for one in path.iterdir() if one.name[0] != ".")
+        files: Iterable[Path] = (file for file in path.iterdir() if file.name[0] != ".")
     elif path.exists() or not glob.has_magic(str(source)):
         return (path,)
     else:
-        found = map(Path, glob.glob(str(source), recursive=True))
-    return tuple(natural_order(one for one in found if one.is_file()))
+        files = map(Path, glob.glob(str(source), recursive=True))
+    return tuple(natural_order(file for file in files if file.is_file()))
 
 
 def _n_pictures(path: Path) -> int:

@@ -42,8 +42,8 @@ def note_displacement(opened: MeshSequence, notes: Notes) -> None:
     segment = opened.segments[0]
     if opened.n_segments > 1 or segment.n_frames < 2:
         return
-    found = [name for name, track in segment.tracks.items() if _is_candidate(name, track)]
-    if len(found) != 1:
+    names = [name for name, track in segment.tracks.items() if _is_candidate(name, track)]
+    if len(names) != 1:
         return
     first, last = (segment.read(frame, frame + 1) for frame in (0, segment.n_frames - 1))
     if not np.array_equal(first, last):
@@ -51,9 +51,9 @@ def note_displacement(opened: MeshSequence, notes: Notes) -> None:
     extent, box = segment.extent, (first[0].min(axis=0), first[0].max(axis=0))
     if np.array_equal(box, (extent.low, extent.high)):
         text = Message(
-            f"the mesh does not move, and its track {found[0]} may be its displacement; move it "
+            f"the mesh does not move, and its track {names[0]} may be its displacement; move it "
             "with ",
-            Keyword("displace", found[0]),
+            Keyword("displace", names[0]),
         )
         notes.unknown("displacement", text)
 
@@ -75,7 +75,7 @@ def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) 
             f" takes a track of three numbers per vertex; {name} has {track.shape[2]} per "
             f"{track.domain}, {track.dtype}",
         )
-    tracks = {other: kept for other, kept in segment.tracks.items() if other != name}
+    tracks = {other: other_track for other, other_track in segment.tracks.items() if other != name}
     about = Description(segment.faces, segment.name, segment.timing, segment.surface)
     shape, files = (segment.n_frames, segment.n_verts), getattr(segment, "files", ())
     read = _reader(segment, track, factor)

@@ -25,16 +25,16 @@ def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Pat
     """
     folder = source.resolve().parent
     try:
-        found = (folder / reference.strip()).resolve()
-        is_file = found.is_file()
+        path = (folder / reference.strip()).resolve()
+        is_file = path.is_file()
     except (OSError, ValueError) as error:
         raise FormatError(f"refers to {reference[:80]!r}, which is not a path ({error})") from error
-    if not (options.allow_outside or is_within(found, folder)):
+    if not (options.allow_outside or is_within(path, folder)):
         raise outside_error(reference)
-    if not is_file and not download_sibling(found):
+    if not is_file and not download_sibling(path):
         raise FormatError(f"refers to the file {reference!r}, which does not exist")
-    options.referenced.add(found)
-    return found
+    options.referenced.add(path)
+    return path
 
 
 def is_within(path: Path, folder: Path) -> bool:

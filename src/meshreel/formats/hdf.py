@@ -149,9 +149,9 @@ def require_dataset(group: Node, name: str) -> Dataset:
     FormatError
         As `find_dataset`, or if there is none.
     """
-    if (found := find_dataset(group, name)) is None:
+    if (dataset := find_dataset(group, name)) is None:
         raise FormatError(f"has no dataset {group.name.rstrip('/')}/{name}")
-    return found
+    return dataset
 
 
 def read_rows(dataset: Dataset, start: int, count: int) -> npt.NDArray[Any]:

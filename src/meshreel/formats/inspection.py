@@ -124,20 +124,20 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
         As `meshreel.load`, but an unreadable mesh among several only has a `problem`.
     """
     with local_copy(source, options.notes) as files:
-        found = find_files(files)
-        check_read_options(found.format, options)
-        meshes = tuple(_infos(found, options))
+        source_files = find_files(files)
+        check_read_options(source_files.format, options)
+        meshes = tuple(_infos(source_files, options))
         return SourceInfo(
-            found.format.title,
-            sum(path.stat().st_size for path in (*found.paths, *found.other_files)),
-            len(found.paths) + len(found.other_files),
+            source_files.format.title,
+            sum(path.stat().st_size for path in (*source_files.paths, *source_files.other_files)),
+            len(source_files.paths) + len(source_files.other_files),
             meshes,
             tuple(dict.fromkeys(options.notes)),
-            animations_of(found, options),
+            animations_of(source_files, options),
         )
 
 
-def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationInfo, ...]:
+def animations_of(files: SourceFiles, options: ReadOptions) -> tuple[AnimationInfo, ...]:
     """Return the animations of a file; empty if its format supports only one.
 
     Raises
@@ -145,16 +145,16 @@ def animations_of(found: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
     FormatError
         If the file is damaged outside its animations.
     """
-    if not isinstance(found.format, SequenceFormat) or found.format.list_animations is None:
+    if not isinstance(files.format, SequenceFormat) or files.format.list_animations is None:
         return ()
-    with errors_naming(found.paths[0]):
-        return tuple(found.format.list_animations(found.paths[0], options))
+    with errors_naming(files.paths[0]):
+        return tuple(files.format.list_animations(files.paths[0], options))
 
 
-def _infos(found: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
-    path, form = found.paths[0], found.format
-    if not isinstance(form, SequenceFormat) or form.read_meshes is None or len(found.paths) > 1:
-        yield _sequence_info(open_any(found, replace(options, max_loaded_bytes=0)))
+def _infos(files: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
+    path, form = files.paths[0], files.format
+    if not isinstance(form, SequenceFormat) or form.read_meshes is None or len(files.paths) > 1:
+        yield _sequence_info(open_any(files, replace(options, max_loaded_bytes=0)))
         return
     with errors_naming(path):
         meshes = selected_meshes(form.read_meshes, path, options)

@@ -116,7 +116,7 @@ def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
     trimesh = _imported("trimesh")
     [segment] = _part(sequence, frame).segments
     colors = segment.surface.of_kind(Kind.COLOR)
-    of_vertices = [one.per_item() for one in colors if one.domain is Domain.VERTEX]
+    of_vertices = [color.per_item() for color in colors if color.domain is Domain.VERTEX]
     return trimesh.Trimesh(
         np.asarray(segment.read(0, 1)[0]),
         np.asarray(segment.faces),

@@ -100,9 +100,9 @@ def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> Fram
     ConnectivityChangeError
         If they do; the message names the purpose.
     """
-    found = find_files(source)
-    opened = open_any(found, loading_for(None, options))
-    with errors_naming(found.paths[0]):
+    files = find_files(source)
+    opened = open_any(files, loading_for(None, options))
+    with errors_naming(files.paths[0]):
         return single_segment(opened, purpose)
 
 

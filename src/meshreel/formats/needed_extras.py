@@ -25,10 +25,10 @@ def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None)
     """Return the extras that reading certainly needs, including those of registration."""
     formats = (FORMATS.get(extension) for extension in dict.fromkeys(map(extension_of, files)))
     extras = [
-        found.extra
-        for found in formats
-        if found is not None and found.extra is not None
-        if not found.reads_without_extra
+        file_format.extra
+        for file_format in formats
+        if file_format is not None and file_format.extra is not None
+        if not file_format.reads_without_extra
     ]
     return [*extras, *(REGISTRATION if options and options.register is not None else ())]
 
@@ -36,8 +36,8 @@ def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None)
 def extras_to_write(output: AnyPath) -> list[Extra]:
     """Return the extras that writing certainly needs."""
     extension = extension_of(output)
-    found = FOLDER_FORMATS.get(extension) or FORMATS.get(extension)
-    return [found.extra] if found is not None and found.extra is not None else []
+    file_format = FOLDER_FORMATS.get(extension) or FORMATS.get(extension)
+    return [file_format.extra] if file_format is not None and file_format.extra is not None else []
 
 
 def extras_to_bake(textures: Source, output: AnyPath) -> list[Extra]:

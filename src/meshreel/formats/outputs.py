@@ -70,9 +70,9 @@ def check_output(
     """
     refuse_address(output, "the output")
     path = Path(output)
-    if (found := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
+    if (folder_format := FOLDER_FORMATS.get(path.suffix.lower())) is not None:
         return _check_folder(
-            path, found, start_number, options, overwrite=overwrite, inputs=list(inputs)
+            path, folder_format, start_number, options, overwrite=overwrite, inputs=list(inputs)
         )
     if path.is_dir() or str(output).endswith(("/", os.sep)):
         raise FormatError(
@@ -80,11 +80,11 @@ def check_output(
             f"{path / 'frame_%04d.obj'}, or a name with the extension {', '.join(FOLDER_FORMATS)}"
         )
     paths = _files_of(path, n_frames, start_number)
-    check_write_options(chosen := format_of(path), options)
+    check_write_options(file_format := format_of(path), options)
     inputs = list(inputs)
-    if chosen.data_files is not None:
+    if file_format.data_files is not None:
         check_output_paths([path], overwrite=overwrite, inputs=inputs)
-        data_files = chosen.data_files(path, n_frames or 1)
+        data_files = file_format.data_files(path, n_frames or 1)
         check_output_paths(data_files, overwrite=overwrite, inputs=inputs, makes_folder=True)
         return [path, *data_files]
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=is_pattern(path))
@@ -109,7 +109,7 @@ def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int |
 
 def _check_folder(
     path: Path,
-    found: FolderFormat,
+    folder_format: FolderFormat,
     start_number: int | None,
     options: WriteOptions,
     *,
@@ -123,17 +123,19 @@ def _check_folder(
     _check_start_number(path, start_number)
     if NUMBER_FIELD.search(path.name):
         raise InvalidInputError(
-            f"{path} has a number field, but a {found.extension} folder contains all frames; "
-            f"give a name such as {path.with_name(f'frames{path.suffix}')}"
+            f"{path} has a number field, but a {folder_format.extension} folder contains all "
+            f"frames; give a name such as {path.with_name(f'frames{path.suffix}')}"
         )
-    check_write_options(found, options)
-    if found.extra is not None:
-        found.extra.load()
-    paths = found.files(path, options)
+    check_write_options(folder_format, options)
+    if folder_format.extra is not None:
+        folder_format.extra.load()
+    paths = folder_format.files(path, options)
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
-    extensions = {one.suffix for one in paths} | {".png", ".exr"}
-    others = set(path.iterdir()) - set(paths) if path.is_dir() else set()
-    if conflicting := sorted(other.name for other in others if other.suffix.lower() in extensions):
+    extensions = {file.suffix for file in paths} | {".png", ".exr"}
+    other_files = set(path.iterdir()) - set(paths) if path.is_dir() else set()
+    if conflicting := sorted(
+        other.name for other in other_files if other.suffix.lower() in extensions
+    ):
         raise InvalidInputError(
             f"{path} contains files that must not be mixed with the output: {listed(conflicting)}; "
             "remove them, or choose another folder"
@@ -143,21 +145,21 @@ def _check_folder(
 
 def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> list[Path]:
     fields = list(NUMBER_FIELD.finditer(path.name))
-    if not is_written(found := format_of(path)):
+    if not is_written(file_format := format_of(path)):
         raise FormatError(
-            f"{path}: {found.extension} files can be read, but not written; "
-            + INSTEAD.get(found.extension, f"writable are {', '.join(written_extensions())}")
+            f"{path}: {file_format.extension} files can be read, but not written; "
+            + INSTEAD.get(file_format.extension, f"writable are {', '.join(written_extensions())}")
         )
     _check_start_number(path, start_number)
-    if isinstance(found, SequenceFormat):
+    if isinstance(file_format, SequenceFormat):
         if fields:
             raise InvalidInputError(
-                f"{path} has a number field, but a {found.extension} file contains all frames; "
-                f"give a name such as {path.with_name(f'frames{path.suffix}')}"
+                f"{path} has a number field, but a {file_format.extension} file contains all "
+                f"frames; give a name such as {path.with_name(f'frames{path.suffix}')}"
             )
-        if found.extra is not None:
-            found.extra.load()
-        return [path, path.with_suffix(found.companion)] if found.companion else [path]
+        if file_format.extra is not None:
+            file_format.extra.load()
+        return [path, path.with_suffix(file_format.companion)] if file_format.companion else [path]
     if len(fields) > 1:
         raise InvalidInputError(f"{path} has {len(fields)} number fields; one is needed")
     if fields:

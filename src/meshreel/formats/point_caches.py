@@ -156,7 +156,7 @@ def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
 
 def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
     """Add notes if frame rate or start will be read back with another value."""
-    found, timing = _timing(times), stream.timing
+    rounded_timing, timing = _timing(times), stream.timing
     if timing.times is not None:
         if not np.array_equal(times, timing.times):
             text = "MDD stores times as float32, to which these are rounded"
@@ -165,13 +165,13 @@ def _note_times(times: npt.NDArray[Any], stream: FrameStream) -> None:
     if timing.fps and stream.n_frames == 1:
         text = f"MDD has no frame rate for one frame: {timing.fps:g} fps is lost"
         stream.notes.unwritten("frame rate", text)
-    elif timing.fps and found.fps != timing.fps:
-        text = f"MDD stores times as float32: {timing.fps!r} fps reads as {found.fps!r}"
+    elif timing.fps and rounded_timing.fps != timing.fps:
+        text = f"MDD stores times as float32: {timing.fps!r} fps reads as {rounded_timing.fps!r}"
         stream.notes.changed("frame rate", text)
-    if found.start_s != timing.start_s:
+    if rounded_timing.start_s != timing.start_s:
         text = (
             f"MDD stores times as float32: the start at {timing.start_s!r} s reads as "
-            f"{found.start_s!r} s"
+            f"{rounded_timing.start_s!r} s"
         )
         stream.notes.changed("start", text)
 
@@ -294,7 +294,9 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
     if mesh_format is None or mesh_format.has_unshared_vertices:
-        known = [one.extension for one in FRAME_FORMATS.values() if not one.has_unshared_vertices]
+        known = [
+            entry.extension for entry in FRAME_FORMATS.values() if not entry.has_unshared_vertices
+        ]
         raise FormatError(
             f"the faces of a point cache must be in a {', '.join(known)} file", path=path
         )

@@ -101,8 +101,8 @@ def read_info(
     limit = memory_limit(memory)
     with _open_binary(path) as file, errors_naming(path):
         whole = OpenFile(file, limit.limit_bytes)
-        for one in whole.segments if segment is None else whole.segments[segment : segment + 1]:
-            limit.require_mesh(one.n_verts, one.n_triangles)
+        for stream in whole.segments if segment is None else whole.segments[segment : segment + 1]:
+            limit.require_mesh(stream.n_verts, stream.n_triangles)
         return file_info(whole, segment, limit, is_remote=is_remote(path))
 
 
@@ -136,9 +136,9 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         If the file is not a complete stream that this version supports; errors name the file.
     """
     if options.max_loaded_bytes is not None:
-        stored = _stored(path, options)
-        if sum(map(positions_size_bytes, stored.segments)) > options.max_loaded_bytes:
-            return stored
+        sequence = _stored(path, options)
+        if sum(map(positions_size_bytes, sequence.segments)) > options.max_loaded_bytes:
+            return sequence
     with errors_naming(path):
         decoded = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)

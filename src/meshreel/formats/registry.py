@@ -148,29 +148,29 @@ def output_format_of(path: Path) -> FrameFormat | SequenceFormat | FolderFormat:
 
 def written_extensions() -> list[str]:
     """Return the extensions of all formats that can be written."""
-    return [*(one.extension for one in FORMATS.values() if is_written(one)), *FOLDER_FORMATS]
+    return [*(entry.extension for entry in FORMATS.values() if is_written(entry)), *FOLDER_FORMATS]
 
 
-def is_written(found: FrameFormat | SequenceFormat) -> bool:
+def is_written(entry: FrameFormat | SequenceFormat) -> bool:
     """Whether a format can be written."""
-    return (found.encoder if isinstance(found, FrameFormat) else found.write) is not None
+    return (entry.encoder if isinstance(entry, FrameFormat) else entry.write) is not None
 
 
 def described_formats() -> list[dict[str, Any]]:
     """Return all formats in plain types: capabilities and required extra, for JSON."""
     return [
         {
-            "extension": one.extension,
-            "title": one.title,
-            "holds": "one frame" if isinstance(one, FrameFormat) else "all frames",
-            "reads": not isinstance(one, FolderFormat),
-            "writes": isinstance(one, FolderFormat) or is_written(one),
-            "writes_changing_faces": one.holds_segments,
+            "extension": entry.extension,
+            "title": entry.title,
+            "holds": "one frame" if isinstance(entry, FrameFormat) else "all frames",
+            "reads": not isinstance(entry, FolderFormat),
+            "writes": isinstance(entry, FolderFormat) or is_written(entry),
+            "writes_changing_faces": entry.holds_segments,
             "extra": extra.name if extra else None,
             "library": extra.library if extra else None,
-            "reads_without_extra": extra is None or one.reads_without_extra,
+            "reads_without_extra": extra is None or entry.reads_without_extra,
             "is_installed": extra is None or extra.is_installed,
         }
-        for one in (*FORMATS.values(), *FOLDER_FORMATS.values())
-        for extra in [one.extra]
+        for entry in (*FORMATS.values(), *FOLDER_FORMATS.values())
+        for extra in [entry.extra]
     ]

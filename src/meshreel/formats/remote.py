@@ -51,7 +51,7 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         raise InvalidInputError(
             "some frames are remote and some are local files; use only one kind"
         )
-    addresses = [os.fspath(one) for one in several]
+    addresses = [os.fspath(address) for address in several]
     place = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
     folder = place / _folder_name(addresses[0])
     try:
@@ -64,7 +64,7 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         )
         raise
     finally:
-        for folder in [one for one in DOWNLOADED if one.is_relative_to(place)]:
+        for folder in [path for path in DOWNLOADED if path.is_relative_to(place)]:
             del DOWNLOADED[folder]
         shutil.rmtree(place, ignore_errors=True)
 
@@ -114,17 +114,19 @@ def _resolve(address: str) -> list[str]:
     if extension_of(name_of(address)) in FORMATS and not _has_magic(name_of(address)):
         return [address]
     if _has_magic(address):
-        found = _natural_order(matches(address))
-        if not found:
+        addresses = _natural_order(matches(address))
+        if not addresses:
             raise StoreError(f"the pattern {address} matches no file; check it")
-        return found
-    found = [one for one in files_in(address) if Path(name_of(one)).suffix.lower() in FRAME_FORMATS]
-    if not found:
+        return addresses
+    addresses = [
+        file for file in files_in(address) if Path(name_of(file)).suffix.lower() in FRAME_FORMATS
+    ]
+    if not addresses:
         raise StoreError(
             f"{address} is neither a folder of frames ({', '.join(FRAME_FORMATS)}) nor a file with "
             "a known extension"
         )
-    return _natural_order(found)
+    return _natural_order(addresses)
 
 
 def _natural_order(addresses: Iterable[str]) -> list[str]:
@@ -138,6 +140,6 @@ def _has_magic(text: str) -> bool:
 
 def _fetch_companion(path: Path) -> None:
     """Download the mesh next to a point cache, if there is one."""
-    found = FORMATS[extension_of(path)]
-    if found.companion:
-        download_sibling(path.with_suffix(found.companion))
+    cache_format = FORMATS[extension_of(path)]
+    if cache_format.companion:
+        download_sibling(path.with_suffix(cache_format.companion))

@@ -180,13 +180,13 @@ def _checked_paths(
     paths = check_output(output, n_frames, **checked)
     output_format = output_format_of(Path(output))
     if n_segments > 1 and not output_format.holds_segments:
-        others = ", ".join(one for one, row in SEQUENCE_FORMATS.items() if row.holds_segments)
+        formats = ", ".join(name for name, row in SEQUENCE_FORMATS.items() if row.holds_segments)
         raise ConnectivityChangeError(
             f"{output}: the faces change: {n_frames} frames in {n_segments} segments, but "
             f"{output_format.extension} stores the same faces in every frame; write one output per "
             "segment (convert --split, or decode ",
             Keyword("segment"),
-            f"), one file per frame, or {others}",
+            f"), one file per frame, or {formats}",
         )
     return paths
 
@@ -242,7 +242,9 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
     unsupported = {name: track for name, track in mesh.tracks.items() if name not in supported}
     constant = _constant_attributes(unsupported, mesh.surface)
     left_out = {name: track for name, track in unsupported.items() if name not in constant}
-    for missing in [one for one in SURFACE_DOMAINS if one not in domains] if domains else []:
+    for missing in (
+        [domain for domain in SURFACE_DOMAINS if domain not in domains] if domains else []
+    ):
         names = [name for name, track in left_out.items() if track.domain is missing]
         which = f"tracks of {plural(missing)}"
         note_unwritten_tracks(names, output_format.extension, mesh.notes, which)
@@ -260,10 +262,10 @@ def _without_cells(mesh: FrameStream, extension: str) -> FrameStream:
     tracks = {name: track for name, track in mesh.tracks.items() if track.domain is Domain.CELL}
     attributes = [row.name for row in surface.attributes if row.domain is Domain.CELL]
     note_unwritten_cells(surface.cells, [*tracks, *attributes], extension, mesh.notes)
-    kept = tuple(row for row in surface.attributes if row.domain is not Domain.CELL)
+    other_attributes = tuple(row for row in surface.attributes if row.domain is not Domain.CELL)
     return replace(
         mesh,
-        surface=replace(surface, cells=None, attributes=kept),
+        surface=replace(surface, cells=None, attributes=other_attributes),
         tracks={name: track for name, track in mesh.tracks.items() if name not in tracks},
     )
 
@@ -285,10 +287,10 @@ def _constant_attributes(
 
 
 def _image_files(
-    found: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: SegmentedStream
+    output_format: FrameFormat | SequenceFormat | FolderFormat, path: Path, stream: SegmentedStream
 ) -> dict[Path, Image]:
     """Return images that are stored as separate files; sets the stream's image folder."""
-    images = next(stream.meshes()).surface.images if found.has_image_folder else ()
+    images = next(stream.meshes()).surface.images if output_format.has_image_folder else ()
     if not images:
         return {}
     folder = image_folder(path)
@@ -296,36 +298,36 @@ def _image_files(
     return {folder / name: image for name, image in zip(image_names(images), images, strict=True)}
 
 
-def _write_frames(found: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
+def _write_frames(output_format: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
     """Write one file per frame."""
     numbered = iter(paths)
     for segment in stream.segments():
-        note_unwritten_materials(segment.surface, found.extension, segment.notes)
-        encode = _encoder_of(found, segment)
+        note_unwritten_materials(segment.surface, output_format.extension, segment.notes)
+        encode = _encoder_of(output_format, segment)
         for index, frame in enumerate(segment.frames()):
             next(numbered).write_bytes(encode(frame, segment.values(index)))
 
 
 def _write_sequence(
-    found: SequenceFormat, paths: list[Path], stream: SegmentedStream, options: WriteOptions
+    output_format: SequenceFormat, paths: list[Path], stream: SegmentedStream, options: WriteOptions
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
-    if found.write is None:  # check_output rejects read-only formats
-        raise FormatError(f"{found.extension} files are read, but not written")
+    if output_format.write is None:  # check_output rejects read-only formats
+        raise FormatError(f"{output_format.extension} files are read, but not written")
 
     def note_materials(mesh: FrameStream) -> FrameStream:
-        note_unwritten_materials(mesh.surface, found.extension, stream.notes)
+        note_unwritten_materials(mesh.surface, output_format.extension, stream.notes)
         return mesh
 
-    noting = stream if found.holds_materials else stream.changed(note_materials)
-    if found.companion:
+    noting = stream if output_format.holds_materials else stream.changed(note_materials)
+    if output_format.companion:
         only = noting.only()
-        encode = _encoder_of(FRAME_FORMATS[found.companion], only)
+        encode = _encoder_of(FRAME_FORMATS[output_format.companion], only)
         paths[1].write_bytes(encode(only.first, only.values(0)))
-    found.write(paths[0], noting, options)
+    output_format.write(paths[0], noting, options)
 
 
-def _encoder_of(found: FrameFormat, stream: FrameStream) -> Encode:
-    if found.encoder is None:  # check_output rejects read-only formats
-        raise FormatError(f"{found.extension} files are read, but not written")
-    return found.encoder(stream)
+def _encoder_of(output_format: FrameFormat, stream: FrameStream) -> Encode:
+    if output_format.encoder is None:  # check_output rejects read-only formats
+        raise FormatError(f"{output_format.extension} files are read, but not written")
+    return output_format.encoder(stream)

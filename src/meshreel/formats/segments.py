@@ -21,7 +21,7 @@ MANY_SEGMENTS = 0.8
 """Segments per frame above which notes advise registration."""
 
 
-def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
+def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
     """Open a sequence whose faces may change; frames may stay in their files.
 
     Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
@@ -34,11 +34,11 @@ def open_any(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     InvalidInputError, FormatError
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
-    check_read_options(found.format, options)
+    check_read_options(files.format, options)
     reading = replace(options, notes=Notes())
     if options.register is not None:
         reading = replace(reading, matches_frames=False)
-    opened = _open(found, reading)
+    opened = _open(files, reading)
     if options.displace is None:
         note_displacement(opened, reading.notes)
     else:
@@ -71,13 +71,15 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     return registration.sequence
 
 
-def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:
-    path, form = found.paths[0], found.format
+def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:
+    path, form = files.paths[0], files.format
     if isinstance(form, SequenceFormat) and form.open is not None:
         opened = MeshSequence.of_segments([form.open(path, options)])
-        segments = [select_attributes(one, options.attributes, path) for one in opened.segments]
+        segments = [
+            select_attributes(segment, options.attributes, path) for segment in opened.segments
+        ]
         return MeshSequence.of_segments(segments, opened.name, opened.timing)
-    runs = list(_runs(found, options))
+    runs = list(_runs(files, options))
     has_several = len(runs) > 1
     segments = runs
     if has_several and options.matches_frames:
@@ -91,17 +93,17 @@ def _open(found: SourceFiles, options: ReadOptions) -> MeshSequence:
     return sequence
 
 
-def _runs(found: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
+def _runs(files: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
     """Yield each range of frames with the same faces, of a file of meshes or of frame files."""
-    path, form = found.paths[0], found.format
+    path, form = files.paths[0], files.format
     if not isinstance(form, SequenceFormat):
-        yield from read_runs(FrameFiles(found.paths, form), found.name, options)
+        yield from read_runs(FrameFiles(files.paths, form), files.name, options)
     elif form.read_meshes is not None:
-        if len(found.paths) == 1:
+        if len(files.paths) == 1:
             mesh = select_mesh(form.read_meshes, path, options)
             yield from open_mesh(mesh, path, options)
         else:
-            mesh = select_frames(form.read_meshes, found.paths, options)
+            mesh = select_frames(form.read_meshes, files.paths, options)
             yield from open_mesh(mesh, path.parent, options)
 
 

@@ -59,8 +59,8 @@ def find_files(source: Source) -> SourceFiles:
     StoreError
         If the source is a remote address.
     """
-    for one in [source] if isinstance(source, str | os.PathLike) else source:
-        refuse_address(one, "what is opened here")
+    for item in [source] if isinstance(source, str | os.PathLike) else source:
+        refuse_address(item, "what is opened here")
     if not isinstance(source, str | os.PathLike):
         return _from_list([Path(path) for path in source])
     path = Path(source)
@@ -107,13 +107,13 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
     InvalidInputError, FormatError
         As `find_files`.
     """
-    found = find_files(source)
-    files = list(found.paths)
+    source_files = find_files(source)
+    files = list(source_files.paths)
     if topology is not None:
         files.append(Path(topology))
-    elif found.format.companion:
-        files += [path.with_suffix(found.format.companion) for path in found.paths]
-    return files + found.other_files
+    elif source_files.format.companion:
+        files += [path.with_suffix(source_files.format.companion) for path in source_files.paths]
+    return files + source_files.other_files
 
 
 def natural_order(paths: Iterable[Path]) -> list[Path]:
@@ -148,21 +148,21 @@ def _from_folder(folder: Path) -> SourceFiles:
     files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
     frames = [path for path in files if path.suffix.lower() in FRAME_FORMATS]
     if not frames:
-        others = natural_order(Path(path.name) for path in files if extension_of(path) in FORMATS)
-        found = f"; it contains {others[0]}: use that file" if others else ""
-        if len(others) > 1:
-            found = (
-                f"; it contains {others[0]} and {len(others) - 1} more: name one, or encode all "
+        names = natural_order(Path(path.name) for path in files if extension_of(path) in FORMATS)
+        advice = f"; it contains {names[0]}: use that file" if names else ""
+        if len(names) > 1:
+            advice = (
+                f"; it contains {names[0]} and {len(names) - 1} more: name one, or encode all "
                 "of them with `meshreel batch`"
             )
         raise FormatError(
-            f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){found}"
+            f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){advice}"
         )
     return _of_one_format(natural_order(frames), f"the folder {folder}")
 
 
 def _from_pattern(pattern: str) -> SourceFiles:
-    files = [Path(found) for found in glob.glob(pattern, recursive=True)]
+    files = [Path(name) for name in glob.glob(pattern, recursive=True)]
     files = natural_order(path for path in files if path.is_file())
     if not files:
         raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
@@ -180,12 +180,12 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
             f"{origin} contains files of several formats ({kinds}); "
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
         )
-    found = format_of(paths[0])
-    is_one = len(paths) == 1 and isinstance(found, SequenceFormat)
-    if isinstance(found, SequenceFormat) and not is_one and found.read_meshes is None:
+    file_format = format_of(paths[0])
+    is_one = len(paths) == 1 and isinstance(file_format, SequenceFormat)
+    if isinstance(file_format, SequenceFormat) and not is_one and file_format.read_meshes is None:
         raise FormatError(
-            f"{origin} contains {len(paths)} {found.extension} files, each a whole "
+            f"{origin} contains {len(paths)} {file_format.extension} files, each a whole "
             "sequence; choose one"
         )
     name = paths[0].stem if is_one else paths[0].resolve().parent.name
-    return SourceFiles(tuple(paths), found, name)
+    return SourceFiles(tuple(paths), file_format, name)

@@ -20,8 +20,8 @@ from meshreel.model.notes import listed
 
 def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
     """Whether a read option has an effect on a path, judging by its extension."""
-    found = FORMATS.get(extension_of(path))
-    return found is not None and option in found.options
+    file_format = FORMATS.get(extension_of(path))
+    return file_format is not None and option in file_format.options
 
 
 def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOptions) -> None:
@@ -53,7 +53,7 @@ def supported_only(options: ReadOptions, source: str | os.PathLike[str]) -> Read
     )
 
 
-def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
+def check_read_options(file_format: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
     """Raise an error for read options that have no effect on a format.
 
     Raises
@@ -71,11 +71,11 @@ def check_read_options(found: FrameFormat | SequenceFormat, options: ReadOptions
     # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
     requested = [arg for arg in get_args(ReadOption) if getattr(options, arg) and arg != "merge"]
     is_number_0 = options.animation == 0  # falsy, but a valid choice
-    _check(found, [*requested, "animation"] if is_number_0 else requested)
+    _check(file_format, [*requested, "animation"] if is_number_0 else requested)
 
 
 def check_write_options(
-    found: FrameFormat | SequenceFormat | FolderFormat, options: WriteOptions
+    file_format: FrameFormat | SequenceFormat | FolderFormat, options: WriteOptions
 ) -> None:
     """Raise an error for write options that have no effect on a format.
 
@@ -86,22 +86,24 @@ def check_write_options(
     """
     choices = [field for field in fields(options) if field.name in get_args(WriteOption)]
     _check(
-        found,
+        file_format,
         [choice.name for choice in choices if getattr(options, choice.name) != choice.default],
     )
 
 
-def _check(found: FrameFormat | SequenceFormat | FolderFormat, requested: Iterable[str]) -> None:
+def _check(
+    file_format: FrameFormat | SequenceFormat | FolderFormat, requested: Iterable[str]
+) -> None:
     for option in requested:
-        if option not in found.options:
-            kind = "folder" if isinstance(found, FolderFormat) else "file"
-            raise _no_effect(option, f"a {found.extension} {kind}")
+        if option not in file_format.options:
+            kind = "folder" if isinstance(file_format, FolderFormat) else "file"
+            raise _no_effect(option, f"a {file_format.extension} {kind}")
 
 
 def _no_effect(option: str, inputs: str) -> InvalidInputError:
     """Error for an option that a format does not support."""
-    every = (*FORMATS.values(), *FOLDER_FORMATS.values())
-    allowed = [one.extension for one in every if option in one.options]
+    formats = (*FORMATS.values(), *FOLDER_FORMATS.values())
+    allowed = [entry.extension for entry in formats if option in entry.options]
     return InvalidInputError(
         Keyword(option), f" has no effect on {inputs}; it is for {', '.join(allowed)}"
     )

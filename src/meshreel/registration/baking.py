@@ -279,6 +279,6 @@ def made_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
 
 
 def _with_uv(surface: Surface, uv: Singles) -> Surface:
-    kept = tuple(attribute for attribute in surface.attributes if attribute.kind is not Kind.UV)
+    attributes = [attribute for attribute in surface.attributes if attribute.kind is not Kind.UV]
     made = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
-    return replace(surface.without_materials(), attributes=(made, *kept))
+    return replace(surface.without_materials(), attributes=(made, *attributes))

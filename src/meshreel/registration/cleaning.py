@@ -65,17 +65,17 @@ def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
     faces: Faces = number[frame.faces].astype(np.int32)
     doubled_areas = np.linalg.norm(face_normals(vertices, faces), axis=1)
     has_area = doubled_areas > 0
-    kept = np.flatnonzero(has_area)
-    component = component_labels(faces[kept], len(vertices))
-    labels, of_faces = np.unique(component[faces[kept, 0]], return_inverse=True)
-    areas = np.bincount(of_faces, doubled_areas[kept], len(labels))
+    face_numbers = np.flatnonzero(has_area)
+    component = component_labels(faces[face_numbers], len(vertices))
+    labels, of_faces = np.unique(component[faces[face_numbers, 0]], return_inverse=True)
+    areas = np.bincount(of_faces, doubled_areas[face_numbers], len(labels))
     is_large = areas >= min(MIN_COMPONENT_AREA * areas.sum(), max_removed_area)
-    kept = kept[is_large[of_faces]]
-    used, corners = np.unique(faces[kept], return_inverse=True)
+    face_numbers = face_numbers[is_large[of_faces]]
+    used, corners = np.unique(faces[face_numbers], return_inverse=True)
     return CleanMesh(
         vertices[used],
         corners.reshape(-1, 3).astype(np.int32),
-        kept,
+        face_numbers,
         int(is_large.sum()),
         int((~has_area).sum()),
         int((~is_large).sum()),

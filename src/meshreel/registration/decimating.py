@@ -46,5 +46,5 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
         return whole
     corners = np.zeros(int(wedges.max()) + 1, np.int64)
     corners[wedges.ravel()] = np.arange(wedges.size)
-    kept = corners[wedges_left]
-    return KeyMesh(coarse, kept // 3, np.eye(3)[kept % 3])
+    places = corners[wedges_left]
+    return KeyMesh(coarse, places // 3, np.eye(3)[places % 3])

@@ -376,13 +376,13 @@ def _grow(
         in_threads(partial(follow, Follower(mesh, tolerance)), ways)
     earlier = courses[before].errors if before else []
     later = courses[after].errors if after else []
-    kept = range(key - len(earlier), key + len(later) + 1)
+    span = range(key - len(earlier), key + len(later) + 1)
     ends = {way[len(course.errors)]: course for way, course in courses.items() if course.reason}
     n_components = frames.cleaned(key).n_components
     return Segment(
-        kept.start,
+        span.start,
         key,
-        store.stacked(name, kept),
+        store.stacked(name, span),
         key_mesh,
         (*reversed(earlier), measure(mesh, frames.mesh(key), tolerance), *later),
         sum(course.n_folded for course in courses.values()),

@@ -152,9 +152,9 @@ def _split(key: KeyMesh, sides: _Sides, is_split: npt.NDArray[np.bool_]) -> KeyM
     corners = np.take_along_axis(key.weights, turned[:, :, None], 1)
     weights = np.hstack([corners, (corners + np.roll(corners, -1, axis=1)) / 2])
 
-    def distances(one: int, other: int) -> Floats:
+    def distances(start: int, end: int) -> Floats:
         return np.asarray(
-            np.linalg.norm(vertices[points[:, one]] - vertices[points[:, other]], axis=1)
+            np.linalg.norm(vertices[points[:, start]] - vertices[points[:, end]], axis=1)
         )
 
     is_shorter = distances(0, 4) <= distances(3, 2)
@@ -165,14 +165,14 @@ def _split(key: KeyMesh, sides: _Sides, is_split: npt.NDArray[np.bool_]) -> KeyM
         ((n_split == 2) & ~is_shorter, TWO_SIDES_OTHERWISE),
         (n_split == 3, THREE_SIDES),
     ]
-    chosen = [(np.flatnonzero(is_case), np.array(parts)) for is_case, parts in cases]
+    splits = [(np.flatnonzero(is_case), np.array(parts)) for is_case, parts in cases]
     return KeyMesh(
         TriangleMesh(
             vertices,
-            np.concatenate([points[at][:, parts].reshape(-1, 3) for at, parts in chosen]).astype(
+            np.concatenate([points[at][:, parts].reshape(-1, 3) for at, parts in splits]).astype(
                 np.int32
             ),
         ),
-        np.concatenate([np.repeat(key.parents[at], len(parts), axis=0) for at, parts in chosen]),
-        np.concatenate([weights[at][:, parts].reshape(-1, 3, 3) for at, parts in chosen]),
+        np.concatenate([np.repeat(key.parents[at], len(parts), axis=0) for at, parts in splits]),
+        np.concatenate([weights[at][:, parts].reshape(-1, 3, 3) for at, parts in splits]),
     )

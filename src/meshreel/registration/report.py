@@ -120,9 +120,9 @@ class Report:
 
     @property
     def _measured_frames(self) -> str:
-        chosen = self.decoded_points.frames
+        frames = self.decoded_points.frames
         n_frames = counted(self.registration.raw.n_frames, "frame")
-        return f"{len(chosen)} of {n_frames}: {', '.join(map(str, chosen))}"
+        return f"{len(frames)} of {n_frames}: {', '.join(map(str, frames))}"
 
 
 def point_psnr(

@@ -164,8 +164,8 @@ class FolderStore(TemporaryStore):
         path = self._folder / f"{name}.npz"
         if not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as stored:
-            arrays: Arrays = dict(stored)
+        with np.load(path, allow_pickle=False) as archive:
+            arrays: Arrays = dict(archive)
         errors = [FrameErrors(*row) for row in arrays.pop("errors").tolist()]
         n_folded, reason = int(arrays.pop("n_folded")), str(arrays.pop("reason"))
         excess = float(arrays.pop("excess"))

@@ -153,8 +153,8 @@ class Tracker:
         for stage in attempt.stages:
             for _ in range(stage.n_steps):
                 posed = self._graph.posed(pose, state.details)
-                others = rng.integers(0, len(target.vertices), len(self._points) // 2)
-                step = self._step(pose, posed, target, others, stage)
+                target_samples = rng.integers(0, len(target.vertices), len(self._points) // 2)
+                step = self._step(pose, posed, target, target_samples, stage)
                 pose = pose.moved(step)
                 if np.abs(step[:, 3:]).max() < CONVERGED:
                     break
@@ -178,11 +178,11 @@ class Tracker:
         return candidates[int(np.argmin(distances))]
 
     def _step(
-        self, pose: Pose, posed: Posed, target: TriangleMesh, others: Indices, stage: Stage
+        self, pose: Pose, posed: Posed, target: TriangleMesh, target_samples: Indices, stage: Stage
     ) -> Floats:
         """Return rotation vectors and translations of all nodes, of shape (N, 6)."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        pairs = self._correspondences(posed, target, others, stage.spread)
+        pairs = self._correspondences(posed, target, target_samples, stage.spread)
         distances, right = self._distance_equations(posed, target, *pairs)
         rows, residuals = self._rigidity_rows(pose, stage.rigidity)
         rigidity = rows.T @ rows + DAMPING * sparse.identity(rows.shape[1])
@@ -197,7 +197,7 @@ class Tracker:
         return np.asarray(solution).reshape(-1, 6)
 
     def _correspondences(
-        self, posed: Posed, target: TriangleMesh, others: Indices, spread: float
+        self, posed: Posed, target: TriangleMesh, target_samples: Indices, spread: float
     ) -> tuple[Indices, Indices, Floats, Floats]:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
@@ -209,11 +209,11 @@ class Tracker:
         mesh = TriangleMesh(posed.positions, self._faces)
         own = self._points
         _, there = target.oriented_tree.query(mesh.oriented[own])
-        _, back = mesh.oriented_tree.query(target.oriented[others])
+        _, back = mesh.oriented_tree.query(target.oriented[target_samples])
         is_beyond = np.concatenate(
             [
                 ~self._is_boundary[own] & target.is_near_boundary[there],
-                ~target.is_boundary[others] & self._is_near_boundary[back],
+                ~target.is_boundary[target_samples] & self._is_near_boundary[back],
             ]
         )
         if target.boundaries[0].max(initial=0.0) > NODE_SPACING:
@@ -221,7 +221,7 @@ class Tracker:
             apart = np.linalg.norm(self._rest[own] - self._rest[again], axis=1)
             gaps = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
             is_beyond[: len(own)] |= apart > NODE_SPACING + 2 * gaps
-        own, there = np.concatenate([own, back]), np.concatenate([there, others])
+        own, there = np.concatenate([own, back]), np.concatenate([there, target_samples])
         distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
         cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
         corresponds = (cosines > MIN_COSINE) & ~is_beyond

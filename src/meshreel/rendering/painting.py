@@ -116,9 +116,9 @@ def shade_box(
         ids[row::factor, column::factor].ravel() for row, column in np.ndindex(factor, factor)
     ]
     whole, touched = samples[0] >= 0, samples[0] >= 0
-    for others in samples[1:]:
-        whole &= others == samples[0]
-        touched |= others >= 0
+    for sample in samples[1:]:
+        whole &= sample == samples[0]
+        touched |= sample >= 0
     pixels = np.empty((height * width, 3), np.float32)
     pixels[:] = np.asarray(background, np.float32)
     corners = np.mgrid[box][::-1].reshape(2, -1).T * float(factor)

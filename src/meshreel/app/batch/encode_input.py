@@ -65,12 +65,12 @@ class EncodeOptions:
 
     def as_dict(self) -> dict[str, Any]:
         """Options that differ from the default, in plain types."""
-        chosen = {option.name: getattr(self.config, option.name) for option in self.config.chosen}
+        options = {option.name: getattr(self.config, option.name) for option in self.config.chosen}
         reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
-        chosen |= {
+        options |= {
             name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
         }
-        return {**chosen, "tracks": self.tracks} if self.tracks else chosen
+        return {**options, "tracks": self.tracks} if self.tracks else options
 
 
 def worker_died(error: BaseException) -> bool:

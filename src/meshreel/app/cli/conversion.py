@@ -71,7 +71,7 @@ class Conversion:
         self,
         sequence: "MeshSequence",
         output: "str | os.PathLike[str]",
-        chosen: slice | None = None,
+        selection: slice | None = None,
         *,
         first: int = 0,
         is_part: bool = False,
@@ -85,7 +85,7 @@ class Conversion:
         from meshreel.app.cli.write_options import chosen_frames, is_stream, written_figures
         from meshreel.formats.save import save_part
 
-        frames = chosen_frames(chosen, sequence.n_frames, self.notes)
+        frames = chosen_frames(selection, sequence.n_frames, self.notes)
         is_part = is_part or len(frames) < sequence.n_frames
         figures: dict[str, Any] = {}
         if is_stream(output):

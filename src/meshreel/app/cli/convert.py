@@ -95,8 +95,8 @@ def convert_command(
 
     stream_options = {name: encoding[name] for name in encoding if name not in GENERAL_OPTIONS}
     bound = checked_bound(encoding["max_error"], encoding["unit"])
-    chosen = frame_slice(frames)
-    if split and chosen is not None:
+    selection = frame_slice(frames)
+    if split and selection is not None:
         raise click.UsageError("--split and --frames cannot be combined; give one")
     if not is_stream(output):
         refuse_stream_options({*stream_options, "track"}, output)
@@ -126,11 +126,11 @@ def convert_command(
         )
         require([*extras_to_read(files, reading), *extras_to_write(output)])
         # Check the output before the input is read, which may take long.
-        conversion.check(output, None if split else known_frames(files, chosen))
+        conversion.check(output, None if split else known_frames(files, selection))
         if split:
             conversion.write_segments(source, reading)
         else:
-            conversion.write(open_any(find_files(source), reading), output, chosen)
+            conversion.write(open_any(find_files(source), reading), output, selection)
     print_notes(notes)
     if as_json:
         outputs = conversion.figures

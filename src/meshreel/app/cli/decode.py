@@ -87,12 +87,12 @@ def decode_command(
     from meshreel.model.notes import Notes
     from meshreel.runtime.stores.address import is_remote
 
-    chosen = frame_slice(frames)
+    selection = frame_slice(frames)
     writing["max_error"] = checked_bound(writing["max_error"], unit)
     refuse_stream(output)
     options = WriteOptions(force=force, **writing)
     notes = Notes()
-    with local_file(source, notes) if chosen is None else nullcontext(source) as stream:
+    with local_file(source, notes) if selection is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(
             output,
@@ -106,7 +106,7 @@ def decode_command(
             open_reel(stream, n_modes=modes, segment=segment, memory=memory) as reel,
             errors_naming(source),
         ):
-            numbers = chosen_frames(chosen, reel.n_frames, notes)
+            numbers = chosen_frames(selection, reel.n_frames, notes)
             figures: dict[str, Any] = {}
             written = save_part(
                 reel,

@@ -77,16 +77,18 @@ def evaluate_command(
     from meshreel.runtime.extras import PAPER
     from meshreel.studies.study import checked_names
 
-    chosen: tuple[str, ...] = DEFAULT_METHODS
+    method_names: tuple[str, ...] = DEFAULT_METHODS
     if methods is not None:
-        chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
-    others = peers_named(None if peers is None else split_names(peers), PEERS)
-    extras = [] if set(chosen).isdisjoint(PAPER_METHODS) else [PAPER]
+        method_names = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
+    codecs = peers_named(None if peers is None else split_names(peers), PEERS)
+    extras = [] if set(method_names).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)
     recorded = read_recorded(reference) if reference else []
     sweeps = {**option_sweeps(quick=quick), **own_sweeps(quick=quick)}
     write_report(
-        compare_positions({name: sweeps[name] for name in chosen}, others, recorded, quick=quick),
+        compare_positions(
+            {name: sweeps[name] for name in method_names}, codecs, recorded, quick=quick
+        ),
         inputs,
         out,
         as_json=as_json,

@@ -99,7 +99,7 @@ def paper_command(
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
     from meshreel.studies.study import checked_names
 
-    chosen = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
+    method_names = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
     changes: dict[str, Any] = {
         "modes": modes,
         "block_modes": block_modes,
@@ -111,7 +111,7 @@ def paper_command(
     }
     changes = {name: value for name, value in changes.items() if value is not None}
     table = replace(PRESETS[preset], **changes)
-    check_table(table, chosen)
+    check_table(table, method_names)
     check_before_work(inputs or [], out)
-    study = PaperStudy(chosen, quick, table)
+    study = PaperStudy(method_names, quick, table)
     write_report(study, inputs or [], out, flag_frames=frames, as_json=as_json)

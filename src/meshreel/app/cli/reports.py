@@ -24,7 +24,7 @@ from meshreel.studies.study import R, Study, evaluate
 def check_before_work(
     inputs: Sequence[str],
     out: Path,
-    others: Sequence[Path] = (),
+    other_inputs: Sequence[Path] = (),
     extras: Sequence[Extra] = (),
 ) -> None:
     """Check before a long run that a report can be written.
@@ -35,7 +35,7 @@ def check_before_work(
         Sources of sequences.
     out : Path
         The folder of the report.
-    others : sequence of Path
+    other_inputs : sequence of Path
         Other files to read.
     extras : sequence of Extra
         Needed in addition to those of all reports.
@@ -47,7 +47,7 @@ def check_before_work(
     """
     files = [file for source in inputs for file in files_of_source(source)]
     require([PLOT, PEERS, *extras, *extras_to_read(files)])
-    check_output_folder(out, inputs=[*files, *others])
+    check_output_folder(out, inputs=[*files, *other_inputs])
 
 
 def write_report(

@@ -135,16 +135,16 @@ def refuse_stream(output: str) -> None:
         )
 
 
-def known_frames(files: Sequence[Path], chosen: slice | None) -> range | None:
+def known_frames(files: Sequence[Path], selection: slice | None) -> range | None:
     """The frames of a slice of frame files; None for other files, whose number is unknown."""
     from meshreel.formats.registry import FRAME_FORMATS
     from meshreel.model.frame_choice import frame_range
 
     is_frame = files[0].suffix.lower() in FRAME_FORMATS
-    return frame_range(chosen, len(files)) if is_frame else None
+    return frame_range(selection, len(files)) if is_frame else None
 
 
-def chosen_frames(chosen: slice | None, n_frames: int, notes: "Notes") -> range:
+def chosen_frames(selection: slice | None, n_frames: int, notes: "Notes") -> range:
     """The frames of a slice; adds a note if the slice exceeds the ends.
 
     Raises
@@ -154,22 +154,22 @@ def chosen_frames(chosen: slice | None, n_frames: int, notes: "Notes") -> range:
     """
     from meshreel.model.frame_choice import frame_range
 
-    frames = frame_range(chosen, n_frames)
-    if chosen is not None and (note := clamped_note(chosen, n_frames)):
+    frames = frame_range(selection, n_frames)
+    if selection is not None and (note := clamped_note(selection, n_frames)):
         notes.append(note)
     return frames
 
 
-def clamped_note(chosen: slice, n_frames: int) -> "Note | None":
+def clamped_note(selection: slice, n_frames: int) -> "Note | None":
     """The note on a range of frames that exceeds the ends; None if it does not."""
     from meshreel.model.frame_choice import slice_text
     from meshreel.model.notes import Note, NoteKind
 
-    ends = [end for end in (chosen.start, chosen.stop) if end is not None]
+    ends = [end for end in (selection.start, selection.stop) if end is not None]
     if all(-n_frames <= end <= n_frames for end in ends):
         return None
-    start, stop, _ = chosen.indices(n_frames)
-    text = f"--frames {slice_text(chosen)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
+    start, stop, _ = selection.indices(n_frames)
+    text = f"--frames {slice_text(selection)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
     return Note(NoteKind.RESULT, text)
 
 

@@ -173,8 +173,8 @@ def _sample(values: Property, time_s: float) -> int:
 def geometry_params(geometry: Properties) -> list[GeometryParam]:
     """Return the texture coordinates and other parameters of a mesh, in file order."""
     uvs = [geometry[UVS]] if UVS in geometry else []
-    others = geometry[PARAMS].properties.values() if PARAMS in geometry else ()
-    return [GeometryParam(source) for source in (*uvs, *others)]
+    params = geometry[PARAMS].properties.values() if PARAMS in geometry else ()
+    return [GeometryParam(source) for source in (*uvs, *params)]
 
 
 def _is_single(param: GeometryParam, geometry: Properties) -> bool:

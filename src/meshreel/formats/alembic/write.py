@@ -266,7 +266,7 @@ class _PartWriter:
         if any(map(_is_texture, part.surface.attributes)):
             available.remove(UVS)
         self._standard: dict[str, tuple[str, TrackSource]] = {}
-        self._others: dict[str, TrackSource] = {}
+        self._param_tracks: dict[str, TrackSource] = {}
         for name, track in tracks.items():
             standard, dtype = STANDARD_NAMES.get(track.kind, ""), np.dtype(np.float32)
             fits = track.kind is not TrackKind.UV or track.dtype == np.float32
@@ -275,7 +275,7 @@ class _PartWriter:
                 available.remove(standard)
                 self._standard[standard] = name, track
             else:
-                self._others[name], standard, dtype = track, "", _written_type(track)
+                self._param_tracks[name], standard, dtype = track, "", _written_type(track)
             note_track_type(name, track.dtype, dtype, self._notes)
             if standard not in ("", UVS):
                 note_name("track", name, standard.strip("."), ".abc", self._notes)
@@ -316,7 +316,7 @@ class _PartWriter:
                     param.setFromPrevious()
                 for face_set, faces in self._face_samples:
                     face_set.set(faces)
-        for name, track in self._others.items():
+        for name, track in self._param_tracks.items():
             self._write_track(name, track, self._own(track, values[name]))
         self._is_new = self._is_first = False
 
@@ -336,8 +336,8 @@ class _PartWriter:
         if texture is not None:
             sample.setUVs(self._attribute_sample(texture, UV_TYPE))
         self._schema.set(sample)
-        others = [attribute for attribute in attributes if attribute is not texture]
-        for number, attribute in enumerate(others):
+        other_attributes = [attribute for attribute in attributes if attribute is not texture]
+        for number, attribute in enumerate(other_attributes):
             kind = _attribute_type(attribute)
             if self._is_first:
                 name = self._new_name("attribute", attribute.name)
@@ -358,14 +358,14 @@ class _PartWriter:
 
     def _mark_first(self, texture: Attribute | None) -> None:
         """Name the texture coordinates and mark normals, which must precede the first sample."""
-        what, name, others = "attribute", "", set(self._others)
+        what, name, names = "attribute", "", set(self._param_tracks)
         if texture is not None:
             name = texture.name
-            others = {each.name for each in self._part.surface.attributes if each is not texture}
+            names = {each.name for each in self._part.surface.attributes if each is not texture}
         elif UVS in self._standard:
             what, name = "track", self._standard[UVS][0]
         if texture is not None or UVS in self._standard:
-            written_name = unique_name(clean(name, IN_METADATA), others)
+            written_name = unique_name(clean(name, IN_METADATA), names)
             note_name(what, name, written_name, ".abc", self._notes)
             self._schema.setUVSourceName(written_name)
         if self._shading is not None:

@@ -202,13 +202,13 @@ def _candidate(group: Node, name: str, place: str) -> Iterator[Candidate]:
 
 def _find_positions(root: Node, options: ReadOptions) -> Dataset:
     """Return the dataset of the options, or named vertices, or the only one with positions."""
-    if options.dataset is None and (found := find_dataset(root, POSITIONS)) is not None:
-        return found
+    if options.dataset is None and (dataset := find_dataset(root, POSITIONS)) is not None:
+        return dataset
     names = _candidates(root)
     wanted = names
     if options.dataset is not None:
-        if (found := find_dataset(root, options.dataset)) is not None:
-            return found
+        if (dataset := find_dataset(root, options.dataset)) is not None:
+            return dataset
         wanted = [name for name in names if f"/{name}".endswith(f"/{options.dataset.strip('/')}")]
     if len(wanted) == 1:
         return require_dataset(root, wanted[0])
@@ -237,9 +237,9 @@ def _note_left_out(
     known |= {f"/{place}" for place in candidates}
     if "faces" not in (find_group(root, parent or "/") or ()):
         above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
-        known |= {next((one for one in above if find_dataset(root, one) is not None), "")}
-    others = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
-    notes.left_out("datasets", others)
+        known |= {next((path for path in above if find_dataset(root, path) is not None), "")}
+    unread_names = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
+    notes.left_out("datasets", unread_names)
 
 
 def _folders(dataset: Dataset) -> list[str]:
@@ -249,8 +249,8 @@ def _folders(dataset: Dataset) -> list[str]:
 
 def _candidates(root: Node) -> list[str]:
     """Paths of all datasets outside the track group that can be positions."""
-    found = _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
-    return [name for name in found if PurePosixPath(name).parent.name != TRACKS_FOLDER]
+    names = _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
+    return [name for name in names if PurePosixPath(name).parent.name != TRACKS_FOLDER]
 
 
 def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:
@@ -278,8 +278,8 @@ def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
             arrays[name] = read_all(dataset)
     for folder in folders if "cells" not in arrays else ():
-        if (found := find_dataset(root, f"{folder}/faces")) is not None:
-            arrays.setdefault("faces", read_all(found))
+        if (dataset := find_dataset(root, f"{folder}/faces")) is not None:
+            arrays.setdefault("faces", read_all(dataset))
     if not {"faces", "cells"} & arrays.keys():
         raise FormatError(
             f"has no dataset 'faces' of shape (M, 3) next to {positions.name}, and no 'cells'; "

@@ -80,8 +80,8 @@ class NamedTrack:
 
     def values(self, array: npt.NDArray[Any]) -> Values:
         """Convert frames of the array in the file to values of shape (T, N, C)."""
-        found = array.astype(self.dtype, copy=False)
-        return np.ascontiguousarray(found.reshape(len(array), *self.shape[1:]))
+        numbers = array.astype(self.dtype, copy=False)
+        return np.ascontiguousarray(numbers.reshape(len(array), *self.shape[1:]))
 
     def to_track(self, array: npt.NDArray[Any]) -> Track:
         """Return the track of a loaded array."""
@@ -118,38 +118,38 @@ def named_tracks(
         If two tracks share a name.
     """
     sizes = domain_sizes(n_verts, len(about.faces), about.surface)
-    found: dict[str, NamedTrack] = {}
-    others = []
+    tracks: dict[str, NamedTrack] = {}
+    other_places = []
     for candidate in candidates:
         track = _track(candidate, n_frames, sizes)
         if track is None:
-            others.append(candidate.place)
-        elif candidate.name in found:
+            other_places.append(candidate.place)
+        elif candidate.name in tracks:
             raise InvalidInputError(
-                f"contains the track {candidate.name!r} twice, as {found[candidate.name].place!r} "
+                f"contains the track {candidate.name!r} twice, as {tracks[candidate.name].place!r} "
                 f"and {candidate.place!r}; rename one of them"
             )
         else:
-            found[candidate.name] = track
-    if others:
+            tracks[candidate.name] = track
+    if other_places:
         notes.left_out(
-            f"arrays: {listed(others)}; tracks are numbers of shape ({n_frames}, N) or "
+            f"arrays: {listed(other_places)}; tracks are numbers of shape ({n_frames}, N) or "
             f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}",
         )
-    return found
+    return tracks
 
 
 def array_names(names: Iterable[str]) -> dict[str, str]:
     """Return a valid and unique array name for each track; deterministic."""
-    found: dict[str, str] = {}
+    arrays: dict[str, str] = {}
     used: set[str] = set()
     for name in names:
         array = array_name(name)
         while array in used:
             array += "_"
         used.add(array)
-        found[name] = array
-    return found
+        arrays[name] = array
+    return arrays
 
 
 def array_name(name: str) -> str:
@@ -158,19 +158,21 @@ def array_name(name: str) -> str:
     return name.strip(".") or "unnamed"
 
 
-def _track(one: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> NamedTrack | None:
+def _track(candidate: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> NamedTrack | None:
     """Return the track of an array; None if its shape or type is unsuitable."""
-    native = one.dtype.newbyteorder("=")
+    native = candidate.dtype.newbyteorder("=")
     dtype = WIDENED_TYPES.get(native, native)
-    is_wide = len(one.shape) == 3
-    if dtype not in NUMBER_TYPES or not (is_wide or len(one.shape) == 2):
+    is_wide = len(candidate.shape) == 3
+    if dtype not in NUMBER_TYPES or not (is_wide or len(candidate.shape) == 2):
         return None
-    n_columns = one.shape[2] if is_wide else 1
-    domains = [domain for domain, size in sizes.items() if size == one.shape[1]]
-    if one.domain:
-        domains = [domain for domain in domains if domain == one.domain]
-    if one.shape[0] != n_frames or not domains or not 1 <= n_columns <= MAX_COLUMNS:
+    n_columns = candidate.shape[2] if is_wide else 1
+    domains = [domain for domain, size in sizes.items() if size == candidate.shape[1]]
+    if candidate.domain:
+        domains = [domain for domain in domains if domain == candidate.domain]
+    if candidate.shape[0] != n_frames or not domains or not 1 <= n_columns <= MAX_COLUMNS:
         return None
-    shape = n_frames, one.shape[1], n_columns
-    kind = parse_track_kind(one.kind, n_columns, dtype) or default_kind(n_columns)
-    return NamedTrack(one.name, one.place, domains[0], kind, one.unit, dtype, shape)
+    shape = n_frames, candidate.shape[1], n_columns
+    kind = parse_track_kind(candidate.kind, n_columns, dtype) or default_kind(n_columns)
+    return NamedTrack(
+        candidate.name, candidate.place, domains[0], kind, candidate.unit, dtype, shape
+    )

@@ -75,27 +75,29 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         changed.
     """
     positions, max_bytes = options.dataset or POSITIONS, options.max_loaded_bytes
-    stored = None if max_bytes is None else _find_vertices(path, positions)
-    arrays = read_arrays(path, positions, with_positions=stored is None)
-    if stored is None:
+    raw_vertices = None if max_bytes is None else _find_vertices(path, positions)
+    arrays = read_arrays(path, positions, with_positions=raw_vertices is None)
+    if raw_vertices is None:
         arrays[positions] = _frames_first(path, arrays, positions)
-    n_frames, n_verts = (stored.shape if stored is not None else arrays[positions].shape)[:2]
+    n_frames, n_verts = (
+        raw_vertices.shape if raw_vertices is not None else arrays[positions].shape
+    )[:2]
     with errors_naming(path):
         about = read_description(arrays, path.stem, options, n_frames, n_verts)
-    found = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
-    if stored is not None and max_bytes is not None:
-        size_bytes = math.prod(stored.shape) * stored.dtype.itemsize
-        size_bytes += sum(track.size_bytes for track in found.values())
+    named_tracks = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
+    if raw_vertices is not None and max_bytes is not None:
+        size_bytes = math.prod(raw_vertices.shape) * raw_vertices.dtype.itemsize
+        size_bytes += sum(track.size_bytes for track in named_tracks.values())
         if size_bytes > max_bytes:
-            tracks = {name: _track(path, track) for name, track in found.items()}
-            return _stored_frames(stored, positions, about, tracks, options)
+            tracks = {name: _track(path, track) for name, track in named_tracks.items()}
+            return _stored_frames(raw_vertices, positions, about, tracks, options)
         arrays |= read_members(path, [positions])
     vertices = arrays[positions]
-    values = read_members(path, [track.place for track in found.values()])
+    values = read_members(path, [track.place for track in named_tracks.values()])
     with errors_naming(path):
         sequence = about.loaded(
             native(vertices),
-            {name: track.to_track(values[track.place]) for name, track in found.items()},
+            {name: track.to_track(values[track.place]) for name, track in named_tracks.items()},
         )
     options.progress("reading", 1.0)
     return sequence
@@ -114,20 +116,20 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
 
 
 def _stored_frames(
-    stored: RawArray,
+    raw_vertices: RawArray,
     positions: str,
     about: Description,
     tracks: Mapping[str, TrackSource],
     options: ReadOptions,
 ) -> FrameSource:
     """Return frames that stay in the file, after reading and verifying them once."""
-    path, (n_frames, n_verts, _) = stored.path, stored.shape
+    path, (n_frames, n_verts, _) = raw_vertices.path, raw_vertices.shape
     verify_member(path, positions)
     with errors_naming(path):
         return about.open(
             (n_frames, n_verts),
-            stored.dtype.newbyteorder("="),
-            CheckedReader(path, stored.read),
+            raw_vertices.dtype.newbyteorder("="),
+            CheckedReader(path, raw_vertices.read),
             [path],
             tracks,
             options.max_loaded_bytes,
@@ -135,22 +137,22 @@ def _stored_frames(
         )
 
 
-def _track(path: Path, found: NamedTrack) -> TrackSource:
+def _track(path: Path, track: NamedTrack) -> TrackSource:
     """Return a track that stays in the file, after verifying it; a loaded one if compressed."""
-    stored = _find_plain(path, found.place)
-    if stored is None:
-        return found.to_track(read_members(path, [found.place])[found.place])
-    verify_member(path, found.place)
-    return found.to_stored_track(CheckedReader(path, stored.read))
+    raw_values = _find_plain(path, track.place)
+    if raw_values is None:
+        return track.to_track(read_members(path, [track.place])[track.place])
+    verify_member(path, track.place)
+    return track.to_stored_track(CheckedReader(path, raw_values.read))
 
 
 def _find_vertices(path: Path, positions: str) -> RawArray | None:
     """Locate positions that can stay in the file; None if they must be loaded."""
-    found = _find_plain(path, positions)
-    if found is None or found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
+    array = _find_plain(path, positions)
+    if array is None or array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         return None
     # Shapes that may also be (V, 3, T) are loaded.
-    return found if has_positions(found.shape) and found.shape[2] == 3 != found.shape[1] else None
+    return array if has_positions(array.shape) and array.shape[2] == 3 != array.shape[1] else None
 
 
 def _find_plain(path: Path, name: str) -> RawArray | None:

@@ -93,20 +93,20 @@ def field_tracks(
         Number of vertices, faces and, if there are corner arrays, corners.
     read : function of a frame number and the key of an array in that frame
     """
-    found: dict[str, StoredTrack] = {}
+    tracks: dict[str, StoredTrack] = {}
     for key in dict.fromkeys(key for frame in frames for key in frame):
         track = _track(key, frames, sizes[key[0]], read, notes)
         if track is None:
             continue
         name = key[1]
-        while name in found:
+        while name in tracks:
             name += SUFFIXES[key[0]]
         if name != key[1]:
             where = "also at corners" if key[0] is Domain.CORNER else "at points and at cells"
             text = f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}"
             notes.changed(name, text)
-        found[name] = track
-    return found
+        tracks[name] = track
+    return tracks
 
 
 def _track(
@@ -123,7 +123,9 @@ def _track(
         several = " or ".join(map(str, widths))
         notes.left_out(f"{key[1]!r}, which has {several} components in different frames")
         return None
-    if not 1 <= widths[0] <= MAX_COLUMNS or any(one.dtype not in NUMBER_TYPES for one in fields):
+    if not 1 <= widths[0] <= MAX_COLUMNS or any(
+        field.dtype not in NUMBER_TYPES for field in fields
+    ):
         notes.left_out(f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
         return None
     dtype = np.result_type(*(field.dtype for field in fields))

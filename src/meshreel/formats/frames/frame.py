@@ -73,8 +73,8 @@ class FrameData:
         is_same = {key: self._checksums[0].get(key) == crc for key, crc in sums.items()}
         if self._has_values:
             first = self._frames[0] if self._frames else fields
-            kept = {key: (first if is_same[key] else fields)[key] for key in fields}
-            self._frames.append(kept)
+            frame = {key: (first if is_same[key] else fields)[key] for key in fields}
+            self._frames.append(frame)
         return sum(values.nbytes for key, (values, _) in fields.items() if not is_same[key])
 
     def forget_values(self) -> None:

@@ -44,30 +44,30 @@ class SharedData:
     def of(cls, meshes: Iterable[FrameStream]) -> "SharedData":
         """Compare the segments of a stream."""
         shared: list[dict[Key, None]] = []
-        others: list[dict[str, None]] = [{}, {}, {}]
+        unshared_names: list[dict[str, None]] = [{}, {}, {}]
         labels: dict[Key, dict[str, None]] = {}
         parts: tuple[str, ...] = ()
         indexed: frozenset[Key] = frozenset()
         has_hard_edges = has_empty = False
         for number, mesh in enumerate(meshes):
             attributes, groups, tracks = _keyed(mesh)
-            found = [dict.fromkeys(keys) for keys in (attributes, groups, tracks)]
+            own_keys = [dict.fromkeys(keys) for keys in (attributes, groups, tracks)]
             for key, group in groups.items():
                 labels.setdefault(key, {}).update(dict.fromkeys(group.labels))
             has_hard_edges = has_hard_edges or mesh.surface.hard_edges is not None
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
-                shared, parts = found, part_names
+                shared, parts = own_keys, part_names
                 indexed = frozenset(
-                    key for key, one in attributes.items() if one.indices is not None
+                    key for key, attribute in attributes.items() if attribute.indices is not None
                 )
-            for names, known, own in zip(others, shared, found, strict=True):
+            for names, known, own in zip(unshared_names, shared, own_keys, strict=True):
                 names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
                 for key in known.keys() - own.keys():
                     del known[key]
             has_empty = has_empty or any(not part.n_faces for part in mesh.surface.parts)
             if part_names != parts or (number and has_empty):
-                others[1]["the names of parts"] = None
+                unshared_names[1]["the names of parts"] = None
                 parts = ()
         attribute_keys, group_keys, track_keys = map(tuple, shared)
         return cls(
@@ -78,8 +78,8 @@ class SharedData:
             {key: tuple(labels[key]) for key in group_keys},
             parts,
             has_hard_edges,
-            tuple(others[0] | others[1]),
-            tuple(others[2]),
+            tuple(unshared_names[0] | unshared_names[1]),
+            tuple(unshared_names[2]),
         )
 
     def only(self, mesh: FrameStream) -> FrameStream:
@@ -155,7 +155,7 @@ def _keyed(
 
 def _attributes(surface: Surface) -> dict[Key, Attribute]:
     seen: Counter[Key] = Counter()
-    found: dict[Key, Attribute] = {}
+    attributes: dict[Key, Attribute] = {}
     for attribute in surface.attributes:
         key = (
             attribute.name,
@@ -165,5 +165,5 @@ def _attributes(surface: Surface) -> dict[Key, Attribute]:
             attribute.values.dtype.str,
         )
         seen[key] += 1
-        found[(*key, seen[key])] = attribute
-    return found
+        attributes[(*key, seen[key])] = attribute
+    return attributes

@@ -155,7 +155,7 @@ class CheckedReader:
         """Read frames start..stop - 1; raises InvalidInputError if one has changed."""
         block = self._read(start, stop)
         for index, frame in enumerate(block, start):
-            if self._checksums.setdefault(index, found := checksum(frame)) != found:
+            if self._checksums.setdefault(index, crc := checksum(frame)) != crc:
                 raise changed_error(f"{self._path} (frame {index})")
         return block
 

@@ -406,10 +406,10 @@ class Clips:
                 continue
             if clip.curves:
                 selected = clip
-                if others := [other for other in self.names if other not in {name, *malformed}]:
+                if unread := [other for other in self.names if other not in {name, *malformed}]:
                     notes.result(
                         Message(
-                            f"read the animation {name}, not {listed(others, MAX_LISTED)}; choose "
+                            f"read the animation {name}, not {listed(unread, MAX_LISTED)}; choose "
                             "with ",
                             Keyword("animation"),
                         )

@@ -189,17 +189,17 @@ class BufferWriter:
             for number, array in enumerate(arrays)
         ]
 
-    def vertex_accessor(self, name: str, stored: VertexValues, verts: slice) -> int:
+    def vertex_accessor(self, name: str, column: VertexValues, verts: slice) -> int:
         """Add an accessor of an attribute on a range of vertices, and return its index.
 
         Integers are normalized, except joints and application-specific attributes.
         """
-        values = stored.values[verts]
-        start = stored.offset + verts.start * stored.stride
+        values = column.values[verts]
+        start = column.offset + verts.start * column.stride
         properties: Json = {"byteOffset": start} if start else {}
         if values.dtype.kind in "iu" and not name.startswith("_") and name != JOINTS:
             properties["normalized"] = True
-        return self._add_accessor(stored.view, values, has_bounds=name == "POSITION", **properties)
+        return self._add_accessor(column.view, values, has_bounds=name == "POSITION", **properties)
 
     def add_indices(self, indices: npt.NDArray[np.integer]) -> int:
         """Append triangle corners in the smallest index type, and return their accessor."""

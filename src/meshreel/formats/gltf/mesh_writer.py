@@ -174,8 +174,8 @@ def _mean_angle_deg(
         lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
         cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
         angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))
-    every = np.concatenate(angles)
-    return float(np.degrees(every.mean())) if len(every) else 0.0
+    all_angles = np.concatenate(angles)
+    return float(np.degrees(all_angles.mean())) if len(all_angles) else 0.0
 
 
 def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -522,7 +522,7 @@ def mesh_json(
 
 
 def _accessors(values: StoredValues, verts: slice, buffer: BufferWriter) -> dict[str, int]:
-    return {name: buffer.vertex_accessor(name, stored, verts) for name, stored in values.items()}
+    return {name: buffer.vertex_accessor(name, column, verts) for name, column in values.items()}
 
 
 def _add_vertices(
@@ -534,12 +534,12 @@ def _add_vertices(
     if normals is not None:
         base["NORMAL"] = normals.base[split.rows]
     base |= split.attributes
-    stored = {
+    base_values = {
         name: buffer.add_vertices([values], are_unit=name == "NORMAL")[0]
         for name, values in base.items()
     }
     if morphs is None:
-        return stored, []
+        return base_values, []
     targets: list[StoredValues] = [{} for _ in range(len(morphs.targets))]
     are_bytes = morphs.targets.levels == BYTE
     for dtype, is_type in ((np.int16, ~are_bytes), (np.int8, are_bytes)):
@@ -557,4 +557,4 @@ def _add_vertices(
         of_target = dict(zip(normals.numbers.tolist(), displacements, strict=True))
         for number, target in enumerate(targets):
             target["NORMAL"] = of_target.get(number, shared)
-    return stored, targets
+    return base_values, targets

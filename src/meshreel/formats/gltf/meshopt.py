@@ -89,16 +89,16 @@ def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
     end = len(data) - max(stride + n_modes, 24 if version else 32)
     groups, literals = _scan_groups(data, end, count, stride, version)
     deltas = np.zeros((-(-count // GROUP), GROUP, stride), np.uint8)
-    stored = np.frombuffer(data, np.uint8)
+    buffer = np.frombuffer(data, np.uint8)
     for width, locations in groups.items():
         rows = np.array(locations, np.int64).reshape(-1, 3)
-        deltas[rows[:, 1], :, rows[:, 2]] = _deltas(stored, rows[:, 0], width)
+        deltas[rows[:, 1], :, rows[:, 2]] = _deltas(buffer, rows[:, 0], width)
     elements = deltas.reshape(-1, stride)
     for offset, start, n_elements, channel in literals:
-        elements[start : start + n_elements, channel] = stored[offset : offset + n_elements]
+        elements[start : start + n_elements, channel] = buffer[offset : offset + n_elements]
     first = len(data) - stride - n_modes
     modes = data[first + stride :] if version else bytes(stride // 4)
-    return _accumulate(elements[:count], stored[first : first + stride], modes)
+    return _accumulate(elements[:count], buffer[first : first + stride], modes)
 
 
 Groups = dict[int, list[tuple[int, int, int]]]
@@ -168,9 +168,9 @@ def _count_sentinels(data: bytes, offset: int, width: int) -> int:
     return (bits & LOWEST[width]).bit_count()
 
 
-def _deltas(stored: Bytes, offsets: npt.NDArray[np.int64], width: int) -> Bytes:
+def _deltas(buffer: Bytes, offsets: npt.NDArray[np.int64], width: int) -> Bytes:
     """Return the deltas of groups at byte offsets, of shape (G, 16)."""
-    rows: Bytes = stored[offsets[:, np.newaxis] + np.arange(2 * width)]
+    rows: Bytes = buffer[offsets[:, np.newaxis] + np.arange(2 * width)]
     if width == 8:
         return rows
     bits = np.unpackbits(rows, axis=1, bitorder="little" if width == 1 else "big")
@@ -178,7 +178,7 @@ def _deltas(stored: Bytes, offsets: npt.NDArray[np.int64], width: int) -> Bytes:
     values: Bytes = (bits.reshape(len(rows), GROUP, width) * weights).sum(axis=2, dtype=np.uint8)
     is_sentinel = values == (1 << width) - 1
     following = offsets[:, np.newaxis] + 2 * width + np.cumsum(is_sentinel, axis=1) - 1
-    values[is_sentinel] = stored[following[is_sentinel]]
+    values[is_sentinel] = buffer[following[is_sentinel]]
     return values
 
 
@@ -247,8 +247,8 @@ def _color(elements: Bytes) -> Bytes:
     orange, green = signed[:, 1], signed[:, 2]
     n_bits = np.frexp(alpha.astype(np.float64))[1]  # bits up to the highest set bit
     scale = np.maximum((1 << n_bits.astype(np.int64)) - 1, 1)
-    kept = alpha & (scale >> 1)
-    channels = [luma + orange - green, luma + green, luma - orange - green, kept << 1 | (kept & 1)]
+    bits = alpha & (scale >> 1)
+    channels = [luma + orange - green, luma + green, luma - orange - green, bits << 1 | (bits & 1)]
     maximum = np.iinfo(f"u{width}").max
     scaled = _rounded(np.stack(channels, axis=1) * (maximum / scale)[:, np.newaxis])
     return np.clip(scaled, 0, maximum).astype(f"<u{width}").view(np.uint8)
@@ -330,8 +330,8 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     FormatError
         If the data are damaged.
     """
-    stored = np.frombuffer(data, np.uint8)
-    ends = np.flatnonzero(stored[1:-INDICES_TAIL] < 128) + 1
+    buffer = np.frombuffer(data, np.uint8)
+    ends = np.flatnonzero(buffer[1:-INDICES_TAIL] < 128) + 1
     if len(data) <= INDICES_TAIL or data[0] != INDICES_HEAD or len(ends) != count:
         raise FormatError("does not contain the declared indices of version 1")
     starts = np.concatenate([[1], ends[:-1] + 1])[:count]
@@ -340,7 +340,7 @@ def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     codes = np.zeros(count, np.uint64)
     for byte in range(5):
         is_present = starts + byte <= ends
-        bits = stored[(starts + byte)[is_present]].astype(np.uint64) & np.uint64(127)
+        bits = buffer[(starts + byte)[is_present]].astype(np.uint64) & np.uint64(127)
         codes[is_present] |= bits << np.uint64(7 * byte)
     indices = np.zeros(count, np.uint32)
     short = codes.astype(np.uint32)

@@ -130,10 +130,10 @@ def _encode_blocks(deltas: Bytes, n_block: int, version: int) -> bytes:
     codings += [(literal, is_literal & False, zero_sizes), (literal, is_literal, counts[:, 0])]
     rows, is_stored, sizes = map(np.stack, zip(*codings, strict=True))
     controls = sizes.argmin(axis=0)
-    chosen = controls, np.arange(len(controls))
+    best_rows = controls, np.arange(len(controls))
     heads = controls.astype(np.uint8).reshape(n_blocks, -1, 4) @ QUAD_WEIGHTS
-    blocks = np.concatenate([heads, rows[chosen].reshape(n_blocks, -1)], axis=1)
-    are_stored = [np.ones(heads.shape, bool), is_stored[chosen].reshape(n_blocks, -1)]
+    blocks = np.concatenate([heads, rows[best_rows].reshape(n_blocks, -1)], axis=1)
+    are_stored = [np.ones(heads.shape, bool), is_stored[best_rows].reshape(n_blocks, -1)]
     return bytes(blocks[np.concatenate(are_stored, axis=1)])
 
 

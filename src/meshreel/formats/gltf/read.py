@@ -156,8 +156,8 @@ def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int
     """Return the nodes where animating a property moves or shows a mesh, by path."""
     holders = {mesh.node for mesh in shown}
     above_carriers = set(nodes.with_ancestors({node for mesh in shown for node in mesh.carriers}))
-    others = {"weights": holders, VISIBLE: set(nodes.with_ancestors(holders))}
-    return dict.fromkeys(PATHS, above_carriers) | others
+    nodes_of_path = {"weights": holders, VISIBLE: set(nodes.with_ancestors(holders))}
+    return dict.fromkeys(PATHS, above_carriers) | nodes_of_path
 
 
 def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:

@@ -226,10 +226,10 @@ class _RiggedScene:
                 animate(node, "translation", track.frames, values)
         if rig.n_targets:
             self._count("bones and keys")
-            every = np.arange(len(rig.times_s))
+            all_frames = np.arange(len(rig.times_s))
             weights = buffer.add_samples(rig.correctives.weights, width=1)
             for node in self._mesh_nodes:
-                animate(node, "weights", every, weights)
+                animate(node, "weights", all_frames, weights)
             self._count("correctives")
         return {"name": self._name or "animation", "samplers": samplers, "channels": channels}
 

@@ -190,10 +190,10 @@ def _note_normals(notes: Notes, scene: "SceneWriter", options: WriteOptions) -> 
     error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
     n_meshes = len(scene.morph_meshes)
     few = f" of {len(normals)} of {n_meshes} meshes" if len(normals) < n_meshes else ""
-    others = f"; the others have none: {CREASED_REASON}" if few else ""
+    without_normals = f"; the others have none: {CREASED_REASON}" if few else ""
     hard = " except at hard edges" if scene.has_hard_edges else ""
     if error or few or hard:
-        notes.result(f"normals{few} are smooth{hard}{error}{others}")
+        notes.result(f"normals{few} are smooth{hard}{error}{without_normals}")
 
 
 class SceneWriter:
@@ -342,8 +342,8 @@ class SceneWriter:
             # The first segment has keys in all frames, so that readers find each of them even if no
             # vertex moves.
             last = len(times) - 1
-            others = sorted({0, frames.start, min(frames.stop, last)})
-            keys = [*range(len(times))] if frames.start == 0 else others
+            switch_frames = sorted({0, frames.start, min(frames.stop, last)})
+            keys = [*range(len(times))] if frames.start == 0 else switch_frames
             scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in keys])
             sampled = self.buffer.add_times(times[keys])
             values = self.buffer.add_samples(scales, width=3)

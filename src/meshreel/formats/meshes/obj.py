@@ -101,14 +101,14 @@ def read_obj(data: bytes) -> Frame:
 
 
 def _mesh(lines: _Lines) -> PolygonMesh:
-    every, face_lines, rows = lines.all, lines.face_lines, lines.all.beginning_with(b"v")
-    indices = every.integers(lines.corners, stop_at_slash=True)
-    vertices = every.positions(rows, 1)
+    all_lines, face_lines, rows = lines.all, lines.face_lines, lines.all.beginning_with(b"v")
+    indices = all_lines.integers(lines.corners, stop_at_slash=True)
+    vertices = all_lines.positions(rows, 1)
     return polygon_mesh(
         vertices,
         lines.counts,
         np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
-        place=lambda face: every.place(face_lines[face]),
+        place=lambda face: all_lines.place(face_lines[face]),
         given=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
@@ -131,22 +131,22 @@ def _hard_edges(
     ]
     above = _last_above(statements, lines.face_lines)
     # The format turns smoothing off above the first statement.
-    found = edges_between_groups(mesh, np.array([*statement_labels, 0])[above])
-    return None if found.edges is None else found
+    hard_edges = edges_between_groups(mesh, np.array([*statement_labels, 0])[above])
+    return None if hard_edges.edges is None else hard_edges
 
 
 def _normals(lines: _Lines, mesh: PolygonMesh) -> tuple[Domain, npt.NDArray[np.float32]] | None:
     """Domain and values of the normals; None if no corner has one."""
-    every, row_lines = lines.all, lines.all.beginning_with(b"vn")
+    all_lines, row_lines = lines.all, lines.all.beginning_with(b"vn")
     if not len(row_lines):
         return None
     rows, is_there = _rows(lines, row_lines, 2)
     if not is_there.any():
         return None
-    is_whole = every.counts[row_lines] > len("xyz")
+    is_whole = all_lines.counts[row_lines] > len("xyz")
     values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # last row: missing normal
-    places = every.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
-    values[np.flatnonzero(is_whole)] = every.floats(places)
+    places = all_lines.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
+    values[np.flatnonzero(is_whole)] = all_lines.floats(places)
     are_vertex_normals = is_there.all() and len(row_lines) == len(mesh.vertices)
     if are_vertex_normals and (rows == mesh.corners).all():
         return Domain.VERTEX, values[:-1]

@@ -186,10 +186,10 @@ class _Rows:
     ) -> "_Rows":
         """Return the indices for a surface and tracks of these domains."""
         corners = join_triangles(surface.sizes(len(faces)), faces)
-        every = np.arange(len(corners))
+        corner_numbers = np.arange(len(corners))
 
         def rows_of(domain: Domain) -> Values:
-            return (corners if domain is Domain.VERTEX else every) + 1
+            return (corners if domain is Domain.VERTEX else corner_numbers) + 1
 
         texture = None
         if uv is not None:

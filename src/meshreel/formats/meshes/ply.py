@@ -62,14 +62,16 @@ def read_ply(data: bytes) -> Frame:
     notes = Notes()
     notes.left_out("lines of the header", header.skipped)
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
-    scalars = {one.name: one for one in vertices.element.properties if not one.count_code}
+    scalars = {
+        column.name: column for column in vertices.element.properties if not column.count_code
+    }
     if _share_type(scalars, NORMALS, ("f4", "f8")):
         values = np.stack([vertices.numbers(scalars[name]) for name in NORMALS], axis=1)
         _add_field(fields, (Domain.VERTEX, NORMALS_NAME), values, "", NORMALS_ROLE)
     for table, domain in ((vertices, Domain.VERTEX), (faces, Domain.FACE)):
         for name, kind, values in _columns(table, domain) if table is not None else ():
             _add_field(fields, (domain, name), values, "" if kind is Kind.OTHER else kind)
-            wide_enough = (one for one in VALUE_TYPES if np.can_cast(values.dtype, one))
+            wide_enough = (dtype for dtype in VALUE_TYPES if np.can_cast(values.dtype, dtype))
             attributes.append(Attribute(name, kind, domain, values.astype(next(wide_enough))))
     corner_uv = None if faces is None else _corner_coordinates(faces, mesh.counts)
     if corner_uv is not None:
@@ -117,12 +119,12 @@ def _triangles_of_strips(
 
 
 def _add_field(
-    found: dict[Key, tuple[Values, Field]], key: Key, values: Values, kind: str, role: str = ""
+    fields: dict[Key, tuple[Values, Field]], key: Key, values: Values, kind: str, role: str = ""
 ) -> None:
     """Add values under a unique name."""
-    while key in found:
+    while key in fields:
         key = key[0], f"{key[1]}_"
-    found[key] = values, Field(values.dtype, values.shape[1], role, kind)
+    fields[key] = values, Field(values.dtype, values.shape[1], role, kind)
 
 
 def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: bool) -> None:
@@ -138,9 +140,9 @@ def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: 
         if column.count_code and not (name != "vertex" and column.name in known)
     ]
     notes.left_out("lists", lists)
-    others = [name for name, table in tables.items() if table.element.n_rows]
+    element_names = [name for name, table in tables.items() if table.element.n_rows]
     read = "vertex", "face" if "face" in tables else STRIPS
-    notes.left_out("elements", (name for name in others if name not in read))
+    notes.left_out("elements", (name for name in element_names if name not in read))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:

@@ -108,25 +108,25 @@ def _end_of_header(data: bytes) -> tuple[int, int]:
     line_ends = [b"\r"] if is_mac else [b"\r\n", b"\n"]
     end = data.find(line_ends[-1] + HEADER_END)
     after = end + len(line_ends[-1] + HEADER_END)
-    found = next((one for one in line_ends if data.startswith(one, after)), None)
-    if end < 0 or found is None:
+    line_end = next((ending for ending in line_ends if data.startswith(ending, after)), None)
+    if end < 0 or line_end is None:
         raise FormatError("the header has no line 'end_header'; the file is truncated or damaged")
-    return end, after + len(found)
+    return end, after + len(line_end)
 
 
 def _with_property(element: PlyElement, words: list[str], number: int) -> PlyElement:
     match words:
         case ["list", count_type, value_type, name]:
-            found = PlyProperty(name, _code(value_type, number), _code(count_type, number))
+            new_property = PlyProperty(name, _code(value_type, number), _code(count_type, number))
         case [value_type, name]:
-            found = PlyProperty(name, _code(value_type, number))
+            new_property = PlyProperty(name, _code(value_type, number))
         case _:
             raise FormatError(f"line {number}: a property needs a type and a name; got {words}")
-    if found.count_code.startswith("f"):
+    if new_property.count_code.startswith("f"):
         raise FormatError(f"line {number}: the length of a list must be an integer; got {words}")
-    if any(found.name == before.name for before in element.properties):
-        raise FormatError(f"line {number}: property {found.name!r} is declared twice")
-    return PlyElement(element.name, element.n_rows, (*element.properties, found))
+    if any(new_property.name == before.name for before in element.properties):
+        raise FormatError(f"line {number}: property {new_property.name!r} is declared twice")
+    return PlyElement(element.name, element.n_rows, (*element.properties, new_property))
 
 
 def _code(type_name: str, number: int) -> str:

@@ -48,21 +48,21 @@ class PlyBody:
         """
         code, stride = self.order + self.code(declared), _stride(offsets)
         if stride:  # a view is ten times faster than gathering bytes
-            found = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (stride,))
+            array = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (stride,))
         else:
             places = offsets[:, None] + np.arange(self.width(declared))
-            found = np.frombuffer(self.data, np.uint8)[places].view(code)[:, 0]
+            array = np.frombuffer(self.data, np.uint8)[places].view(code)[:, 0]
         if self.place is not None and not declared.startswith("f"):
             limits = np.iinfo(declared)
-            good = (found == np.rint(found)) & (found >= limits.min) & (found < limits.max + 1.0)
+            good = (array == np.rint(array)) & (array >= limits.min) & (array < limits.max + 1.0)
             if not good.all():
                 first = int(np.argmin(good))
                 raise FormatError(
                     f"{self.place(int(offsets[first]))}: expected {np.dtype(declared).name}; got "
-                    f"{found[first]:g}"
+                    f"{array[first]:g}"
                 )
         with np.errstate(over="ignore"):
-            return found.astype(declared)
+            return array.astype(declared)
 
     def integer_at(self, offset: int, declared: str) -> int:
         """Return the integer at a byte offset; raises as `take`."""

@@ -72,11 +72,11 @@ def quantity_tracks(
     mismatched : str
         What notes call quantities that fit the mesh in none of the frames.
     """
-    stored, shown = sizes
+    file_sizes, mesh_sizes = sizes
 
     def read_frame(index: int, key: Key) -> Values:
         quantity, time = quantities[key], float(times[index])
-        values = quantity.of_items(time, stored[key[0]])
+        values = quantity.of_items(time, file_sizes[key[0]])
         if values is None:
             raise changed_error(f"{path} (frame {index})")
         if quantity.to_world is not None:
@@ -88,14 +88,14 @@ def quantity_tracks(
     for time in times.tolist():
         fields: dict[Key, Field] = {}
         for key, quantity in quantities.items():
-            if (values := quantity.of_items(time, stored[key[0]])) is not None:
+            if (values := quantity.of_items(time, file_sizes[key[0]])) is not None:
                 fields[key] = Field(
                     values.dtype, values.shape[1], quantity.role, quantity.kind, quantity.unit
                 )
         frames.append(fields)
     missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
     notes.left_out(mismatched, missing)
-    return field_tracks(frames, shown, read_frame, notes)
+    return field_tracks(frames, mesh_sizes, read_frame, notes)
 
 
 def note_quantities(

@@ -281,11 +281,11 @@ def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[S
     good, faults = [], []
     for number, mesh in enumerate(meshes):
         # Cache the surface, so that its notes are added only once.
-        kept = replace(mesh, surface=cache(mesh.surface))
-        if fault := _fault(kept):
+        cached_mesh = replace(mesh, surface=cache(mesh.surface))
+        if fault := _fault(cached_mesh):
             faults.append(f"{mesh.name} ({fault})")
         else:
-            good.append(kept)
+            good.append(cached_mesh)
         options.progress("checking", Count(number + 1, len(meshes), "meshes"))
     if not good:
         raise FormatError(f"has no readable mesh: {listed(faults)}")

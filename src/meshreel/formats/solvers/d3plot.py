@@ -198,16 +198,16 @@ def _result(
     return DataArray(domain, name, read, lambda: None, lambda: field, is_track=True)
 
 
-def _surface_of(layout: D3plotLayout, chosen: npt.NDArray[np.int64]) -> CellSurface:
+def _surface_of(layout: D3plotLayout, rows: npt.NDArray[np.int64]) -> CellSurface:
     """Return the surface of some of the cells, without nodes that have no faces."""
-    if len(chosen) == 0:
+    if len(rows) == 0:
         raise FormatError("has a state in which all elements with faces are deleted")
     cells = layout.cells
     starts = np.cumsum(cells.counts) - cells.counts
-    counts = cells.counts[chosen]
-    points = cells.points[ragged_indices(starts[chosen], counts)]
-    surface = used_points(cell_mesh(Cells(cells.types[chosen], counts, points), layout.n_nodes))
-    return replace(surface, cells=chosen[surface.cells], volume_rows=chosen)
+    counts = cells.counts[rows]
+    points = cells.points[ragged_indices(starts[rows], counts)]
+    surface = used_points(cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes))
+    return replace(surface, cells=rows[surface.cells], volume_rows=rows)
 
 
 FORMATS = (

@@ -475,8 +475,8 @@ class D3plotLayout:
         if self._position + N_SIZES > self.words.n_words:
             return False
         sizes = [self.control[name] for name in ("numnp", "nel8", "nel2", "nel4", "nelt")]
-        stored: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
-        return stored == sizes
+        declared_sizes: list[int] = self.words.integers(self._position, N_SIZES)[5:].tolist()
+        return declared_sizes == sizes
 
     def _read_part_ids(self) -> list[int]:
         """Return the user's part numbers, if the numbering section has them."""
@@ -663,8 +663,8 @@ def _solid_cells(nodes: Integers) -> tuple[Integers, Integers]:
         (is_apex & same[:, 2], TETRA, (0, 1, 2, 4)),
         (is_apex & same[:, 3], TETRA, (0, 1, 2, 3)),
     )  # later ones are special cases of earlier ones
-    for is_shape, kind, chosen in shapes:
+    for is_shape, kind, order in shapes:
         types[is_shape] = kind
         corners[is_shape] = -1
-        corners[is_shape, : len(chosen)] = nodes[is_shape][:, chosen]
+        corners[is_shape, : len(order)] = nodes[is_shape][:, order]
     return types, corners

@@ -117,8 +117,8 @@ class EnsightCase:
             raise FormatError(f"has {len(models)} models in its section GEOMETRY; expected one")
         self.elements_step: int | None = None
         self.geometry: FileSeries = self._read_model(_words(models[0]))
-        others = [key for key, _ in self._sections["GEOMETRY"] if key != "model"]
-        options.notes.left_out("geometry", others)
+        keys = [key for key, _ in self._sections["GEOMETRY"] if key != "model"]
+        options.notes.left_out("geometry", keys)
         options.notes.left_out("sections", self._sections.keys() - KNOWN_SECTIONS)
         self.variables: list[Variable] = list(self._read_variables())
 
@@ -309,13 +309,13 @@ class _Steps:
         )
         if case.geometry.times is not None:
             self._set = case.geometry.times
-        stored = np.zeros(1) if self._set is None else self._set.times_s
-        self.times_s: Floats = ascending_times(stored, "step", options)
+        times_s = np.zeros(1) if self._set is None else self._set.times_s
+        self.times_s: Floats = ascending_times(times_s, "step", options)
         self.variables: list[Variable] = [
             variable for variable in case.variables if self._fits(variable)
         ]
-        others = (variable.name for variable in case.variables if variable not in self.variables)
-        options.notes.left_out("variables at other times than the geometry", others)
+        names = (variable.name for variable in case.variables if variable not in self.variables)
+        options.notes.left_out("variables at other times than the geometry", names)
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._order = cache(find_order)
         self._find = cache(lambda path: find_parts(self._open(path, path)))

@@ -158,11 +158,11 @@ class Cells:
             If one of them is not one of `n_points` points, or a polyhedron is damaged.
         """
         is_index = np.ones(len(self.points), bool)
-        chosen = np.flatnonzero(self.types == POLYHEDRON)
-        if len(chosen):
-            first = (np.cumsum(self.counts) - self.counts)[chosen]
+        rows = np.flatnonzero(self.types == POLYHEDRON)
+        if len(rows):
+            first = (np.cumsum(self.counts) - self.counts)[rows]
             is_index[first] = False
-            is_index[_places_of_faces(self.points, first, self.counts[chosen], chosen)[0]] = False
+            is_index[_places_of_faces(self.points, first, self.counts[rows], rows)[0]] = False
         if not ((self.points >= 0) & (self.points < n_points) | ~is_index).all():
             raise FormatError(f"a cell has a point index outside 0..{n_points - 1}")
         return replace(self, points=self.points + by * is_index)
@@ -177,7 +177,7 @@ class CellSurface:
     """Integer arrays. Polygons as in `PolygonMesh`; corners index the kept vertices."""
     cells: npt.NDArray[np.int64]
     """int64 array of shape (P,). The source cell of each polygon."""
-    kept: npt.NDArray[np.int64] | slice
+    points: npt.NDArray[np.int64] | slice
     """int64 array or slice. Points that become vertices, in order: all, or the boundary points of
     solid cells.
     """
@@ -210,8 +210,8 @@ class CellSurface:
         """Rows of the point data and cell data that belong to the vertices and faces, or cells."""
         if self.volume is not None:
             rows = slice(None) if self.volume_rows is None else self.volume_rows
-            return {Domain.VERTEX: self.kept, Domain.CELL: rows}
-        return {Domain.VERTEX: self.kept, Domain.FACE: self.cells}
+            return {Domain.VERTEX: self.points, Domain.CELL: rows}
+        return {Domain.VERTEX: self.points, Domain.FACE: self.cells}
 
     @property
     def cell_domain(self) -> Domain:
@@ -225,12 +225,12 @@ class CellSurface:
 
     def n_verts(self, n_points: int) -> int:
         """Number of vertices of the surface, given the number of points."""
-        return n_points if isinstance(self.kept, slice) else len(self.kept)
+        return n_points if isinstance(self.points, slice) else len(self.points)
 
     @property
     def size_bytes(self) -> int:
         """Size of its arrays."""
-        return sum(one.nbytes for one in self._contents if isinstance(one, np.ndarray))
+        return sum(array.nbytes for array in self._contents if isinstance(array, np.ndarray))
 
     def equals(self, other: "CellSurface") -> bool:
         """Whether all contents are equal."""
@@ -244,7 +244,7 @@ class CellSurface:
 
     def mesh(self, points: Vertices) -> PolygonMesh:
         """Return the polygon mesh for points of shape (N, 3)."""
-        return PolygonMesh(points[self.kept], self.counts, self.corners, self.volume)
+        return PolygonMesh(points[self.points], self.counts, self.corners, self.volume)
 
 
 EMPTY, PIXEL, VOXEL = 0, 8, 11
@@ -289,17 +289,17 @@ def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
         )
     if not np.isin(cells.types, SOLIDS).any():
         return extract_surface(cells, n_points)
-    stored, rows, changes = _converted(cells)
-    is_known = (stored.types >= 0) & (stored.types < len(cell_sizes()))
-    sizes = cell_sizes()[np.where(is_known, stored.types, 0)]
-    is_stored = is_known & (sizes == stored.counts)
+    new_cells, rows, changes = _converted(cells)
+    is_known = (new_cells.types >= 0) & (new_cells.types < len(cell_sizes()))
+    sizes = cell_sizes()[np.where(is_known, new_cells.types, 0)]
+    is_stored = is_known & (sizes == new_cells.counts)
     if not is_stored.all():
-        kinds = np.unique(stored.types[~is_stored]).tolist()
+        kinds = np.unique(new_cells.types[~is_stored]).tolist()
         surface = extract_surface(cells, n_points)
         return replace(surface, unstored=tuple(_type_text(kind) for kind in kinds))
     try:
-        nodes = stored.points.astype(np.int32)
-        volume = validated_cells(VolumeCells(stored.types, nodes), n_points)
+        nodes = new_cells.points.astype(np.int32)
+        volume = validated_cells(VolumeCells(new_cells.types, nodes), n_points)
         polygons = volume.surface(n_points)
     except InvalidInputError as error:
         raise FormatError(str(error)) from None
@@ -336,13 +336,13 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
     types, sizes, changes = cells.types.copy(), cells.counts.copy(), []
     n_parts = np.ones(len(types), np.int64)
     for kind, new, order in CONVERSIONS:
-        chosen = cells.types == kind
+        is_kind = cells.types == kind
         if kind not in SPLIT_TYPES:
-            chosen &= cells.counts == len(order)
-        types[chosen], sizes[chosen] = new, len(order)
-        n_parts[chosen] = np.maximum(0, cells.counts[chosen] - len(order) + 1)
+            is_kind &= cells.counts == len(order)
+        types[is_kind], sizes[is_kind] = new, len(order)
+        n_parts[is_kind] = np.maximum(0, cells.counts[is_kind] - len(order) + 1)
         is_reordered = list(order) != sorted(order)
-        if n_changed := len(changed := n_parts[chosen & (is_reordered | (n_parts != 1))]):
+        if n_changed := len(changed := n_parts[is_kind & (is_reordered | (n_parts != 1))]):
             number = f"{changed.sum()} of " if changed.sum() != n_changed else ""
             given = f"{counted(n_changed, 'cell')} of {_type_text(kind)}"
             changes.append(f"{given} became {number}{_type_text(new)}")
@@ -354,8 +354,8 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
     first = np.cumsum(sizes) - sizes
     orders = [(kinds == kind, order) for kind, _, order in CONVERSIONS if kind in (PIXEL, VOXEL)]
     # Every second triangle of a strip is reversed to keep the orientation.
-    for chosen, order in [*orders, ((kinds == STRIP) & (part % 2 == 1), (0, 2, 1))]:
-        at = first[chosen & (sizes == len(order)), None]
+    for is_kind, order in [*orders, ((kinds == STRIP) & (part % 2 == 1), (0, 2, 1))]:
+        at = first[is_kind & (sizes == len(order)), None]
         points[at + np.arange(len(order))] = points[at + np.array(order)]
     return Cells(types[rows], sizes, points), rows, tuple(changes)
 
@@ -420,24 +420,24 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     order = shown[np.argsort(owners[shown], kind="stable")]
     first = np.cumsum(counts) - counts
     corners = corners[ragged_indices(first[order], counts[order])]
-    kept: npt.NDArray[np.int64] | slice = slice(None)
+    points: npt.NDArray[np.int64] | slice = slice(None)
     if is_solid.any():
-        kept, corners = np.unique(corners, return_inverse=True)
+        points, corners = np.unique(corners, return_inverse=True)
     if len(order) == 0:
         raise FormatError("contains solid cells without a boundary; there is no surface")
     return CellSurface(
         counts[order],
         corners.astype(np.int32),
         owners[order],
-        kept,
+        points,
         int(is_solid_cell.sum()),
-        0 if isinstance(kept, slice) else n_points - len(kept),
+        0 if isinstance(points, slice) else n_points - len(points),
     )
 
 
 def used_points(surface: CellSurface) -> CellSurface:
     """Return a surface whose vertices are only the points of its cells, or of its faces."""
-    if not isinstance(surface.kept, slice):
+    if not isinstance(surface.points, slice):
         return surface
     volume = surface.volume
     used = surface.corners if volume is None else volume.nodes
@@ -445,7 +445,7 @@ def used_points(surface: CellSurface) -> CellSurface:
     corners = np.searchsorted(points, surface.corners).astype(np.int32)
     if volume is not None:
         volume = replace(volume, nodes=np.searchsorted(points, volume.nodes).astype(np.int32))
-    return replace(surface, kept=points, corners=corners, volume=volume)
+    return replace(surface, points=points, corners=corners, volume=volume)
 
 
 _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]
@@ -453,19 +453,19 @@ _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int6
 
 def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _Faces:
     """Corner counts, corners and source cells of the faces of all cells of one type."""
-    chosen = np.flatnonzero(cells.types == kind)
-    counts, first = cells.counts[chosen], starts[chosen]
+    cell_numbers = np.flatnonzero(cells.types == kind)
+    counts, first = cells.counts[cell_numbers], starts[cell_numbers]
     if kind in POINTS_AND_LINES:
         return (np.empty(0, np.int64),) * 3
     if kind in (POLYGON, QUADRATIC_POLYGON):
         counts = counts // 2 if kind == QUADRATIC_POLYGON else counts  # corners are first
-        return counts, cells.points[ragged_indices(first, counts)], chosen
+        return counts, cells.points[ragged_indices(first, counts)], cell_numbers
     if kind == POLYHEDRON:
-        places, owners = _places_of_faces(cells.points, first, counts, chosen)
+        places, owners = _places_of_faces(cells.points, first, counts, cell_numbers)
         sizes = cells.points[places]
         return sizes, cells.points[ragged_indices(places + 1, sizes)], owners
     if kind == STRIP:
-        return _strips(cells.points, first, counts, chosen)
+        return _strips(cells.points, first, counts, cell_numbers)
     if not (faces := CELL_FACES.get(kind)):
         raise FormatError(
             f"contains cells of unsupported {_type_text(kind)}; export a surface instead"
@@ -476,9 +476,9 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
             f"a cell of type {kind} has {counted(counts.min(), 'point')}; it needs {needed}"
         )
     rows = [(cells.points[first[:, None] + np.array(face)], len(face)) for face in faces]
-    sizes = np.tile([size for _, size in rows], len(chosen))
+    sizes = np.tile([size for _, size in rows], len(cell_numbers))
     corners = np.concatenate([row for row, _ in rows], axis=1).ravel()
-    return sizes.astype(np.int64), corners, np.repeat(chosen, len(faces))
+    return sizes.astype(np.int64), corners, np.repeat(cell_numbers, len(faces))
 
 
 def _places_of_faces(

@@ -75,9 +75,9 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
     weights = np.where(is_known, np.repeat(areas / counts, counts), 0)
 
     def angles(edges: Int32s | None) -> Floats:
-        found = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
+        own_normals = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
         # Half the chord: the cosine of a small angle resolves only 0.02 degrees.
-        halves = np.linalg.norm(found - units, axis=1) / 2
+        halves = np.linalg.norm(own_normals - units, axis=1) / 2
         return np.asarray(2 * np.degrees(np.arcsin(halves.clip(0, 1))))
 
     shared = shared_edges(counts, corners)
@@ -98,9 +98,9 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
             errors[~is_split[corners]].sum() > GAIN * errors.sum()
         ):  # normals there remain as they are
             continue
-        found = angles(candidate)
-        if (weights * found).sum() < GAIN * (weights * best).sum():
-            best, edges = found, candidate
+        new_angles = angles(candidate)
+        if (weights * new_angles).sum() < GAIN * (weights * best).sum():
+            best, edges = new_angles, candidate
     n_far = int((best[is_known & (weights > 0)] > NEAR_DEG).sum())
     return HardEdges(edges, len(shared.ends), n_far, int(is_known.sum()))
 
@@ -119,15 +119,15 @@ def edges_between_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> 
     _, first = np.unique(edges, return_index=True)
     is_hard = np.zeros(len(shared.ends), bool)
     is_hard[edges[(of_side == 0) | (of_side != of_side[first][edges])]] = True
-    found = shared.ends[is_hard].astype(np.int32) if is_hard.any() else None
-    return HardEdges(found, len(shared.ends), 0, 0)
+    hard_edges = shared.ends[is_hard].astype(np.int32) if is_hard.any() else None
+    return HardEdges(hard_edges, len(shared.ends), 0, 0)
 
 
 def edges_from_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> HardEdges:
     """Return the creases, of shape (N, 2), that are edges between faces as hard edges."""
     is_there = ((creases >= 0) & (creases < len(mesh.vertices))).all(axis=1)
-    found = remaining_edges(creases[is_there].astype(np.int32), mesh.counts, mesh.corners)
-    return HardEdges(found, len(shared_edges(mesh.counts, mesh.corners).ends), 0, 0)
+    hard_edges = remaining_edges(creases[is_there].astype(np.int32), mesh.counts, mesh.corners)
+    return HardEdges(hard_edges, len(shared_edges(mesh.counts, mesh.corners).ends), 0, 0)
 
 
 class NormalNotes:
@@ -144,7 +144,7 @@ class NormalNotes:
         self._meshes: dict[str, HardEdges] = {}
         self._written: list[Note] = []
 
-    def add(self, name: str, found: HardEdges, *, is_track: bool = False) -> None:
+    def add(self, name: str, hard_edges: HardEdges, *, is_track: bool = False) -> None:
         """Add a mesh, replacing an earlier one of the same name.
 
         Parameters
@@ -152,9 +152,9 @@ class NormalNotes:
         is_track : bool, default False
             Whether its normals are also stored as a track.
         """
-        if is_track and found.edges is None:
+        if is_track and hard_edges.edges is None:
             return
-        self._meshes[name] = replace(found, n_far=0) if is_track else found
+        self._meshes[name] = replace(hard_edges, n_far=0) if is_track else hard_edges
         self._notes[:] = [note for note in self._notes if note not in self._written]
         self._written = list(_notes_on(self._meshes.values()))
         self._notes += self._written
@@ -204,11 +204,11 @@ def _differences(
     first = np.empty(n_edges, np.int64)
     first[edges[::-1]] = np.arange(len(edges))[::-1]  # all edges have sides
     limit = 2 * np.sin(np.radians(SHARED_DEG) / 2)
-    found = []
+    masks = []
     for ends in (np.where(is_forward, sides, following), np.where(is_forward, following, sides)):
         reference = ends[first][edges]
         is_other = np.linalg.norm(units[ends] - units[reference], axis=1) > limit
         differs = np.zeros(n_edges, bool)
         differs[edges[is_other & is_known[ends] & is_known[reference]]] = True
-        found.append(differs)
-    return found[0], found[1]
+        masks.append(differs)
+    return masks[0], masks[1]

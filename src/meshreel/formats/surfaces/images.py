@@ -65,7 +65,7 @@ def image_names(images: Sequence[Image]) -> list[str]:
     names = []
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
-        extension = next((key for key, one in EXTENSIONS.items() if one == image.mime_type), "")
+        extension = next((key for key, mime in EXTENSIONS.items() if mime == image.mime_type), "")
         name, wanted = stem + extension, (stem + extension).lower()
         while name.lower() in used:
             counts[wanted] = counts.get(wanted, 1) + 1

@@ -136,7 +136,7 @@ def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDAr
         does for Alembic.
     """
     lengths = np.asarray(counts, np.int64)
-    sizes, starts = (np.repeat(one, lengths) for one in (lengths, np.cumsum(lengths) - lengths))
+    sizes, starts = (np.repeat(rows, lengths) for rows in (lengths, np.cumsum(lengths) - lengths))
     places: npt.NDArray[np.int64] = starts - np.arange(len(starts)) - (not keeps_first)
     return starts + places % sizes
 

@@ -126,8 +126,8 @@ def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:
     are_opposite = place[starts[pairs[:, 0]]] == place[ends[pairs[:, 1]]]
     # Two sides of a triangle coincide if its third has no length.
     are_apart = open_sides[pairs[:, 0]] // 3 != open_sides[pairs[:, 1]] // 3
-    one, other = pairs[are_opposite & are_apart].T
-    links = np.concatenate([[starts[one], ends[other]], [ends[one], starts[other]]], axis=1)
+    side, partner = pairs[are_opposite & are_apart].T
+    links = np.concatenate([[starts[side], ends[partner]], [ends[side], starts[partner]]], axis=1)
     vertex_of, first = weld_rows([_lowest_linked(links, n_points)[:, np.newaxis]])
     return SplitMesh(vertex_of, first, triangles.ravel())
 
@@ -142,8 +142,8 @@ def _lowest_linked(links: Numbers, n_points: int) -> Numbers:
     """
     lowest = np.arange(n_points)
     while (lowest[links[0]] != lowest[links[1]]).any():
-        roots, others = lowest[links]
-        np.minimum.at(lowest, np.maximum(roots, others), np.minimum(roots, others))
+        roots, other_roots = lowest[links]
+        np.minimum.at(lowest, np.maximum(roots, other_roots), np.minimum(roots, other_roots))
         while (lowest[lowest] != lowest).any():
             lowest = lowest[lowest]
     return lowest

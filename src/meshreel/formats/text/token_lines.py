@@ -98,10 +98,10 @@ class TokenLines:
         """
         flat = tokens.ravel()
         values = np.empty(len(flat))
-        for block, found in _blocks(flat, values):
+        for block, block_values in _blocks(flat, values):
             words = self._words(block)
             try:
-                found[:] = words
+                block_values[:] = words
             except ValueError:
                 raise self._not_a_float(block, words) from None
         return values.reshape(tokens.shape)
@@ -122,8 +122,8 @@ class TokenLines:
             If a word is not an integer; the message names the first one and its line.
         """
         values = np.empty(len(tokens), dtype=np.int64)
-        for block, found in _blocks(tokens, values):
-            found[:], good = integer_values(self._codes(), self.starts[block], stop_at_slash)
+        for block, block_values in _blocks(tokens, values):
+            block_values[:], good = integer_values(self._codes(), self.starts[block], stop_at_slash)
             if not good.all():
                 raise self._not_a(int(block[np.argmin(good)]), "an integer")
         return values
@@ -267,8 +267,8 @@ def _find_words(text: bytes, physical: bytes) -> TokenLines:
 def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
     """Return a mask of the whitespace characters."""
     # The blank, and the five codes from tab to carriage return; others wrap around to above 4.
-    found: npt.NDArray[np.bool_] = (codes == ord(" ")) | (codes - np.uint8(ord("\t")) < 5)
-    return found
+    mask: npt.NDArray[np.bool_] = (codes == ord(" ")) | (codes - np.uint8(ord("\t")) < 5)
+    return mask
 
 
 def integer_values(

@@ -436,12 +436,12 @@ class _PreviewSurface:
             # Normal maps store -1..1 as 0..1, even if scale and bias are missing.
             if (scale, bias) == (NO_SCALE, NO_BIAS):
                 return 1.0
-            strength, stored = scale[0] / 2, scale[:3] + bias[:3]
+            strength, numbers = scale[0] / 2, scale[:3] + bias[:3]
             expected: Numbers = (2 * strength, 2 * strength, 2.0, -strength, -strength, -1.0)
         else:
             channel = "rgba".index(texture.texture.channels)
-            strength, stored, expected = scale[channel], (bias[channel],), (1 - scale[channel],)
-        if not np.allclose(stored, expected, atol=1e-6):
+            strength, numbers, expected = scale[channel], (bias[channel],), (1 - scale[channel],)
+        if not np.allclose(numbers, expected, atol=1e-6):
             self._note(f"scale and bias of the texture of {slot}")
             return 1.0
         return strength

@@ -78,7 +78,7 @@ class MeshShape:
     prim: Any
 
     @property
-    def stored(self) -> list[float]:
+    def codes(self) -> list[float]:
         """Time codes where points and faces have samples."""
         attributes = map(self.prim.GetAttribute, ("points", *FACE_ATTRIBUTES, HOLES))
         return [code for each in attributes if each for code in attribute_codes(each)]
@@ -311,13 +311,13 @@ class StageMesh:
 
         They are samples of the motion or, if the mesh does not move, of its animated primvars.
         """
-        stored, keys = self._shape.stored, self._transform_codes
+        shape_codes, keys = self._shape.codes, self._transform_codes
         keys = keys + ([] if self.skin is None else self.skin.codes)
-        if len(distinct_codes(stored + keys)) < 2:
-            stored = stored + [
+        if len(distinct_codes(shape_codes + keys)) < 2:
+            shape_codes = shape_codes + [
                 code for quantity in quantities(self.prim) for code in quantity.times()
             ]
-        return Samples(distinct_codes(stored), distinct_codes(keys))
+        return Samples(distinct_codes(shape_codes), distinct_codes(keys))
 
     def frame(self, code: float) -> PolygonMesh:
         """Return the mesh in world space at a time code, counterclockwise and without holes.

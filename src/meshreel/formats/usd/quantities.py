@@ -227,21 +227,21 @@ def _flat(primvar: Any, code: float) -> Values | None:
 
 def _table(primvar: Any, code: float) -> tuple[Values, Any] | None:
     """Return the values of a primvar, of shape (N, C), and its indices; None if it is invalid."""
-    stored = primvar.Get(code)
-    if stored is not None and not primvar.GetTypeName().isArray:
-        stored = np.asarray(stored)[np.newaxis]
-    values = _numbers(stored, int(primvar.GetElementSize()))
+    vt_array = primvar.Get(code)
+    if vt_array is not None and not primvar.GetTypeName().isArray:
+        vt_array = np.asarray(vt_array)[np.newaxis]
+    values = _numbers(vt_array, int(primvar.GetElementSize()))
     if values is None or not primvar.IsIndexed():
         return None if values is None else (values, None)
-    stored = primvar.GetIndices(code)
-    indices = np.asarray([] if stored is None else stored, np.int32)
+    vt_array = primvar.GetIndices(code)
+    indices = np.asarray([] if vt_array is None else vt_array, np.int32)
     is_valid = indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
     return (values, indices) if is_valid else None
 
 
-def _numbers(stored: Any, element_size: int) -> Values | None:
+def _numbers(vt_array: Any, element_size: int) -> Values | None:
     """Return values as an array of shape (N, C), or None if tracks do not support the type."""
-    values = np.asarray([] if stored is None else stored)
+    values = np.asarray([] if vt_array is None else vt_array)
     if values.size == 0:
         return None
     values = values.astype(READ_AS.get(values.dtype, values.dtype), copy=False)
@@ -269,9 +269,10 @@ def by_track_name(animated: Mapping[str, StageQuantity]) -> dict[str, StageQuant
         by_name[COLOR] = replace(color, values=partial(_read_rgba, color, opacity))
         del by_name[OPACITY]
     names = {name: quantity.custom_data(TRACK_NAME) or name for name, quantity in by_name.items()}
-    every = list(names.values())
+    track_names = list(names.values())
     return {
-        names[name] if every.count(names[name]) == 1 else name: by_name[name] for name in by_name
+        names[name] if track_names.count(names[name]) == 1 else name: by_name[name]
+        for name in by_name
     }
 
 

@@ -159,13 +159,13 @@ def rendered_meshes(stage: Any, notes: Notes) -> list[Any]:
     FormatError
         If there are none, listing the contents; or if the stage has more than `MAX_PRIMS` prims.
     """
-    meshes, others = _geometry(stage)
+    meshes, other_counts = _geometry(stage)
     reasons = [_reason_not_rendered(mesh) for mesh in meshes]
     rendered = [mesh for mesh, reason in zip(meshes, reasons, strict=True) if not reason]
     hidden = Counter(reason for reason in reasons if reason)
     contents = ", ".join(
         [f"{n} {'mesh' if n == 1 else 'meshes'} {reason}" for reason, n in hidden.items()]
-        + [f"{n} {kind}" for kind, n in others.items()]
+        + [f"{n} {kind}" for kind, n in other_counts.items()]
     )
     if not rendered:
         no_geometry = "contains no geometry"
@@ -183,7 +183,7 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
     Prims below point instancers are skipped: they are rendered only as instances.
     """
     usd, geometry, lights = USD.load("Usd"), USD.load("UsdGeom"), USD.load("UsdLux").LightAPI
-    meshes, others = list[Any](), Counter[str]()
+    meshes, other_counts = list[Any](), Counter[str]()
     prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
     for number, prim in enumerate(prims):
         if number == MAX_PRIMS:
@@ -199,10 +199,10 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
             or prim.IsA(geometry.Camera)
             or prim.HasAPI(lights)
         ):
-            others[prim.GetTypeName()] += 1
+            other_counts[prim.GetTypeName()] += 1
         if is_instancer:
             prims.PruneChildren()
-    return meshes, others
+    return meshes, other_counts
 
 
 def _reason_not_rendered(prim: Any) -> str:

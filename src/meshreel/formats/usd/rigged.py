@@ -128,8 +128,8 @@ def _write_animation(stage: Any, path: str, rig: Rig, codes: Codes, shapes: list
     animation.CreateJointsAttr(joint_paths(rig))
     animation.CreateScalesAttr(vt.Vec3hArray(rig.n_bones, USD.load("Gf").Vec3h(1, 1, 1)))
     poses = [track.poses(rig.times_s) for track in rig.tracks]
-    quaternions = np.stack([one for one, _ in poses], axis=1)
-    translations = np.stack([one for _, one in poses], axis=1)
+    quaternions = np.stack([rotation for rotation, _ in poses], axis=1)
+    translations = np.stack([translation for _, translation in poses], axis=1)
     rotations, offsets = animation.CreateRotationsAttr(), animation.CreateTranslationsAttr()
     weights = None
     if shapes:

@@ -90,7 +90,7 @@ def even_interval(codes: Codes) -> float:
 class Samples:
     """Time codes of the samples that determine the positions of a mesh."""
 
-    stored: Codes
+    shape_codes: Codes
     """Samples of points and faces."""
     keys: Codes
     """Samples of transforms, joints and blend shapes, which move points between their samples."""
@@ -98,7 +98,7 @@ class Samples:
     @cached_property
     def all(self) -> Codes:
         """All time codes, sorted."""
-        return distinct_codes([*self.stored, *self.keys])
+        return distinct_codes([*self.shape_codes, *self.keys])
 
     def moves_between_samples(self, frame_interval: float) -> bool:
         """Return whether the mesh moves between its samples, so that frames can be anywhere.
@@ -106,7 +106,7 @@ class Samples:
         Points with samples as dense as frames are a point cache, whose samples are the frames.
         """
         max_gap = MAX_UPSAMPLING * frame_interval * (1 + TOLERANCE)
-        is_cache = len(self.stored) > 1 and np.diff(self.stored).min() <= max_gap
+        is_cache = len(self.shape_codes) > 1 and np.diff(self.shape_codes).min() <= max_gap
         return len(self.keys) > 1 and not is_cache
 
     def frames(self, frame_interval: float, origin: float) -> Codes:
@@ -122,7 +122,7 @@ class Samples:
         if self.moves_between_samples(frame_interval):
             return sampled_codes(self.all, frame_interval, origin)
         if len(self.keys) < 2 or not (
-            interval := even_interval(own := even_codes(self.stored, frame_interval))
+            interval := even_interval(own := even_codes(self.shape_codes, frame_interval))
         ):
             return even_codes(self.all, frame_interval)
         keys = even_codes(self.keys, frame_interval)

@@ -96,8 +96,8 @@ def write_vat(
     InvalidInputError
         If no type meets the error bound, or a texture would exceed the size limit of GPUs.
     """
-    chosen, space = _choices(options)
-    types, notes = types or chosen, stream.notes
+    requested_types, space = _choices(options)
+    types, notes = types or requested_types, stream.notes
     mesh_path, path, data_path = (folder / name for name in _file_names(stem, types))
     has_normals = options.normals is not False
     fps = _note_losses(stream)

@@ -60,12 +60,12 @@ def output_arrays(
         names = listed(groups.name for groups in all_groups)
         text = f"group labels left out; {extension} stores only their numbers: {names}"
         notes.unwritten("group labels", text)
-    found = [
+    arrays = [
         *map(_attribute_array, attributes),
         *(_array(group.name, Domain.FACE, group.numbers[:, None]) for group in all_groups),
         *(_track_array(name, track) for name, track in tracks.items()),
     ]
-    return _with_unique_names(found)
+    return _with_unique_names(arrays)
 
 
 def _array(
@@ -74,9 +74,9 @@ def _array(
     return OutputArray(name, domain, values.dtype, values.shape[1], kind, "", role, values)
 
 
-def _attribute_array(one: Attribute) -> OutputArray:
-    role = TEXTURE_COORDINATES if one.kind is Kind.UV else ""
-    return _array(one.name, one.domain, one.per_item(), one.kind, role)
+def _attribute_array(attribute: Attribute) -> OutputArray:
+    role = TEXTURE_COORDINATES if attribute.kind is Kind.UV else ""
+    return _array(attribute.name, attribute.domain, attribute.per_item(), attribute.kind, role)
 
 
 def _track_array(name: str, track: TrackSource) -> OutputArray:
@@ -97,7 +97,7 @@ def _with_unique_names(arrays: list[OutputArray]) -> list[OutputArray]:
     """Give the arrays valid XML names, and each name and role to one array of a domain only."""
     names: set[tuple[Domain, str]] = set()
     roles: set[tuple[Domain, str]] = set()
-    found = []
+    unique_arrays = []
     for array in arrays:
         name = xml_text(array.name) or "unnamed"
         while (array.domain, name) in names:
@@ -105,8 +105,8 @@ def _with_unique_names(arrays: list[OutputArray]) -> list[OutputArray]:
         role = "" if (array.domain, array.role) in roles else array.role
         names.add((array.domain, name))
         roles.add((array.domain, array.role))
-        found.append(replace(array, name=name, role=role))
-    return found
+        unique_arrays.append(replace(array, name=name, role=role))
+    return unique_arrays
 
 
 def xml_text(text: str) -> str:

@@ -71,10 +71,10 @@ def _time(element: Element) -> float:
 
 
 def _file(path: Path, element: Element, options: ReadOptions) -> Path:
-    found = resolve_reference(path, element.get("file", ""), options)
-    if found.suffix.lower() not in READERS:
-        raise FormatError(f"refers to {found.name}; {', '.join(READERS)} files are supported")
-    return found
+    file = resolve_reference(path, element.get("file", ""), options)
+    if file.suffix.lower() not in READERS:
+        raise FormatError(f"refers to {file.name}; {', '.join(READERS)} files are supported")
+    return file
 
 
 def _scene_mesh(
@@ -86,7 +86,7 @@ def _scene_mesh(
     for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
     frames, times = list(pieces.values()), np.array(list(pieces))
-    several = next((time for time, found in pieces.items() if len(found) > 1), None)
+    several = next((time for time, paths in pieces.items() if len(paths) > 1), None)
     if several is not None and not options.merge:
         frames = [[file] for _, file in files]
         if (file_order := file_order_times(len(files), options)) is None:
@@ -100,18 +100,18 @@ def _files_with_faces(
     files: list[tuple[float, Path]], steps: "_FileSteps", options: ReadOptions
 ) -> list[tuple[float, Path]]:
     """Return the times and files of steps with faces; a note lists the others."""
-    kept: list[tuple[float, Path]] = []
+    nonempty: list[tuple[float, Path]] = []
     empty = []
     for time, path in files:
         try:
-            steps.read(path, time, kept[-1][1] if kept else None)
-            kept.append((time, path))
+            steps.read(path, time, nonempty[-1][1] if nonempty else None)
+            nonempty.append((time, path))
         except EmptyMeshError:
             empty.append(f"{path.name} (time {time:g})")
-    if not kept:
+    if not nonempty:
         raise EmptyMeshError(f"lists only files without faces: {listed(empty)}")
     options.notes.left_out("steps without faces", empty)
-    return kept
+    return nonempty
 
 
 def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInputError:
@@ -178,7 +178,7 @@ class _FileSteps:
     def _keep(self, path: Path, time: float, step: Step, other: Step | None) -> None:
         """Keep a step, unless all become too large; count what it does not share with another."""
         shared: Sequence[DataArray] = () if other is None else other.data
-        new = [array for array in step.data if not any(array is one for one in shared)]
+        new = [array for array in step.data if not any(array is known for known in shared)]
         self._kept_bytes += sum(array.read().nbytes for array in new)
         if other is not None and other.surface is step.surface and not self._skips_bad:
             # Callers keep the positions that they have read.
@@ -210,15 +210,15 @@ class _PieceFrames:
         notes: Notes,
     ) -> None:
         self._name, self._times, self._notes = name, times, notes
-        n_series = max(len(one) for one in files)
+        n_series = max(len(paths) for paths in files)
         series: list[list[tuple[Path, float]]] = [[] for _ in range(n_series)]
         places = []
-        for time, one in zip(times.tolist(), files, strict=True):
-            places.append([len(series[number]) for number in range(len(one))])
-            for number, file in enumerate(one):
+        for time, paths in zip(times.tolist(), files, strict=True):
+            places.append([len(series[number]) for number in range(len(paths))])
+            for number, file in enumerate(paths):
                 series[number].append((file, time))
         self._places = places
-        self._pieces = [_file_frames(one, steps, notes) for one in series]
+        self._pieces = [_file_frames(frames, steps, notes) for frames in series]
 
     def frame(self, index: int) -> PolygonMesh:
         return self._mesh(index).frame(0)

@@ -78,8 +78,10 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
             raise FormatError(
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
-        others = (name for name, one in blocks if one is not None and _type(one) not in MESH_TYPES)
-        options.notes.left_out("blocks that are not meshes", others)
+        names = (
+            name for name, block in blocks if block is not None and _type(block) not in MESH_TYPES
+        )
+        options.notes.left_out("blocks that are not meshes", names)
         return meshes
 
 
@@ -127,8 +129,8 @@ def _segment_of(own: Node, step: int) -> Node | None:
 def _meshreel_arrays(own: Node | None) -> dict[str, npt.NDArray[Any]]:
     if own is None:
         return {}
-    found = {name: find_dataset(own, name) for name in own if RESERVED_NAMES.fullmatch(name)}
-    return {name: read_all(one) for name, one in found.items() if one is not None}
+    datasets = {name: find_dataset(own, name) for name in own if RESERVED_NAMES.fullmatch(name)}
+    return {name: read_all(dataset) for name, dataset in datasets.items() if dataset is not None}
 
 
 FORMATS = (

@@ -118,8 +118,8 @@ class VtkSteps:
         known = {array_name(name) for name in names}
         data = [array.name for array in arrays]
         # The writer appends underscores to make names unique.
-        others = [name for name in data if name not in known and name.rstrip("_") not in known]
-        self._notes.left_out("data added by another program", others)
+        other_names = [name for name in data if name not in known and name.rstrip("_") not in known]
+        self._notes.left_out("data added by another program", other_names)
 
     def note_field_data(self) -> None:
         """Add a note on field data."""
@@ -204,7 +204,7 @@ class VtkSteps:
         return self._cached[1:]
 
     def _cells(self, index: int, parts: slice) -> Cells:
-        found = []
+        cells = []
         for column, (name, kind) in enumerate(self._kinds.items()):
             group = find_group(self._group, name) if name else self._group
             starts = int(self._cell_starts[index, column]), int(self._corner_starts[index, column])
@@ -213,10 +213,10 @@ class VtkSteps:
             if name not in self._cells_before:
                 self._cells_before[name] = cells_before_partitions(group)
             points, before = self._n_points[parts], self._cells_before[name]
-            found.append(read_cells(group, kind, parts, points, *starts, before))
-        if not found:
+            cells.append(read_cells(group, kind, parts, points, *starts, before))
+        if not cells:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
-        return self._with_polyhedra(Cells.join(found))
+        return self._with_polyhedra(Cells.join(cells))
 
     def _with_polyhedra(self, cells: Cells) -> Cells:
         """Return cells with their polyhedra; they are not read from files of several partitions."""
@@ -225,7 +225,8 @@ class VtkSteps:
 
         def read(offsets: str, name: str) -> tuple[Integers, Integers]:
             ends, values = (
-                read_integers(require_dataset(self._group, one)).ravel() for one in (offsets, name)
+                read_integers(require_dataset(self._group, path)).ravel()
+                for path in (offsets, name)
             )
             counts = np.diff(ends)
             if (counts < 0).any() or ends[:1].tolist() != [0] or ends[-1] != len(values):
@@ -245,10 +246,10 @@ class VtkSteps:
                 self._notes.left_out(UNSUPPORTED_ARRAYS, [name])
                 continue
             offsets_name = f"Steps/{place}Offsets/{name}"
-            found = find_dataset(self._group, offsets_name)
+            offsets = find_dataset(self._group, offsets_name)
             is_at_points = place == "PointData"
             starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
-            starts = starts if found is None else read_integers(found).ravel()
+            starts = starts if offsets is None else read_integers(offsets).ravel()
             # VTK appends the end of the last step; it skips steps without the array, unmarked.
             if len(starts) not in (n_steps, n_steps + 1):
                 self._notes.left_out(

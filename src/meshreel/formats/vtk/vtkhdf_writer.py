@@ -185,13 +185,15 @@ class _DataArrays:
         has_uv = False
         own = self._shared.only(segment)
         of_cells = Domain.FACE if segment.surface.cells is None else Domain.CELL
-        for number, one in enumerate(own.surface.attributes):
-            if one.domain not in (Domain.VERTEX, of_cells):
-                segment.notes.changed(one.name, _corner_note(one))
+        for number, attribute in enumerate(own.surface.attributes):
+            if attribute.domain not in (Domain.VERTEX, of_cells):
+                segment.notes.changed(attribute.name, _corner_note(attribute))
                 continue
             key = "attribute", number
-            dataset = self._add_constant(segment, key, one.domain, one.name, one.per_item())
-            if one.kind is Kind.UV and not has_uv:
+            dataset = self._add_constant(
+                segment, key, attribute.domain, attribute.name, attribute.per_item()
+            )
+            if attribute.kind is Kind.UV and not has_uv:
                 dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
                 has_uv = True
         for groups in own.surface.groups if of_cells is Domain.FACE else ():

@@ -38,19 +38,19 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     grids = [items.resolved(grid) for domain in root.findall("Domain") for grid in domain]
     grids = [grid for grid in grids if grid.tag == "Grid"]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]
-    found: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
+    meshes: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
     for grid in temporal or grids:
         steps = _children(grid, items) if temporal else [grid]
         if not steps:
             raise FormatError(f"has a collection {grid.get('Name', '')!r} without grids")
         times = _times(grid, steps, items, options) if temporal else np.zeros(1)
-        found += _meshes(grid.get("Name", ""), times, steps, items)
-    if not found:
+        meshes += _meshes(grid.get("Name", ""), times, steps, items)
+    if not meshes:
         raise FormatError("has no Grid in a Domain")
-    names = _unique_names([name for name, _, _ in found], path.stem)
+    names = _unique_names([name for name, _, _ in meshes], path.stem)
     return [
         GridFrames(steps, items, root, options.notes).scene_mesh(name, times)
-        for name, (_, times, steps) in zip(names, found, strict=True)
+        for name, (_, times, steps) in zip(names, meshes, strict=True)
     ]
 
 

@@ -111,28 +111,30 @@ class GridFrames:
 
     def _note_left_out(self, index: int) -> None:
         attributes = self._steps[index].findall("Attribute")
-        others = [attribute for attribute in attributes if _center(attribute) not in CENTERS]
+        other_attributes = [
+            attribute for attribute in attributes if _center(attribute) not in CENTERS
+        ]
         self._notes.left_out(
             "data of neither nodes nor cells",
-            (other.get("Name", "") for other in others),
+            (other.get("Name", "") for other in other_attributes),
         )
-        sets = (one.get("Name", "(unnamed)") for one in self._steps[index].findall("Set"))
+        sets = (child.get("Name", "(unnamed)") for child in self._steps[index].findall("Set"))
         self._notes.left_out("sets", sets)
 
     def _element(self, index: int, tag: str) -> Element:
         """Return the geometry or topology of a step, which it may include from another grid."""
         step = self._steps[index]
-        found = step.find(tag)
+        element = step.find(tag)
         include = [child for child in step if local_name(child) == "include"]
-        if found is None and include:
+        if element is None and include:
             if include[0].get("href"):
                 raise FormatError(
                     f"includes {include[0].get('href')!r}; other files cannot be included"
                 )
-            found = self._root.find(f".//Grid/{tag}")
-        if found is None:
+            element = self._root.find(f".//Grid/{tag}")
+        if element is None:
             raise FormatError(f"has a grid {step.get('Name', '')!r} without {tag}")
-        return self._items.resolved(found)
+        return self._items.resolved(element)
 
     def _points(self, index: int) -> Vertices:
         geometry = self._element(index, "Geometry")

@@ -58,9 +58,9 @@ class DataItems:
 
     def item_of(self, element: Element) -> Element:
         """Return the first DataItem of an element."""
-        if (found := element.find("DataItem")) is None:
+        if (item := element.find("DataItem")) is None:
             raise FormatError(f"has a {element.tag} without a DataItem")
-        return self.resolved(found)
+        return self.resolved(item)
 
     def key(self, item: Element, depth: int = 0) -> Any:
         """Return a key that is equal for items with the same array, without reading it."""
@@ -105,9 +105,9 @@ class DataItems:
         """
         item = self.resolved(item)
         shape, children = _shape(item), item.findall("DataItem")
-        stored = self.resolved(children[-1]) if children else item
-        if shape and stored.get("Format", "XML").upper() == "HDF":
-            dataset, _ = self._dataset(stored)
+        source = self.resolved(children[-1]) if children else item
+        if shape and source.get("Format", "XML").upper() == "HDF":
+            dataset, _ = self._dataset(source)
             return math.prod(shape), dataset.dtype.newbyteorder("=")
         values = self.read(item)
         return values.size, values.dtype
@@ -230,10 +230,10 @@ def _follow(root: Element, place: str) -> Element:
         children = [child for child in element if child.tag == tag]
         if name is not None:
             children = [child for child in children if child.get("Name") == name]
-        chosen = children[int(number) - 1 if number else 0 :][:1]
-        if not chosen or number == "0":
+        matches = children[int(number) - 1 if number else 0 :][:1]
+        if not matches or number == "0":
             raise FormatError(f"refers to {place[:80]!r}, which does not exist")
-        element = chosen[0]
+        element = matches[0]
     return element
 
 

@@ -194,8 +194,8 @@ class ArrayCoding:
         return int(self.header[1])
 
     def _header(self, data: bytes, count: int) -> list[int]:
-        found: list[int] = np.frombuffer(data, f"{self.order}{self.header}", count).tolist()
-        return found
+        numbers: list[int] = np.frombuffer(data, f"{self.order}{self.header}", count).tolist()
+        return numbers
 
 
 @dataclass(frozen=True)
@@ -221,9 +221,9 @@ class _Stream:
         FormatError
             If the data ends before them.
         """
-        found = self.data[at : at + self.after(count)]
+        contents = self.data[at : at + self.after(count)]
         if not self.is_raw:
-            found = binascii.a2b_base64(found, strict_mode=True)[:count]
-        if len(found) < count:
-            raise FormatError(f"has {len(found)} bytes; {count} are declared")
-        return found
+            contents = binascii.a2b_base64(contents, strict_mode=True)[:count]
+        if len(contents) < count:
+            raise FormatError(f"has {len(contents)} bytes; {count} are declared")
+        return contents

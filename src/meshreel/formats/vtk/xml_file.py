@@ -92,7 +92,7 @@ def _left_out(grid: Element | None) -> Iterator[str]:
         yield f"field data: {listed(field)}"
     data = [] if grid is None else [*grid.iterfind("Piece/PointData/*"),
                                     *grid.iterfind("Piece/CellData/*")]  # fmt: skip
-    if texts := list(dict.fromkeys(one.get("Name", "") for one in data if _is_text(one))):
+    if texts := list(dict.fromkeys(array.get("Name", "") for array in data if _is_text(array))):
         yield f"arrays of text: {listed(texts)}"
 
 
@@ -204,8 +204,8 @@ def _named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
 
 
 def _unit(element: Element) -> str:
-    found = element.find(f"InformationKey[@name='{UNITS}']")
-    return "" if found is None else " ".join((found.text or "").split())
+    unit_key = element.find(f"InformationKey[@name='{UNITS}']")
+    return "" if unit_key is None else " ".join((unit_key.text or "").split())
 
 
 def _arrays(piece: Element, coding: ArrayCoding) -> Iterator[DataArray]:

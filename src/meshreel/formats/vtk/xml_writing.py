@@ -65,8 +65,8 @@ class FileEncoder:
         self._arrays = output_arrays(surface, stream.tracks, extension, stream.notes)
         written = written_cells(stream.faces, surface)
         self._kind, self._cell_tag = "PolyData", "Polys"
-        others = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
-        self._n_cells = f'{others}NumberOfPolys="{len(written.counts)}"'
+        other_counts = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
+        self._n_cells = f'{other_counts}NumberOfPolys="{len(written.counts)}"'
         cells: dict[str, Values] = {
             "connectivity": written.points,
             "offsets": np.cumsum(written.counts, dtype=np.int64),
