@@ -60,7 +60,7 @@ export class ReelFile implements OpenReel {
    *   bytes, such as a `Buffer` of Node, which are copied.
    * @throws SourceError if the bytes cannot be read.
    * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file. A
-   *   file of which only the end is damaged opens; `info.damage` has the reason.
+   *   file that is damaged only at its end still opens; `info.damage` has the reason.
    * @throws UnsupportedVersionError if the file needs a newer version, or a method that only the
    *   Python package decodes.
    * @throws MemoryLimitError if the mesh needs more than `memory`; decoding a block can throw it too.
@@ -102,8 +102,8 @@ export class ReelFile implements OpenReel {
   /**
    * Return a track by name. Its values are decoded on request.
    *
-   * A separate worker decodes tracks. It starts with the first values, and positions never wait for
-   * it. Only bytes of requested tracks are read.
+   * A separate worker decodes tracks. It starts when values are first requested, and never delays
+   * positions. Only bytes of requested tracks are read.
    *
    * @example
    * const stress = reel.track("stress");
@@ -139,8 +139,8 @@ export class ReelFile implements OpenReel {
 
   /**
    * Return the surface of a volume mesh without the cells beyond a plane, so that the inside is
-   * visible. The first frame decides: a cell is left out if the dot product of its center, the mean
-   * of its nodes, and `normal` exceeds `offset`. Of the attributes, those of vertices and cells remain.
+   * visible. A cell is left out if, in the first frame, the dot product of its center, the mean of its
+   * nodes, and `normal` exceeds `offset`. Only attributes of vertices and cells remain.
    *
    * @throws InvalidInputError if the mesh has no cells, or all of them are beyond the plane.
    * @throws CorruptStreamError, SourceError as `frame`.

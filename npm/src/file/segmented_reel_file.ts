@@ -7,15 +7,15 @@ import { FileEngines, type FileOptions } from "./engines.js";
 import { ReelFile } from "./reel_file.js";
 import type { CallOptions } from "./reel_track.js";
 
-/** Segments whose surface stays in memory, as in the worker. */
+/** Maximum number of segments whose surfaces stay in memory, as in the worker. */
 const MAX_SEGMENTS = 4;
 
 /**
  * An open `.reel` file with any number of segments: meshes of different connectivity, played in
  * order. Frames are numbered across all segments.
  *
- * Opening reads the index and the first segment; others are read when they are needed. The segments
- * used last stay open in the worker.
+ * Opening reads the index and the first segment; others are read when they are needed. The most
+ * recently used segments stay open in the worker.
  *
  * @example
  * const file = await SegmentedReelFile.open("capture.reel");
@@ -25,7 +25,7 @@ const MAX_SEGMENTS = 4;
  */
 export class SegmentedReelFile implements OpenSegments {
   readonly #engines: FileEngines;
-  /** Open segments, the one used last at the end. */
+  /** Open segments, most recently used last. */
   readonly #opened: Map<number, ReelFile>;
   /** The first segment; stays in memory. */
   readonly first: ReelFile;

@@ -14,7 +14,7 @@ const CACHE_BYTES = 128e6;
 const MIN_CACHED_FRAMES = 8;
 const MAX_PARALLEL = 3;
 
-/** Data of each frame that the current look needs. */
+/** Per-frame data that the current appearance needs. */
 interface Layer<T> {
   readonly name: "heat" | "original" | "values";
   readonly cache: Cache<T>;
@@ -72,7 +72,7 @@ export class FrameData {
     for (const { cache } of this.layers()) this.lookahead.prefetch(cache, frame, speed, this.failed);
   }
 
-  /** Show the data of a frame that are loaded. */
+  /** Show the loaded data of a frame. */
   show(frame: number): void {
     for (const { name, cache, show } of this.layers()) {
       const data = cache.peek(frame);

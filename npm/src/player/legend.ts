@@ -3,7 +3,7 @@
 import { formatNumber, roundTicks } from "./axis_numbers.js";
 import { createElement } from "./dom.js";
 
-/** Color stops of the gradient. */
+/** Number of intervals between color stops of the gradient. */
 const N_COLORS = 64;
 
 /** Distance between ticks, and between their labels, in pixels. */

@@ -6,13 +6,13 @@ import { BlobSource } from "./memory.js";
 import { errorReason } from "./transport.js";
 
 /**
- * Open the file of a path or a `file:` URL; its bytes are read when they are needed.
+ * Open the file at a path or a `file:` URL; its bytes are read on demand.
  *
  * @throws SourceError if it cannot be read, or is not a regular file.
  */
 export async function openLocalFile(url: string, signal?: AbortSignal): Promise<ByteSource> {
   try {
-    // A computed name keeps bundlers for browsers from resolving a module of Node.
+    // Bundlers for browsers would fail to resolve the literal name of a Node module.
     const files = ["node:fs"].join("");
     const { openAsBlob, promises } = await import(/* webpackIgnore: true */ /* @vite-ignore */ files);
     const path = /^file:/i.test(url) ? new URL(url) : url;

@@ -1,5 +1,5 @@
-// Draws scenes with WebGL 2. The interface is the part of that of three.js that `ReelMesh` and the
-// player use; scenes are small, so that the state of the context is set for each object.
+// Draws scenes with WebGL 2, with the part of the interface of three.js that `ReelMesh` and the
+// player use. Scenes are small, so the state of the context is set for each object.
 
 import { type BufferAttribute, type BufferGeometry, GLBufferAttribute } from "./geometry.js";
 import { GpuTextures, onDispose } from "./gpu_textures.js";
@@ -16,7 +16,7 @@ interface DrawItem {
   readonly material: Material;
   readonly start: number;
   readonly count: number;
-  /** Distance from the camera, of any scale. */
+  /** Distance from the camera, in arbitrary units. */
   readonly depth: number;
 }
 
@@ -39,7 +39,7 @@ export class WebGLRenderer {
   };
   readonly #gl: WebGL2RenderingContext;
   #textures!: GpuTextures;
-  /** By their source, which most materials share; they stay until the context is lost. */
+  /** Programs by source, which most materials share; kept until the context is lost. */
   #programs!: Map<string, Program>;
   #buffers!: WeakMap<BufferAttribute, { readonly handle: WebGLBuffer; version: number }>;
   /** Geometries whose buffers are freed when they are disposed of. */
@@ -64,7 +64,7 @@ export class WebGLRenderer {
     this.#initialize();
   }
 
-  /** Prepare a context without data. */
+  /** Initialize the state of a new or restored context. */
   #initialize(): void {
     const gl = this.#gl;
     gl.getExtension("EXT_color_buffer_float");
@@ -124,7 +124,7 @@ export class WebGLRenderer {
     this.#textures.bind(texture);
   }
 
-  /** Read pixels of a render target of floats. */
+  /** Read pixels of a float render target. */
   readRenderTargetPixels(
     target: WebGLRenderTarget,
     ...[x, y, width, height, into]: [...Rectangle, into: Float32Array]
@@ -263,7 +263,7 @@ export class WebGLRenderer {
     for (const attribute of [...Object.values(attributes), index]) {
       const buffer = attribute && this.#buffers.get(attribute as BufferAttribute);
       if (!buffer) continue;
-      if (this.#gl.isBuffer(buffer.handle)) this.#gl.deleteBuffer(buffer.handle); // else of a lost context
+      if (this.#gl.isBuffer(buffer.handle)) this.#gl.deleteBuffer(buffer.handle); // else its context was lost
       this.#buffers.delete(attribute as BufferAttribute);
     }
   }
@@ -284,7 +284,7 @@ function setState(gl: WebGL2RenderingContext, state: number, isOn: boolean): voi
   else gl.disable(state);
 }
 
-/** Return the visible parts of meshes in the order of drawing: transparent ones last, from back to front. */
+/** Return the visible parts of meshes in drawing order: transparent ones last, from back to front. */
 function collectItems(scene: Object3D, viewMatrix: Matrix4): DrawItem[] {
   const items: DrawItem[] = [];
   const visit = (object: Object3D): void => {

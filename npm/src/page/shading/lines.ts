@@ -21,6 +21,7 @@ uniform vec4 lineColor;
 out vec4 color;
 void main() { color = vec4(lineColor.rgb * lineColor.a, lineColor.a); }`;
 
+/** Line segments along edges, in one color. */
 export class EdgeLines extends LineSegments<BufferGeometry, RawShaderMaterial> {
   constructor() {
     super(

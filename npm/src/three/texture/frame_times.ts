@@ -27,7 +27,7 @@ export function seekTime(position: number, fps: number): number {
 
 /** The common length of a mesh and a video. */
 export interface CommonLength {
-  /** Frames that both have; at least 1. */
+  /** Number of frames in both; at least 1. */
   readonly nFrames: number;
   /** Warning if one is longer than the other, else null. */
   readonly warning: string | null;

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
 MAX_CODING_PERCENT = 10.0
-"""Larger differences, in percent of the diagonal, are no coding errors."""
+"""Larger differences, in percent of the diagonal, are not coding errors."""
 
 
 @command

@@ -38,7 +38,7 @@ def check_before_work(
     other_inputs : sequence of Path
         Other files to read.
     extras : sequence of Extra
-        Needed in addition to those of all reports.
+        Extras needed in addition to those of every report.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def write_report(
     flag_frames : int
         Number of frames of the flag.
     as_json : bool
-        Print all figures instead.
+        Print all figures as JSON instead.
     """
     notes = Notes()
     with shown_progress() as progress:
@@ -108,7 +108,7 @@ def _without_tracks(sequence: MeshSequence, notes: Notes) -> MeshSequence:
 
 
 def command_line(program: str) -> str:
-    """The command that reproduces the report: that of the user, with the folder."""
+    """The command that reproduces the report: the user's, with the output folder."""
     context = click.get_current_context()
     words = [*program.split(), *map(portable_path, context.params["inputs"] or ())]
     words += ["--out", portable_path(str(context.params["out"]))]

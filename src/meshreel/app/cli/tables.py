@@ -27,7 +27,7 @@ def table_lines(rows: Sequence[Row], headings: Sequence[str] = ()) -> Iterator[s
 
 
 def text_width(text: str) -> int:
-    """Columns of a terminal that the text takes."""
+    """Number of terminal columns that the text occupies."""
     if text.isascii():
         return len(text)
     return sum(
@@ -37,7 +37,7 @@ def text_width(text: str) -> int:
 
 
 def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
-    """A bar over a share of a width in columns, in eighths of a column unless `ascii_only`.
+    """A bar that fills a share of `width` columns, in eighths of a column unless `ascii_only`.
 
     Shares above 0 are always visible.
     """

@@ -137,7 +137,7 @@ def _axis_and_angle(rotation: Floats) -> tuple[Floats, float]:
     products[0, 1:] = products[1:, 0] = [
         rotation[row, column] - rotation[column, row] for row, column in ((1, 2), (2, 0), (0, 1))
     ]
-    quaternion = products[products.diagonal().argmax()]  # the largest one loses no digits
+    quaternion = products[products.diagonal().argmax()]  # the largest row is the most precise
     quaternion = quaternion * np.copysign(1.0, quaternion[0])
     angle = 2 * np.arctan2(np.linalg.norm(quaternion[1:]), quaternion[0])
     return quaternion[1:], float(np.rad2deg(angle))
@@ -250,7 +250,7 @@ class _AnimatedMesh:
             self._times_s = unite_times([self._times_s, *times])
 
     def scene_mesh(self) -> SceneMesh:
-        """Return the mesh as the format-independent representation of a scene mesh."""
+        """Return the mesh in the format-independent representation."""
         sampling, fps = self._points.sampling, None
         if len(self._times_s) == 1 and sampling.is_uniform and self._points.sampling_index:
             fps = Timing.of_times(sampling.times(2)).fps  # one sample alone has no frame rate
@@ -360,7 +360,7 @@ class _AnimatedMesh:
 
 
 def _fitting_domain(quantity: Quantity, times: Floats, mesh: PolygonMesh) -> Domain | None:
-    """Return the domain of which a property has values at some time, if any."""
+    """Return the domain whose items match the values of a property at some time, or None."""
     for time_s in times.tolist():
         values = quantity.values(time_s)
         domain = None if values is None else domain_of(quantity.domain, len(values), mesh)
@@ -412,7 +412,7 @@ def describe_contents(nodes: Sequence[Node]) -> str:
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:
-    """Return the object of which an instance is a copy."""
+    """Return the source object of an instance."""
     source_property = instance.properties.get(".instanceSource")
     source_path = "".join(source_property.texts()[:1]) if source_property is not None else ""
     source: AbcObject | None = archive.top

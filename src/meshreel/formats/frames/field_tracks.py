@@ -41,7 +41,7 @@ class Field:
     n_columns: int
     """Number of components."""
     role: str = ""
-    """The active attribute of VTK that it is: "TCoords", "Normals" or another."""
+    """Its role as an active attribute of VTK, such as "TCoords" or "Normals"."""
     kind: str = ""
     unit: str = ""
     """Track kind and unit that the file declares."""

@@ -1,4 +1,4 @@
-"""Sequences and tracks that stay in their files until they are read; surveys of their frames."""
+"""Sequences and tracks that are read from their files on demand; surveys of their frames."""
 
 import math
 import zlib
@@ -89,7 +89,7 @@ class StoredFrames(Timed):
         self.timing.check(self.n_frames)
 
     def replace(self, **changes: Any) -> "StoredFrames":
-        """Return the frames with other values of some parameters of `MeshSequence`.
+        """Return a copy with other values of some parameters of `MeshSequence`.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class StoredFrames(Timed):
         return replace(self, **changes)
 
     def changed(self, change: Callable[[Surface], Surface]) -> "StoredFrames":
-        """Return the frames with another surface, which `change` derives from the present one."""
+        """Return a copy with another surface, which `change` derives from the current one."""
         read = self.read_surface
         return replace(self, read_surface=lambda: change(read()))
 
@@ -120,7 +120,7 @@ def _mesh_readers(
     surface: Surface,
     tracks: Mapping[str, TrackSource],
 ) -> dict[str, Any]:
-    """Return the functions of `StoredFrames` for a mesh in memory; raises as its `replace`."""
+    """Return the readers of `StoredFrames` for a mesh in memory; raises as its `replace`."""
     faces = read_only(validate_faces(faces, n_verts))
     surface = surface.validated(n_verts, faces)
     check_tracks(tracks, n_frames, n_verts, len(faces), surface)
@@ -129,7 +129,7 @@ def _mesh_readers(
 
 
 def _same(value: Any) -> Any:
-    """Return the value; partial applications can be pickled."""
+    """Return the value; unlike a lambda, a `partial` of this function can be pickled."""
     return value
 
 
@@ -139,7 +139,7 @@ def checksum(values: npt.NDArray[Any]) -> int:
 
 
 class CheckedReader:
-    """Reads frames of an array in a file, and checks that they stay as they were first read.
+    """Reads frames of an array in a file, and checks that they stay the same.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class StoredTrack:
     dtype: np.dtype[Any]
     """One of `meshreel.model.tracks.NUMBER_TYPES`, in native byte order."""
     shape: tuple[int, int, int]
-    """Frames, places and numbers of each value: (T, N, C)."""
+    """Numbers of frames, items and components: (T, N, C)."""
     read_range: Callable[[int, int], Values]
     """Reads the values of frames start..stop - 1, of shape (stop - start, N, C)."""
 
@@ -269,14 +269,14 @@ class Description:
         files: Sequence[Path],
         tracks: Mapping[str, TrackSource],
     ) -> StoredFrames:
-        """Return the sequence with frames in files; parameters as of `StoredFrames`.
+        """Return the sequence with frames in files; other parameters as in `StoredFrames`.
 
         Parameters
         ----------
         shape : tuple of int
             Numbers of frames and vertices.
         survey : FrameSurvey
-            Of all frames.
+            Survey of all frames.
         """
         n_frames, n_verts = shape
         return StoredFrames(
@@ -301,7 +301,7 @@ class Description:
         max_loaded_bytes: int | None,
         progress: Progress = silent,
     ) -> FrameSource:
-        """Return the sequence, loaded if it is within a size; all positions are read once now.
+        """Return the sequence, loaded if it is small enough; reads all positions once.
 
         Parameters
         ----------
@@ -310,9 +310,9 @@ class Description:
         dtype : dtype
             float32 or float64. Type of the positions.
         read, files, tracks
-            As of `StoredFrames`.
+            As in `StoredFrames`.
         max_loaded_bytes : int, optional
-            Size of positions and tracks that are loaded at most. Default: all are.
+            Maximum size of positions and tracks to load. Default: no limit.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Rows of glTF."""
+"""Registry entries of the glTF formats."""
 
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from meshreel.formats.rigs import is_rigged
 def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a self-contained ``.glb`` file: a rig if the options request one, or morph targets.
 
-    `stream.notes` gains the errors achieved.
+    Adds the achieved errors to `stream.notes`.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
 
 
 def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a ``.gltf`` file with the buffer as base64, which is a third larger; as `write_glb`."""
+    """Write a ``.gltf`` file as `write_glb` does, with a base64 buffer that is a third larger."""
     write = write_rigged if is_rigged(options) else write_morphs
     write(stream, options, partial(write_text, path))
 

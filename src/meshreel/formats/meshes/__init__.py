@@ -1,1 +1,1 @@
-"""Formats with one static mesh, so one frame, per file: OBJ, OFF, PLY and STL."""
+"""Formats that store one static mesh, a single frame, per file: OBJ, OFF, PLY and STL."""

@@ -1,4 +1,4 @@
-"""Times of the frames of files: their union, order, and frames around a time."""
+"""Frame times of files: union, order, and interpolation between frames."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -32,7 +32,7 @@ def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.floa
 def file_order_times(n_frames: int, options: ReadOptions) -> Floats | None:
     """Return times of frames in file order, of shape (T,), in seconds from 0.
 
-    They are at the frame rate of the options, and a note says so; None if the options have none.
+    The frame rate is that of the options, and a note reports it; None without a rate.
     """
     if not (fps := validate_fps(options.fps or 0.0)):
         return None
@@ -97,7 +97,7 @@ def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
 
 
 def blend(before: Values, after: Values, share: float | Floats) -> Values:
-    """Return values between two frames in the type of the first, computed in float64."""
+    """Interpolate linearly between two frames, in float64; keeps the type of the first."""
     with np.errstate(all="ignore"):  # non-finite values are reported when frames are checked
         blended = (1 - share) * before.astype(np.float64) + share * after
         values: Values = blended.astype(before.dtype)

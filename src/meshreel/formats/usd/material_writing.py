@@ -39,9 +39,9 @@ class Materials:
     used : set of str
         Names of existing prims below the root.
     looks : sequence of Material
-        Known appearance of materials, by their names.
+        Materials with a known appearance; others are bound by name only.
     images : sequence of tuple of Image and str
-        Images of the textures, and the file of each, relative to that of the stage.
+        Images of the textures, with paths of their files relative to the file of the stage.
     primvars : mapping of str to str
         Primvar of each UV set.
     notes : Notes
@@ -145,7 +145,7 @@ class Materials:
         return "" if texture.uv in self._primvars else f"there are no UVs {texture.uv!r}"
 
     def _texture(self, path: str, slot: str, texture: Texture, look: Material) -> Any:
-        """Write the shaders of a texture, and return that of its image."""
+        """Write the shaders of a texture, and return the shader that reads its image."""
         types, file = self._types, self._images[texture.image][1]
         shader = self._shader(path, "UsdUVTexture")
         shader.CreateInput("file", types.Asset).Set(USD.load("Sdf").AssetPath(file))

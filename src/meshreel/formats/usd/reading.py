@@ -137,7 +137,7 @@ def _frame_codes(
 
 
 def _note_final(mesh: StageMesh, codes: Floats, last: float) -> None:
-    """Note a mesh whose last sample is between two frames, and is shown by the later one."""
+    """Note a mesh whose last sample is between two frames; the later frame shows it."""
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
         mesh.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])

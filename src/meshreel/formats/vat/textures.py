@@ -60,7 +60,7 @@ class TexelType(Enum):
 
     @property
     def _max(self) -> float:
-        """The texel of the value 1."""
+        """The texel that stores the value 1."""
         return float(np.iinfo(self.dtype).max) if self.is_integer else 1.0
 
 
@@ -72,7 +72,7 @@ def write_texture(path: Path, texels: Texels) -> None:
     path : Path
         File to write; the type of the texels selects PNG or OpenEXR, not the name.
     texels : array of shape (height, width, 3 or 4)
-        Of a type of `TexelType`. PNG does not declare a color space: import it as non-color data.
+        Their type is in `TexelType`. PNG declares no color space: import it as non-color data.
 
     Raises
     ------
