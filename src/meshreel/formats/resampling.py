@@ -8,7 +8,7 @@ import numpy as np
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.stored_frames import Description, StoredTrack
-from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbours
+from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbors
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import DUE_TOLERANCE, Timing
@@ -83,7 +83,7 @@ def resampled(
 def _resampled(
     segment: FrameSource, times: Floats, wanted: Floats, max_loaded_bytes: int | None
 ) -> FrameSource:
-    places = [neighbours(times, time) for time in wanted]
+    places = [neighbors(times, time) for time in wanted]
     before, after = (np.array([place[side] for place in places]) for side in (0, 1))
     shares = np.array([place.share for place in places])
 

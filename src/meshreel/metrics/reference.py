@@ -19,7 +19,7 @@ _LARGEST_EXPONENT = 1000  # both 2**1000 and 2**-1000 are normal float64 numbers
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Centre and power-of-two scale of the bounding box of a whole sequence."""
+    """Center and power-of-two scale of the bounding box of a whole sequence."""
 
     center: Floats
     """float64 array of shape (3,), in model units."""

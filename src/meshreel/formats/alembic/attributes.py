@@ -14,7 +14,7 @@ from meshreel.formats.alembic.archive import Property, damage_error
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.scenes.merging import BLENDED
 from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
-from meshreel.formats.scenes.timing import blend, neighbours
+from meshreel.formats.scenes.timing import blend, neighbors
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
 from meshreel.model.notes import UNCHANGING, Notes
@@ -149,7 +149,7 @@ class GeometryParam:
         is_blended = not role and (not kind or kind in BLENDED)
 
         def values(time_s: float) -> Values | None:
-            before, after, share = neighbours(times, time_s)
+            before, after, share = neighbors(times, time_s)
             first = self.item_values(float(times[before]))
             if first is None or first.dtype not in NUMBER_TYPES:
                 return None
@@ -167,7 +167,7 @@ class GeometryParam:
 
 def _sample(values: Property, time_s: float) -> int:
     """Return the index of the sample in effect at a time."""
-    return neighbours(values.times_s, time_s).before
+    return neighbors(values.times_s, time_s).before
 
 
 def geometry_params(geometry: Properties) -> list[GeometryParam]:

@@ -27,7 +27,7 @@ from meshreel.formats.frames.field_tracks import Key
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import blend, neighbours, unite_times
+from meshreel.formats.scenes.timing import blend, neighbors, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
@@ -66,7 +66,7 @@ class Transform:
         inherits = self.properties.get(".inherits")
         if inherits is None or inherits.n_samples == 0:
             return True
-        before, after, weight = neighbours(inherits.times_s, time_s)
+        before, after, weight = neighbors(inherits.times_s, time_s)
         return bool(inherits.numbers(after if weight > 1 / 2 else before).any())
 
     def matrix(self, time_s: float) -> Floats:
@@ -74,7 +74,7 @@ class Transform:
         values = self.properties.get(".vals")
         if values is None or ".ops" not in self.properties or values.n_samples == 0:
             return np.eye(4)
-        before, after, weight = neighbours(values.times_s, time_s)
+        before, after, weight = neighbors(values.times_s, time_s)
         if weight == 0:
             return self._sample(before)
         return _interpolate(self._sample(before), self._sample(after), weight)
@@ -321,7 +321,7 @@ class _AnimatedMesh:
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
     def _points_at(self, time_s: float) -> Vertices:
-        before, after, share = neighbours(self._points.times_s, time_s)
+        before, after, share = neighbors(self._points.times_s, time_s)
         first = self._positions(before)
         if share == 0:
             return first
@@ -341,7 +341,7 @@ class _AnimatedMesh:
         """Return the mesh at a time in local space; its faces are validated once."""
         points, cached = self._points_at(time_s), self._cached_faces
         properties = self._counts, self._corners
-        samples = [neighbours(values.times_s, time_s).before for values in properties]
+        samples = [neighbors(values.times_s, time_s).before for values in properties]
         indices = [
             values.stored_index(sample) for values, sample in zip(properties, samples, strict=True)
         ]

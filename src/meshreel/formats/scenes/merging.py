@@ -8,7 +8,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import Neighbours, blend, neighbours, unite_times
+from meshreel.formats.scenes.timing import Neighbors, blend, neighbors, unite_times
 from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
@@ -38,7 +38,7 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
     times = unite_times([mesh.times_s for mesh in meshes])
 
     def frame(index: int) -> PolygonMesh:
-        places = [neighbours(mesh.times_s, times[index]) for mesh in meshes]
+        places = [neighbors(mesh.times_s, times[index]) for mesh in meshes]
         pairs = [*zip(meshes, places, strict=True)]
         before = [mesh.frame(place.before) for mesh, place in pairs]
         after = [
@@ -62,7 +62,7 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
         return merge_surfaces([mesh.name for mesh in meshes], surfaces, frames, notes)
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
-        places = [[neighbours(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
+        places = [[neighbors(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
         return merge_tracks(meshes, places, notes)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}
@@ -82,7 +82,7 @@ def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
 
 
 def merge_tracks(
-    meshes: Sequence[SceneMesh], places: Sequence[Sequence[Neighbours]], notes: Notes
+    meshes: Sequence[SceneMesh], places: Sequence[Sequence[Neighbors]], notes: Notes
 ) -> dict[str, TrackSource]:
     """Return the tracks of several meshes that are merged into one.
 
@@ -91,7 +91,7 @@ def merge_tracks(
 
     Parameters
     ----------
-    places : sequence of sequences of Neighbours
+    places : sequence of sequences of Neighbors
         For each merged frame and each mesh, the mesh's frames at or around that time.
     """
     first = [min(row[part].before for row in places) for part in range(len(meshes))]
@@ -112,7 +112,7 @@ def _merged(
     name: str,
     mesh_tracks: Sequence[Mapping[str, TrackSource]],
     first: Sequence[int],
-    places: Sequence[Sequence[Neighbours]],
+    places: Sequence[Sequence[Neighbors]],
     sizes: Sequence[Mapping[Domain, int]],
     notes: Notes,
 ) -> StoredTrack | None:
@@ -131,7 +131,7 @@ def _merged(
     is_blended = kind in BLENDED and dtype.kind == "f"
     n_columns = known[0].shape[2]
 
-    def read_part(part: int, place: Neighbours) -> Values:
+    def read_part(part: int, place: Neighbors) -> Values:
         track = of_meshes[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)

@@ -68,7 +68,7 @@ def ascending_times(times_s: Floats, what: str, options: ReadOptions) -> Floats:
     )
 
 
-class Neighbours(NamedTuple):
+class Neighbors(NamedTuple):
     """The frames at or around a time."""
 
     before: int
@@ -78,7 +78,7 @@ class Neighbours(NamedTuple):
     """Fraction of the way from `before` to `after`."""
 
 
-def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
+def neighbors(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbors:
     """Return the frames at or around a time, given ascending frame times.
 
     The time is at a frame if it is nearer than a thousandth of the interval.
@@ -86,14 +86,14 @@ def neighbours(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbours:
     after = int(np.searchsorted(times_s, time_s))
     if after == 0 or after == len(times_s):
         nearest = min(after, len(times_s) - 1)
-        return Neighbours(nearest, nearest)
+        return Neighbors(nearest, nearest)
     before, interval = after - 1, times_s[after] - times_s[after - 1]
     share = float((time_s - times_s[before]) / interval)
     if share > 0.999:
-        return Neighbours(after, after)
+        return Neighbors(after, after)
     if share < 0.001:
-        return Neighbours(before, before)
-    return Neighbours(before, after, share)
+        return Neighbors(before, before)
+    return Neighbors(before, after, share)
 
 
 def blend(before: Values, after: Values, share: float | Floats) -> Values:

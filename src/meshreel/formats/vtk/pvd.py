@@ -19,7 +19,7 @@ from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import Neighbours, file_order_times
+from meshreel.formats.scenes.timing import Neighbors, file_order_times
 from meshreel.formats.surfaces.polygons import EmptyMeshError, PolygonMesh
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.xml_arrays import parse_xml
@@ -233,7 +233,7 @@ class _PieceFrames:
         if len(counts) > 1:  # pieces cannot be matched between frames
             self._notes.left_out("fields of frames that differ in their number of files")
             return {}
-        places = [[Neighbours(place, place) for place in self._places[index]] for index in frames]
+        places = [[Neighbors(place, place) for place in self._places[index]] for index in frames]
         if counts == {1}:
             first = places[0][0].before
             return self._pieces[0].tracks(range(first, first + len(frames)))

@@ -11,7 +11,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_scene
-from meshreel.formats.scenes.timing import neighbours
+from meshreel.formats.scenes.timing import neighbors
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
@@ -294,5 +294,5 @@ def test_files_of_several_frames_are_refused_by_name(tmp_path):
         (9.0, (2, 2, 0.0)),
     ],
 )
-def test_neighbours_snaps_to_a_frame_when_the_time_is_close(time_s, expected):
-    assert neighbours(np.array([1.0, 2.0, 4.0]), time_s) == expected
+def test_neighbors_snaps_to_a_frame_when_the_time_is_close(time_s, expected):
+    assert neighbors(np.array([1.0, 2.0, 4.0]), time_s) == expected
