@@ -33,6 +33,11 @@
 #define MAX_CARRIED_COUNT 60.0 /* weight of the counts of all earlier levels */
 #define BATCHES_PER_ZONE 4     /* batches between updates of the dead zone */
 
+#define MAX_COUNTED 400.0      /* weight of all counted magnitudes of a mode */
+#define COUNTS_KEPT 0.75       /* share of the counts that remains beyond it */
+#define MIN_COUNT 0.02
+#define MAX_SHORTENED 12       /* by which joint quantization may shorten a residual */
+
 #define FOR_LANES(l) for (int l = 0; l < REEL_BATCH; l++)
 
 /* Relative variance of a weight, by the distance of the nearest vertex of the stencil and of the
@@ -89,6 +94,67 @@ static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
     return start == mesh->smooth_starts[mesh->n_levels - 1]
                ? mesh->finest_smooth
                : mesh->smooth + start * REEL_SMOOTH_FIELDS;
+}
+
+/* Estimate the bits of the magnitudes of a mode, with their signs, from the counts so far. */
+static void estimate_bits(double *counts, double *bits) {
+    double sum = 0.0;
+    for (int i = 0; i < REEL_MAGNITUDES; i++) {
+        sum += counts[i];
+    }
+    for (int i = 0; i < REEL_MAGNITUDES; i++) {
+        bits[i] = reel_log2(sum / counts[i]) + (i ? 1.0 : 0.0);
+        if (sum > MAX_COUNTED) {
+            counts[i] = COUNTS_KEPT * counts[i] + MIN_COUNT;
+        }
+    }
+}
+
+/* Magnitude of the residual with the least squared error, times `weight`, plus bits. */
+static int32_t cheapest_magnitude(double magnitude, double weight, double rd_lambda,
+                                  const double *bits) {
+    const int32_t last = REEL_MAGNITUDES - 1, nearest = (int32_t)(magnitude + 0.5);
+    int32_t best = 0, q = nearest > MAX_SHORTENED ? nearest - MAX_SHORTENED : 1;
+    double least = weight * magnitude * magnitude + rd_lambda * bits[0];
+    for (; q <= nearest; q++) {
+        double error = magnitude - q;
+        double cost = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
+        cost = weight * error * error + rd_lambda * cost;
+        if (cost < least) {
+            least = cost;
+            best = q;
+        }
+    }
+    return best;
+}
+
+/* Quantize mode k at some vertices, given the errors of the modes before it, which it may correct:
+   the modes after it are taken to correct what is left (as in successive interference cancellation,
+   or Babai's nearest plane). Return false if a residual is too large. */
+static bool quantize_jointly(const reel_quantizer *quantizer, int64_t k, const double *predictions,
+                             const int32_t *vertices, int n_verts,
+                             double (*errors)[REEL_BATCH], reel_fields *fields) {
+    double bits[REEL_MAGNITUDES], *counts = quantizer->magnitudes + k * REEL_MAGNITUDES;
+    int64_t form_size = quantizer->n_joint * (quantizer->n_joint + 1) / 2;
+    estimate_bits(counts, bits);
+    for (int l = 0; l < n_verts; l++) {
+        const float *row = quantizer->forms + vertices[l] * form_size + k * (k + 1) / 2;
+        double target = quantizer->targets[vertices[l] * fields->n_modes + k];
+        double scaled = target - predictions[l];
+        for (int64_t j = 0; j < k; j++) {
+            scaled -= row[j] * errors[j][l];
+        }
+        double magnitude = reel_magnitude(scaled);
+        if (!(magnitude < REEL_TOO_LARGE)) {
+            return false;
+        }
+        int32_t best = cheapest_magnitude(magnitude, row[k], quantizer->rd_lambda, bits);
+        counts[best < REEL_MAGNITUDES ? best : REEL_MAGNITUDES - 1] += 1.0;
+        int32_t residual = scaled < 0 ? -best : best;
+        fields->residuals[k * fields->n_verts + vertices[l]] = residual;
+        errors[k][l] = predictions[l] + residual - target;
+    }
+    return true;
 }
 
 #define LANES 2

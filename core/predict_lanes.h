@@ -514,6 +514,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
     NAMED(offsets) result, shaped;
     BATCH_VEC predicted, error, noise;
     NAMED(batch_numbers) predictions;
+    double errors[REEL_MAX_JOINT][REEL_BATCH];
     int64_t n_modes = fields->n_modes;
     FOR_VECS(p) noise[p] = ROUNDING_NOISE + (VEC){0};
     for (int64_t k = 0; k < n_adaptive; k++) {
@@ -526,8 +527,14 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
         }
         NAMED(predict)(b, size, result.offset[m], predicted);
         FOR_LANES(l) { predictions.number[l] = result.base[m][l] + (double)AT(predicted, l); }
-        if (quantizer && !NAMED(quantize_batch)(b, size, to_nearest, k, fields, quantizer,
-                                                &predictions, is_shaped ? &shaped : NULL)) {
+        bool is_joint = quantizer && k < quantizer->n_joint;
+        if (is_joint && !quantize_jointly(quantizer, k, predictions.number, b->neighbors[SELF],
+                                          b->n_lanes, errors, fields)) {
+            return false;
+        }
+        if (quantizer && !is_joint &&
+            !NAMED(quantize_batch)(b, size, to_nearest, k, fields, quantizer, &predictions,
+                                   is_shaped ? &shaped : NULL)) {
             return false;
         }
         FOR_LANES(l) {

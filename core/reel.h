@@ -133,6 +133,9 @@ typedef struct {
     void *prepared;     /* output of reel_predict_prepare, or NULL */
 } reel_fields;
 
+#define REEL_MAX_JOINT 8   /* modes that are quantized jointly */
+#define REEL_MAGNITUDES 16 /* of their residuals, that are counted apart; the last is for larger ones */
+
 /* How the encoder quantizes. */
 typedef struct {
     int64_t first_shaped;  /* first level with noise shaping */
@@ -141,6 +144,11 @@ typedef struct {
     const double *targets; /* n_verts x n_modes, in quantization steps */
     double *counts;        /* n_modes x 2: zeros and ones so far; initially 0 */
     double *zones;         /* n_modes: scratch space */
+    /* The errors e of the first n_joint modes of a vertex count as a quadratic form, the sum over k
+       of p_k (e_k + sum of c_kj e_j over j < k)^2; 0 if each mode counts alone. */
+    int64_t n_joint;       /* at most REEL_MAX_JOINT and n_learned */
+    const float *forms;    /* n_verts x n_joint (n_joint + 1) / 2: the c_kj of mode k, then p_k */
+    double *magnitudes;    /* n_joint x REEL_MAGNITUDES: counts so far, initially positive */
 } reel_quantizer;
 
 /* Reconstruct the values of vertices first..last-1; those before must be complete. Vertices of one

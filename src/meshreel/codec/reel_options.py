@@ -55,6 +55,11 @@ class Tune(Enum):
 
     VISUAL = "visual"
     GEOMETRY = "geometry"
+    SURFACE = "surface"
+
+
+VERTEX_ERRORS = TargetKind.MAX_ERROR, TargetKind.KG, TargetKind.STED
+"""Targets that count errors of vertices, not distances of surfaces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,10 +185,11 @@ class ReelOptions(EncoderConfig):
     tune: Annotated[
         str | None,
         Option(
-            "Error measure to optimize. visual: how the surface looks; geometry: vertex positions.",
+            "Error measure to optimize. visual: how the surface looks; geometry: vertex positions; "
+            "surface: the shape, along which vertices may slide.",
             default_text="the measure of the target, else visual",
             names=tuple(tune.value for tune in Tune),
-            more="visual suits STED, geometry the KG error and the largest error.",
+            more="visual suits STED, geometry KG and largest errors, surface registered captures.",
             methods=REEL,
         ),
     ] = None
@@ -208,6 +214,17 @@ class ReelOptions(EncoderConfig):
         elif self.unit is not None:
             raise InvalidInputError(
                 Keyword("unit"), " applies to a length in ", Keyword("max_error"), "; give both"
+            )
+        kind = self.target.kind
+        if self.tune == Tune.SURFACE.value and kind in VERTEX_ERRORS:
+            raise InvalidInputError(
+                Keyword("tune"),
+                " surface lets vertices slide, which ",
+                Keyword("bound" if self.bound is not None else kind.value),
+                " counts as errors; set ",
+                Keyword("quality"),
+                " or ",
+                Keyword("size"),
             )
         if self.lossless:
             self._make_lossless()

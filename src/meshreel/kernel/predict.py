@@ -1,6 +1,7 @@
 """Prediction of fields over a mesh, by the core."""
 
 import ctypes
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +26,12 @@ weights fit any division of a level."""
 
 MIN_VERTICES = 512
 """Minimum number of vertices that one thread prepares, which takes about a millisecond."""
+
+MAX_JOINT = 8
+"""Maximum number of modes that are quantized jointly."""
+
+FIRST_COUNTS = 4.0 / (1.0 + np.arange(16))
+"""Counts of the magnitudes of residuals before the first one; the last is for larger ones."""
 
 _POINTER = ctypes.c_void_p
 
@@ -51,6 +58,8 @@ class _Choice(ctypes.Structure):
         ("first_shaped", ctypes.c_int64),
         *fields_of(ctypes.c_double, "gain rate_weight"),
         *fields_of(_POINTER, "target counts zones"),
+        ("n_joint", ctypes.c_int64),
+        *fields_of(_POINTER, "forms magnitudes"),
     ]
 
 
@@ -89,6 +98,7 @@ def encode_values(
     n_learned: int,
     key: Floats | None = None,
     prepared: Prepared | None = None,
+    forms: npt.NDArray[np.float32] | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Encode fields; return residuals of shape (K, V) and their decoded values, of shape (V, K).
 
@@ -102,6 +112,10 @@ def encode_values(
         Values of the key block, in coding order like all arrays of this module.
     prepared : Prepared, optional
         `prepared_weights` of this mesh, key and `n_learned`; computed if None.
+    forms : float32 array of shape (V, n (n + 1) / 2), optional
+        Quadratic forms of the errors of the first n <= `MAX_JOINT` modes at each vertex, which are
+        quantized jointly: for each mode k, the coefficients c of the modes before it, and its
+        weight p, of the sum over k of p_k (e_k + sum of c_kj e_j)^2.
 
     Raises
     ------
@@ -113,12 +127,14 @@ def encode_values(
     target = np.ascontiguousarray(target)
     core_mesh = _mesh(mesh)
     fields = _fields(mesh, n_modes, n_learned, residuals, values, key, prepared)
-    counts = np.zeros((n_modes, 2))
+    n_joint = 0 if forms is None else math.isqrt(2 * forms.shape[1])
+    counts = np.concatenate([np.zeros(2 * n_modes), np.tile(FIRST_COUNTS, n_joint)])
 
     def run(part: slice) -> Floats:
         part_counts, zones = counts.copy(), np.empty(n_modes)
         arrays = map(_address, (target, part_counts, zones))
-        core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays)
+        joint = n_joint, _address(forms), _address(part_counts[2 * n_modes :])
+        core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays, *joint)
         arguments = map(ctypes.byref, (core_mesh, fields, core_choice))
         call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
         return part_counts

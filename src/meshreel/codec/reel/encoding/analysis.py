@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.codec.reel.encoding.basis_coding import choose_coding
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
+from meshreel.codec.reel.encoding.surface_errors import surface_forms
 from meshreel.codec.reel.normative.fields import (
     FieldBlock,
     KeyFields,
@@ -75,6 +76,8 @@ class FieldChoices:
     stencil_size: int = 16
     n_learned: int = 32
     """Number of modes to which the prediction weights adapt."""
+    slides: bool = False
+    """Whether vertices may slide along the surface."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,12 @@ def _encode_fields(
     step = float(layout.step)
     if len(basis):
         target = _projected(vectors.reshape(-1, len(basis)), frames, mesh.number, step)
-        residuals, new_fields = _quantized_fields(target, layout, mesh, choices, key, prepared)
+        forms = None
+        if choices.slides:
+            forms = surface_forms(vectors, target, frames, mesh, layout.n_learned)
+        residuals, new_fields = _quantized_fields(
+            target, layout, mesh, choices, key, prepared, forms
+        )
     else:
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), KeyFields(target)
@@ -294,6 +302,7 @@ def _quantized_fields(
     choices: FieldChoices,
     key: KeyFields | None,
     prepared: Prepared | None,
+    forms: npt.NDArray[np.float32] | None,
 ) -> tuple[npt.NDArray[np.int32], KeyFields]:
     """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
 
@@ -303,13 +312,15 @@ def _quantized_fields(
         Unquantized fields, in coding order and in steps.
     prepared : Prepared or None
         Initial weights, if known, without a key.
+    forms : float32 array or None
+        As in `encode_values`.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
     known = None
     if key is not None:
         known, prepared = key.values, key.prepared(mesh, layout.n_learned)
     residuals, values = encode_values(
-        mesh.hierarchy, target, choice, layout.n_learned, known, prepared
+        mesh.hierarchy, target, choice, layout.n_learned, known, prepared, forms
     )
     return residuals, KeyFields(values)
 

@@ -53,7 +53,7 @@ def choices_of(config: ReelOptions) -> FieldChoices:
 def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
     """Return the encoder parameters of an effort and a tune; the step is still to be set."""
     parameters = EFFORTS[int(effort)]
-    is_visual = tune is Tune.VISUAL
+    is_visual = tune is not Tune.GEOMETRY
     return FieldChoices(
         position_step=1.0,
         n_modes=n_modes,
@@ -63,6 +63,7 @@ def choices_for(effort: int, tune: Tune, n_modes: int | None) -> FieldChoices:
         n_shaped_resolutions=2 if is_visual else 1,
         stencil_size=parameters.stencil_size,
         n_learned=parameters.n_learned,
+        slides=tune is Tune.SURFACE,
     )
 
 

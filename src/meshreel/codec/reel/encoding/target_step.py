@@ -13,7 +13,8 @@ import numpy as np
 from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
-from meshreel.codec.reel_options import ReelOptions
+from meshreel.codec.reel.encoding.surface_errors import SLIDING_STEP
+from meshreel.codec.reel_options import ReelOptions, Tune
 from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError, Keyword
 
@@ -73,7 +74,9 @@ def step_for_target(
     if target.kind is TargetKind.STEP:
         return checked_step(target.value, model.finest_step), None
     if target.kind is TargetKind.QUALITY:
-        return max(model.finest_step, model.step_of_quality(target.value)), None
+        step = model.step_of_quality(target.value)
+        step *= SLIDING_STEP if config.tune == Tune.SURFACE.value else 1.0
+        return max(model.finest_step, step), None
     if target.kind is TargetKind.MAX_ERROR:
         bound = checked_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
