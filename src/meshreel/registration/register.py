@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from meshreel.arrays import rows_as_bytes
+from meshreel.codec.config import EncoderConfig
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import InvalidInputError, Keyword
-from meshreel.model.notes import Note, NoteKind
+from meshreel.codec.reel_options import VERTEX_ERRORS, ReelOptions, Tune
+from meshreel.errors import InvalidInputError, Keyword, Message
+from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import (
     FrameSource,
     MeshSequence,
@@ -218,6 +220,31 @@ class Registration:
             yield Note(NoteKind.CHANGED, text)
         yield from self.changes
         yield from self.listed_cuts()
+
+    def tuned(
+        self, config: EncoderConfig, notes: Notes, *, bakes_textures: bool = False
+    ) -> EncoderConfig:
+        """Return options that let vertices slide along the surface, unless that could be seen.
+
+        Values of vertices and texture coordinates would move too, if textures are not baked for the
+        decoded surface. A given tune, or a bound of vertex errors, is kept.
+        """
+        if not isinstance(config, ReelOptions) or config.tune or config.lossless:
+            return config
+        if config.target.kind in VERTEX_ERRORS:
+            return config
+        segments = self.sequence.segments
+        has_values = any({*segment.tracks} - {SCANNED} for segment in segments)
+        is_textured = any(segment.surface.attributes for segment in segments)
+        if has_values or (is_textured and not bakes_textures):
+            return config
+        text = Message(
+            "vertices may slide along the decoded surface, which takes fewer bits; ",
+            Keyword("tune"),
+            " visual keeps their places",
+        )
+        notes.result("sliding vertices", text)
+        return replace(config, tune=Tune.SURFACE.value)
 
     @property
     def tolerance_percent(self) -> float:

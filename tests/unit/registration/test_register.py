@@ -8,6 +8,8 @@ import pytest
 import meshreel
 from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, Surface, Track
 from meshreel.codec.error_bounds import ErrorBound
+from meshreel.codec.options import config_of
+from meshreel.model.notes import Notes
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import measure
@@ -233,3 +235,25 @@ def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
     segment = only_segment(register(meshreel.concatenate([first, *others]), TOLERANCE))
     assert segment.tracks == {}
     assert [attribute.name for attribute in segment.surface.attributes] == ["color"]
+
+
+def test_vertices_slide_only_where_nothing_depends_on_their_places(raw, registered):
+    def tune(registration, bakes_textures=False, **options):
+        notes = Notes()
+        tuned = registration.tuned(config_of(**options), notes, bakes_textures=bakes_textures)
+        assert bool(notes) == (tuned != config_of(**options))
+        return tuned.tune
+
+    for target in ({}, {"quality": 60}, {"size": 5000}):
+        assert tune(registered, **target) == "surface"
+    assert tune(registered, max_error=0.1) is tune(registered, kg=0.1) is None
+    assert tune(registered, tune="visual") == "visual"
+    segment = only_segment(registered)
+    corners = np.zeros((3 * len(segment.faces), 2), np.float32)
+    uv = Attribute("uv", Kind.UV, Domain.CORNER, corners)
+    textured = replace(registered, sequence=segment.replace(surface=Surface(attributes=(uv,))))
+    assert tune(textured) is None
+    assert tune(textured, bakes_textures=True) == "surface"
+    colors = np.zeros((segment.n_frames, segment.n_verts, 3), np.float32)
+    colored = segment.replace(tracks={"color": Track(colors, Domain.VERTEX)})
+    assert tune(replace(registered, sequence=colored)) is None

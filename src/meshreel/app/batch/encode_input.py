@@ -137,6 +137,8 @@ def _measured(
 ) -> EncodedInput:
     """Encode and measure an opened input."""
     sequence, config = _suited(opened, options, notes)
+    for registration in registrations:  # one at most
+        config = registration.tuned(config, notes)
     tracks = _present(sequence, options, notes)
     encoded = encode_and_measure(sequence, config, tracks, notes)
     for registration in registrations:

@@ -113,9 +113,11 @@ def encode_command(
             conversion.write_segments(source, loading_for(config.memory_bytes, reading))
         else:
             opened = open_for_encoding(source, config.memory_bytes, reading)
+            for registration in reading.registrations:  # one at most: of the only output
+                conversion.config = registration.tuned(config, notes)
             conversion.write(opened, output)
         reports = []
-        for registration in reading.registrations:  # one at most: of the only output
+        for registration in reading.registrations:
             from meshreel.registration.report import Report  # imports SciPy
 
             with open_reel(Path(output)) as reel:

@@ -142,6 +142,7 @@ def register_command(
         registration = register(raw, bound, progress, folder, keep_holes=reading.keep_holes)
         if job is not None:
             registration = job.prepared(registration, notes)
+        config = registration.tuned(config, notes, bakes_textures=job is not None)
         listed = [*registration.changes, *registration.listed_cuts()]
         notes += listed if measure else registration.notes()
         result = encode_file(
