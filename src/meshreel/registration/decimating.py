@@ -8,7 +8,7 @@ from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 
-RMS = 0.08
+RMS = 0.06
 """Root mean square distance of the decimated surface, in tolerances, before the fit halves it."""
 
 DISTANCE = 0.5
