@@ -5,6 +5,7 @@
     python bench/registration.py samba.npz --remesh --frames 24 --holes 33 --noise 0.3 --limbs
     python bench/registration.py 'collision/*.obj' --tolerance 0.3%
     python bench/registration.py dancer/ --quality 70 80 90 --bits --decimate
+    python bench/registration.py dancer/ --quality 50 60 70 80 90 --tune visual surface --bits
 
 Prints the segments, the processor seconds, and for each quality kilobits per frame with the
 surface PSNR of evenly spaced frames; the same for Draco at several bits. Geometry only:
@@ -17,15 +18,18 @@ deviation in tolerances. `--decimate` gives shares of the faces to which quadric
 (pymeshlab) reduce the measured frames before Draco codes them at every number of bits; printed is
 the least rate, on the envelope of all of them, at the surface PSNR of each quality.
 
-The last column is D2 as TVMC computes it (evaluation.py of its repository): distances from the
+The angle between smooth normals is that at the face centroids of the raw frame. With several
+tunes, the bits of each relative to the first are printed, at equal surface PSNR and equal angle
+(BD-rate).
+
+D2 is that of TVMC (evaluation.py of its repository): distances from the
 vertices of the original to the closest decoded vertices, along their normals; the peak is the
 diagonal of the frame's box. It is no metric of MPEG, and its samples are the vertices.
 """
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 
 import DracoPy
 import numpy as np
@@ -40,8 +44,9 @@ from meshreel.formats.options import ReadOptions
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.extent import Extent
 from meshreel.registration.register import register
-from meshreel.registration.triangle_mesh import TriangleMesh
+from meshreel.registration.triangle_mesh import TriangleMesh, unit
 from meshreel.registration.verification import Tolerance, measure
+from meshreel.studies.rate_distortion import bd_rate, rate_at_error
 from meshreel.studies.timing import timed_once
 
 LENGTHS = 0.87, 0.93
@@ -140,17 +145,34 @@ def as_frame(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer])
     return MeshFrame(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))
 
 
-def psnr(raw: MeshSequence, other: MeshSequence, extent: Extent) -> tuple[float, float]:
-    """Return the surface PSNR of all frames and the mean of TVMC's D2 of unequal ones, in dB."""
+def errors(raw: MeshSequence, other: MeshSequence, extent: Extent) -> tuple[float, float, float]:
+    """Return the surface PSNR of all frames, the mean of TVMC's D2 of unequal ones, both in dB, and
+    the mean angle between smooth normals in degrees."""
     scale = float((extent.high - extent.low).max())
-    squares, d2 = [], []
+    squares, d2, angles = [], [], []
     for frames in zip(raw, other, strict=True):
         first, second = (
             TriangleMesh((frame.vertices - extent.low) / scale, frame.faces) for frame in frames
         )
         squares.append(measure(second, first, Tolerance(1.0)).mean_square)
         d2.append(d2_of_vertices(first, second))
-    return float(10 * np.log10(3 / np.mean(squares))), float(np.mean([x for x in d2 if x < 200]))
+        angles.append(angle_of_normals(first, second))
+    mean_d2 = float(np.mean([x for x in d2 if x < 200]))
+    return float(10 * np.log10(3 / np.mean(squares))), mean_d2, float(np.mean(angles))
+
+
+def angle_of_normals(original: TriangleMesh, decoded: TriangleMesh) -> float:
+    """Return the mean angle between interpolated normals at face centroids, in degrees.
+
+    Angles above 60 degrees are left out: there the closest point is on another part.
+    """
+    closest = decoded.closest(original.centroids)
+    first = original.vertex_normals[original.faces].mean(axis=1)
+    corners = decoded.vertex_normals[decoded.faces[closest.faces]]
+    second = np.einsum("nk,nkc->nc", closest.weights, corners)
+    cosines = np.einsum("nc,nc->n", unit(first), unit(second))
+    angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
+    return float(np.average(angles, weights=original.areas * (angles < 60)))
 
 
 def d2_of_vertices(original: TriangleMesh, decoded: TriangleMesh) -> float:
@@ -180,28 +202,30 @@ def draco(frames: Iterable[MeshFrame], bits: int, extent: Extent) -> tuple[int, 
     return sum(map(len, streams)), as_segments([as_frame(x.points, x.faces) for x in decoded])
 
 
-HEADER = ["", "kbit/frame", "Mbit/s", "surface PSNR, dB", "D2 of TVMC, dB"]
+HEADER = ["", "kbit/frame", "Mbit/s", "surface PSNR, dB", "D2 of TVMC, dB", "normals, degrees"]
 """Megabits at 30 frames per second."""
 
+Row = tuple[float, float, float, float]
+"""Kilobits per frame and three measures."""
 
-def least_rate(points: Iterable[tuple[float, float, str]], db: float) -> str:
-    """Return the least kilobits per frame at a PSNR, between points of the envelope.
 
-    Parameters
-    ----------
-    points : iterable of (float, float, str)
-        Kilobits, dB, and the name of a curve.
-    """
-    best = sorted(points)
-    envelope = [
-        point for n, point in enumerate(best) if all(point[1] > other[1] for other in best[:n])
-    ]
-    for lower, upper in pairwise(envelope):
-        if lower[1] <= db <= upper[1]:
-            share = (db - lower[1]) / (upper[1] - lower[1])
-            rate = np.exp((1 - share) * np.log(lower[0]) + share * np.log(upper[0]))
-            return f"{rate:.1f} kbit per frame (between {lower[2]} and {upper[2]})"
-    return "outside the measured range"
+def rms(db: float) -> float:
+    """Return the root mean square distance of a surface PSNR, in longest sides of the box."""
+    return float(np.sqrt(3.0) * 10 ** (-db / 20))
+
+
+def differences(curves: Mapping[str, Sequence[Row]]) -> Iterator[str]:
+    """Yield a line on each tune but the first: its bits relative to those of the first."""
+    (_, first), *others = curves.items()
+    for tune, rows in others:
+        by_psnr, by_angle = (
+            bd_rate([measure(row) for row in rows], [measure(row) for row in first])
+            for measure in (lambda row: (row[0], rms(row[1])), lambda row: (row[0], row[3]))
+        )
+        yield (
+            f"{tune}: {by_psnr.percent:+.1f} % of the bits at equal PSNR, "
+            f"{by_angle.percent:+.1f} % at equal angle"
+        )
 
 
 def main() -> None:
@@ -212,6 +236,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=6, help="distance of measured frames")
     parser.add_argument("--tolerance", default="0.2%")
     parser.add_argument("--quality", type=float, nargs="*", default=[60, 70, 80])
+    parser.add_argument("--tune", nargs="*", default=["surface"])
     parser.add_argument("--bits", type=int, nargs="*", default=[9, 10])
     parser.add_argument("--remesh", action="store_true")
     parser.add_argument("--holes", type=float, default=0.0, help="width in tolerances")
@@ -248,24 +273,29 @@ def main() -> None:
           f"{registered.distances}; {registered.distances.n_folded} folded faces")  # fmt: skip
     print_row = start_table(*HEADER)
 
-    def show(name: str, kilobits: float, db: float, d2: float) -> None:
-        print_row(name, f"{kilobits:.2f}", f"{kilobits * 0.03:.3f}", f"{db:.2f}", f"{d2:.2f}")
+    def show(name: str, kilobits: float, db: float, d2: float, degrees: float) -> None:
+        rate = f"{kilobits:.2f}", f"{kilobits * 0.03:.3f}"
+        print_row(name, *rate, f"{db:.2f}", f"{d2:.2f}", f"{degrees:.2f}")
 
     targets = chosen(raw, measured)
-    show("registered, not coded", 0, *psnr(targets, chosen(registered.sequence, measured), extent))
-    reached = []
+    show(
+        "registered, not coded", 0, *errors(targets, chosen(registered.sequence, measured), extent)
+    )
+    curves: dict[str, list[Row]] = {tune: [] for tune in arguments.tune}
     for quality in arguments.quality:
-        data = meshreel.encode(registered.sequence, quality=quality, order="drop")
-        db = psnr(targets, chosen(meshreel.decode(data), measured), extent)
-        show(f"quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
-        reached.append(db[0])
+        for tune, rows in curves.items():
+            data = meshreel.encode(registered.sequence, quality=quality, order="drop", tune=tune)
+            decoded = chosen(meshreel.decode(data), measured)
+            rows.append((len(data) * 8e-3 / n_frames, *errors(targets, decoded, extent)))
+            show(f"{tune}, quality {quality:g}", *rows[-1])
         if arguments.remesh:
             positions = np.stack([frame.vertices for frame in frames]).astype(np.float32)
             original = MeshSequence(positions, frames[0].faces, 30.0)
             data = meshreel.encode(original, quality=quality, order="drop")
             exact, decoded = as_segments(frames), meshreel.decode(data)
-            db = psnr(chosen(exact, measured), chosen(decoded, measured), extent)
-            show(f"original at quality {quality:g}", len(data) * 8e-3 / n_frames, *db)
+            measures = errors(chosen(exact, measured), chosen(decoded, measured), extent)
+            show(f"original at quality {quality:g}", len(data) * 8e-3 / n_frames, *measures)
+    print(*differences(curves), sep="\n")
     points = []
     for share in (1.0, *arguments.decimate):
         coarse = list(targets)
@@ -273,12 +303,14 @@ def main() -> None:
             coarse = [filtered(frame, DECIMATION, targetperc=share) for frame in coarse]
         for bits in arguments.bits:
             n_bytes, decoded = draco(coarse, bits, extent)
-            kilobits, db = n_bytes * 8e-3 / len(measured), psnr(targets, decoded, extent)
+            kilobits, measures = n_bytes * 8e-3 / len(measured), errors(targets, decoded, extent)
             name = f"Draco, {100 * share:g} % of the faces, {bits} bits"
-            show(name, kilobits, *db)
-            points.append((kilobits, db[0], name))
-    for target in reached:
-        print(f"Draco at {target:.1f} dB: {least_rate(points, target)}")
+            show(name, kilobits, *measures)
+            points.append((kilobits, rms(measures[0])))
+    for _, db, *_ in curves[arguments.tune[-1]]:
+        least = rate_at_error(points, rms(db))
+        rate = "outside the measured range" if least is None else f"{least:.1f} kbit per frame"
+        print(f"Draco at {db:.1f} dB: {rate}")
 
 
 if __name__ == "__main__":

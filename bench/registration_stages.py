@@ -24,7 +24,7 @@ from meshreel.registration.fitting import Rows
 from meshreel.registration.register import register
 from meshreel.registration.tracking import ATTEMPTS
 from meshreel.studies.timing import timed_once
-from registration import as_segments, chosen, frames_of, psnr, remeshed
+from registration import as_segments, chosen, errors, frames_of, remeshed
 
 
 def rows_of_nothing(*_: Any) -> Rows:
@@ -104,7 +104,7 @@ def main() -> None:
                 registered, seconds = timed_once(work)
             data = meshreel.encode(registered.sequence, quality=70, order="drop")
             decoded, measured = meshreel.decode(data), range(0, n_frames, 4)
-            coded, _ = psnr(chosen(raw, measured), chosen(decoded, measured), raw.extent)
+            coded, *_ = errors(chosen(raw, measured), chosen(decoded, measured), raw.extent)
             distances, n_segments = registered.distances, registered.sequence.n_segments
             kilobits, each_s = len(data) * 8e-3 / n_frames, seconds.processor / n_frames
             print_row(name, str(n_segments), f"{distances.psnr_db:.1f}", str(distances.n_folded),
