@@ -135,7 +135,7 @@ def main() -> None:
             figures = code_vdmc(name, Path(config), raw, arguments, Path(folder))
             print_row(f"V-DMC, {name}", *figures)
     registration, registering = timed_once(partial(register, raw, bound_of(arguments.tolerance)))
-    encode = partial(meshreel.encode, registration.sequence, order="drop")
+    encode = partial(meshreel.encode, registration.sequence, order="drop", tune="surface")
     for quality in arguments.quality:
         data, encoding = timed_once(partial(encode, quality=quality))
         seconds = registering.processor + encoding.processor
