@@ -80,6 +80,7 @@ class Report:
         """Figures for JSON."""
         return {
             "tolerance_percent": self.registration.tolerance_percent,
+            "met_percent": self.registration.met_percent,
             "registered": vars(self.registered) | vars(self.registered_points),
             "decoded": vars(self.decoded) | vars(self.decoded_points),
             "cuts": list(self.registration.cuts()),
@@ -89,6 +90,7 @@ class Report:
         """Rows of a table; `size_bytes` is that of the encoded sequence."""
         raw, registered = self.registration.raw, self.registration.sequence
         n_kept, n_given = self.registration.key_vertices
+        smaller = self.registration.smaller_tolerance
         return {
             "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
             "ratio": (
@@ -98,6 +100,7 @@ class Report:
             "tolerance": (
                 f"{self.registration.tolerance_percent:.3g} % of the diagonal, met in every frame "
                 "by 99 % of the area; the largest distance is that of the rest"
+                f"{smaller and f'; {smaller} is met, too'}"
             ),
             "keys": f"kept {n_kept} of {counted(n_given, 'vertex')}",
             "registered": str(self.registered),

@@ -12,7 +12,7 @@ from meshreel.codec.options import config_of
 from meshreel.model.notes import Notes
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import measure
+from meshreel.registration.verification import Tolerance, measure
 from samples.captures import as_frames, bent, capsule, capture, unbent
 
 TOLERANCE = ErrorBound(0.5)
@@ -52,6 +52,35 @@ def test_every_frame_is_within_the_tolerance(raw, registered):
         assert not errors.exceeds(limit)
     assert registered.distances.psnr_db > 65
     assert registered.distances.n_folded == 0
+
+
+def test_notes_state_a_smaller_tolerance_that_every_frame_meets():
+    """`measure` confirms it, and that a clearly smaller one is exceeded."""
+    meshes = [capsule(60 + n, 54 + n, n / 3) for n in range(3)]
+    raw = as_frames([(bent(mesh, 0.15 * n), faces) for n, (mesh, faces) in enumerate(meshes)])
+    registered = register(raw, TOLERANCE)
+    stated = registered.smaller_tolerance
+    assert float(stated.removesuffix(" %")) == registered.met_percent < 0.75 * TOLERANCE.amount
+    assert f"every frame meets a tolerance of {stated}, too" in map(str, registered.notes())
+
+    def is_met(percent):
+        limit = Tolerance(percent / 100 * registered.diagonal)
+        return not any(
+            measure(registered._mesh(registered.sequence, n), target, limit).exceeds(limit)
+            for n, target in enumerate(map(registered.frames.mesh, range(len(meshes))))
+        )
+
+    assert is_met(registered.met_percent)
+    assert not is_met(0.7 * registered.met_percent)
+
+
+def test_a_tolerance_that_is_just_met_is_not_stated(registered):
+    (segment,) = registered.segments
+    error = replace(segment.errors[0], least=0.8 * registered.tolerance.length)
+    segments = (replace(segment, errors=(error, *segment.errors[1:])),)
+    just_met = replace(registered, segments=segments)
+    assert not just_met.smaller_tolerance
+    assert "tolerance of" not in " ".join(map(str, just_met.notes()))
 
 
 def test_the_mesh_follows_the_material(registered):
