@@ -18,7 +18,7 @@ from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Tracker
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, measure
-from samples.captures import capsule
+from samples.captures import as_frames, bent, capsule
 from samples.shapes import square
 
 TOLERANCE = Tolerance(0.003)
@@ -244,6 +244,25 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     chosen = growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
     assert n_verts[len(chosen.key_mesh.mesh.vertices)] == is_refined_kept
+
+
+@pytest.mark.slow
+def test_a_key_whose_completion_ends_earlier_stays_as_given():
+    """Only the last frame of a capsule has its upper third: the other frames lack too much of it.
+
+    The completed key follows none of them. Without it, the given key follows all but the last.
+    """
+    frames = []
+    for number in range(6):
+        vertices, faces = capsule(42 + number, 38 + number, number / 6)
+        is_low = vertices[faces][:, :, 2].mean(axis=1) < 0.3
+        faces = faces if number == 5 else faces[is_low]
+        frames.append((bent(vertices, 0.05 * number), faces))
+    registered = register(as_frames(frames), ErrorBound(0.5))
+    first, last = registered.segments
+    assert (first.numbers, last.numbers) == (range(5), range(5, 6))
+    assert first.key_mesh.n_added == 0
+    assert [number for number, _ in first.reasons] == [5]
 
 
 def test_a_missing_part_is_not_pulled_to_a_distant_surface():
