@@ -45,7 +45,7 @@ from meshreel.registration.verification import PRECISION, FrameErrors, Tolerance
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
-from meshreel.runtime.threads import one_blas_thread
+from meshreel.runtime.threads import one_blas_thread, results_in_order
 
 DEFAULT_TOLERANCE = ErrorBound(0.2)
 """Default tolerance, in percent of the diagonal of the box of all frames."""
@@ -182,10 +182,17 @@ class Registration:
         progress("measuring", Count(0, n_frames, "frames"))
         for segment in self.segments:
             folds = Folds(self._mesh(sequence, segment.key), self.tolerance.length)
-            for number in segment.numbers:
-                mesh, target = self._mesh(sequence, number), self.frames.mesh(number)
-                errors.append(measure(mesh, target, self.tolerance))
-                n_folded += len(folds.find(mesh, target))
+
+            def measured(
+                pair: tuple[TriangleMesh, int], folds: Folds = folds
+            ) -> tuple[FrameErrors, int]:
+                mesh, target = pair[0], self.frames.mesh(pair[1])
+                return measure(mesh, target, self.tolerance), len(folds.find(mesh, target))
+
+            pairs = ((self._mesh(sequence, number), number) for number in segment.numbers)
+            for of_frame, n_in_frame in results_in_order(measured, pairs, lambda _: True):
+                errors.append(of_frame)
+                n_folded += n_in_frame
                 progress("measuring", Count(len(errors), n_frames, "frames"))
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
@@ -347,10 +354,15 @@ def register(
         sequence.dtype,
     )
     topologies, n_removed, digest = [], Counter[str](), blake2b(repr(tolerance).encode())
-    for number in range(frames.n_frames):
+
+    def prepared(number: int) -> tuple[CleanMesh, Topology | None]:
         mesh = cleaned(number)
+        return mesh, None if mesh.is_empty else Topology.of_mesh(mesh)
+
+    meshes = results_in_order(prepared, range(frames.n_frames), lambda _: True)
+    for number, (mesh, topology) in enumerate(meshes):
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
-        topologies.append(None if mesh.is_empty else Topology.of_mesh(mesh))
+        topologies.append(topology)
         n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_crumbs})
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
