@@ -131,7 +131,7 @@ def test_ctrl_c_leaves_complete_files_and_no_process(inputs, out):
     for number in range(4):  # each takes seconds, unlike the first two
         meshreel.save(flag, inputs / f"z{number}.npz")
     process = subprocess.Popen(
-        [*PROGRAM, inputs, out, "--workers", "2", "--sted", "0.02", "--effort", "9"],
+        [*PROGRAM, inputs, out, "--workers", "2", "--kg", "0.1", "--effort", "9"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

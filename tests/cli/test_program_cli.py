@@ -244,7 +244,7 @@ BASE_COMMANDS = """
 demo --frames 2 --out demo
 encode walk.npz -o near.reel --max-error 0.1
 encode walk.npz -o exact.reel --lossless
-encode walk.npz -o same.reel --sted 0.05
+encode walk.npz -o same.reel --kg 0.5
 info near.reel
 compare walk.npz near.reel
 decode near.reel -o walk.glb

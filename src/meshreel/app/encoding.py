@@ -49,10 +49,7 @@ def encode_and_measure(
     notes += filter(None, [joined_note(given, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
-    has_sted = config.is_chosen("sted")
-    achieved = measure_stream(
-        sequence, data, with_sted=has_sted, with_normals=True, progress=progress
-    )
+    achieved = measure_stream(sequence, data, with_normals=True, progress=progress)
     stream = info(data)
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)

@@ -59,8 +59,6 @@ def achieved_rows(achieved: "Achieved") -> dict[str, str]:
         rows["normal error"] = (
             f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading; {sample}"
         )
-    if achieved.sted is not None:
-        rows[STED] = f"{achieved.sted:.5f}"
     return rows
 
 

@@ -18,7 +18,6 @@ from meshreel.codec.surface.uv_grid import is_quantized
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
-from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import evenly_spaced
@@ -39,8 +38,6 @@ class Achieved:
 
     kg_error_percent: float
     max_error_percent: float
-    sted: float | None
-    """None if it was not requested."""
     tracks: dict[str, TrackErrors]
     normal_angle_mean_deg: float | None = None
     """Mean angle between normals of faces. None if it was not requested."""
@@ -52,7 +49,6 @@ def measure_stream(
     sequence: MeshSequence,
     data: bytes,
     *,
-    with_sted: bool = False,
     with_normals: bool = False,
     extent: Extent | None = None,
     progress: Progress = silent,
@@ -61,15 +57,12 @@ def measure_stream(
 
     Parameters
     ----------
-    with_sted : bool, default False
-        Whether to measure STED too, which keeps all frames in memory; not of several segments.
     with_normals : bool, default False
         Whether to measure normals too.
     extent : Extent, optional
         Extent whose diagonal errors are relative to. Default: that of the original.
     """
     sums = ErrorSums(reference_of_extent(extent or sequence.extent))
-    runs: list[Vertices] = []
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
@@ -85,8 +78,6 @@ def measure_stream(
         ) -> Iterator[Vertices]:
             for start, frames in reel.pieces():
                 given = frames if internal is None else frames[:, internal]
-                if with_sted:
-                    runs.append(given)
                 for index in range(len(given)):
                     if first + start + index in sampled:
                         original = segment.read(start + index, start + index + 1)
@@ -103,16 +94,10 @@ def measure_stream(
             for name, errors in errors_of_tracks(segment.tracks, reel.tracks, numbers).items():
                 tracks.setdefault(name, []).append(errors)
         first_frame += segment.n_frames
-    measured_sted = None
-    if with_sted:
-        (segment,) = segments
-        original = segment.read(0, segment.n_frames)
-        measured_sted = sted(original, np.concatenate(runs), segment.faces).sted
     of_positions = sums.errors
     return Achieved(
         of_positions.kg_error_percent,
         of_positions.max_error_percent,
-        measured_sted,
         {name: joined_errors(several) for name, several in tracks.items()},
         sum(angles) / len(angles) if angles else None,
         len(angles),

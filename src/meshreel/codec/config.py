@@ -140,10 +140,6 @@ class EncoderConfig:
         options = options_of_fields(type(self))
         return [option for option in options if getattr(self, option.name) != option.default]
 
-    def is_chosen(self, name: str) -> bool:
-        """Whether an option differs from its default; one of another method does not."""
-        return any(option.name == name for option in self.chosen)
-
     @property
     def bound_percent(self) -> float | None:
         """Error bound of positions and all tracks in percent of their ranges, if one was set."""

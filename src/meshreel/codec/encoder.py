@@ -52,8 +52,8 @@ class EncodeCall(PaperOptions, ReelOptions):
 def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     """Encode a sequence to the bytes of a `.reel` stream.
 
-    The target of `reel` is one of `quality`, `bound`, `max_error`, `kg`, `sted`, `bpvf`, `size` and
-    `step`, by default quality 80. The paper's methods take numbers of modes and bits.
+    The target of `reel` is one of `quality`, `bound`, `max_error`, `kg`, `size` and `step`, by
+    default quality 80. The paper's methods take numbers of modes and bits.
 
     Parameters
     ----------

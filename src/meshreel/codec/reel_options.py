@@ -58,7 +58,7 @@ class Tune(Enum):
     SURFACE = "surface"
 
 
-VERTEX_ERRORS = TargetKind.MAX_ERROR, TargetKind.KG, TargetKind.STED
+VERTEX_ERRORS = TargetKind.MAX_ERROR, TargetKind.KG
 """Targets that count errors of vertices, not distances of surfaces."""
 
 
@@ -124,28 +124,6 @@ class ReelOptions(EncoderConfig):
             group=GROUP,
             metavar="PERCENT",
             more="In percent.",
-            needs_all_frames=True,
-            methods=REEL,
-        ),
-    ] = None
-    sted: Annotated[
-        float | None,
-        Option(
-            "Smallest file of at most this STED.",
-            range=ABOVE_ZERO,
-            group=GROUP,
-            needs_all_frames=True,
-            methods=REEL,
-        ),
-    ] = None
-    bpvf: Annotated[
-        float | None,
-        Option(
-            "Best quality within this many bits per vertex and frame.",
-            range=ABOVE_ZERO,
-            unit="in bits per vertex and frame",
-            group=GROUP,
-            more="Counts the whole stream.",
             needs_all_frames=True,
             methods=REEL,
         ),

@@ -18,14 +18,7 @@ class TargetKind(Enum):
     STEP = "step"
     MAX_ERROR = "max_error"
     KG = "kg"
-    STED = "sted"
-    BPVF = "bpvf"
     SIZE = "size"
-
-    @property
-    def is_budget(self) -> bool:
-        """Whether it limits the size, and not an error or a step."""
-        return self in (TargetKind.BPVF, TargetKind.SIZE)
 
 
 GROUP = "Target (give one)"

@@ -13,8 +13,6 @@ TARGETS = {
     "step": 0.001,
     "max_error": 0.1,
     "kg": 0.5,
-    "sted": 0.05,
-    "bpvf": 1.5,
     "size": 900,
 }
 

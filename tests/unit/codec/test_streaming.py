@@ -200,7 +200,7 @@ def test_error_names_a_file_that_grows_too_large(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        *(({name: 1.0}, "needs the whole sequence") for name in ("kg", "sted", "bpvf", "size")),
+        *(({name: 1.0}, "needs the whole sequence") for name in ("kg", "size")),
         ({"block_frames": "all"}, "'auto'; got 'all'"),
         ({"max_latency_s": 0}, "above 0; got 0"),
         ({"qualty": 3}, "option 'qualty' is unknown; did you mean 'quality'"),

@@ -153,7 +153,6 @@ def _measured(
         "ratio": stream.ratio,
         "kg_error_percent": _finite(achieved.kg_error_percent),
         "max_error_percent": _finite(achieved.max_error_percent),
-        "sted": _finite(achieved.sted),
         "normal_angle_mean_deg": _finite(achieved.normal_angle_mean_deg),
         "tracks": {
             name: {

@@ -42,7 +42,7 @@ class Record:
         Why it failed.
     seconds : float or None
         Time to read, encode and measure it. This and the following are None unless it is done.
-    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent, sted,
+    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent,
     normal_angle_mean_deg, tracks
         As in the output of `meshreel encode --json`.
     uv_error : float or None
@@ -64,7 +64,6 @@ class Record:
     ratio: float | None = None
     kg_error_percent: float | None = None
     max_error_percent: float | None = None
-    sted: float | None = None
     normal_angle_mean_deg: float | None = None
     tracks: dict[str, Any] = field(default_factory=dict)
     uv_error: float | None = None

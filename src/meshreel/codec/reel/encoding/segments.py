@@ -13,8 +13,6 @@ from meshreel.codec.reel.encoding.target_step import FIRST_STEP, step_within_lim
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
-from meshreel.errors import InvalidInputError, Keyword
-from meshreel.metrics.rate import rate_bpvf
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import results_in_order
 
@@ -25,7 +23,7 @@ the interpreter's lock."""
 
 EncodeOne = Callable[[Source, Progress], bytes]
 
-JOINT_TARGETS = (TargetKind.KG, TargetKind.SIZE, TargetKind.BPVF)
+JOINT_TARGETS = (TargetKind.KG, TargetKind.SIZE)
 """Targets of the sequence as a whole, which one step for all segments has to meet."""
 
 
@@ -49,18 +47,11 @@ def encode_segments(
     Raises
     ------
     InvalidInputError
-        If the target cannot be met, or is a STED error, which compares consecutive frames.
+        If the target cannot be met.
     """
     config = sources[0].config
     assert isinstance(config, ReelOptions)  # the options of this method
-    kind = config.target.kind
-    if kind is TargetKind.STED:
-        raise InvalidInputError(
-            "sted compares each frame with the one before, and connectivity changes between "
-            f"{len(sources)} segments; give kg, quality or ",
-            Keyword("max_error"),
-        )
-    if kind in JOINT_TARGETS:
+    if config.target.kind in JOINT_TARGETS:
         encode = partial(whole.encode, step=_common_step(sources, progress))
     total, done = sum(source.n_frames for source in sources), 0
 
@@ -94,14 +85,14 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     """Return the step, in diagonals, with which all segments together meet the target."""
     config = sources[0].config
     assert isinstance(config, ReelOptions)  # the options of this method
-    kind, numbers = config.target.kind, count(1)
+    numbers = count(1)
     needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
     fits = config.memory_bytes is None or needed <= config.memory_bytes / 2
     cached = list(_searches(sources)) if fits else None
 
     def measure(step: float) -> float:
         progress(f"encoding, trial {next(numbers)}", 0.0)
-        if kind is TargetKind.KG:
+        if config.target.kind is TargetKind.KG:
             meter = KgMeter()
             for search in cached or _searches(sources):
                 search.add_errors(step, meter)
@@ -111,10 +102,7 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
             return whole.encode(source, silent, step=step)
 
         streams = results_in_order(encode_one, sources, _is_parallel)
-        size_bytes = len(join_streams(list(streams)))
-        if kind is TargetKind.SIZE:
-            return float(size_bytes)
-        return rate_bpvf(size_bytes, sum(map(_n_positions, sources)), 1)
+        return float(len(join_streams(list(streams))))
 
     start = FIRST_STEP * sources[0].model_size
     has_tracks = any(source.bounds for source in sources)

@@ -52,7 +52,7 @@ class RateModel(Protocol):
         """Return the bytes for a step, with corrections that keep a bound in diagonals."""
 
     def measured(self, step: float) -> float:
-        """Return the quantity that the target limits, for a step: an error, bytes or bits."""
+        """Return the quantity that the target limits, for a step: an error or bytes."""
 
 
 def step_for_target(
@@ -127,7 +127,7 @@ def step_within_limit(
     Parameters
     ----------
     measure : callable
-        Returns the error, bytes or bits that the target limits, for a step in diagonals.
+        Returns the error or bytes that the target limits, for a step in diagonals.
     start : float
         First step to try.
     has_tracks : bool
@@ -146,7 +146,7 @@ def step_within_limit(
             trials[step] = measure(step)
         return trials[step]
 
-    step = meet_limit(measured, target.value, start, rises=not target.kind.is_budget)
+    step = meet_limit(measured, target.value, start, rises=target.kind is not TargetKind.SIZE)
     if step is None:
         raise InvalidInputError(
             Keyword(target.kind.value),
@@ -160,16 +160,15 @@ def _best(kind: TargetKind, reached: float) -> str:
     """Describe the smallest value that was reached."""
     if kind is TargetKind.SIZE:
         return f"the smallest file with these options is {reached:.0f} bytes"
-    if kind is TargetKind.BPVF:
-        return f"the smallest file with these options has {reached:g} bits per vertex and frame"
     return f"the smallest error is {reached:g}"
 
 
 def _remedy(config: ReelOptions, has_tracks: bool) -> Iterator[str | Keyword]:
-    if not config.target.kind.is_budget:
+    is_size = config.target.kind is TargetKind.SIZE
+    if not is_size:
         yield "positions come back no nearer than their number type; "
     yield "allow more"
-    if config.target.kind.is_budget and config.order != "drop":
+    if is_size and config.order != "drop":
         yield from (", or leave the order out (", Keyword("order", "drop"), ")")
-    if config.target.kind.is_budget and has_tracks:
+    if is_size and has_tracks:
         yield ", or drop tracks or allow larger errors of them"

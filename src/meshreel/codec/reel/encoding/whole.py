@@ -26,7 +26,7 @@ from meshreel.codec.reel.encoding.grid_positions import (
     may_use_grid,
     suits_one_frame,
 )
-from meshreel.codec.reel.encoding.meters import KgMeter, Meter, StedMeter
+from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
@@ -34,8 +34,7 @@ from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Piece, Source
 from meshreel.codec.targets import TargetKind
-from meshreel.errors import InvalidInputError, Keyword, SolverError
-from meshreel.metrics.rate import rate_bpvf
+from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread, prefetch
@@ -206,14 +205,10 @@ class RateSearch:
         return estimated_bytes(list(map(_size_bytes, coded)), len(self._pieces))
 
     def measured(self, step: float) -> float:
-        """Return the error, bytes, or bits per vertex and frame for a step."""
-        if self._target.kind in (TargetKind.KG, TargetKind.STED):
+        """Return the KG error or the bytes for a step."""
+        if self._target.kind is TargetKind.KG:
             return self._error(step)
-        size_bytes = len(self.stream(step))
-        if self._target.kind is TargetKind.SIZE:
-            return float(size_bytes)
-        sequence = self._source.sequence
-        return rate_bpvf(size_bytes, sequence.n_verts, self._n_frames)
+        return float(len(self.stream(step)))
 
     def step_for_tracks(
         self, following: FollowingTracks, step: float, bound: float | None
@@ -223,7 +218,7 @@ class RateSearch:
         Finer positions predict velocities and normals better. A requested step, or one that meets a
         size, is kept.
         """
-        if self._target.kind is TargetKind.STEP or self._target.kind.is_budget:
+        if self._target.kind in (TargetKind.STEP, TargetKind.SIZE):
             return step
         coarsest = self.stream(step, bound)
         sizes = {step: following.size_bytes(coarsest)}
@@ -251,19 +246,19 @@ class RateSearch:
         search for an error stops there. A size may need a coarser step, and a requested step is
         used unchanged.
         """
-        if self._target.kind in (TargetKind.KG, TargetKind.STED, TargetKind.MAX_ERROR):
+        if self._target.kind in (TargetKind.KG, TargetKind.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
         return max(step, self.finest_step)
 
     def _error(self, step: float) -> float:
-        """Return the target's error for a step, without entropy coding.
+        """Return the KG error for a step, without entropy coding.
 
         The integers of the best step so far are cached.
         """
         step = self._limited(step)
         if step not in self._errors:
             self._report(0)
-            meter, blocks = self._new_meter(), KeyedBlocks(self._coder.with_step(step, None))
+            meter, blocks = KgMeter(), KeyedBlocks(self._coder.with_step(step, None))
             coded = list(self._with_progress(self._metered(blocks, meter)))
             self._errors[step] = meter.value
             is_better = self._best is None or step > self._best[0]
@@ -271,13 +266,13 @@ class RateSearch:
                 self._best = step, coded
         return self._errors[step]
 
-    def add_errors(self, step: float, meter: Meter) -> None:
+    def add_errors(self, step: float, meter: KgMeter) -> None:
         """Add the errors of all frames, coded with a step, to a meter."""
         blocks = KeyedBlocks(self._coder.with_step(self._limited(step), None))
         for _ in self._metered(blocks, meter):
             pass
 
-    def _metered(self, blocks: KeyedBlocks, meter: Meter) -> Iterator[tuple[int, Sections]]:
+    def _metered(self, blocks: KeyedBlocks, meter: KgMeter) -> Iterator[tuple[int, Sections]]:
         for frames in self._blocks():
             coded = blocks.code(frames)
             meter.add(frames, coded)
@@ -347,20 +342,6 @@ class RateSearch:
 
     def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[BlockFrames]:
         return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
-
-    def _new_meter(self) -> Meter:
-        """Return a meter of the target's error."""
-        if self._target.kind is TargetKind.KG:
-            return KgMeter()
-        if not self._keeps_blocks:
-            raise InvalidInputError(
-                "sted compares frames of the whole sequence, which do not fit into the memory "
-                "allowed; allow more, or use ",
-                Keyword("kg"),
-                " or ",
-                Keyword("quality"),
-            )
-        return StedMeter(self._source.mesh.faces)
 
     def _with_progress(
         self, blocks: Iterator[tuple[int, Sections]]
