@@ -1,6 +1,7 @@
 """A small animation with a full surface, and comparisons."""
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,6 +35,17 @@ def full_surface():
         (FaceGroups("material", ("skin", "Stoff é"), np.array([0, 1, -1, 1], np.int32)),),
         (Part("/root/body", 5, 2), Part("/root/head", 6, 2)),
     )
+
+
+def surface_of_arrays(surface):
+    """Return what point and cell data keep of a surface, in the order of names."""
+    kept = [one for one in surface.attributes if one.domain is not Domain.CORNER]
+    kept += [
+        Attribute(group.name, Kind.OTHER, Domain.FACE, group.numbers[:, None])
+        for group in surface.groups
+    ]
+    kept.sort(key=lambda one: (one.domain is Domain.FACE, one.name))
+    return replace(surface, attributes=tuple(kept), groups=(), parts=())
 
 
 def polygon_surface():

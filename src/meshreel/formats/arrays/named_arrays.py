@@ -76,7 +76,7 @@ def described_arrays(stream: FrameStream) -> dict[str, Array]:
     arrays: dict[str, Array] = {"faces": stream.faces}
     if surface.cells is not None:
         arrays = {"cells": surface.cells.nodes, "cell_types": surface.cells.types}
-    arrays |= {**surface_arrays(surface), "fps": np.asarray(np.float64(timing.fps))}
+    arrays |= {**_surface_arrays(surface), "fps": np.asarray(np.float64(timing.fps))}
     if timing.times is not None:
         arrays["times"] = timing.times
     elif timing.start_s:
@@ -84,7 +84,7 @@ def described_arrays(stream: FrameStream) -> dict[str, Array]:
     return {**arrays, "name": np.asarray(np.str_(stream.name))}
 
 
-def surface_arrays(surface: Surface) -> dict[str, Array]:
+def _surface_arrays(surface: Surface) -> dict[str, Array]:
     """Return the arrays of a surface by name; empty for a plain surface, and without cells."""
     arrays: dict[str, Array] = {}
     if surface.face_sizes is not None and surface.cells is None:
@@ -134,7 +134,7 @@ def read_description(
     InvalidInputError
         If there are not `n_frames` times, or they do not ascend.
     """
-    surface, faces = read_surface(arrays), arrays.get("faces", np.empty((0, 3), np.int32))
+    surface, faces = _read_surface(arrays), arrays.get("faces", np.empty((0, 3), np.int32))
     if "cells" in arrays:
         faces, of_cells = surface_of_cells(_read_cells(arrays), n_verts)
         surface = replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
@@ -163,7 +163,7 @@ def _read_cells(arrays: Mapping[str, Array]) -> Cells:
     return Cells(types, nodes.reshape(-1) if nodes.ndim == 2 else nodes)
 
 
-def read_surface(arrays: Mapping[str, Array]) -> Surface:
+def _read_surface(arrays: Mapping[str, Array]) -> Surface:
     """Return the surface of named arrays, without checking that it fits a mesh.
 
     Raises

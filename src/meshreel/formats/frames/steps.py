@@ -266,16 +266,13 @@ class StepFrames:
         self._identities[index], self._described[index] = identities, described
         return step.mesh
 
-    def constant_arrays(self, index: int) -> list[DataArray]:
-        """Return the arrays of a step that are the same in all frames read so far."""
-        changing = self._changing()
-        return [array for array in self._read(index).arrays if array.key not in changing]
-
     def surface(self, index: int) -> Surface:
         """Return the arrays of a step that are the same in all frames read so far."""
         step = self._read(index)
         step.surface.note_interior(self._notes)
-        return step.attributes(self.constant_arrays(index), self._notes)
+        changing = self._changing()
+        constant = [array for array in step.arrays if array.key not in changing]
+        return step.attributes(constant, self._notes)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the other arrays as tracks of consecutive steps that share their faces."""

@@ -1,7 +1,7 @@
 """The time steps of a VTKHDF mesh, and the cells of each step."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.arrays.named_tracks import array_name
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import UNSUPPORTED_ARRAYS, DataArray, Step
 from meshreel.formats.hdf import (
@@ -37,16 +36,10 @@ from meshreel.formats.surfaces.cells import (
     cell_mesh,
 )
 from meshreel.model.notes import Notes
-from meshreel.model.surface import Domain, Surface
+from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted
 
 ROOT = "VTKHDF"
-MESHREEL_GROUP = "meshreel"
-"""Our group next to VTKHDF: the whole surface, as `meshreel.formats.arrays.named_arrays`."""
-
-SEGMENT_STARTS = "segment_starts"
-"""Dataset of our group: the first step of each segment, whose surfaces are in groups of it."""
-
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
 PLACES = {domain: place for place, domain in DATA.items()} | {Domain.CELL: "CellData"}
 
@@ -66,11 +59,6 @@ IS_ATTRIBUTE = "is_attribute"
 
 MAX_CELLS = 1 << 62
 NO_CELLS = np.zeros(1, np.int64)
-
-
-def segment_group(number: int) -> str:
-    """Return the name of the group with the surface of a segment."""
-    return f"segment_{number}"
 
 
 class VtkSteps:
@@ -109,17 +97,6 @@ class VtkSteps:
         self._corner_starts = self._per_step("ConnectivityIdOffsets", len(self._kinds))
         self._cells_before: dict[str, Integers] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
-
-    def note_other_data(self, arrays: Iterable[DataArray], surface: Surface) -> None:
-        """Add a note on arrays of a step that are not part of a surface stored elsewhere."""
-        names = {attribute.name for attribute in surface.attributes} | {
-            group.name for group in surface.groups
-        }
-        known = {array_name(name) for name in names}
-        data = [array.name for array in arrays]
-        # The writer appends underscores to make names unique.
-        other_names = [name for name in data if name not in known and name.rstrip("_") not in known]
-        self._notes.left_out("data added by another program", other_names)
 
     def note_field_data(self) -> None:
         """Add a note on field data."""

@@ -7,29 +7,22 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.arrays.named_arrays import surface_arrays
 from meshreel.formats.arrays.named_tracks import array_name
-from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.frames.steps import TEXTURE_COORDINATES
-from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output, write_array
+from meshreel.formats.hdf import HdfOutput, Node, describe_track, hdf_output
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.surfaces.cells import written_cells
+from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays, xml_text
 from meshreel.formats.vtk.vtkhdf_steps import (
     DATA,
     GRID_GROUPS,
     IS_ATTRIBUTE,
-    MESHREEL_GROUP,
     PLACES,
     POLY_DATA_GROUPS,
     ROOT,
-    SEGMENT_STARTS,
-    segment_group,
 )
-from meshreel.model.notes import listed, note_unwritten_tracks, written_times
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.notes import written_times
 
 VERSION = (2, 3)
 CHUNK_ROWS = 1 << 14  # minimum, so that small frames share a chunk
@@ -38,20 +31,19 @@ CHUNK_ROWS = 1 << 14  # minimum, so that small frames share a chunk
 def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a VTKHDF file, frame by frame; each segment is a partition.
 
-    Attributes and tracks of vertices and faces become data arrays if all segments have them. A
-    second group next to VTKHDF stores the surface of each segment for meshreel, including what VTK
-    cannot represent.
+    Attributes, groups and tracks of vertices and faces or cells become data arrays if all segments
+    have them.
     """
     shared = SharedData.of(stream.meshes())
     times = written_times(stream.timing, stream.n_frames, stream.notes)
-    _note_losses(stream, shared)
+    shared.note_others(".vtkhdf", stream.notes)
     dtype = stream.dtype
     with hdf_output(path) as output:
         root = output.root.create_group(ROOT)
         root.attrs["Version"] = np.array(VERSION, np.int64)
         has_cells = any(mesh.surface.cells is not None for mesh in stream.meshes())
         root.attrs.create("Type", np.bytes_("UnstructuredGrid" if has_cells else "PolyData"))
-        _write_surfaces(output.root.create_group(MESHREEL_GROUP), stream)
+        root.attrs["name"] = xml_text(stream.name)
         points = _Rows(root, "Points", stream.n_frames)
         partitions = _Partitions(root, stream.n_segments, has_cells=has_cells)
         arrays = _DataArrays(root, stream, shared)
@@ -64,15 +56,6 @@ def write_vtkhdf(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         steps["PointOffsets"] = np.array(points.starts, np.int64)
         partitions.finish(steps)
         arrays.finish(steps)
-
-
-def _note_losses(stream: SegmentedStream, shared: SharedData) -> None:
-    note_unwritten_tracks(
-        shared.other_tracks, ".vtkhdf", stream.notes, "those of some segments only"
-    )
-    if shared.other_data:
-        text = f"only some segments have {listed(shared.other_data)}; only meshreel reads it back"
-        stream.notes.changed("data of some segments", text)
 
 
 def _write_steps(root: Node, times: Floats) -> Node:
@@ -176,101 +159,42 @@ class _DataArrays:
 
     def __init__(self, root: Node, stream: SegmentedStream, shared: SharedData) -> None:
         self._root, self._stream, self._shared = root, stream, shared
-        self._arrays: dict[tuple[Any, ...], tuple[str, _Rows]] = {}
+        self._arrays: dict[tuple[str, str], _Rows] = {}
         for place in DATA:
             root.create_group(place)
 
     def add(self, segment: FrameStream, output: HdfOutput) -> None:
         """Write the data of a segment."""
-        has_uv = False
         own = self._shared.only(segment)
-        of_cells = Domain.FACE if segment.surface.cells is None else Domain.CELL
-        for number, attribute in enumerate(own.surface.attributes):
-            if attribute.domain not in (Domain.VERTEX, of_cells):
-                segment.notes.changed(attribute.name, _corner_note(attribute))
-                continue
-            key = "attribute", number
-            dataset = self._add_constant(
-                segment, key, attribute.domain, attribute.name, attribute.per_item()
-            )
-            if attribute.kind is Kind.UV and not has_uv:
-                dataset.attrs.create("Attribute", np.bytes_(TEXTURE_COORDINATES))
-                has_uv = True
-        for groups in own.surface.groups if of_cells is Domain.FACE else ():
-            place = "group", groups.name
-            self._add_constant(segment, place, Domain.FACE, groups.name, groups.numbers)
-        for name, track in own.tracks.items():
-            self._add_track(output, name, track)
+        for array in output_arrays(own.surface, own.tracks, ".vtkhdf", segment.notes):
+            if array.values is None:
+                track = own.tracks[array.track]
+                rows = self._rows(array, self._stream.n_frames)
+                for _, block in output.blocks(track):
+                    for values in block:
+                        rows.append(values if array.n_columns > 1 else values[:, 0])
+                describe_track(rows.dataset, array.track, track)
+            else:
+                rows = self._rows(array, self._stream.n_segments)
+                rows.append(array.values, segment.n_frames)
+                facts = {"name": array.name, "kind": str(array.kind), IS_ATTRIBUTE: True}
+                rows.dataset.attrs.update(facts)
+            if array.role:
+                rows.dataset.attrs.create("Attribute", np.bytes_(array.role))
 
     def finish(self, steps: Node) -> None:
         """Write the first row of each array in each step."""
         for place in DATA:
             steps.create_group(f"{place}Offsets")
-        for place, rows in self._arrays.values():
+        for (place, _), rows in self._arrays.items():
             name = rows.dataset.name.rpartition("/")[2]
             steps[f"{place}Offsets"][name] = np.array(rows.starts, np.int64)
 
-    def _add_constant(
-        self,
-        segment: FrameStream,
-        key: tuple[Any, ...],
-        domain: Domain,
-        name: str,
-        values: npt.NDArray[Any],
-    ) -> Any:
-        """Write an array that is the same in all steps of a segment; return the dataset."""
-        rows = self._rows(key, domain, name, self._stream.n_segments)
-        rows.append(values, segment.n_frames)
-        rows.dataset.attrs[IS_ATTRIBUTE] = True
-        return rows.dataset
-
-    def _add_track(self, output: HdfOutput, name: str, track: TrackSource) -> None:
-        """Write the values of all steps of a segment."""
-        rows = self._rows(("track", name), track.domain, name, self._stream.n_frames)
-        for _, block in output.blocks(track):
-            for values in block:
-                rows.append(values if track.shape[2] > 1 else values[:, 0])
-        describe_track(rows.dataset, name, track)
-        if track.kind is TrackKind.NORMAL:
-            rows.dataset.attrs.create("Attribute", np.bytes_(NORMALS))
-
-    def _rows(self, key: tuple[Any, ...], domain: Domain, name: str, n_blocks: int) -> _Rows:
+    def _rows(self, array: OutputArray, n_blocks: int) -> _Rows:
+        key = place, _ = PLACES[array.domain], array.name
         if key not in self._arrays:
-            place = PLACES[domain]
-            array = _unique_name(self._root[place], name)
-            self._arrays[key] = place, _Rows(self._root[place], array, n_blocks)
-        return self._arrays[key][1]
-
-
-def _corner_note(attribute: Attribute) -> str:
-    return (
-        f"{attribute.kind} {attribute.name!r} has a value for each {attribute.domain}, which the "
-        "file does not support; only meshreel reads it back"
-    )
-
-
-def _unique_name(group: Node, name: str) -> str:
-    """Return a valid name for an array that is not used in the group yet."""
-    name = array_name(name)
-    while name in group:
-        name += "_"
-    return name
-
-
-def _write_surfaces(group: Node, stream: SegmentedStream) -> None:
-    """Write the whole surface of each segment for meshreel."""
-    write_array(group, "fps", np.asarray(np.float64(stream.timing.fps)))
-    write_array(group, "name", np.asarray(np.str_(stream.name)))
-    if stream.n_segments > 1:
-        write_array(group, SEGMENT_STARTS, np.array(stream.starts[:-1], np.int64))
-    for number, mesh in enumerate(stream.meshes()):
-        own = group
-        if stream.n_segments > 1:
-            own = group.create_group(segment_group(number))
-        _write_surface(own, mesh.surface)
-
-
-def _write_surface(group: Node, surface: Surface) -> None:
-    for name, array in surface_arrays(surface).items():
-        if name != "face_sizes":  # the polygons of VTKHDF have them
-            write_array(group, name, array)
+            name = array_name(array.name)
+            while name in self._root[place]:
+                name += "_"
+            self._arrays[key] = _Rows(self._root[place], name, n_blocks)
+        return self._arrays[key]

@@ -6,13 +6,14 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import concatenate
-from meshreel.model.surface import PLAIN, Domain, Kind, Surface
+from meshreel.model.surface import PLAIN, Surface
 from samples.datasets import (
     CORNERS,
     COUNTS,
     assert_same_positions,
     full_surface,
     plain_sequence,
+    surface_of_arrays,
     surfaced_sequence,
 )
 from samples.meshes import assert_same_surface
@@ -33,8 +34,9 @@ def test_vtkhdf_round_trips_exactly(tmp_path, extension, dtype, n_frames, read):
     result = read(path)
     assert isinstance(result, StoredFrames) == (read is open_source)
     assert_same_positions(result, sequence)
-    assert_same_surface(result.surface, sequence.surface)
-    assert (result.fps, result.start_s, result.name) == (29.97, 1 / 3, "walk")
+    assert_same_surface(result.surface, surface_of_arrays(sequence.surface))
+    fps = 29.97 if n_frames > 1 else 0.0
+    assert (result.fps, result.start_s, result.name) == (fps, 1 / 3, "walk")
 
 
 @pytest.mark.parametrize("extension", ["vtkhdf", "h5"])
@@ -51,50 +53,22 @@ def test_vtkhdf_round_trips_faces_that_change(tmp_path, extension, read):
 
 @pytest.mark.parametrize("fps", RATES)
 @pytest.mark.parametrize("start_s", [0.0, 2.0, -1.5])
-@pytest.mark.parametrize("has_meshreel_group", [True, False])
-def test_vtkhdf_round_trips_frame_rate_and_start(tmp_path, fps, start_s, has_meshreel_group):
+def test_vtkhdf_round_trips_frame_rate_and_start(tmp_path, fps, start_s):
     [path] = save(plain_sequence(fps=fps, start_s=start_s), tmp_path / "a.vtkhdf")
-    if not has_meshreel_group:
-        with h5py.File(path, "a") as file:
-            del file["meshreel"]
     loaded = load(path)
-    assert loaded.fps == pytest.approx(
-        fps, rel=1e-15 if has_meshreel_group or fps != RATES[-1] else 1e-12
-    )
+    assert loaded.fps == pytest.approx(fps, rel=1e-15 if fps != RATES[-1] else 1e-12)
     assert loaded.start_s == start_s
     assert load(path, fps=48).fps == 48
 
 
-def test_save_notes_corner_values_and_unknown_frame_rate(tmp_path, notes):
+def test_save_notes_what_is_left_out_and_unknown_frame_rate(tmp_path, notes):
     save(surfaced_sequence(fps=0.0), tmp_path / "a.vtkhdf", notes=notes)
     assert notes == [
         "the frame rate is unknown; written as 24 fps",
-        "uv 'UVMap' has a value for each corner, which the file does not support; "
-        "only meshreel reads it back",
+        "left out, as .vtkhdf files cannot store it: 'UVMap' (uv) of each corner, "
+        "the names of 2 parts",
+        "group labels left out; .vtkhdf stores only their numbers: material",
     ]
-
-
-def test_load_reads_the_vtk_arrays_without_the_meshreel_group(tmp_path):
-    sequence = surfaced_sequence()
-    [path] = save(sequence, tmp_path / "a.vtkhdf")
-    with h5py.File(path, "a") as file:
-        del file["meshreel"]
-    result = load(path).surface
-    np.testing.assert_array_equal(result.face_sizes, COUNTS)
-    expected = {attribute.name: attribute for attribute in full_surface().attributes}
-    kinds = {attribute.name: (attribute.kind, attribute.domain) for attribute in result.attributes}
-    assert kinds == {
-        "Cd": (Kind.COLOR, Domain.VERTEX),
-        "id": (Kind.OTHER, Domain.VERTEX),
-        "uv": (Kind.UV, Domain.VERTEX),
-        "wärme": (Kind.OTHER, Domain.FACE),
-        "material": (Kind.OTHER, Domain.FACE),
-    }
-    for attribute in result.attributes:
-        wanted = (
-            expected[attribute.name].values if attribute.name in expected else [[0], [1], [-1], [1]]
-        )
-        np.testing.assert_array_equal(attribute.values, wanted)
 
 
 @pytest.mark.parametrize("surface", [PLAIN, Surface(COUNTS), full_surface()])
@@ -222,7 +196,7 @@ def test_load_lists_the_blocks_of_a_collection(tmp_path):
         file.copy("VTKHDF", root, "body")
         file.copy("VTKHDF", root, "head")
         root.create_group("Assembly")["body"] = h5py.SoftLink("/VTKHDF/body")
-        del file["VTKHDF"], file["meshreel"]
+        del file["VTKHDF"]
         file.move("new", "VTKHDF")
     with pytest.raises(InvalidInputError, match="holds 2 meshes: /body, /head; choose one"):
         load(path)
@@ -288,7 +262,6 @@ def split_into_partitions(path, n_frames):
             for key in ("NumberOfCells", "NumberOfConnectivityIds"):
                 del root[name][key]
                 root[name][key] = [0, 0] * n_frames
-        del file["meshreel"]
 
 
 @pytest.mark.slow
