@@ -17,7 +17,6 @@ from meshreel.evaluation.comparison import Comparison, method_run, peer_run
 from meshreel.evaluation.draco import DRACO
 from meshreel.evaluation.peers import ARRAY_PEERS, Peer
 from meshreel.metrics.position_errors import position_errors
-from meshreel.metrics.rate import rate_bpvf
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.runtime.progress import Progress
@@ -192,5 +191,5 @@ def _sizes(sequence: MeshSequence, n_bytes: int, n_connectivity: int | None) -> 
     return {
         "size_bytes": n_bytes,
         "connectivity_bytes": n_connectivity,
-        "rate_bpvf": rate_bpvf(n_bytes, sequence.n_verts, sequence.n_frames),
+        "rate_bpvf": 8 * n_bytes / (sequence.n_verts * sequence.n_frames),
     }

@@ -11,6 +11,9 @@ SAMPLED_BLOCKS = 3
 """Blocks of a long sequence that are coded to compare steps: a key block and others."""
 
 MAX_TRIALS = 16
+TOLERANCE = 0.01
+"""Share of a limit by which the measure of the step that meets it may fall short."""
+
 CLOSE_STEPS = 0.04
 STRIDE_GROWTH = 1.5
 """A search for the least cost ends where the logarithm of the next step is this close to the
@@ -22,17 +25,12 @@ MAX_SPAN = np.log(1e7)
 
 
 def meet_limit(
-    measure: Callable[[float], float],
-    limit: float,
-    start: float,
-    *,
-    rises: bool,
-    tolerance: float = 0.01,
+    measure: Callable[[float], float], limit: float, start: float, *, rises: bool
 ) -> float | None:
     """Return the step whose measure is closest to a limit from below; None if all exceed it.
 
     Measures are nearly powers of the step, so the search interpolates logarithms linearly (regula
-    falsi, with bisection if it stalls) until the measure is within the tolerance of the limit.
+    falsi, with bisection if it stalls) until the measure is close to the limit.
 
     Parameters
     ----------
@@ -44,8 +42,6 @@ def meet_limit(
         First step to try.
     rises : bool
         Whether the measure grows with the step (an error) or falls (a size).
-    tolerance : float, default 0.01
-        Share of the limit that the measure may fall short by.
     """
     direction = 1.0 if rises else -1.0
     below: tuple[float, float] | None = None
@@ -56,7 +52,7 @@ def meet_limit(
         excess = float(np.log(max(measured, 1e-300) / limit))
         if excess <= 0.0:
             below = max(below or (place, excess), (place, excess))
-            if excess >= np.log1p(-tolerance):
+            if excess >= np.log1p(-TOLERANCE):
                 break
         else:
             above = min(above or (place, excess), (place, excess))
