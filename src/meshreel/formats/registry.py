@@ -71,8 +71,8 @@ _FRAME_MODULES = {
 _SEQUENCE_MODULES = {
     ".npz": "arrays.npz",
     ".reel": "reel",
-    ".abc": "alembic.format",
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "usd.format"),
+    ".abc": "alembic.write",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "usd.rigged"),
     **dict.fromkeys((".glb", ".gltf"), "gltf.format"),
     **dict.fromkeys((".pc2", ".mdd"), "point_caches"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), "arrays.hdf"),
@@ -85,7 +85,7 @@ _SEQUENCE_MODULES = {
 FRAME_FORMATS: Formats[FrameFormat] = Formats(_FRAME_MODULES)
 SEQUENCE_FORMATS: Formats[SequenceFormat] = Formats(_SEQUENCE_MODULES)
 FORMATS: Formats[FrameFormat | SequenceFormat] = Formats(_FRAME_MODULES | _SEQUENCE_MODULES)
-FOLDER_FORMATS: Formats[FolderFormat] = Formats({".vat": "vat.format"})
+FOLDER_FORMATS: Formats[FolderFormat] = Formats({".vat": "vat.folder"})
 """Formats whose outputs are folders."""
 
 PROGRAMS = {

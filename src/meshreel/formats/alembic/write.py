@@ -22,8 +22,10 @@ from meshreel.formats.alembic.attributes import (
     UVS,
     VELOCITIES,
 )
+from meshreel.formats.alembic.meshes import read_meshes
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
+from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
@@ -609,3 +611,17 @@ def _max_file_bytes(mesh: FrameStream) -> int:
         n_numbers += 3 * n_corners
     per_frame = 12 * mesh.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
     return int(once + per_frame * mesh.n_frames + PART_OVERHEAD_BYTES * n_arrays)
+
+
+FORMATS = (
+    SequenceFormat(
+        ".abc",
+        "Alembic",
+        read_meshes=read_meshes,
+        extra=ALEMBIC,
+        reads_without_extra=True,
+        write=write_alembic,
+        holds_segments=True,
+        holds_tracks=OF_SURFACES,
+    ),
+)

@@ -1,5 +1,6 @@
 """Writing USD: a skinned mesh, its skeleton with an animation, and blend shapes."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
+from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import unique_name
+from meshreel.formats.usd.reading import read_meshes
 from meshreel.formats.usd.writing import (
     PACKAGE_FOLDER,
     Codes,
@@ -21,10 +24,10 @@ from meshreel.formats.usd.writing import (
     parts_of,
     usd_array,
     usd_time,
+    write_frames,
     write_root,
     write_stage,
     write_time_codes,
-    write_usd,
 )
 from meshreel.model.notes import note_unwritten_tracks
 from meshreel.rigging.correctives import BYTE
@@ -33,37 +36,37 @@ from meshreel.rigging.rig import FULL, Rig
 from meshreel.runtime.extras import USD
 
 
-def write_any_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a sequence to a USD file, with a rig if the options request one.
 
     Raises
     ------
     FormatError
-        As `write_usd`.
+        If USD cannot write the file.
     InvalidInputError
-        As `write_usd` and `meshreel.formats.rigs.rig_of`, or if `max_error` has no effect.
+        If a position does not fit into float32, `max_error` has no effect, or as
+        `meshreel.formats.rigs.rig_of`.
     """
-    if not is_rigged(options):
-        if options.max_error is not None:
-            raise InvalidInputError(
-                Keyword("max_error"),
-                " is a bound of rigs in USD, which otherwise stores exact frames; add ",
-                Keyword("rig"),
-                ", or omit it",
-            )
-        write_usd(path, stream, options)
-        return
-
-    def write_rigged(
-        binary: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
-    ) -> None:
-        _write_binary(binary, stream, options, is_package=is_package)
-
-    write_stage(path, stream, write_rigged)
+    if is_rigged(options):
+        write_stage(path, stream, partial(_write_rig, options=options))
+    elif options.max_error is None:
+        write_stage(path, stream, write_frames)
+    else:
+        raise InvalidInputError(
+            Keyword("max_error"),
+            " is a bound of rigs in USD, which otherwise stores exact frames; add ",
+            Keyword("rig"),
+            ", or omit it",
+        )
 
 
-def _write_binary(
-    path: Path, stream: SegmentedStream, options: WriteOptions, *, is_package: bool
+def _write_rig(
+    path: Path,
+    stream: SegmentedStream,
+    shared: SharedData,
+    *,
+    is_package: bool,
+    options: WriteOptions,
 ) -> None:
     skel = USD.load("UsdSkel")
     stage = USD.load("Usd").Stage.CreateNew(str(path))
@@ -165,3 +168,28 @@ def _bind(stage: Any, path: str, skeleton: str, rig: Rig, verts: slice, shapes: 
         targets.append(shape.GetPath())
     binding.CreateBlendShapesAttr(shapes)
     binding.CreateBlendShapeTargetsRel().SetTargets(targets)
+
+
+TITLES = {
+    ".usd": "USD",
+    ".usda": "USD, text",
+    ".usdc": "USD, binary",
+    ".usdz": "USD, package",
+}
+
+FORMATS = tuple(
+    SequenceFormat(
+        extension,
+        title,
+        read_meshes=read_meshes,
+        extra=USD,
+        write=write_usd,
+        holds_segments=True,
+        writes=frozenset({"rig", "kg", "quality", "max_error"}),
+        names_files=True,
+        holds_materials=True,
+        has_image_folder=extension != ".usdz",
+        holds_tracks=OF_SURFACES,
+    )
+    for extension, title in TITLES.items()
+)

@@ -19,7 +19,6 @@ from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData, sharing_materials
-from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.images import image_names
@@ -78,24 +77,6 @@ Codes = Sequence[float | None]
 """Time codes of samples; None writes the default value, of a file without animation."""
 
 
-def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a sequence to a USD file, in the format that its extension selects.
-
-    If the faces change, faces, primvars and subsets are sampled.
-
-    Positions are float32, as in USD. If float64 positions are so far from the origin that this
-    would move them, they are written relative to a nearby point, with a float64 transform.
-
-    Raises
-    ------
-    FormatError
-        If USD cannot write the file.
-    InvalidInputError
-        If a position does not fit into float32.
-    """
-    write_stage(path, stream, _write_binary)
-
-
 def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[..., None]) -> None:
     """Write a USD file by a function that writes a binary one.
 
@@ -138,9 +119,16 @@ def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[...,
             raise FormatError(f"USD cannot write {path.name}, and gives no reason")
 
 
-def _write_binary(
+def write_frames(
     path: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
 ) -> None:
+    """Write a binary file with the positions of all frames.
+
+    If the faces change, faces, primvars and subsets are sampled.
+
+    Positions are float32, as in USD. If float64 positions are so far from the origin that this
+    would move them, they are written relative to a nearby point, with a float64 transform.
+    """
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = write_time_codes(stage, stream)
     changing = shared if stream.n_segments > 1 else None

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.gltf.mesh_writer import describe_losses
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
+from meshreel.formats.kinds import FolderFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.layouts import (
     BLENDER_FBX_SPACE,
@@ -34,8 +34,6 @@ from meshreel.model.notes import Notes, written_rate
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import OPEN_EXR, PNG
-
-Choice = TypeVar("Choice")
 
 TEXEL_TYPES = {
     "exr": (TexelType.HALF, TexelType.FLOAT),
@@ -265,3 +263,15 @@ def _note_size(notes: Notes, grid: TexelGrid, texel_type: TexelType) -> None:
             f"GPUs of phones, and some browsers, support at most {WIDTHS[0]} texels per side; use "
             "fewer frames for them"
         )
+
+
+FORMATS = (
+    FolderFormat(
+        ".vat",
+        "vertex animation textures",
+        vat_files,
+        write_vat,
+        extra=OPEN_EXR,
+        writes=frozenset({"layout", "textures", "max_error", "normals"}),
+    ),
+)

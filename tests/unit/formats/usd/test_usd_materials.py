@@ -115,7 +115,7 @@ def test_failed_save_leaves_no_folder(tmp_path, monkeypatch):
     def fail(*_, **__):
         raise OSError("no space")
 
-    monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
+    monkeypatch.setattr("meshreel.formats.usd.rigged.write_frames", fail)
     with pytest.raises(OSError, match="no space"):
         save(dressed_sheet(), tmp_path / "x.usdc")
     assert list(tmp_path.iterdir()) == []

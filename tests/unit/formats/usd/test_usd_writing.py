@@ -213,7 +213,7 @@ def test_errors_of_usd_name_the_file(tmp_path, monkeypatch, capfd):
 
         Tf.RaiseRuntimeError("the disk is full")
 
-    monkeypatch.setattr("meshreel.formats.usd.writing._write_binary", fail)
+    monkeypatch.setattr("meshreel.formats.usd.rigged.write_frames", fail)
     with pytest.raises(FormatError, match=r"USD cannot write x\.usdc: .*the disk is full"):
         save(sheets(), tmp_path / "x.usdc")
     assert capfd.readouterr().err == ""
