@@ -1,5 +1,6 @@
 """Writing USD: a skinned mesh, its skeleton with an animation, and blend shapes."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ def _write_rig(
     times = np.array([0.0 if code is None else code for code in codes])
     sequence, rig = rig_of(stream, options, times)
     note_unwritten_tracks(list(sequence.tracks), "a rig", stream.notes)
-    segment = next(stream.meshes())
+    segment = replace(next(stream.meshes()), tracks={})
     if segment.surface.hard_edges is not None:
         stream.notes.unwritten("left out hard edges: programs compute the normals of a rig")
     parts = parts_of(segment)

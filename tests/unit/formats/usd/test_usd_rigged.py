@@ -3,6 +3,8 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
+from meshreel.model.surface import Domain
+from meshreel.model.tracks import Track, TrackKind
 from samples.rigs import bending_tube
 
 pytest.importorskip("pxr")
@@ -20,6 +22,14 @@ def test_read_back_positions_are_those_of_the_rig(tmp_path, extension, bulge):
     assert np.abs(back.vertices - shown).max() <= 1e-5 * np.ptp(shown)
     np.testing.assert_array_equal(back.faces, tube.faces)
     assert back.fps == 25
+
+
+def test_tracks_are_left_out(tmp_path):
+    tube, notes = bending_tube(bulge=0.3), []
+    heat = Track(np.zeros((tube.n_frames, tube.n_verts, 1)), Domain.VERTEX, TrackKind.SCALAR)
+    meshreel.save(tube.replace(tracks={"heat": heat}), tmp_path / "a.usdc", rig=2, notes=notes)
+    assert any(note.startswith("tracks left out: heat: a rig cannot store") for note in notes)
+    assert meshreel.load(tmp_path / "a.usdc").tracks == {}
 
 
 def test_bound_without_rig_is_refused(tmp_path):
