@@ -13,28 +13,22 @@ from meshreel.formats.gltf.mesh_writer import (
     StoredValues,
     describe_losses,
     mesh_json,
-    split_at_seams,
     static_normals,
     wants_normals,
 )
 from meshreel.formats.gltf.morphs import IDENTITY, check_range
 from meshreel.formats.gltf.write import (
-    COMPRESSED_ADVICE,
-    NodeTree,
-    assemble_document,
+    SceneWriter,
     check_options,
-    extension_of,
     frame_times,
     path_of,
 )
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.rig import Rig
-from meshreel.runtime.counting import counted
 
 NORMAL_LEVELS = 127
 POSE_DIGITS, EXACT_DIGITS = 4, 9
@@ -62,12 +56,11 @@ def write_rigged(
     sizes = scene.sizes_in_file(size_bytes)
     shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
     stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {shown}")
-    for extension in scene.buffer.required:
-        stream.notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+    scene.note_compression()
 
 
-class _RiggedScene:
-    """Collects the nodes, meshes, skin, animation and buffer of a rigged sequence.
+class _RiggedScene(SceneWriter):
+    """Collects the meshes of a rigged sequence, with a skin and its bones.
 
     Attributes
     ----------
@@ -83,36 +76,24 @@ class _RiggedScene:
         options: WriteOptions,
         notes: Notes,
     ) -> None:
-        meshopt = extension_of(options)
-        self.buffer = BufferWriter(meshopt)
+        super().__init__(name, rig.times_s.tolist(), options, notes)
         self.sizes: dict[str, int] = {}
-        self._name, self._rig, self._options, self._notes = name, rig, options, notes
-        self._tree = NodeTree()
+        self._rig = rig
         self._materials = Materials(sequence.surface, self.buffer, notes)
-        self._meshes: list[Json] = []
         self._mesh_nodes: list[int] = []
-        self._used = np.zeros(len(rig.coordinates), bool)
         parts = split_parts(sequence.faces, sequence.surface, len(rig.coordinates), name)
         for part in sorted(parts, key=lambda part: len(path_of(part.name))):
             self._add_part(part)
-        n_isolated = int((~self._used).sum())
-        if n_isolated:
-            notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
+        self.note_isolated()
 
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the bones."""
         bones = self._add_bones()
         binds = self.buffer.add_matrices(self._rig.inverse_binds)
-        animation = self._animation(bones)
+        if len(self._times_s) > 1:
+            self._add_animation(bones)
         self._count("bones and keys")
-        document = assemble_document(
-            self._name or "scene",
-            self._tree,
-            self._meshes,
-            self._materials,
-            self.buffer,
-            [animation] if animation else [],
-        )
+        document = self.assemble(self._materials)
         return document | {"skins": [{"inverseBindMatrices": binds, "joints": bones}]}
 
     def sizes_in_file(self, size_bytes: int) -> dict[str, int]:
@@ -127,21 +108,15 @@ class _RiggedScene:
 
     def _add_part(self, part: PartMesh) -> None:
         rig, buffer = self._rig, self.buffer
-        hard_edges = None if self._options.normals is False else part.surface.hard_edges
-        n_verts = part.verts.stop - part.verts.start
-        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
-        split = split_at_seams(part, shading.rows.of_corner)
-        if extension_of(self._options):
-            split = split.along_edges()
+        split, shading, has_hard_edges = self._split(part)
         if not len(split.sources):
             return
         sources = split.sources + part.verts.start
-        self._used[sources] = True
         base: StoredValues = {}
         self._add(base, "POSITION", rig.coordinates[sources])
         rest = rig.rest[part.verts]
         has_normals = wants_normals(self._options.normals, rest, part.faces)
-        if has_normals or hard_edges is not None:
+        if has_normals or has_hard_edges:
             normals = static_normals(rest[shading.rows.vertices], shading.triangles).base
             rounded = np.rint(normals * NORMAL_LEVELS).astype(np.int8)
             self._add(base, "NORMAL", rounded[split.rows])
@@ -156,9 +131,9 @@ class _RiggedScene:
         self._count("correctives")
         first = rig.correctives.weights[0] if rig.n_targets else None
         path = path_of(part.name)
-        self._mesh_nodes.append(self._tree.add(part.name, len(self._meshes), IDENTITY))
-        self._tree.nodes[self._mesh_nodes[-1]]["skin"] = 0
-        self._meshes.append(
+        self._mesh_nodes.append(self.tree.add(part.name, len(self.meshes), IDENTITY))
+        self.tree.nodes[self._mesh_nodes[-1]]["skin"] = 0
+        self.meshes.append(
             mesh_json(path[-1], split, base, targets, first, buffer, self._materials)
         )
         self._count("mesh")
@@ -175,8 +150,8 @@ class _RiggedScene:
 
     def _add_bones(self) -> list[int]:
         """Add the nodes of the bones below one at the origin of the rig; return their indices."""
-        rig, nodes = self._rig, self._tree.nodes
-        armature = self._tree.group(f"{self._name or 'mesh'} skeleton".replace("/", "_"))
+        rig, nodes = self._rig, self.tree.nodes
+        armature = self.tree.group(f"{self._name or 'mesh'} skeleton".replace("/", "_"))
         if rig.origin.any():
             nodes[armature]["translation"] = rig.origin.tolist()
         bones: list[int] = []
@@ -194,22 +169,9 @@ class _RiggedScene:
             nodes.append(node)
         return bones
 
-    def _animation(self, bones: list[int]) -> Json | None:
-        """Return the animation of the bones and correctives; None of a single frame."""
+    def _add_animation(self, bones: list[int]) -> None:
+        """Animate the bones and correctives."""
         rig, buffer = self._rig, self.buffer
-        if len(rig.times_s) == 1:
-            return None
-        samplers: list[Json] = []
-        channels: list[Json] = []
-        inputs: dict[bytes, int] = {}
-
-        def animate(node: int, path: str, frames: npt.NDArray[np.int64], values: int) -> None:
-            key = frames.tobytes()
-            if key not in inputs:
-                inputs[key] = buffer.add_times(rig.times_s[frames])
-            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-            samplers.append({"input": inputs[key], "output": values})
-
         pairs = [*zip(bones, rig.tracks, strict=True)]
         # The root has keys in all frames, even if it rests, so that readers find all of them.
         turning = [(node, track) for node, track in pairs if moves(track.codes) or node == bones[0]]
@@ -219,19 +181,18 @@ class _RiggedScene:
             [track.rotations for _, track in turning], (codes, "QUATERNION")
         )
         for (node, track), values in zip(turning, rotations, strict=True):
-            animate(node, "rotation", track.frames, values)
+            self._animate(node, "rotation", self._times(track.frames), values)
         if moving:
             translations = buffer.add_curves([track.translations for _, track in moving])
             for (node, track), values in zip(moving, translations, strict=True):
-                animate(node, "translation", track.frames, values)
+                self._animate(node, "translation", self._times(track.frames), values)
         if rig.n_targets:
             self._count("bones and keys")
             all_frames = np.arange(len(rig.times_s))
             weights = buffer.add_samples(rig.correctives.weights, width=1)
             for node in self._mesh_nodes:
-                animate(node, "weights", all_frames, weights)
+                self._animate(node, "weights", self._times(all_frames), weights)
             self._count("correctives")
-        return {"name": self._name or "animation", "samplers": samplers, "channels": channels}
 
 
 def moves(keys: npt.NDArray[np.generic]) -> bool:

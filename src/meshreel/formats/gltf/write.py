@@ -18,6 +18,7 @@ from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
     ShadingMesh,
+    SplitVertices,
     describe_losses,
     fit_part,
     split_at_seams,
@@ -83,12 +84,11 @@ def write_morphs(
     default = DEFAULT_MAX_ERROR if options.targets is None else 0.0
     allowed, budget = requested_budget(low, high, options, default, consumer="morph targets")
     stream.progress("morph targets", 0.0)
-    scene = SceneWriter(stream.name, times_s, budget.added, options, notes)
+    scene = _MorphScene(stream.name, times_s, budget.added, options, notes)
     for segment in segments:
         scene.add_segment(segment)
     document = scene.document()
-    if scene.n_isolated:
-        notes.unwritten(f"left out {counted(scene.n_isolated, 'vertex')} that no face uses")
+    scene.note_isolated()
     errors = np.concatenate(scene.errors)
     error = _describe_error(errors, budget)
     n_targets = sorted(len(mesh.morphs.targets) for mesh in scene.morph_meshes if mesh.morphs)
@@ -123,8 +123,7 @@ def write_morphs(
             )
         )
     _note_normals(notes, scene, options)
-    for extension in scene.buffer.required:
-        notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+    scene.note_compression()
 
 
 def extension_of(options: WriteOptions) -> str | None:
@@ -177,7 +176,7 @@ def _describe_error(errors: npt.NDArray[np.floating], budget: ErrorBudget) -> st
     return f"the largest error{added} is {percent:.4f} % of the diagonal, in frame {frame},"
 
 
-def _note_normals(notes: Notes, scene: "SceneWriter", options: WriteOptions) -> None:
+def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> None:
     """Note which meshes have normals, and the error of animated normals."""
     if options.normals is False:
         return
@@ -197,18 +196,103 @@ def _note_normals(notes: Notes, scene: "SceneWriter", options: WriteOptions) -> 
 
 
 class SceneWriter:
-    """Collects the meshes, nodes, animation and buffer of a scene, segment by segment.
+    """Collects the meshes, nodes, animation and buffer of a scene.
 
     Parameters
     ----------
     name : str
         Of the sequence.
     times_s : sequence of float
-        Times of the frames of all segments, not negative.
-    bound : float
-        Largest error of a vertex, in model units; 0 for as small as possible.
+        Times of all frames, not negative.
     notes : Notes
         Gains a sentence for every material property that glTF cannot store.
+    """
+
+    def __init__(
+        self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
+    ) -> None:
+        self.buffer: BufferWriter = BufferWriter(extension_of(options))
+        self._n_isolated = 0
+        self._name, self._options, self._notes = name, options, notes
+        self._times_s: Floats = np.asarray(times_s)
+        self.tree: NodeTree = NodeTree()
+        self.meshes: list[Json] = []
+        self._samplers: list[Json] = []
+        self._channels: list[Json] = []
+        self._inputs: dict[bytes, int] = {}
+
+    def note_isolated(self) -> None:
+        """Add a note on vertices that no face uses."""
+        if self._n_isolated:
+            text = f"left out {counted(self._n_isolated, 'vertex')} that no face uses"
+            self._notes.unwritten(text)
+
+    def note_compression(self) -> None:
+        """Add a note on the extension that programs need to read the file."""
+        for extension in self.buffer.required:
+            self._notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+
+    def _split(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
+        """Return the split vertices of a part, its normals, and whether it has hard edges."""
+        # Only normals use hard edges.
+        hard_edges = None if self._options.normals is False else part.surface.hard_edges
+        n_verts = part.verts.stop - part.verts.start
+        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
+        split = split_at_seams(part, shading.rows.of_corner)
+        if self._options.compression:
+            split = split.along_edges()
+        self._n_isolated += n_verts - len(np.unique(split.sources))
+        return split, shading, hard_edges is not None
+
+    def _times(self, frames: npt.NDArray[np.int64]) -> int:
+        """Return the accessor of the times of frames, stored once."""
+        key = frames.tobytes()
+        if key not in self._inputs:
+            self._inputs[key] = self.buffer.add_times(self._times_s[frames])
+        return self._inputs[key]
+
+    def _animate(self, node: int, path: str, keys: int, values: int, **sampler: str) -> None:
+        """Add a channel, given the accessors of its key times and values."""
+        target = {"node": node, "path": path}
+        self._channels.append({"sampler": len(self._samplers), "target": target})
+        self._samplers.append({"input": keys, "output": values, **sampler})
+
+    def assemble(self, materials: Materials) -> Json:
+        """Return the JSON of the file, without the buffer; materials note those without use."""
+        materials.note_unused()
+        all_required = {*materials.required, *self.buffer.required}
+        if self.buffer.is_quantized:
+            all_required.add(QUANTIZATION)
+        animation = {
+            "name": self._name or "animation",
+            "samplers": self._samplers,
+            "channels": self._channels,
+        }
+        lists = {
+            **materials.lists,
+            "accessors": self.buffer.accessors,
+            "bufferViews": self.buffer.views,
+            "animations": [animation] if self._samplers else [],
+            "extensionsUsed": sorted(all_required | materials.used),
+            "extensionsRequired": sorted(all_required),
+        }
+        return {
+            "asset": {"version": "2.0", "generator": "meshreel"},
+            "scene": 0,
+            "scenes": [{"name": self._name or "scene", "nodes": self.tree.roots}],
+            "nodes": self.tree.nodes,
+            "meshes": self.meshes,
+            **{key: values for key, values in lists.items() if values},
+        }
+
+
+class _MorphScene(SceneWriter):
+    """Collects the segments of a sequence, with morph targets.
+
+    Parameters
+    ----------
+    bound : float
+        Largest error of a vertex, in model units; 0 for as small as possible.
 
     Attributes
     ----------
@@ -216,8 +300,6 @@ class SceneWriter:
         Meshes of the parts that have faces.
     errors : list of float arrays of shape (T,)
         Largest error of a vertex in each frame of each segment, in model units.
-    n_isolated : int
-        Number of vertices that no face uses, which are left out.
     """
 
     def __init__(
@@ -228,16 +310,12 @@ class SceneWriter:
         options: WriteOptions,
         notes: Notes,
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter(extension_of(options))
+        super().__init__(name, times_s, options, notes)
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
-        self.n_isolated = 0
         self.has_hard_edges = False
-        self._name, self._times_s, self._notes = name, times_s, notes
-        self._bound, self._options = bound, options
-        self._tree = NodeTree()
+        self._bound = bound
         self._materials: Materials | None = None
-        self._meshes: list[Json] = []
         self._nodes: list[tuple[int, slice]] = []
         self._segments: list[tuple[int, slice]] = []
 
@@ -260,23 +338,16 @@ class SceneWriter:
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the animation."""
         assert self._materials is not None
-        animation = self._animation()
-        return assemble_document(
-            self._name or "scene",
-            self._tree,
-            self._meshes,
-            self._materials,
-            self.buffer,
-            [animation] if animation else [],
-        )
+        self._add_animation()
+        return self.assemble(self._materials)
 
     def _group(self, frames: slice) -> str:
         """Add a node above the meshes of a segment with these frames; return its path."""
         number = len(self._segments)
         label = f"{self._name or 'segment'} {number}".replace("/", "_")
-        node = self._tree.group(label)
-        json = self._tree.nodes[node]
-        json["extras"] = {SEGMENT_START: self._times_s[frames.start]}
+        node = self.tree.group(label)
+        json = self.tree.nodes[node]
+        json["extras"] = {SEGMENT_START: float(self._times_s[frames.start])}
         # Without an animation, the first segment is shown.
         if number:
             json["scale"] = [0.0, 0.0, 0.0]
@@ -287,19 +358,11 @@ class SceneWriter:
         self, part: PartMesh, sequence: MeshSequence, frames: slice, materials: Materials
     ) -> None:
         """Add a part of a segment with these frames; skip a part without faces."""
-        hard_edges = part.surface.hard_edges
-        if self._options.normals is False:
-            hard_edges = None  # only normals use them
-        n_verts = part.verts.stop - part.verts.start
-        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
-        split = split_at_seams(part, shading.rows.of_corner)
-        if self._options.compression:
-            split = split.along_edges()
-        used = np.zeros(n_verts, bool)
-        used[split.sources] = True
-        self.n_isolated += int((~used).sum())
+        split, shading, has_hard_edges = self._split(part)
         if not len(split.sources):
             return
+        used = np.zeros(part.verts.stop - part.verts.start, bool)
+        used[split.sources] = True
         of_vertices = np.cumsum(used) - 1
         faces = of_vertices[part.faces].astype(np.int32)
         is_used = used[shading.rows.vertices]
@@ -307,88 +370,35 @@ class SceneWriter:
         shading_mesh = ShadingMesh(
             of_vertices[shading.rows.vertices[is_used]],
             of_rows[shading.triangles].astype(np.int32),
-            has_hard_edges=hard_edges is not None,
+            has_hard_edges=has_hard_edges,
         )
         positions = sequence.vertices[:, part.verts]
         used_positions = positions if used.all() else positions[:, used]
         morph_mesh = fit_part(used_positions, faces, self._bound, self._options, shading_mesh)
         split = split.with_indices(of_vertices, of_rows)
-        node = self._tree.add(part.name, len(self._meshes), morph_mesh.placement)
+        node = self.tree.add(part.name, len(self.meshes), morph_mesh.placement)
         self._nodes.append((node, frames))
         name = path_of(part.name)[-1]
-        self._meshes.append(write_mesh(name, split, morph_mesh, self.buffer, materials))
+        self.meshes.append(write_mesh(name, split, morph_mesh, self.buffer, materials))
         self.morph_meshes.append(morph_mesh)
 
-    def _animation(self) -> Json | None:
-        """Return the animation of all segments, and of meshes with targets; None without any."""
-        samplers: list[Json] = []
-        channels: list[Json] = []
-        times = np.asarray(self._times_s, np.float32)
-        inputs: dict[tuple[int, int], int] = {}
-
-        def animate(target: Json, keys: int, values: int, interpolation: str) -> None:
-            channels.append({"sampler": len(samplers), "target": target})
-            samplers.append({"input": keys, "output": values, "interpolation": interpolation})
-
+    def _add_animation(self) -> None:
+        """Animate all segments, and meshes with targets."""
         for (node, frames), morph_mesh in zip(self._nodes, self.morph_meshes, strict=True):
-            if morph_mesh.morphs is None:
-                continue
-            key = frames.start, frames.stop
-            if key not in inputs:
-                inputs[key] = self.buffer.add_times(times[frames])
-            values = self.buffer.add_samples(morph_mesh.morphs.weights, width=1)
-            animate({"node": node, "path": "weights"}, inputs[key], values, "LINEAR")
+            if morph_mesh.morphs is not None:
+                keys = self._times(np.arange(frames.start, frames.stop))
+                values = self.buffer.add_samples(morph_mesh.morphs.weights, width=1)
+                self._animate(node, "weights", keys, values, interpolation="LINEAR")
+        n_frames = len(self._times_s)
         for node, frames in self._segments:
             # The first segment has keys in all frames, so that readers find each of them even if no
             # vertex moves.
-            last = len(times) - 1
-            switch_frames = sorted({0, frames.start, min(frames.stop, last)})
-            keys = [*range(len(times))] if frames.start == 0 else switch_frames
-            scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in keys])
-            sampled = self.buffer.add_times(times[keys])
+            switch_frames = sorted({0, frames.start, min(frames.stop, n_frames - 1)})
+            shown = [*range(n_frames)] if frames.start == 0 else switch_frames
+            scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in shown])
+            keys = self.buffer.add_times(self._times_s[shown])
             values = self.buffer.add_samples(scales, width=3)
-            animate({"node": node, "path": "scale"}, sampled, values, "STEP")
-        name = self._name or "animation"
-        return {"name": name, "samplers": samplers, "channels": channels} if samplers else None
-
-
-def assemble_document(
-    name: str,
-    tree: "NodeTree",
-    meshes: list[Json],
-    materials: Materials,
-    buffer: BufferWriter,
-    animations: Sequence[Json] = (),
-) -> Json:
-    """Return the JSON of a file, without the buffer.
-
-    Parameters
-    ----------
-    name : str
-        Of the scene.
-    materials : Materials
-        Notes the materials that are not used.
-    """
-    materials.note_unused()
-    all_required = {*materials.required, *buffer.required}
-    if buffer.is_quantized:
-        all_required.add(QUANTIZATION)
-    lists = {
-        **materials.lists,
-        "accessors": buffer.accessors,
-        "bufferViews": buffer.views,
-        "animations": animations,
-        "extensionsUsed": sorted(all_required | materials.used),
-        "extensionsRequired": sorted(all_required),
-    }
-    return {
-        "asset": {"version": "2.0", "generator": "meshreel"},
-        "scene": 0,
-        "scenes": [{"name": name, "nodes": tree.roots}],
-        "nodes": tree.nodes,
-        "meshes": meshes,
-        **{key: values for key, values in lists.items() if values},
-    }
+            self._animate(node, "scale", keys, values, interpolation="STEP")
 
 
 class NodeTree:

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.gltf.container import BufferWriter, write_container
+from meshreel.formats.gltf.container import write_container
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import MorphMesh, NormalTargets, split_at_seams, write_mesh
 from meshreel.formats.gltf.morphs import IDENTITY, Placement
-from meshreel.formats.gltf.write import NodeTree, assemble_document
+from meshreel.formats.gltf.write import SceneWriter
+from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.layouts import MeshSpace, to_blender
 from meshreel.model.geometry.normals import vertex_normals
@@ -169,20 +170,19 @@ class RestMesh:
         if space.rotation is not None:
             normals, rest = to_blender(normals), to_blender(rest)
         rest = (rest * space.scale).astype(np.float32)
-        buffer = BufferWriter()
-        materials = Materials(surface, buffer, notes)
+        name = path.stem
+        scene = SceneWriter(name, [0.0], WriteOptions(compression=False), notes)
+        materials = Materials(surface, scene.buffer, notes)
         [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
         split = split_at_seams(whole).with_indices(self._compact_indices, self._compact_indices)
         morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
-        name = path.stem
-        tree = NodeTree()
-        node = tree.add(name, 0, motion.placement)
+        node = scene.tree.add(name, 0, motion.placement)
         if space.rotation is not None:
             transform = {"rotation": list(space.rotation), "scale": [1 / space.scale] * 3}
-            tree.nodes[node] |= transform
-        meshes = [write_mesh(name, split, morph_mesh, buffer, materials)]
-        document = assemble_document(name, tree, meshes, materials, buffer)
-        write_container(path, document, buffer, "leave out attributes (--attributes)")
+            scene.tree.nodes[node] |= transform
+        scene.meshes.append(write_mesh(name, split, morph_mesh, scene.buffer, materials))
+        document = scene.assemble(materials)
+        write_container(path, document, scene.buffer, "leave out attributes (--attributes)")
 
     def _with_texel_uvs(self, uvs: Floats) -> Surface:
         """Return the surface with these as its second UV set; the first is zeros if it has none."""
