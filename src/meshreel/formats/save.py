@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
-from meshreel.errors import ConnectivityChangeError, FormatError, Keyword
+from meshreel.errors import ConnectivityChangeError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.kinds import Encode, FolderFormat, FrameFormat, SequenceFormat
+from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import (
     DEFAULT_OPTIONS,
@@ -301,9 +301,10 @@ def _image_files(
 def _write_frames(output_format: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
     """Write one file per frame."""
     numbered = iter(paths)
+    assert output_format.encoder is not None  # check_output rejects read-only formats
     for segment in stream.segments():
         note_unwritten_materials(segment.surface, output_format.extension, segment.notes)
-        encode = _encoder_of(output_format, segment)
+        encode = output_format.encoder(segment)
         for index, frame in enumerate(segment.frames()):
             next(numbered).write_bytes(encode(frame, segment.values(index)))
 
@@ -312,8 +313,6 @@ def _write_sequence(
     output_format: SequenceFormat, paths: list[Path], stream: SegmentedStream, options: WriteOptions
 ) -> None:
     """Write all frames to the first path, and the first frame to the companion file, if any."""
-    if output_format.write is None:  # check_output rejects read-only formats
-        raise FormatError(f"{output_format.extension} files are read, but not written")
 
     def note_materials(mesh: FrameStream) -> FrameStream:
         note_unwritten_materials(mesh.surface, output_format.extension, stream.notes)
@@ -322,12 +321,8 @@ def _write_sequence(
     noting = stream if output_format.holds_materials else stream.changed(note_materials)
     if output_format.companion:
         only = noting.only()
-        encode = _encoder_of(FRAME_FORMATS[output_format.companion], only)
-        paths[1].write_bytes(encode(only.first, only.values(0)))
+        encoder = FRAME_FORMATS[output_format.companion].encoder
+        assert encoder is not None
+        paths[1].write_bytes(encoder(only)(only.first, only.values(0)))
+    assert output_format.write is not None  # check_output rejects read-only formats
     output_format.write(paths[0], noting, options)
-
-
-def _encoder_of(output_format: FrameFormat, stream: FrameStream) -> Encode:
-    if output_format.encoder is None:  # check_output rejects read-only formats
-        raise FormatError(f"{output_format.extension} files are read, but not written")
-    return output_format.encoder(stream)
