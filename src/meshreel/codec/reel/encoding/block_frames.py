@@ -64,6 +64,11 @@ class BlockFrames:
         """The values with vertices in internal order."""
         return self.vertices if self.order is None else self.vertices.take(self.order, axis=1)
 
+    def internal_frame(self, number: int) -> npt.NDArray[np.floating]:
+        """One frame of the values, of shape (V, C), with vertices in internal order."""
+        frame = self.vertices[number]
+        return np.asarray(frame if self.order is None else frame[self.order])
+
     @cached_property
     def rounding(self) -> float:
         """Largest rounding error of a position by its number type, in diagonals."""

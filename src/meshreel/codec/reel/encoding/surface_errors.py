@@ -7,13 +7,14 @@ three dimensions of an error then count little, and coarser values of them take 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, BlockFrames
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.predict import MAX_JOINT
 from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
+from meshreel.runtime.threads import chunks
 
 Floats = npt.NDArray[np.float64]
 
@@ -63,27 +64,25 @@ def surface_forms(
     if not n_joint:
         return None
     times = evenly_spaced(frames.n_frames, MAX_TIMES)
-    forms = np.zeros((frames.n_verts, n_joint, n_joint))
-    for time in times:
-        positions = frames.vertices[time]
-        if frames.order is not None:
-            positions = positions[frames.order]
-        axes, squares = vectors[:, time, :n_joint], _squared_normals(positions, mesh.faces)
-        forms += np.einsum("ik,vij,jl->vkl", axes, squares, axes, optimize=True)
-    forms *= (ACROSS - ALONG) * frames.n_frames / len(times)
-    forms += ALONG * np.eye(n_joint)
-    # With both axes reversed, Cholesky factors eliminate the last mode first.
-    factors = np.linalg.cholesky(forms[:, ::-1, ::-1])[:, ::-1, ::-1].swapaxes(1, 2)
-    scales = np.diagonal(factors, axis1=1, axis2=2)[:, :, np.newaxis]
-    lower = factors / scales
-    lower[:, range(n_joint), range(n_joint)] = scales[:, :, 0] ** 2
+    squares = [_squared_normals(frames.internal_frame(time), mesh.faces) for time in times]
+    weight = (ACROSS - ALONG) * frames.n_frames / len(times)
     rows, columns = np.tril_indices(n_joint)
     result = np.empty((frames.n_verts, len(rows)), np.float32)
-    result[mesh.number] = lower[:, rows, columns]
+    for piece in chunks(frames.n_verts, CHUNK_VERTICES):
+        forms = np.tile(ALONG * np.eye(n_joint), (piece.stop - piece.start, 1, 1))
+        for time, of_time in zip(times, squares, strict=True):
+            axes = vectors[:, time, :n_joint]
+            forms += weight * np.einsum("ik,vij,jl->vkl", axes, of_time[piece], axes, optimize=True)
+        # With both axes reversed, Cholesky factors eliminate the last mode first.
+        factors = np.linalg.cholesky(forms[:, ::-1, ::-1])[:, ::-1, ::-1].swapaxes(1, 2)
+        scales = np.diagonal(factors, axis1=1, axis2=2)[:, :, np.newaxis]
+        lower = factors / scales
+        lower[:, range(n_joint), range(n_joint)] = scales[:, :, 0] ** 2
+        result[mesh.number[piece]] = lower[:, rows, columns]
     return result
 
 
-def _squared_normals(positions: npt.NDArray[np.floating], faces: Faces) -> Floats:
+def _squared_normals(positions: npt.NDArray[np.floating], faces: Faces) -> npt.NDArray[np.float32]:
     """Return the mean products of the normals around each vertex, of shape (V, 3, 3).
 
     Faces count by their area. A boundary counts as a square across its face, so that it keeps its
@@ -105,11 +104,11 @@ def _squared_normals(positions: npt.NDArray[np.floating], faces: Faces) -> Float
         return np.bincount(vertices, values, n_verts).astype(np.float64)
 
     total = sums(areas)
-    squares = np.empty((n_verts, 3, 3))
+    squares = np.empty((n_verts, 3, 3), np.float32)
     for i in range(3):
         for j in range(i + 1):
-            squares[:, i, j] = squares[:, j, i] = sums(areas * units[:, i] * units[:, j])
-    squares /= np.where(total > 0, total, 1.0)[:, np.newaxis, np.newaxis]
+            product = sums(areas * units[:, i] * units[:, j])
+            squares[:, i, j] = squares[:, j, i] = product / np.where(total > 0, total, 1.0)
     squares[total <= 0] = np.eye(3)
     return squares
 
