@@ -20,8 +20,8 @@ EXTENSIONS = [one.extension for one in WRITTEN]
 APPROXIMATE = {".glb", ".gltf", ".reel"}
 TRIANGLES = {".glb", ".gltf", ".stl"}
 TIMELESS = {".pc2"}
-WITHOUT_UV = {".off", ".stl", ".ply", ".pvd", ".vtp", ".vtu"}
-"""Formats that store the corner attributes of the sheet."""
+WITHOUT_UV = {".off", ".stl", ".ply", ".pvd", ".vtkhdf", ".vtp", ".vtu"}
+"""Formats that do not store the corner attributes of the sheet."""
 ERROR = 1e-3
 """Tolerance relative to the diagonal: twice the error requested from lossy formats."""
 
