@@ -116,15 +116,9 @@ def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:
 def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
     """Write an HDF5 file frame by frame; positions and tracks round-trip exactly."""
     stream = segments.only()
-    frame_bytes = stream.n_verts * 3 * stream.dtype.itemsize
-    chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
+    shape = stream.n_frames, stream.n_verts, 3
     with hdf_output(path) as output:
-        vertices = output.root.create_dataset(
-            POSITIONS,
-            (stream.n_frames, stream.n_verts, 3),
-            stream.dtype,
-            chunks=(chunk_frames, stream.n_verts, 3),
-        )
+        vertices = _create_dataset(output.root, POSITIONS, shape, stream.dtype)
         for name, array in described_arrays(stream).items():
             write_array(output.root, name, array)
         for index, frame in output.frames(stream):
@@ -139,14 +133,19 @@ def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
     group = output.root.create_group(TRACKS_FOLDER)
     places = array_names(stream.tracks)
     for name, track in stream.tracks.items():
-        frame_bytes = track.shape[1] * track.shape[2] * track.dtype.itemsize
-        chunk_frames = min(stream.n_frames, max(1, CHUNK_BYTES // frame_bytes))
-        dataset = group.create_dataset(
-            places[name], track.shape, track.dtype, chunks=(chunk_frames, *track.shape[1:])
-        )
+        dataset = _create_dataset(group, places[name], track.shape, track.dtype)
         describe_track(dataset, name, track)
         for start, values in output.blocks(track):
             dataset[start : start + len(values)] = values
+
+
+def _create_dataset(
+    group: Node, name: str, shape: tuple[int, int, int], dtype: np.dtype[Any]
+) -> Dataset:
+    """Return a new dataset in chunks of whole frames."""
+    frame_bytes = shape[1] * shape[2] * dtype.itemsize
+    chunk_frames = min(shape[0], max(1, CHUNK_BYTES // frame_bytes))
+    return group.create_dataset(name, shape, dtype, chunks=(chunk_frames, *shape[1:]))
 
 
 def _reader(

@@ -5,7 +5,7 @@ the seams of their textures. Points are welded along these seams; values that di
 become values of corners.
 """
 
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,11 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field
 from meshreel.formats.frames.frame import Frame, fields_of
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.surfaces.hard_edges import HardEdges, find_hard_edges
-from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
+from meshreel.formats.surfaces.hard_edges import find_hard_edges
+from meshreel.formats.surfaces.polygons import polygon_mesh
 from meshreel.formats.surfaces.welding import weld_seams
 from meshreel.model.notes import Notes
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import DRACO_FRAMES as LIBRARY
 
@@ -75,21 +75,14 @@ def read_drc(data: bytes) -> Frame:
         for name, kind, draco_type in (("uv", Kind.UV, UV), ("color", Kind.COLOR, COLOR))
         for number, values in enumerate(by_type.get(draco_type, []))
     )
-    fields, normals = fields_of(attributes), None
-    if NORMAL in by_type:
-        normals = split.attribute(NORMALS_NAME, Kind.OTHER, by_type[NORMAL][0])
-        values = normals.per_item()
-        fields[normals.domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
-    surface = Surface(None, attributes, is_ordered=False)
-    return Frame(mesh, surface, fields, notes, partial(_hard_edges, mesh, normals))
-
-
-def _hard_edges(mesh: PolygonMesh, normals: Attribute | None) -> HardEdges | None:
-    if normals is None:
-        return None
-    values = normals.per_item()
-    is_of_vertices = normals.domain is Domain.VERTEX
-    return find_hard_edges(mesh, values[mesh.corners] if is_of_vertices else values)
+    fields = fields_of(attributes)
+    frame = Frame(mesh, Surface(None, attributes, is_ordered=False), fields, notes)
+    if NORMAL not in by_type:
+        return frame
+    normals = split.attribute(NORMALS_NAME, Kind.OTHER, by_type[NORMAL][0])
+    values, corners = normals.per_item(), mesh.items_of_corners(normals.domain)
+    fields[normals.domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
+    return replace(frame, find_hard_edges=lambda: find_hard_edges(mesh, values[corners]))
 
 
 def _decode_points(data: bytes) -> Any:

@@ -1,11 +1,10 @@
 """Reader for ParaView collections (``.pvd``): a list of VTK files and their times."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -28,8 +27,6 @@ from meshreel.formats.vtk.xml_writing import pvd_pieces, write_pvd
 from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
-
-Read = TypeVar("Read")
 
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 
@@ -218,7 +215,11 @@ class _PieceFrames:
             for number, file in enumerate(paths):
                 series[number].append((file, time))
         self._places = places
-        self._pieces = [_file_frames(frames, steps, notes) for frames in series]
+        self._pieces = [
+            SceneMesh(f"/piece_{number}", times, read.frame, read.surface, tracks=read.tracks)
+            for number, frames in enumerate(series)
+            for read in [_file_frames(frames, steps, notes)]
+        ]
 
     def frame(self, index: int) -> PolygonMesh:
         return self._mesh(index).frame(0)
@@ -237,24 +238,18 @@ class _PieceFrames:
         if counts == {1}:
             first = places[0][0].before
             return self._pieces[0].tracks(range(first, first + len(frames)))
-        pieces = [
-            SceneMesh(f"/piece_{number}", self._times, piece.frame, tracks=piece.tracks)
-            for number, piece in enumerate(self._pieces[: counts.pop()])
-        ]
-        return merge_tracks(pieces, places, self._notes)
+        return merge_tracks(self._pieces[: counts.pop()], places, self._notes)
 
     def _mesh(self, index: int) -> SceneMesh:
-        time = self._times[index : index + 1]
-        meshes = []
-        for number, place in enumerate(self._places[index]):
-            piece = self._pieces[number]
-            frame, surface = partial(_at, piece.frame, place), partial(_at, piece.surface, place)
-            meshes.append(SceneMesh(f"/piece_{number}", time, frame, surface))
+        pieces = zip(self._pieces, self._places[index], strict=False)
+        meshes = [_frame_of(piece, place, self._times[index]) for piece, place in pieces]
         return merge_meshes(meshes, self._name, self._notes) if len(meshes) > 1 else meshes[0]
 
 
-def _at(read: Callable[[int], Read], place: int, _: int) -> Read:
-    return read(place)
+def _frame_of(piece: SceneMesh, place: int, time: float) -> SceneMesh:
+    return SceneMesh(
+        piece.name, np.array([time]), lambda _: piece.frame(place), lambda _: piece.surface(place)
+    )
 
 
 def _file_frames(files: list[tuple[Path, float]], steps: _FileSteps, notes: Notes) -> StepFrames:
