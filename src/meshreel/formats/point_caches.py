@@ -22,7 +22,6 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import (
-    CheckedReader,
     Description,
     RawArray,
 )
@@ -67,7 +66,7 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
     start_s = first_frame / (fps * interval) if fps else 0.0
     positions = RawArray(path, PC2_HEADER.size, (n_frames, n_verts, 3), PC2_NUMBER)
     about = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
-    return _open_frames(positions, about, options)
+    return about.open_array(positions, {}, options.max_loaded_bytes, options.progress)
 
 
 def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -135,7 +134,7 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     start_byte = MDD_HEADER.size + times.nbytes
     positions = RawArray(path, start_byte, (len(times), n_verts, 3), MDD_NUMBER)
     about = Description(faces, path.stem, timing, surface)
-    return _open_frames(positions, about, options)
+    return about.open_array(positions, {}, options.max_loaded_bytes, options.progress)
 
 
 def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -235,15 +234,6 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
             f"{expected} bytes; "
             f"the file has {size_bytes}"
         )
-
-
-def _open_frames(positions: RawArray, about: Description, options: ReadOptions) -> FrameSource:
-    """Return the sequence of a point cache, loaded if it is small enough."""
-    n_frames, n_verts, _ = positions.shape
-    path, dtype = positions.path, np.dtype(np.float32)
-    read, max_bytes = CheckedReader(path, positions.read), options.max_loaded_bytes
-    with errors_naming(path):
-        return about.open((n_frames, n_verts), dtype, read, [path], {}, max_bytes, options.progress)
 
 
 def single_precision(stream: FrameStream) -> Iterator[Vertices]:

@@ -37,7 +37,6 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import (
     CheckedReader,
-    Description,
     RawArray,
 )
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
@@ -90,7 +89,8 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         size_bytes += sum(track.size_bytes for track in named_tracks.values())
         if size_bytes > max_bytes:
             tracks = {name: _track(path, track) for name, track in named_tracks.items()}
-            return _stored_frames(raw_vertices, positions, about, tracks, options)
+            verify_member(path, positions)
+            return about.open_array(raw_vertices, tracks, max_bytes, options.progress)
         arrays |= read_members(path, [positions])
     vertices = arrays[positions]
     values = read_members(path, [track.place for track in named_tracks.values()])
@@ -113,28 +113,6 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
     if layout is Layout.FRAMES_LAST:
         vertices = vertices.transpose(2, 0, 1)
     return np.ascontiguousarray(vertices)
-
-
-def _stored_frames(
-    raw_vertices: RawArray,
-    positions: str,
-    about: Description,
-    tracks: Mapping[str, TrackSource],
-    options: ReadOptions,
-) -> FrameSource:
-    """Return frames that stay in the file, after reading and verifying them once."""
-    path, (n_frames, n_verts, _) = raw_vertices.path, raw_vertices.shape
-    verify_member(path, positions)
-    with errors_naming(path):
-        return about.open(
-            (n_frames, n_verts),
-            raw_vertices.dtype.newbyteorder("="),
-            CheckedReader(path, raw_vertices.read),
-            [path],
-            tracks,
-            options.max_loaded_bytes,
-            options.progress,
-        )
 
 
 def _track(path: Path, track: NamedTrack) -> TrackSource:
