@@ -15,9 +15,6 @@ SHORT = 32767
 MIN_BITS, MAX_BITS = 6, 16
 """Bits of a component of a quaternion."""
 
-MIN_ARC_RAD = 1e-6
-"""Angle between rotations below which linear interpolation replaces the spherical one."""
-
 MAX_KEY_SHARE = 0.4
 """Bones whose reduced keys are at most this share of the frames have key times of their own; with
 more, the times and larger differences take more bytes than the keys save."""
@@ -83,48 +80,28 @@ def _interpolated(
     first, second = frames[before], frames[before + 1]
     share = (times_s - times_s[first]) / (times_s[second] - times_s[first])
     share = np.clip(share, 0, 1).astype(quaternions.dtype)[:, np.newaxis]
-    turned = slerp(quaternions[before], quaternions[before + 1], share)
-    moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
-    return unit(turned), moved
-
-
-def slerp(first: Real, second: Real, weight: Real) -> Real:
-    """Return rotations interpolated spherically along the shorter arc, of shape (T, 4).
-
-    Parameters
-    ----------
-    first, second : float arrays of shape (T, 4)
-        Unit quaternions.
-    weight : float array of shape (T, 1)
-    """
-    cosine = (first * second).sum(axis=1, keepdims=True)
-    nearer = np.where(cosine < 0, -second, second)
-    # From the chord, which is accurate for small angles, unlike the arc cosine.
-    chord = np.linalg.norm(nearer - first, axis=1, keepdims=True)
-    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
-    is_arc = angle > MIN_ARC_RAD
+    a, b = quaternions[before], quaternions[before + 1]
+    cosine = (a * b).sum(axis=1, keepdims=True)
+    b = np.where(cosine < 0, -b, b)
+    angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
+    is_arc = angle > 1e-6
     sine = np.where(is_arc, np.sin(angle), 1)
-    before = np.where(is_arc, np.sin((1 - weight) * angle) / sine, 1 - weight)
-    after = np.where(is_arc, np.sin(weight * angle) / sine, weight)
-    interpolated: Real = before * first + after * nearer
-    return interpolated
-
-
-def rotation_rows(quaternions: Real) -> list[list[Real]]:
-    """Return the rows of the rotation matrices of unit quaternions x, y, z, w of shape (T, 4)."""
-    x, y, z, w = quaternions.T
-    return [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    mixed: npt.NDArray[Any] = (
+        np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
+        + np.where(is_arc, np.sin(share * angle) / sine, share) * b
+    )
+    moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
+    return unit(mixed), moved
 
 
 def to_matrices(quaternions: Real, translations: Real) -> Real:
     """Return transforms of shape (T, 3, 4) of unit quaternions x, y, z, w and translations."""
-    rows = rotation_rows(quaternions)
-    for row, shift in zip(rows, translations.T, strict=True):
-        row.append(shift)
+    x, y, z, w = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translations[:, 0]],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translations[:, 1]],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translations[:, 2]],
+    ]
     return np.array(rows).transpose(2, 0, 1)
 
 

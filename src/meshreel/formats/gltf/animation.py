@@ -21,11 +21,13 @@ from meshreel.formats.gltf.document import (
 )
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.model.notes import Notes, listed
-from meshreel.rigging.keys import rotation_rows, slerp
 
 Matrices = npt.NDArray[np.float64]
 
 LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
+
+MIN_ARC_RAD = 1e-6
+"""Angle between rotations below which linear interpolation replaces the spherical one."""
 
 VISIBLE = "visible"
 """Path of channels that animate the visibility of a node."""
@@ -256,6 +258,28 @@ def hermite(
         + (3 * s**2 - 2 * s**3) * second
         + (s**3 - s**2) * in_tangent
     )
+
+
+def slerp(first: Floats, second: Floats, weight: Floats) -> Floats:
+    """Return rotations interpolated spherically along the shorter arc, of shape (T, 4).
+
+    Parameters
+    ----------
+    first, second : float64 arrays of shape (T, 4)
+        Unit quaternions.
+    weight : float64 array of shape (T, 1)
+    """
+    cosine = (first * second).sum(axis=1, keepdims=True)
+    nearer = np.where(cosine < 0, -second, second)
+    # From the chord, which is accurate for small angles, unlike the arc cosine.
+    chord = np.linalg.norm(nearer - first, axis=1, keepdims=True)
+    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
+    is_arc = angle > MIN_ARC_RAD
+    sine = np.where(is_arc, np.sin(angle), 1)
+    before = np.where(is_arc, np.sin((1 - weight) * angle) / sine, 1 - weight)
+    after = np.where(is_arc, np.sin(weight * angle) / sine, weight)
+    interpolated: Floats = before * first + after * nearer
+    return interpolated
 
 
 def unit(quaternions: Floats) -> Floats:
@@ -574,11 +598,15 @@ def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices
     rotations : float64 array of shape (T, 4)
         Unit quaternions x y z w. Each of the three may have a single row, for all times.
     """
+    x, y, z, w = rotations.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
     n_times = max(len(translations), len(rotations), len(scales))
     transforms = np.zeros((n_times, 4, 4))
-    transforms[:, :3, :3] = (
-        np.moveaxis(np.array(rotation_rows(rotations)), 2, 0) * scales[:, np.newaxis]
-    )
+    transforms[:, :3, :3] = np.moveaxis(np.array(rows), 2, 0) * scales[:, np.newaxis]
     transforms[:, :3, 3] = translations
     transforms[:, 3, 3] = 1
     return transforms

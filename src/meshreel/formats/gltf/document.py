@@ -390,7 +390,9 @@ class Document:
             self._overwrite(array, sparse)
         return Values(array, accessor.flag("normalized"))
 
-    def read_floats(self, parent: JsonObject, key: str, *kinds: str) -> npt.NDArray[np.float64]:
+    def read_floats(
+        self, parent: JsonObject, key: str, *kinds: str, count: int | None = None
+    ) -> npt.NDArray[np.float64]:
         """Return the numbers of an accessor as float64; arguments as `read`.
 
         Raises
@@ -398,10 +400,36 @@ class Document:
         FormatError
             As `read`, or if a number is not finite.
         """
-        numbers = self.read(parent, key, *kinds).floats().astype(np.float64)
+        numbers = self.read(parent, key, *kinds, count=count).floats().astype(np.float64)
         if not np.isfinite(numbers).all():
             raise FormatError(f"{parent.place}: the numbers of {key!r} must be finite")
         return numbers
+
+    def read_named(
+        self,
+        parent: JsonObject,
+        kinds: Mapping[str, tuple[str, ...]],
+        decoded: Mapping[str, Values],
+        *,
+        count: int,
+    ) -> dict[str, Values]:
+        """Return the values of the accessors with these keys and types, unless they are decoded."""
+        return {
+            key: decoded[key]
+            if key in decoded
+            else self.read(parent, key, *kinds[key], count=count)
+            for key in parent.values
+            if key in kinds
+        }
+
+    def read_each(
+        self, parents: Sequence[JsonObject], key: str, kind: str, *, count: int
+    ) -> tuple[npt.NDArray[Any] | None, ...]:
+        """Return the numbers of an accessor of each object; None if it has none."""
+        return tuple(
+            self.read(parent, key, kind, count=count).floats() if key in parent else None
+            for parent in parents
+        )
 
     def view(self, parent: JsonObject) -> tuple[memoryview, int]:
         """Return the decompressed bytes of a buffer view, and its stride, or 0 without one.

@@ -178,19 +178,10 @@ def _read_primitives(
         key = repr((attributes, json.values.get("targets"), json.values.get("extensions")))
         count = primitive.attributes.item("POSITION", "accessors").integer("count")
         if key not in blocks:
-            values = {
-                name: decoded[name]
-                if name in decoded
-                else document.read(primitive.attributes, name, *kinds[name], count=count)
-                for name in attributes
-                if name in kinds
-            }
+            values = document.read_named(primitive.attributes, kinds, decoded, count=count)
             positions = values.pop("POSITION").floats()
-            moved = tuple(
-                document.read(target, "POSITION", "VEC3", count=count).floats()
-                if "POSITION" in target
-                else None
-                for target in primitive.targets[:n_targets]
+            moved = document.read_each(
+                primitive.targets[:n_targets], "POSITION", "VEC3", count=count
             )
             blocks[key] = n_verts, Block(positions, values, moved)
             n_verts += count

@@ -7,11 +7,10 @@ import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve
+from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve, slerp
 from meshreel.formats.gltf.read import common_rate, sample_times
 from meshreel.formats.options import WriteOptions
 from meshreel.model.notes import Notes
-from meshreel.rigging.keys import slerp
 from samples.gltf import Gltf
 from samples.meshes import waving_grid
 
