@@ -43,8 +43,9 @@ from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.extent import Extent
+from meshreel.model.geometry.normals import unit
 from meshreel.registration.register import register
-from meshreel.registration.triangle_mesh import TriangleMesh, unit
+from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 from meshreel.studies.rate_distortion import bd_rate, rate_at_error
 from meshreel.studies.timing import timed_once

@@ -96,7 +96,8 @@ static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
                : mesh->smooth + start * REEL_SMOOTH_FIELDS;
 }
 
-/* Estimate the bits of the magnitudes of a mode, with their signs, from the counts so far. */
+/* Estimate the bits of the magnitudes of a mode, with their signs, from the counts so far, and
+   discount these if they are many. */
 static void estimate_bits(double *counts, double *bits) {
     double sum = 0.0;
     for (int i = 0; i < REEL_MAGNITUDES; i++) {
@@ -118,8 +119,8 @@ static int32_t cheapest_magnitude(double magnitude, double weight, double rd_lam
     double least = weight * magnitude * magnitude + rd_lambda * bits[0];
     for (; q <= nearest; q++) {
         double error = magnitude - q;
-        double cost = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
-        cost = weight * error * error + rd_lambda * cost;
+        double needed = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
+        double cost = weight * error * error + rd_lambda * needed;
         if (cost < least) {
             least = cost;
             best = q;

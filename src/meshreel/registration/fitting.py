@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Floats
+from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import Faces
-from meshreel.registration.triangle_mesh import Samples, TriangleMesh, unit
+from meshreel.registration.triangle_mesh import Samples, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_COSINE = 0.5

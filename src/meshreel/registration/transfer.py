@@ -8,6 +8,7 @@ import numpy as np
 
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import (
@@ -18,7 +19,7 @@ from meshreel.model.tracks import (
     default_kind,
 )
 from meshreel.registration.cleaning import CleanMesh
-from meshreel.registration.triangle_mesh import TriangleMesh, unit
+from meshreel.registration.triangle_mesh import TriangleMesh
 
 
 class Places(NamedTuple):

@@ -18,7 +18,7 @@ from meshreel.model.geometry.connectivity import (
     component_labels,
     lowest_connected,
 )
-from meshreel.model.geometry.normals import face_normals
+from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces
 
 Indices = npt.NDArray[np.int64]
@@ -256,12 +256,6 @@ class TriangleMesh:
     def oriented_tree(self) -> Any:
         """A k-d tree of `oriented`, which finds vertices that are near in place and direction."""
         return k_d_tree(self.oriented)
-
-
-def unit(vectors: Floats) -> Floats:
-    """Return vectors of length 1; zero vectors stay."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))
 
 
 def _dots(first: Floats, second: Floats) -> Floats:

@@ -37,6 +37,10 @@ def vertex_normals(vertices: npt.NDArray[np.floating], faces: Faces) -> Floats:
     """
     normals = face_normals(vertices, faces).T
     columns = [np.bincount(faces.ravel(), np.repeat(x, 3), len(vertices)) for x in normals]
-    sums = np.stack(columns, axis=1)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.asarray(np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0))
+    return unit(np.stack(columns, axis=1))
+
+
+def unit(vectors: Floats) -> Floats:
+    """Return vectors of shape (..., 3) with length 1; zero vectors stay."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0))

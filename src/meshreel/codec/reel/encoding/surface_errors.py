@@ -7,12 +7,13 @@ three dimensions of an error then count little, and coarser values of them take 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, BlockFrames
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.predict import MAX_JOINT
 from meshreel.model.frame_choice import evenly_spaced
-from meshreel.model.geometry.normals import face_normals
+from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces
 from meshreel.runtime.threads import chunks
 
@@ -64,7 +65,11 @@ def surface_forms(
     if not n_joint:
         return None
     times = evenly_spaced(frames.n_frames, MAX_TIMES)
-    squares = [_squared_normals(frames.internal_frame(time), mesh.faces) for time in times]
+    twins = opposite_sides(mesh.faces, frames.n_verts)
+    boundary = np.flatnonzero(twins == np.arange(len(twins)))
+    squares = [
+        _squared_normals(frames.internal_frame(time), mesh.faces, boundary) for time in times
+    ]
     weight = (ACROSS - ALONG) * frames.n_frames / len(times)
     rows, columns = np.tril_indices(n_joint)
     result = np.empty((frames.n_verts, len(rows)), np.float32)
@@ -82,23 +87,29 @@ def surface_forms(
     return result
 
 
-def _squared_normals(positions: npt.NDArray[np.floating], faces: Faces) -> npt.NDArray[np.float32]:
+def _squared_normals(
+    positions: npt.NDArray[np.floating], faces: Faces, boundary: Integers
+) -> npt.NDArray[np.float32]:
     """Return the mean products of the normals around each vertex, of shape (V, 3, 3).
 
     Faces count by their area. A boundary counts as a square across its face, so that it keeps its
     place. Without any, all directions count alike.
+
+    Parameters
+    ----------
+    boundary : integer array of shape (B,)
+        Sides of faces that no other face shares; side 3 m + k of face m begins at its corner k.
     """
     points, n_verts = positions.astype(np.float64), len(positions)
     normals = face_normals(points, faces)
-    sides = np.flatnonzero(opposite_sides(faces, n_verts) == np.arange(faces.size))
-    owners, ends = sides // 3, np.stack([sides, sides - sides % 3 + (sides + 1) % 3])
-    ends = faces.ravel()[ends]
-    along = points[ends[1]] - points[ends[0]]
-    across = np.cross(along, _unit(normals[owners])) * np.linalg.norm(along, axis=1)[:, np.newaxis]
-    vertices = np.concatenate([faces.ravel(), ends.ravel()])
+    owners, corners = np.divmod(boundary, 3)
+    starts, ends = faces[owners, corners], faces[owners, (corners + 1) % 3]
+    along = points[ends] - points[starts]
+    across = np.cross(along, unit(normals[owners])) * np.linalg.norm(along, axis=1)[:, np.newaxis]
+    vertices = np.concatenate([faces.ravel(), starts, ends])
     normals = np.concatenate([np.repeat(normals, 3, axis=0), across, across])
     areas = np.linalg.norm(normals, axis=1)
-    units = _unit(normals)
+    units = unit(normals)
 
     def sums(values: Floats) -> Floats:
         return np.bincount(vertices, values, n_verts).astype(np.float64)
@@ -111,9 +122,3 @@ def _squared_normals(positions: npt.NDArray[np.floating], faces: Faces) -> npt.N
             squares[:, i, j] = squares[:, j, i] = product / np.where(total > 0, total, 1.0)
     squares[total <= 0] = np.eye(3)
     return squares
-
-
-def _unit(vectors: Floats) -> Floats:
-    """Return vectors of length 1; zero vectors stay."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(lengths > 0, lengths, 1.0)
