@@ -85,14 +85,15 @@ def _unlock_cached_properties() -> None:
 
 
 def in_threads(
-    work: Callable[[Piece], None],
+    work: Callable[[Piece], Result],
     pieces: Sequence[Piece],
     done: Callable[[int], None] | None = None,
-) -> None:
-    """Call `work` for each piece in the pool, with one BLAS thread each; raise the first error.
+) -> list[Result]:
+    """Return the results of `work` for all pieces, which run in the pool with one BLAS thread each.
 
-    A call from a thread of the pool runs in that thread: otherwise all threads could wait for a
-    free one.
+    The first error is raised.
+
+    A call from a thread of the pool uses idle ones, too.
 
     Parameters
     ----------
@@ -102,15 +103,39 @@ def in_threads(
         Called in the caller's thread with n after the first n pieces are complete.
     """
     with one_blas_thread():
-        is_serial = len(pieces) == 1 or n_cores() == 1
-        if is_serial or threading.current_thread().name.startswith(POOL):
-            results: Iterable[None] = map(work, pieces)
+        if len(pieces) <= 1 or n_cores() == 1:
+            results: Iterable[Result] = map(work, pieces)
+        elif threading.current_thread().name.startswith(POOL):
+            results = _with_idle_threads(work, pieces)
         else:
             tasks = [_in_caller_context(work) for _ in pieces]
             results = pool().map(lambda task, piece: task(piece), tasks, pieces)
-        for number, _ in enumerate(results, start=1):
+        collected = []
+        for result in results:
+            collected.append(result)
             if done:
-                done(number)
+                done(len(collected))
+        return collected
+
+
+def _with_idle_threads(
+    work: Callable[[Piece], Result], pieces: Sequence[Piece]
+) -> Iterator[Result]:
+    """Yield the result for each piece, which an idle thread of the pool computes, or the caller.
+
+    The caller waits only for pieces that another thread has begun: threads of the pool that waited
+    for each other's pieces to begin would wait forever.
+    """
+    futures = [pool().submit(_in_caller_context(work), piece) for piece in pieces[1:]]
+    try:
+        for piece, future in zip(pieces, [None, *futures], strict=True):
+            if future is None or future.cancel():
+                yield work(piece)
+            else:
+                yield future.result()
+    finally:
+        for future in futures:
+            future.cancel()
 
 
 def in_chunks(work: Callable[[slice], None], length: int, size: int) -> None:

@@ -155,6 +155,30 @@ def test_nested_pieces_are_done_when_all_threads_are_busy():
     assert sorted(done) == [(piece, inner) for piece in range(n_pieces) for inner in range(5)]
 
 
+@pytest.mark.skipif(n_cores() == 1, reason="no thread is idle")
+def test_nested_pieces_also_run_in_idle_threads():
+    meeting = threading.Barrier(2, timeout=60)
+
+    def work(is_nested):
+        return in_threads(lambda _: meeting.wait(), range(2)) if is_nested else []
+
+    nested, other = in_threads(work, [True, False])
+    assert (sorted(nested), other) == ([0, 1], [])
+
+
+def test_first_error_of_nested_pieces_is_raised():
+    def fail(piece):
+        if piece > 1:
+            raise ValueError(f"piece {piece}")
+        return piece
+
+    def work(_):
+        with pytest.raises(ValueError, match="piece 2"):
+            in_threads(fail, range(5))
+
+    in_threads(work, range(2 * n_cores()))
+
+
 def test_one_blas_thread_applies_in_every_thread():
     before, inside = blas_threads(), []
 
