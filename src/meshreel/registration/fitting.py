@@ -1,6 +1,7 @@
 """The fit of a mesh to a surface: squared distances in both directions, with smooth changes."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import Faces
 from meshreel.registration.triangle_mesh import Samples, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
+from meshreel.runtime.threads import in_threads
 
 MIN_COSINE = 0.5
 """Minimum cosine between the normals of corresponding points."""
@@ -96,16 +98,16 @@ class TwoSidedFit:
         covers : bool
             Whether distances from points of the surface to the mesh count.
         """
-        several = [
-            rows_to_surface(mesh, mesh.centroid_samples(), target),
-            rows_to_surface(mesh, mesh.vertex_samples(), target),
+        parts = [
+            partial(rows_to_surface, mesh, mesh.centroid_samples(), target),
+            partial(rows_to_surface, mesh, mesh.vertex_samples(), target),
         ]
         if covers:
-            several += [
-                rows_from_surface(mesh, target, target.centroid_samples()),
-                rows_from_surface(mesh, target, target.vertex_samples()),
+            parts += [
+                partial(rows_from_surface, mesh, target, target.centroid_samples()),
+                partial(rows_from_surface, mesh, target, target.vertex_samples()),
             ]
-        rows = joined(*several)
+        rows = joined(*in_threads(lambda rows_of: rows_of(), parts))
         if not len(rows.offsets):
             return mesh.vertices
         return mesh.vertices + self._solve(rows, mesh.vertices - rest, smoothness)

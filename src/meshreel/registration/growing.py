@@ -222,8 +222,12 @@ class Segment:
     @property
     def bits_per_frame(self) -> float:
         """Estimated mean bits of a frame: its share of the key, and its motion."""
-        n_verts, n_moved = len(self.key_mesh.mesh.vertices), self.n_frames - 1
-        return n_verts * (KEY_BITS + MOTION_BITS * n_moved) / self.n_frames
+        return _bits_per_frame(self.key_mesh, self.n_frames)
+
+
+def _bits_per_frame(key_mesh: KeyMesh, n_frames: int) -> float:
+    bits_of_vertex = KEY_BITS + MOTION_BITS * (n_frames - 1)
+    return len(key_mesh.mesh.vertices) * bits_of_vertex / n_frames
 
 
 def grow_segments(
@@ -246,22 +250,30 @@ def grow_segments(
     report : callable
         Called with the stage and its number of finished frames. A refined key begins again.
     """
-    free = {number for number, topology in enumerate(topologies) if topology is not None}
-    segments: list[Segment] = []
-    n_empty = len(topologies) - len(free)
+    numbers = [number for number, topology in enumerate(topologies) if topology is not None]
+    n_finished = len(topologies) - len(numbers)
+    n_growing: dict[int, int] = {}  # frames by key
 
-    def report_after(n_done: int, stage: str, n_frames: int) -> None:
-        report(stage, n_done + n_frames)
+    def report_all(key: int, stage: str, n_frames: int) -> None:
+        n_growing[key] = n_frames
+        report(stage, n_finished + sum(list(n_growing.values())))
 
-    while free:
-        run = max((run for _, run in consecutive_runs(np.array(sorted(free)))), key=len)
+    def divide(run: range) -> list[Segment]:
         key = _choose_key(run, topologies)
-        n_done = frames.n_frames - len(free)
-        segment = _longest(frames, key, run, tolerance, store, partial(report_after, n_done))
-        free -= set(segment.numbers)
-        segments.append(segment)
-    report(REGISTERING, frames.n_frames - n_empty)
-    return sorted(segments, key=lambda segment: segment.first)
+        segment = _longest(frames, key, run, tolerance, store, partial(report_all, key))
+        n_growing[key] = segment.n_frames
+        rest = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
+        return [segment, *divided(filter(None, rest))]
+
+    def divided(runs: Iterable[range]) -> Iterator[Segment]:
+        return chain(*in_threads(divide, list(runs)))
+
+    segments = sorted(
+        divided(run for _, run in consecutive_runs(np.array(numbers))),
+        key=lambda segment: segment.first,
+    )
+    report(REGISTERING, frames.n_frames)
+    return segments
 
 
 def _choose_key(run: range, topologies: list[Topology | None]) -> int:
@@ -300,7 +312,7 @@ def _longest(
     if segment.key_mesh is not given or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
-    if refined is key_mesh:
+    if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # whatever it follows
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
@@ -493,8 +505,9 @@ class Follower:
     def _attempted(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
         """Return an attempt with the closest fit of all its steps.
 
-        The steps end when the tolerance is met. If it is nearly met, folds may hide the rest of the
-        surface, so they are opened, and the mesh is fitted again.
+        The steps end when the tolerance is met, or when they no longer reduce the error. If it is
+        nearly met, folds may hide the rest of the surface, so they are opened, and the mesh is
+        fitted again.
         """
         pose, posed = self.tracker.track(state, target, attempt)
         fits: list[Fit] = []
@@ -512,7 +525,8 @@ class Follower:
         for smoothness in SMOOTHNESS:
             fit_again(mesh, smoothness)
             mesh, errors = fits[-1].mesh, fits[-1].errors
-            if self._meets(errors) or self._loses(errors):
+            is_best = nearest() is fits[-1]
+            if self._meets(errors) or self._loses(errors) or not is_best:
                 break
         if 1 < self._excess(nearest().errors) < MAX_ERROR_TO_OPEN:
             opened = self._folds.opened(nearest().mesh, target)
@@ -527,16 +541,20 @@ class Follower:
         too rough for that, but moves the mesh off creases.
         """
         mesh, n_opposing = fit.mesh, len(self._folds.find(fit.mesh, target, min_turn=0.0))
-        for repair in (self._folds.opened, self._folds.flattened) * MAX_REPAIRS:
-            if not n_opposing:
+        for _ in range(MAX_REPAIRS):
+            given = mesh
+            for repair in (self._folds.opened, self._folds.flattened):
+                if not n_opposing:
+                    break
+                repaired = repair(mesh, target)
+                errors = check(repaired, target, self._tolerance)
+                if not self._meets(errors):
+                    continue
+                mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
+                if n_left < n_opposing:
+                    fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
+            if mesh is given:
                 break
-            repaired = repair(mesh, target)
-            errors = check(repaired, target, self._tolerance)
-            if not self._meets(errors):
-                continue
-            mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
-            if n_left < n_opposing:
-                fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
         fit.n_folded = len(self._folds.find(fit.mesh, target))
 
     def _restore_folds(self, fit: Fit, target: TriangleMesh) -> None:

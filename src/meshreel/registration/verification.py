@@ -10,6 +10,7 @@ from meshreel.kernel.closest import Closest
 from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.registration.refining import subdivided
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.runtime.threads import in_threads
 
 WITHIN = 0.99
 """Share of the area of both surfaces that must be within the tolerance of the other one."""
@@ -134,8 +135,12 @@ def measure(
     `spacing` is the longest edge between vertices at which distances are measured.
     """
     spacing = SPACING * tolerance.length if spacing is None else spacing
-    there = _one_way(mesh, target, tolerance, spacing, may_end=True)
-    back = _one_way(target, mesh, tolerance, spacing, may_end=False)
+
+    def errors(may_end: bool) -> FrameErrors:
+        surfaces = (mesh, target) if may_end else (target, mesh)
+        return _one_way(*surfaces, tolerance, spacing, may_end)
+
+    there, back = in_threads(errors, [True, False])
     return FrameErrors(*map(max, astuple(there), astuple(back)))
 
 

@@ -221,14 +221,21 @@ def test_fragments_that_holes_cut_off_make_no_better_key():
     assert [one.n_components for one in (cut, holed, closed)] == [1, 1, 1]
 
 
-@pytest.mark.parametrize(("n_frames", "is_refined_kept"), [(20, False), (60, True)])
+@pytest.mark.parametrize(
+    ("n_frames", "n_in_run", "n_grown", "is_refined_kept"),
+    [(20, 60, 2, False), (60, 60, 2, True), (20, 20, 1, False)],
+)
 def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
-    plane, n_frames, is_refined_kept, monkeypatch
+    plane, n_frames, n_in_run, n_grown, is_refined_kept, monkeypatch
 ):
-    """Its vertices move in every frame: twice the frames do not pay for twice the vertices."""
-    spiked = with_spike(plane)
+    """Its vertices move in every frame: twice the frames do not pay for twice the vertices.
+
+    In 20 frames no segment of such a key could pay, so none is tried.
+    """
+    spiked, grown = with_spike(plane), []
 
     def grow(frames, key, key_mesh, name, *_):
+        grown.append(name)
         n_followed = 10 if name == "0" else n_frames
         positions = np.zeros((n_followed, len(key_mesh.mesh.vertices), 3))
         return Segment(0, key, positions, key_mesh, (), 0, (), may_lack_vertices=True)
@@ -241,9 +248,11 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
-    chosen = growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
+    run = range(n_in_run)
+    chosen = growing._longest(frames, 0, run, TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
     assert n_verts[len(chosen.key_mesh.mesh.vertices)] == is_refined_kept
+    assert len(grown) == n_grown
 
 
 @pytest.mark.slow

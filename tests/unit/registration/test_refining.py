@@ -9,10 +9,8 @@ from meshreel.kernel.order import opposite_sides
 from meshreel.registration import growing
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
-from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.triangle_mesh import TriangleMesh
-from meshreel.registration.verification import Tolerance
-from samples.captures import as_frames, capsule, capture
+from samples.captures import capsule, capture
 from samples.shapes import square
 
 
@@ -75,22 +73,3 @@ def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
     (uv,) = segment.surface.attributes
     at_corners = segment.read(key, key + 1)[0][segment.faces.ravel()]
     assert uv.per_item() == pytest.approx(at_corners[:, ::2], abs=1e-5)
-
-
-@pytest.mark.parametrize(("n_frames_refined", "is_kept"), [(2, False), (30, True)])
-def test_a_refined_key_is_kept_if_frames_need_fewer_vertices(
-    key, n_frames_refined, is_kept, monkeypatch
-):
-    def grow(frames, number, key_mesh, *_):
-        n_frames = n_frames_refined if key_mesh.is_refined else 1
-        positions = np.zeros((n_frames, len(key_mesh.mesh.vertices), 3))
-        return growing.Segment(0, number, positions, key_mesh, (), 0, (), may_lack_vertices=True)
-
-    monkeypatch.setattr(growing, "_grow", grow)
-    raw = as_frames([(key.mesh.vertices, key.mesh.faces)])
-    frames = growing.Frames(1, lambda _: key.mesh, lambda _: None, np.zeros(3), 1.0, raw.dtype)
-    topologies = [growing.Topology(1, 2)]
-    (segment,) = growing.grow_segments(
-        frames, topologies, Tolerance(0.004), TemporaryStore(), lambda *_: None
-    )
-    assert segment.key_mesh.is_refined == is_kept
