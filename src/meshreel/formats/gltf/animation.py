@@ -1,36 +1,30 @@
-"""The nodes of a glTF file, and the animations that move them."""
+"""The animations of a glTF file: their keys, and the times at which they are sampled."""
 
+import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
-from meshreel.formats.gltf.document import (
-    POINTER,
-    VISIBILITY,
-    Document,
-    JsonObject,
-    unique_names,
+from meshreel.formats.gltf.document import POINTER, VISIBILITY, Document, JsonObject, unique_names
+from meshreel.formats.gltf.scene import (
+    CUBICSPLINE,
+    INTERPOLATIONS,
+    LINEAR,
+    STEP,
+    VISIBLE,
+    Curve,
+    Curves,
+    unit,
 )
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.model.notes import Notes, listed
-
-Matrices = npt.NDArray[np.float64]
-
-LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
-
-MIN_ARC_RAD = 1e-6
-"""Angle between rotations below which linear interpolation replaces the spherical one."""
-
-VISIBLE = "visible"
-"""Path of channels that animate the visibility of a node."""
+from meshreel.model.timing import Timing
 
 PATHS = {
     "translation": ("VEC3", 3),
@@ -50,242 +44,19 @@ POINTERS = re.compile(
 MAX_LISTED = 10
 """Maximum number of animation names in a message."""
 
-MAX_PATH = 4096
-"""Maximum length of a node path: deep hierarchies with long names would fill the memory."""
-
-
-class Nodes:
-    """The nodes of a file.
-
-    Attributes
-    ----------
-    parents : list of int
-        Parent of each node; -1 for a root.
-    ordered : list of int
-        All nodes, parents first.
-
-    Raises
-    ------
-    FormatError
-        If a node has several parents, or is its own ancestor.
-    """
-
-    def __init__(self, document: Document) -> None:
-        self.objects: tuple[JsonObject, ...] = document.lists["nodes"]
-        self.parents: list[int] = [-1] * len(self.objects)
-        self._children = [node.indices("children", "nodes") for node in self.objects]
-        for parent, children in enumerate(self._children):
-            for child in children:
-                if self.parents[child] >= 0:
-                    raise FormatError(
-                        f"node {child} is a child of nodes {self.parents[child]} and {parent}; "
-                        "a node must have one parent"
-                    )
-                self.parents[child] = parent
-        self.ordered: list[int] = [node for node, parent in enumerate(self.parents) if parent < 0]
-        for node in self.ordered:  # the list grows during iteration
-            self.ordered += self._children[node]
-        if len(self.ordered) < len(self.objects):
-            lost = min(set(range(len(self.objects))) - set(self.ordered))
-            raise FormatError(f"node {lost} is its own ancestor: nodes must form a tree")
-
-    def ancestors(self, node: int) -> list[int]:
-        """Return a node, its parent, and so on up to the root."""
-        ancestors = []
-        while node >= 0:
-            ancestors.append(node)
-            node = self.parents[node]
-        return ancestors
-
-    def with_ancestors(self, nodes: Iterable[int]) -> list[int]:
-        """Return nodes and all their ancestors, parents first."""
-        visited: set[int] = set()
-        for start in nodes:
-            node = start
-            while node >= 0 and node not in visited:
-                visited.add(node)
-                node = self.parents[node]
-        return [node for node in self.ordered if node in visited]
-
-    def below(self, nodes: Iterable[int]) -> set[int]:
-        """Return all nodes below some nodes, without these unless they are below others."""
-        above, below = set(nodes), set[int]()
-        for node in self.ordered:
-            if self.parents[node] in above or self.parents[node] in below:
-                below.add(node)
-        return below
-
-    def with_below(self, nodes: set[int]) -> set[int]:
-        """Return nodes and all nodes below them."""
-        return nodes | self.below(nodes)
-
-    def subtrees(self, roots: Iterable[int]) -> list[int]:
-        """Return roots and all nodes below them, in depth-first order."""
-        stack = list(roots)[::-1]
-        subtrees = []
-        while stack:
-            node = stack.pop()
-            subtrees.append(node)
-            stack += self._children[node][::-1]
-        return subtrees
-
-    def paths(self, defaults: Mapping[int, str]) -> list[str]:
-        """Return the paths of nodes: names from the root, each after a slash.
-
-        Parameters
-        ----------
-        defaults : dict of int to str
-            Name of each node if it has none.
-
-        Raises
-        ------
-        FormatError
-            If a path is longer than `MAX_PATH`.
-        """
-        above = self.with_ancestors(defaults)
-        names = {node: self.objects[node].text("name", "") for node in above}
-        paths = []
-        for node, default in defaults.items():
-            path: list[str] = []
-            n_characters = 0
-            for ancestor in self.ancestors(node):
-                name = names[ancestor] or (default if ancestor == node else "")
-                path.append(name or f"node_{ancestor}")
-                n_characters += len(path[-1]) + 1
-                if n_characters > MAX_PATH:
-                    raise FormatError(
-                        f"node {node}: its path is longer than {MAX_PATH} characters; "
-                        "nodes are nested too deeply"
-                    )
-            paths.append("".join([f"/{name.replace('/', '_')}" for name in reversed(path)]))
-        return paths
-
-    def labels(self, nodes: Iterable[int]) -> str:
-        """Return the names of some nodes for messages."""
-        return listed(self.objects[node].label() for node in nodes)
-
-    def hidden(self) -> list[int]:
-        """Return the nodes that are hidden themselves without an animation."""
-        extensions = [node.extension(VISIBILITY) for node in self.objects]
-        return [
-            node
-            for node, extension in enumerate(extensions)
-            if extension is not None and extension.values.get("visible") is False
-        ]
-
-    @cached_property
-    def _rest(self) -> list[dict[str, Floats] | FormatError]:
-        """Matrix or other properties of each node, or the error of one with invalid numbers."""
-        properties: list[dict[str, Floats] | FormatError] = []
-        for json in self.objects:
-            try:
-                matrix = {"matrix": json.numbers("matrix", 16)} if "matrix" in json.values else {}
-                rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
-                length = float(np.linalg.norm(rest["rotation"]))
-                if not 0 < length < np.inf:
-                    raise json.error("rotation", "a quaternion of length 1")
-                rest["rotation"] /= length
-                properties.append(rest | matrix)
-            except FormatError as error:
-                properties.append(error)
-        return properties
-
-    def rest(self, node: int) -> dict[str, Floats]:
-        """Return the translation, unit quaternion x y z w and scale of a node, and its matrix.
-
-        The matrix is missing if the node has none.
-
-        Raises
-        ------
-        FormatError
-            If a number is not finite, or a rotation has length 0.
-        """
-        rest = self._rest[node]
-        if isinstance(rest, FormatError):
-            raise rest
-        return rest
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """Keyframes of a property."""
-
-    keys_s: Floats
-    """float64 array of shape (N,). Key times, ascending, at least one."""
-    values: Floats
-    """float64 array of shape (N, C)."""
-    interpolation: str
-    """One of `INTERPOLATIONS`."""
-    tangents: tuple[Floats, Floats] | None = None
-    """tuple of two float64 arrays of shape (N, C). In-tangents and out-tangents of a cubic spline.
-    """
-    is_rotation: bool = False
-    """Whether values are quaternions."""
-
-    def at(self, times_s: Floats) -> Floats:
-        """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
-        values = self._interpolated(times_s)
-        return unit(values) if self.is_rotation else values
-
-    def _interpolated(self, times_s: Floats) -> Floats:
-        last = len(self.keys_s) - 1
-        before = np.clip(np.searchsorted(self.keys_s, times_s, "right") - 1, 0, last)
-        after = np.minimum(before + 1, last)
-        first, second = self.values[before], self.values[after]
-        if self.interpolation == STEP:
-            return first
-        span = (self.keys_s[after] - self.keys_s[before])[:, np.newaxis]
-        elapsed = (times_s - self.keys_s[before])[:, np.newaxis]
-        weight = np.clip(elapsed / np.where(span > 0, span, np.inf), 0, 1)
-        if self.tangents is not None:
-            in_tangents, out_tangents = self.tangents[0][after], self.tangents[1][before]
-            return hermite(first, span * out_tangents, second, span * in_tangents, weight)
-        if self.is_rotation:
-            return slerp(first, second, weight)
-        return (1 - weight) * first + weight * second
-
-
-def hermite(
-    first: Floats, out_tangent: Floats, second: Floats, in_tangent: Floats, s: Floats
-) -> Floats:
-    """Return values of a cubic spline at parameters s from 0 to 1, all of shape (T, C).
-
-    Tangents are scaled by the interval between the keys.
-    """
-    return (
-        (2 * s**3 - 3 * s**2 + 1) * first
-        + (s**3 - 2 * s**2 + s) * out_tangent
-        + (3 * s**2 - 2 * s**3) * second
-        + (s**3 - s**2) * in_tangent
-    )
-
-
-def slerp(first: Floats, second: Floats, weight: Floats) -> Floats:
-    """Return rotations interpolated spherically along the shorter arc, of shape (T, 4).
-
-    Parameters
-    ----------
-    first, second : float64 arrays of shape (T, 4)
-        Unit quaternions.
-    weight : float64 array of shape (T, 1)
-    """
-    cosine = (first * second).sum(axis=1, keepdims=True)
-    nearer = np.where(cosine < 0, -second, second)
-    # From the chord, which is accurate for small angles, unlike the arc cosine.
-    chord = np.linalg.norm(nearer - first, axis=1, keepdims=True)
-    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
-    is_arc = angle > MIN_ARC_RAD
-    sine = np.where(is_arc, np.sin(angle), 1)
-    before = np.where(is_arc, np.sin((1 - weight) * angle) / sine, 1 - weight)
-    after = np.where(is_arc, np.sin(weight * angle) / sine, weight)
-    interpolated: Floats = before * first + after * nearer
-    return interpolated
-
-
-def unit(quaternions: Floats) -> Floats:
-    """Return quaternions of shape (T, 4) with length 1; identity where all components are 0."""
-    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    return np.where(lengths > 0, quaternions / np.where(lengths > 0, lengths, 1), [0.0, 0, 0, 1])
+DEFAULT_FPS = 30.0
+MAX_FRAMES = 100_000
+"""More than an hour at 24 frames per second; an invalid key time must not fill the memory."""
+MAX_SPARSE_FPS = 120.0
+"""Highest rate that is derived from keys with gaps; above it, any keys fit some rate by chance."""
+MIN_CURVED_FPS = 10.0
+"""Rate of keys below which curved motion between them must be sampled more densely."""
+TOLERANCE = 1e-3
+"""Deviation of times from whole frames that counts as rounding, in frames."""
+MAX_TOLERANCE = 0.4
+"""Limit of that deviation for the last key, where float32 is coarse, in frames."""
+SAME_S = 1e-5
+"""Time difference below which keys are the same."""
 
 
 class Channel(NamedTuple):
@@ -301,10 +72,6 @@ class Channel(NamedTuple):
     def input(self) -> str:
         """The accessor of the key times, as written."""
         return repr(self.sampler.values.get("input"))
-
-
-Curves = dict[tuple[int, str], Curve]
-"""The curve of each animated node and path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -528,85 +295,140 @@ def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document)
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """The nodes of a file, and the curves that animate some of them."""
+class Sampling:
+    """The times of frames."""
 
-    nodes: Nodes
-    curves: Curves
-    """Empty if nothing is animated."""
-    carriers: Collection[int]
-    """Nodes whose transforms are needed."""
-
-    @cached_property
-    def animated(self) -> set[int]:
-        """The nodes that are animated, or below an animated node."""
-        return self.nodes.with_below({node for node, path in self.curves if path != "weights"})
+    times_s: Floats
+    """float64 array of shape (T,). Nominal times of the frames."""
+    curve_times_s: Floats
+    """float64 array of shape (T,). Times at which curves are evaluated: key times that differ from
+    frames only by rounding replace the nominal times.
+    """
+    fps: float
+    """Frames per second; 0 for a single frame."""
 
     @cached_property
-    def switched(self) -> set[int]:
-        """The nodes whose visibility is animated, or below such a node."""
-        return self.nodes.with_below({node for node, path in self.curves if path == VISIBLE})
-
-    @cached_property
-    def rest_worlds(self) -> dict[int, Matrices]:
-        """World transforms of carriers that are not animated, of shape (1, 4, 4), by node.
-
-        Nodes with invalid numbers are missing, and so are those below them.
-        """
-        worlds: dict[int, Matrices] = {}
-        for node in self.nodes.with_ancestors(self.carriers):
-            parent = self.nodes.parents[node]
-            if node in self.animated or not (parent < 0 or parent in worlds):
-                continue
-            with suppress(FormatError), np.errstate(over="ignore", invalid="ignore"):
-                local = self._local(node, np.zeros(1))
-                worlds[node] = local if parent < 0 else worlds[parent] @ local
-        return worlds
-
-    def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
-        """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
-        transforms: dict[int, Matrices] = {}
-        for node in self.nodes.with_ancestors(nodes):
-            if node in self.rest_worlds:
-                transforms[node] = self.rest_worlds[node]
-            else:
-                local, parent = self._local(node, times_s), self.nodes.parents[node]
-                transforms[node] = local if parent < 0 else transforms[parent] @ local
-        worlds = np.empty((len(times_s), len(nodes), 3, 4))
-        for index, node in enumerate(nodes):
-            worlds[:, index] = transforms[node][:, :3]
-        return worlds
-
-    def _local(self, node: int, times_s: Floats) -> Matrices:
-        """Return transforms of a node relative to its parent, of shape (T, 4, 4) or (1, 4, 4)."""
-        rest = self.nodes.rest(node)
-        if "matrix" in rest:
-            return rest["matrix"].reshape(1, 4, 4).transpose(0, 2, 1)
-        values = []
-        for path in ("translation", "rotation", "scale"):
-            curve = self.curves.get((node, path))
-            values.append(rest[path][np.newaxis] if curve is None else curve.at(times_s))
-        return compose(*values)
+    def first(self) -> "Sampling":
+        """The sampling of the first frame only."""
+        return Sampling(self.times_s[:1], self.curve_times_s[:1], 0.0)
 
 
-def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:
-    """Return transforms that scale, then rotate, then translate, of shape (T, 4, 4).
+STATIC = Sampling(np.zeros(1), np.zeros(1), 0.0)
+"""One frame, for a file without animation."""
+
+
+def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -> Sampling:
+    """Return the times of frames from the first key to the last.
+
+    If motion between keys is straight and their times have no common rate, the frames are the keys.
+    Otherwise frames are evenly spaced, and the last one shows the pose of the last key: if that is
+    between two frames, it is shown by the later one, and a note says so.
 
     Parameters
     ----------
-    translations, scales : float64 arrays of shape (T, 3)
-    rotations : float64 array of shape (T, 4)
-        Unit quaternions x y z w. Each of the three may have a single row, for all times.
+    keys_s : float64 array of shape (N,)
+        Distinct key times of all channels, ascending; at least one.
+    fps : float
+        Requested frames per second; 0 for the rate of the keys, or 30 if they are curved and have
+        none.
+    is_curved : bool
+        Whether motion between keys may be curved.
+    notes : Notes
+        Gains a sentence if the keys have no suitable rate, or the last is between two frames.
+
+    Raises
+    ------
+    FormatError
+        If there would be too many frames.
     """
-    x, y, z, w = rotations.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    n_times = max(len(translations), len(rotations), len(scales))
-    transforms = np.zeros((n_times, 4, 4))
-    transforms[:, :3, :3] = np.moveaxis(np.array(rows), 2, 0) * scales[:, np.newaxis]
-    transforms[:, :3, 3] = translations
-    transforms[:, 3, 3] = 1
-    return transforms
+    start, end = float(keys_s[0]), float(keys_s[-1])
+    if end - start < SAME_S:
+        return Sampling(keys_s[:1], keys_s[:1], 0.0)
+    if not fps and not is_curved and not common_rate(keys_s) and len(keys_s) < MAX_FRAMES:
+        return Sampling(keys_s, keys_s, 0.0)
+    fps = fps or _choose_rate(keys_s, is_curved, notes)
+    n_frames = _count_frames(end - start, fps, _rounding(keys_s), notes)
+    first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
+    if abs(first - round(first)) <= tolerance:
+        first = round(first)
+    times: Floats = (first + np.arange(n_frames, dtype=np.float64)) / fps
+    curve_times = _snap_to_keys(times, keys_s, tolerance / fps)
+    curve_times[-1] = end
+    return Sampling(times, curve_times, fps)
+
+
+def common_rate(keys_s: Floats) -> float:
+    """Return the lowest frame rate at which every key is on a frame; 0 if there is none.
+
+    Frames count from the first key. The rate is at most four times that of the closest keys.
+    """
+    distinct = keys_s[np.diff(keys_s, prepend=-np.inf) > SAME_S]
+    if len(distinct) < 2:
+        return 0.0
+    span = float(distinct[-1] - distinct[0])
+    rate = 1 / float(np.diff(distinct).min())
+    for multiple in (1, 2, 3, 4):
+        n_intervals = round(span * rate * multiple)
+        if n_intervals >= MAX_FRAMES:
+            return 0.0
+        grid = np.linspace(distinct[0], distinct[-1], n_intervals + 1)
+        fps = Timing.of_times(grid, resolution_s=_rounding(distinct)).fps
+        is_full = n_intervals + 1 == len(distinct)
+        if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
+            return fps
+    return 0.0
+
+
+def _is_on_grid(keys_s: Floats, fps: float) -> bool:
+    frames, tolerance = (keys_s - keys_s[0]) * fps, max(10 * TOLERANCE, 2 * _rounding(keys_s) * fps)
+    return bool(np.abs(frames - np.round(frames)).max() <= tolerance)
+
+
+def _rounding(keys_s: Floats) -> float:
+    """Return the float32 resolution of the key times, in seconds."""
+    return float(np.spacing(np.float32(np.abs(keys_s).max())))
+
+
+def _choose_rate(keys_s: Floats, is_curved: bool, notes: Notes) -> float:
+    rate = common_rate(keys_s)
+    if rate and (rate >= MIN_CURVED_FPS or not is_curved):
+        return rate
+    reason = (
+        f"at {rate:g} per second with curved motion between them" if rate else "not evenly spaced"
+    )
+    notes.changed(
+        Message(
+            f"keys of the animation are {reason}; sampled at {DEFAULT_FPS:g} frames per second; "
+            "choose another rate with ",
+            Keyword("fps"),
+        )
+    )
+    return DEFAULT_FPS
+
+
+def _count_frames(span_s: float, fps: float, rounding_s: float, notes: Notes) -> int:
+    n_intervals = span_s * fps
+    if n_intervals >= MAX_FRAMES:
+        raise FormatError(
+            f"its animation takes {span_s:g} s, which is {n_intervals:.0f} frames at {fps:g} per "
+            f"second; the limit is {MAX_FRAMES}; choose a lower rate with ",
+            Keyword("fps"),
+        )
+    nearest = round(n_intervals)
+    tolerance = min(max(TOLERANCE, n_intervals * 1e-6, rounding_s * fps), MAX_TOLERANCE)
+    is_whole = nearest > 0 and abs(n_intervals - nearest) <= tolerance
+    if is_whole:
+        return nearest + 1
+    n_covering = math.ceil(n_intervals)
+    notes.changed(
+        f"the animation takes {span_s:.6g} s, which is {n_intervals:.4g} frames at {fps:g} per "
+        f"second; the last frame, {n_covering / fps:.6g} s after the first, shows its final pose"
+    )
+    return n_covering + 1
+
+
+def _snap_to_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats:
+    """Return the times, moved to the last key within the tolerance."""
+    # The last one, since steps take effect at their key.
+    last = keys_s[np.maximum(np.searchsorted(keys_s, times_s + tolerance_s, "right") - 1, 0)]
+    return np.where(np.abs(last - times_s) <= tolerance_s, last, times_s)

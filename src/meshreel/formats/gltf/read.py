@@ -1,31 +1,37 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.errors import FormatError, Keyword, Message
+from meshreel.errors import FormatError
 from meshreel.formats.gltf.animation import (
     PATHS,
+    STATIC,
+    Clips,
+    Sampling,
+    other_pointers,
+    sample_times,
+)
+from meshreel.formats.gltf.document import Document, JsonObject, unique_names
+from meshreel.formats.gltf.geometry import GeometryReader, accessor_types
+from meshreel.formats.gltf.materials import note_extensions
+from meshreel.formats.gltf.scene import (
     STEP,
     VISIBLE,
-    Clips,
     Curve,
     Curves,
     Motion,
     Nodes,
-    other_pointers,
+    PosedMesh,
+    ShownMesh,
+    Skin,
 )
-from meshreel.formats.gltf.document import Document, unique_names
-from meshreel.formats.gltf.geometry import GeometryReader, accessor_types
-from meshreel.formats.gltf.materials import note_extensions
-from meshreel.formats.gltf.scene import PosedMesh, ShownMesh, no_mesh_error, shown_meshes
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
@@ -33,50 +39,12 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Surface
-from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_fps
 
 LIGHTS, INSTANCING = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
 
 SEGMENT_START = "meshreelSegmentStart"
 """Property of the extras of a node above the meshes of a segment: time of its first frame."""
-
-DEFAULT_FPS = 30.0
-MAX_FRAMES = 100_000
-"""More than an hour at 24 frames per second; an invalid key time must not fill the memory."""
-MAX_SPARSE_FPS = 120.0
-"""Highest rate that is derived from keys with gaps; above it, any keys fit some rate by chance."""
-MIN_CURVED_FPS = 10.0
-"""Rate of keys below which curved motion between them must be sampled more densely."""
-TOLERANCE = 1e-3
-"""Deviation of times from whole frames that counts as rounding, in frames."""
-MAX_TOLERANCE = 0.4
-"""Limit of that deviation for the last key, where float32 is coarse, in frames."""
-SAME_S = 1e-5
-"""Time difference below which keys are the same."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sampling:
-    """The times of frames."""
-
-    times_s: Floats
-    """float64 array of shape (T,). Nominal times of the frames."""
-    curve_times_s: Floats
-    """float64 array of shape (T,). Times at which curves are evaluated: key times that differ from
-    frames only by rounding replace the nominal times.
-    """
-    fps: float
-    """Frames per second; 0 for a single frame."""
-
-    @cached_property
-    def first(self) -> "Sampling":
-        """The sampling of the first frame only."""
-        return Sampling(self.times_s[:1], self.curve_times_s[:1], 0.0)
-
-
-STATIC = Sampling(np.zeros(1), np.zeros(1), 0.0)
-"""One frame, for a file without animation."""
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
@@ -206,121 +174,86 @@ def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes)
     note_extensions(document, meshes, notes)
 
 
-def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -> Sampling:
-    """Return the times of frames from the first key to the last.
+def shown_meshes(document: Document, nodes: Nodes, notes: Notes) -> list[ShownMesh]:
+    """Return the triangle meshes of the default scene, or of all nodes without a scene.
 
-    If motion between keys is straight and their times have no common rate, the frames are the keys.
-    Otherwise frames are evenly spaced, and the last one shows the pose of the last key: if that is
-    between two frames, it is shown by the later one, and a note says so.
+    A scene may list nodes that are not roots, although glTF forbids it: each of these is included
+    once, with the transforms of all its ancestors, even those outside of the scene.
 
     Parameters
     ----------
-    keys_s : float64 array of shape (N,)
-        Distinct key times of all channels, ascending; at least one.
-    fps : float
-        Requested frames per second; 0 for the rate of the keys, or 30 if they are curved and have
-        none.
-    is_curved : bool
-        Whether motion between keys may be curved.
     notes : Notes
-        Gains a sentence if the keys have no suitable rate, or the last is between two frames.
-
-    Raises
-    ------
-    FormatError
-        If there would be too many frames.
+        Gains a sentence if the scene lists nodes that are not roots.
     """
-    start, end = float(keys_s[0]), float(keys_s[-1])
-    if end - start < SAME_S:
-        return Sampling(keys_s[:1], keys_s[:1], 0.0)
-    if not fps and not is_curved and not common_rate(keys_s) and len(keys_s) < MAX_FRAMES:
-        return Sampling(keys_s, keys_s, 0.0)
-    fps = fps or _choose_rate(keys_s, is_curved, notes)
-    n_frames = _count_frames(end - start, fps, _rounding(keys_s), notes)
-    first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
-    if abs(first - round(first)) <= tolerance:
-        first = round(first)
-    times: Floats = (first + np.arange(n_frames, dtype=np.float64)) / fps
-    curve_times = _snap_to_keys(times, keys_s, tolerance / fps)
-    curve_times[-1] = end
-    return Sampling(times, curve_times, fps)
-
-
-def common_rate(keys_s: Floats) -> float:
-    """Return the lowest frame rate at which every key is on a frame; 0 if there is none.
-
-    Frames count from the first key. The rate is at most four times that of the closest keys.
-    """
-    distinct = keys_s[np.diff(keys_s, prepend=-np.inf) > SAME_S]
-    if len(distinct) < 2:
-        return 0.0
-    span = float(distinct[-1] - distinct[0])
-    rate = 1 / float(np.diff(distinct).min())
-    for multiple in (1, 2, 3, 4):
-        n_intervals = round(span * rate * multiple)
-        if n_intervals >= MAX_FRAMES:
-            return 0.0
-        grid = np.linspace(distinct[0], distinct[-1], n_intervals + 1)
-        fps = Timing.of_times(grid, resolution_s=_rounding(distinct)).fps
-        is_full = n_intervals + 1 == len(distinct)
-        if (is_full or fps <= MAX_SPARSE_FPS) and _is_on_grid(distinct, fps):
-            return fps
-    return 0.0
-
-
-def _is_on_grid(keys_s: Floats, fps: float) -> bool:
-    frames, tolerance = (keys_s - keys_s[0]) * fps, max(10 * TOLERANCE, 2 * _rounding(keys_s) * fps)
-    return bool(np.abs(frames - np.round(frames)).max() <= tolerance)
-
-
-def _rounding(keys_s: Floats) -> float:
-    """Return the float32 resolution of the key times, in seconds."""
-    return float(np.spacing(np.float32(np.abs(keys_s).max())))
-
-
-def _choose_rate(keys_s: Floats, is_curved: bool, notes: Notes) -> float:
-    rate = common_rate(keys_s)
-    if rate and (rate >= MIN_CURVED_FPS or not is_curved):
-        return rate
-    reason = (
-        f"at {rate:g} per second with curved motion between them" if rate else "not evenly spaced"
-    )
-    notes.changed(
-        Message(
-            f"keys of the animation are {reason}; sampled at {DEFAULT_FPS:g} frames per second; "
-            "choose another rate with ",
-            Keyword("fps"),
+    scene = _default_scene(document)
+    roots = nodes.ordered if scene is None else scene.indices("nodes", "nodes")
+    roots = list(dict.fromkeys(roots))
+    inner = [node for node in roots if nodes.parents[node] >= 0]
+    if scene is not None and inner:
+        notes.changed(
+            f"{scene.place} lists nodes that are not roots: {nodes.labels(inner)}; each is read "
+            "once, with the transforms of all its ancestors"
         )
-    )
-    return DEFAULT_FPS
+    covered = nodes.below(roots)
+    read = cache(lambda number: _read_skin(document.lists["skins"][number], document))
+    meshes: list[ShownMesh] = []
+    for node in nodes.subtrees(root for root in roots if root not in covered):
+        json = nodes.objects[node]
+        number, skin_number = json.index("mesh", "meshes"), json.index("skin", "skins")
+        if number is None:
+            continue
+        mesh = document.mesh(document.lists["meshes"][number])
+        if mesh.triangles and skin_number is not None and mesh.has_joints:
+            skin = read(skin_number)
+            meshes.append(ShownMesh(node, mesh, skin, skin.joints))
+        elif mesh.triangles:
+            meshes.append(ShownMesh(node, mesh, None, [node]))
+    return meshes
 
 
-def _count_frames(span_s: float, fps: float, rounding_s: float, notes: Notes) -> int:
-    n_intervals = span_s * fps
-    if n_intervals >= MAX_FRAMES:
+def _read_skin(skin: JsonObject, document: Document) -> Skin:
+    joints = skin.indices("joints", "nodes")
+    if not joints:
+        raise skin.error("joints", "a list of at least one node")
+    if "inverseBindMatrices" not in skin:
+        return Skin(joints, np.tile(np.eye(4), (len(joints), 1, 1)))
+    columns = document.read_floats(skin, "inverseBindMatrices", "MAT4")
+    if len(columns) < len(joints):
         raise FormatError(
-            f"its animation takes {span_s:g} s, which is {n_intervals:.0f} frames at {fps:g} per "
-            f"second; the limit is {MAX_FRAMES}; choose a lower rate with ",
-            Keyword("fps"),
+            f"{skin.place}: has {len(columns)} inverse bind matrices for {len(joints)} joints; "
+            "expected one per joint"
         )
-    nearest = round(n_intervals)
-    tolerance = min(max(TOLERANCE, n_intervals * 1e-6, rounding_s * fps), MAX_TOLERANCE)
-    is_whole = nearest > 0 and abs(n_intervals - nearest) <= tolerance
-    if is_whole:
-        return nearest + 1
-    n_covering = math.ceil(n_intervals)
-    notes.changed(
-        f"the animation takes {span_s:.6g} s, which is {n_intervals:.4g} frames at {fps:g} per "
-        f"second; the last frame, {n_covering / fps:.6g} s after the first, shows its final pose"
+    return Skin(joints, columns[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1))
+
+
+def _default_scene(document: Document) -> JsonObject | None:
+    """Return the default scene of a file, or else the first; None without scenes."""
+    scenes = document.lists["scenes"]
+    return scenes[document.root.index("scene", "scenes") or 0] if scenes else None
+
+
+def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
+    """Return the error for a scene without triangle meshes, with the reason."""
+    meshes = document.lists["meshes"]
+    if not meshes:
+        return FormatError("contains no mesh")
+    readable = {number for number, mesh in enumerate(meshes) if document.mesh(mesh).triangles}
+    if not readable:
+        return FormatError("contains no triangle mesh; points and lines are not supported")
+    users = [
+        node for node, json in enumerate(nodes.objects) if json.index("mesh", "meshes") in readable
+    ]
+    scene = _default_scene(document)
+    if not users or scene is None:
+        noun = "triangle mesh" if len(readable) == 1 else "triangle meshes"
+        return FormatError(
+            f"contains {len(readable)} {noun}, but no node uses one; export it with its meshes in "
+            "a scene"
+        )
+    return FormatError(
+        f"{scene.place}, the default scene, has no triangle mesh; nodes outside of it have: "
+        f"{nodes.labels(users)}; export them in the scene, or set 'scene' to another one"
     )
-    return n_covering + 1
-
-
-def _snap_to_keys(times_s: Floats, keys_s: Floats, tolerance_s: float) -> Floats:
-    """Return the times, moved to the last key within the tolerance."""
-    # The last one, since steps take effect at their key.
-    last = keys_s[np.maximum(np.searchsorted(keys_s, times_s + tolerance_s, "right") - 1, 0)]
-    return np.where(np.abs(last - times_s) <= tolerance_s, last, times_s)
 
 
 def find_switching(

@@ -1,9 +1,10 @@
-"""The scene of a glTF file: the meshes at its nodes, posed by nodes, joints and morph targets."""
+"""The nodes of a glTF file, their motion, and the meshes that they, joints and targets pose."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,353 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.gltf.animation import Matrices, Motion, Nodes
-from meshreel.formats.gltf.document import Document, JsonObject, Mesh
+from meshreel.formats.gltf.document import VISIBILITY, Document, JsonObject, Mesh
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES
 from meshreel.formats.surfaces.hard_edges import HardEdges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
-from meshreel.model.notes import Notes
+from meshreel.model.notes import listed
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.threads import chunks, in_threads
 
+Matrices = npt.NDArray[np.float64]
+
+LINEAR, STEP, CUBICSPLINE = INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
+
+MIN_ARC_RAD = 1e-6
+"""Angle between rotations below which linear interpolation replaces the spherical one."""
+
+VISIBLE = "visible"
+"""Path of channels that animate the visibility of a node."""
+
+MAX_PATH = 4096
+"""Maximum length of a node path: deep hierarchies with long names would fill the memory."""
+
 PIECE_FRAMES = 8
 """Frames that a thread poses at once."""
+
+
+class Nodes:
+    """The nodes of a file.
+
+    Attributes
+    ----------
+    parents : list of int
+        Parent of each node; -1 for a root.
+    ordered : list of int
+        All nodes, parents first.
+
+    Raises
+    ------
+    FormatError
+        If a node has several parents, or is its own ancestor.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self.objects: tuple[JsonObject, ...] = document.lists["nodes"]
+        self.parents: list[int] = [-1] * len(self.objects)
+        self._children = [node.indices("children", "nodes") for node in self.objects]
+        for parent, children in enumerate(self._children):
+            for child in children:
+                if self.parents[child] >= 0:
+                    raise FormatError(
+                        f"node {child} is a child of nodes {self.parents[child]} and {parent}; "
+                        "a node must have one parent"
+                    )
+                self.parents[child] = parent
+        self.ordered: list[int] = [node for node, parent in enumerate(self.parents) if parent < 0]
+        for node in self.ordered:  # the list grows during iteration
+            self.ordered += self._children[node]
+        if len(self.ordered) < len(self.objects):
+            lost = min(set(range(len(self.objects))) - set(self.ordered))
+            raise FormatError(f"node {lost} is its own ancestor: nodes must form a tree")
+
+    def ancestors(self, node: int) -> list[int]:
+        """Return a node, its parent, and so on up to the root."""
+        ancestors = []
+        while node >= 0:
+            ancestors.append(node)
+            node = self.parents[node]
+        return ancestors
+
+    def with_ancestors(self, nodes: Iterable[int]) -> list[int]:
+        """Return nodes and all their ancestors, parents first."""
+        visited: set[int] = set()
+        for start in nodes:
+            node = start
+            while node >= 0 and node not in visited:
+                visited.add(node)
+                node = self.parents[node]
+        return [node for node in self.ordered if node in visited]
+
+    def below(self, nodes: Iterable[int]) -> set[int]:
+        """Return all nodes below some nodes, without these unless they are below others."""
+        above, below = set(nodes), set[int]()
+        for node in self.ordered:
+            if self.parents[node] in above or self.parents[node] in below:
+                below.add(node)
+        return below
+
+    def with_below(self, nodes: set[int]) -> set[int]:
+        """Return nodes and all nodes below them."""
+        return nodes | self.below(nodes)
+
+    def subtrees(self, roots: Iterable[int]) -> list[int]:
+        """Return roots and all nodes below them, in depth-first order."""
+        stack = list(roots)[::-1]
+        subtrees = []
+        while stack:
+            node = stack.pop()
+            subtrees.append(node)
+            stack += self._children[node][::-1]
+        return subtrees
+
+    def paths(self, defaults: Mapping[int, str]) -> list[str]:
+        """Return the paths of nodes: names from the root, each after a slash.
+
+        Parameters
+        ----------
+        defaults : dict of int to str
+            Name of each node if it has none.
+
+        Raises
+        ------
+        FormatError
+            If a path is longer than `MAX_PATH`.
+        """
+        above = self.with_ancestors(defaults)
+        names = {node: self.objects[node].text("name", "") for node in above}
+        paths = []
+        for node, default in defaults.items():
+            path: list[str] = []
+            n_characters = 0
+            for ancestor in self.ancestors(node):
+                name = names[ancestor] or (default if ancestor == node else "")
+                path.append(name or f"node_{ancestor}")
+                n_characters += len(path[-1]) + 1
+                if n_characters > MAX_PATH:
+                    raise FormatError(
+                        f"node {node}: its path is longer than {MAX_PATH} characters; "
+                        "nodes are nested too deeply"
+                    )
+            paths.append("".join([f"/{name.replace('/', '_')}" for name in reversed(path)]))
+        return paths
+
+    def labels(self, nodes: Iterable[int]) -> str:
+        """Return the names of some nodes for messages."""
+        return listed(self.objects[node].label() for node in nodes)
+
+    def hidden(self) -> list[int]:
+        """Return the nodes that are hidden themselves without an animation."""
+        extensions = [node.extension(VISIBILITY) for node in self.objects]
+        return [
+            node
+            for node, extension in enumerate(extensions)
+            if extension is not None and extension.values.get("visible") is False
+        ]
+
+    @cached_property
+    def _rest(self) -> list[dict[str, Floats] | FormatError]:
+        """Matrix or other properties of each node, or the error of one with invalid numbers."""
+        properties: list[dict[str, Floats] | FormatError] = []
+        for json in self.objects:
+            try:
+                matrix = {"matrix": json.numbers("matrix", 16)} if "matrix" in json.values else {}
+                rest = json.vectors(translation=(0, 0, 0), rotation=(0, 0, 0, 1), scale=(1, 1, 1))
+                length = float(np.linalg.norm(rest["rotation"]))
+                if not 0 < length < np.inf:
+                    raise json.error("rotation", "a quaternion of length 1")
+                rest["rotation"] /= length
+                properties.append(rest | matrix)
+            except FormatError as error:
+                properties.append(error)
+        return properties
+
+    def rest(self, node: int) -> dict[str, Floats]:
+        """Return the translation, unit quaternion x y z w and scale of a node, and its matrix.
+
+        The matrix is missing if the node has none.
+
+        Raises
+        ------
+        FormatError
+            If a number is not finite, or a rotation has length 0.
+        """
+        rest = self._rest[node]
+        if isinstance(rest, FormatError):
+            raise rest
+        return rest
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Keyframes of a property."""
+
+    keys_s: Floats
+    """float64 array of shape (N,). Key times, ascending, at least one."""
+    values: Floats
+    """float64 array of shape (N, C)."""
+    interpolation: str
+    """One of `INTERPOLATIONS`."""
+    tangents: tuple[Floats, Floats] | None = None
+    """tuple of two float64 arrays of shape (N, C). In-tangents and out-tangents of a cubic spline.
+    """
+    is_rotation: bool = False
+    """Whether values are quaternions."""
+
+    def at(self, times_s: Floats) -> Floats:
+        """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
+        values = self._interpolated(times_s)
+        return unit(values) if self.is_rotation else values
+
+    def _interpolated(self, times_s: Floats) -> Floats:
+        last = len(self.keys_s) - 1
+        before = np.clip(np.searchsorted(self.keys_s, times_s, "right") - 1, 0, last)
+        after = np.minimum(before + 1, last)
+        first, second = self.values[before], self.values[after]
+        if self.interpolation == STEP:
+            return first
+        span = (self.keys_s[after] - self.keys_s[before])[:, np.newaxis]
+        elapsed = (times_s - self.keys_s[before])[:, np.newaxis]
+        weight = np.clip(elapsed / np.where(span > 0, span, np.inf), 0, 1)
+        if self.tangents is not None:
+            in_tangents, out_tangents = self.tangents[0][after], self.tangents[1][before]
+            return hermite(first, span * out_tangents, second, span * in_tangents, weight)
+        if self.is_rotation:
+            return slerp(first, second, weight)
+        return (1 - weight) * first + weight * second
+
+
+def hermite(
+    first: Floats, out_tangent: Floats, second: Floats, in_tangent: Floats, s: Floats
+) -> Floats:
+    """Return values of a cubic spline at parameters s from 0 to 1, all of shape (T, C).
+
+    Tangents are scaled by the interval between the keys.
+    """
+    return (
+        (2 * s**3 - 3 * s**2 + 1) * first
+        + (s**3 - 2 * s**2 + s) * out_tangent
+        + (3 * s**2 - 2 * s**3) * second
+        + (s**3 - s**2) * in_tangent
+    )
+
+
+def slerp(first: Floats, second: Floats, weight: Floats) -> Floats:
+    """Return rotations interpolated spherically along the shorter arc, of shape (T, 4).
+
+    Parameters
+    ----------
+    first, second : float64 arrays of shape (T, 4)
+        Unit quaternions.
+    weight : float64 array of shape (T, 1)
+    """
+    cosine = (first * second).sum(axis=1, keepdims=True)
+    nearer = np.where(cosine < 0, -second, second)
+    # From the chord, which is accurate for small angles, unlike the arc cosine.
+    chord = np.linalg.norm(nearer - first, axis=1, keepdims=True)
+    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
+    is_arc = angle > MIN_ARC_RAD
+    sine = np.where(is_arc, np.sin(angle), 1)
+    before = np.where(is_arc, np.sin((1 - weight) * angle) / sine, 1 - weight)
+    after = np.where(is_arc, np.sin(weight * angle) / sine, weight)
+    interpolated: Floats = before * first + after * nearer
+    return interpolated
+
+
+def unit(quaternions: Floats) -> Floats:
+    """Return quaternions of shape (T, 4) with length 1; identity where all components are 0."""
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return np.where(lengths > 0, quaternions / np.where(lengths > 0, lengths, 1), [0.0, 0, 0, 1])
+
+
+Curves = dict[tuple[int, str], Curve]
+"""The curve of each animated node and path."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The nodes of a file, and the curves that animate some of them."""
+
+    nodes: Nodes
+    curves: Curves
+    """Empty if nothing is animated."""
+    carriers: Collection[int]
+    """Nodes whose transforms are needed."""
+
+    @cached_property
+    def animated(self) -> set[int]:
+        """The nodes that are animated, or below an animated node."""
+        return self.nodes.with_below({node for node, path in self.curves if path != "weights"})
+
+    @cached_property
+    def switched(self) -> set[int]:
+        """The nodes whose visibility is animated, or below such a node."""
+        return self.nodes.with_below({node for node, path in self.curves if path == VISIBLE})
+
+    @cached_property
+    def rest_worlds(self) -> dict[int, Matrices]:
+        """World transforms of carriers that are not animated, of shape (1, 4, 4), by node.
+
+        Nodes with invalid numbers are missing, and so are those below them.
+        """
+        worlds: dict[int, Matrices] = {}
+        for node in self.nodes.with_ancestors(self.carriers):
+            parent = self.nodes.parents[node]
+            if node in self.animated or not (parent < 0 or parent in worlds):
+                continue
+            with suppress(FormatError), np.errstate(over="ignore", invalid="ignore"):
+                local = self._local(node, np.zeros(1))
+                worlds[node] = local if parent < 0 else worlds[parent] @ local
+        return worlds
+
+    def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
+        """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
+        transforms: dict[int, Matrices] = {}
+        for node in self.nodes.with_ancestors(nodes):
+            if node in self.rest_worlds:
+                transforms[node] = self.rest_worlds[node]
+            else:
+                local, parent = self._local(node, times_s), self.nodes.parents[node]
+                transforms[node] = local if parent < 0 else transforms[parent] @ local
+        worlds = np.empty((len(times_s), len(nodes), 3, 4))
+        for index, node in enumerate(nodes):
+            worlds[:, index] = transforms[node][:, :3]
+        return worlds
+
+    def _local(self, node: int, times_s: Floats) -> Matrices:
+        """Return transforms of a node relative to its parent, of shape (T, 4, 4) or (1, 4, 4)."""
+        rest = self.nodes.rest(node)
+        if "matrix" in rest:
+            return rest["matrix"].reshape(1, 4, 4).transpose(0, 2, 1)
+        values = []
+        for path in ("translation", "rotation", "scale"):
+            curve = self.curves.get((node, path))
+            values.append(rest[path][np.newaxis] if curve is None else curve.at(times_s))
+        return compose(*values)
+
+
+def compose(translations: Floats, rotations: Floats, scales: Floats) -> Matrices:
+    """Return transforms that scale, then rotate, then translate, of shape (T, 4, 4).
+
+    Parameters
+    ----------
+    translations, scales : float64 arrays of shape (T, 3)
+    rotations : float64 array of shape (T, 4)
+        Unit quaternions x y z w. Each of the three may have a single row, for all times.
+    """
+    x, y, z, w = rotations.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    n_times = max(len(translations), len(rotations), len(scales))
+    transforms = np.zeros((n_times, 4, 4))
+    transforms[:, :3, :3] = np.moveaxis(np.array(rows), 2, 0) * scales[:, np.newaxis]
+    transforms[:, :3, 3] = translations
+    transforms[:, 3, 3] = 1
+    return transforms
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,85 +573,3 @@ class PosedMesh:
         if self.mesh.skin is None and self.mesh.node in self.motion.rest_worlds:
             return 1
         return len(carriers) + len(nodes.with_ancestors(carriers))
-
-
-def shown_meshes(document: Document, nodes: Nodes, notes: Notes) -> list[ShownMesh]:
-    """Return the triangle meshes of the default scene, or of all nodes without a scene.
-
-    A scene may list nodes that are not roots, although glTF forbids it: each of these is included
-    once, with the transforms of all its ancestors, even those outside of the scene.
-
-    Parameters
-    ----------
-    notes : Notes
-        Gains a sentence if the scene lists nodes that are not roots.
-    """
-    scene = _default_scene(document)
-    roots = nodes.ordered if scene is None else scene.indices("nodes", "nodes")
-    roots = list(dict.fromkeys(roots))
-    inner = [node for node in roots if nodes.parents[node] >= 0]
-    if scene is not None and inner:
-        notes.changed(
-            f"{scene.place} lists nodes that are not roots: {nodes.labels(inner)}; each is read "
-            "once, with the transforms of all its ancestors"
-        )
-    covered = nodes.below(roots)
-    read = cache(lambda number: _read_skin(document.lists["skins"][number], document))
-    meshes: list[ShownMesh] = []
-    for node in nodes.subtrees(root for root in roots if root not in covered):
-        json = nodes.objects[node]
-        number, skin_number = json.index("mesh", "meshes"), json.index("skin", "skins")
-        if number is None:
-            continue
-        mesh = document.mesh(document.lists["meshes"][number])
-        if mesh.triangles and skin_number is not None and mesh.has_joints:
-            skin = read(skin_number)
-            meshes.append(ShownMesh(node, mesh, skin, skin.joints))
-        elif mesh.triangles:
-            meshes.append(ShownMesh(node, mesh, None, [node]))
-    return meshes
-
-
-def _read_skin(skin: JsonObject, document: Document) -> Skin:
-    joints = skin.indices("joints", "nodes")
-    if not joints:
-        raise skin.error("joints", "a list of at least one node")
-    if "inverseBindMatrices" not in skin:
-        return Skin(joints, np.tile(np.eye(4), (len(joints), 1, 1)))
-    columns = document.read_floats(skin, "inverseBindMatrices", "MAT4")
-    if len(columns) < len(joints):
-        raise FormatError(
-            f"{skin.place}: has {len(columns)} inverse bind matrices for {len(joints)} joints; "
-            "expected one per joint"
-        )
-    return Skin(joints, columns[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1))
-
-
-def _default_scene(document: Document) -> JsonObject | None:
-    """Return the default scene of a file, or else the first; None without scenes."""
-    scenes = document.lists["scenes"]
-    return scenes[document.root.index("scene", "scenes") or 0] if scenes else None
-
-
-def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
-    """Return the error for a scene without triangle meshes, with the reason."""
-    meshes = document.lists["meshes"]
-    if not meshes:
-        return FormatError("contains no mesh")
-    readable = {number for number, mesh in enumerate(meshes) if document.mesh(mesh).triangles}
-    if not readable:
-        return FormatError("contains no triangle mesh; points and lines are not supported")
-    users = [
-        node for node, json in enumerate(nodes.objects) if json.index("mesh", "meshes") in readable
-    ]
-    scene = _default_scene(document)
-    if not users or scene is None:
-        noun = "triangle mesh" if len(readable) == 1 else "triangle meshes"
-        return FormatError(
-            f"contains {len(readable)} {noun}, but no node uses one; export it with its meshes in "
-            "a scene"
-        )
-    return FormatError(
-        f"{scene.place}, the default scene, has no triangle mesh; nodes outside of it have: "
-        f"{nodes.labels(users)}; export them in the scene, or set 'scene' to another one"
-    )

@@ -7,8 +7,8 @@ import pytest
 
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.animation import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve, slerp
-from meshreel.formats.gltf.read import common_rate, sample_times
+from meshreel.formats.gltf.animation import common_rate, sample_times
+from meshreel.formats.gltf.scene import CUBICSPLINE, INTERPOLATIONS, LINEAR, STEP, Curve, slerp
 from meshreel.formats.options import WriteOptions
 from meshreel.model.notes import Notes
 from samples.gltf import Gltf
