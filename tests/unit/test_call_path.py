@@ -4,6 +4,7 @@ import importlib.util
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import meshreel
@@ -60,6 +61,43 @@ def test_loading_gltf_rarely_changes_file_when_it_has_many_meshes(tmp_path):
     for number in range(60):
         file.node(mesh=file.mesh(shifted(TRIANGLE, [number, 0, 0])))
     path = file.save(tmp_path / "many.glb")
+    assert file_changes(partial(meshreel.load, path, merge=True)).total() <= 400
+
+
+def animated_nodes():
+    """Return a file of 60 meshes at animated nodes."""
+    file = Gltf()
+    for number in range(60):
+        node = file.node(mesh=file.mesh(shifted(TRIANGLE, [number, 0, 0])))
+        animate(file, node, seed=number)
+    return file
+
+
+def animated_joints():
+    """Return a file of a mesh with a chain of 30 animated joints."""
+    file = Gltf()
+    chain: list[int] = []
+    for number in range(30):
+        chain.append(file.node(children=chain[-1:], is_root=number == 29, translation=[0, 1, 0]))
+        animate(file, chain[-1], seed=number)
+    skin = file.add("skins", joints=chain)
+    joints = file.accessor(np.arange(12).reshape(3, 4), "u1")
+    attributes = {"JOINTS_0": joints, "WEIGHTS_0": file.accessor(np.full((3, 4), 0.25))}
+    file.node(mesh=file.mesh(attributes=attributes), skin=skin)
+    return file
+
+
+def animate(file, node, seed):
+    rng, keys = np.random.default_rng(seed), np.arange(60) / 30
+    file.animate(node, "translation", keys, rng.random((60, 3)))
+    rotations = rng.normal(size=(60, 4))
+    rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
+    file.animate(node, "rotation", keys, rotations)
+
+
+@pytest.mark.parametrize("make", [animated_nodes, animated_joints])
+def test_loading_gltf_rarely_changes_file_when_animated(tmp_path, make):
+    path = make().save(tmp_path / "animated.glb")
     assert file_changes(partial(meshreel.load, path, merge=True)).total() <= 400
 
 

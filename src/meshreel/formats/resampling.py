@@ -8,7 +8,7 @@ import numpy as np
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.stored_frames import Description, StoredTrack
-from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbors
+from meshreel.formats.scenes.timing import MAX_FRAMES, blend, neighbors_of_times
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.timing import DUE_TOLERANCE, Timing
@@ -83,9 +83,7 @@ def resampled(
 def _resampled(
     segment: FrameSource, times: Floats, wanted: Floats, max_loaded_bytes: int | None
 ) -> FrameSource:
-    places = [neighbors(times, time) for time in wanted]
-    before, after = (np.array([place[side] for place in places]) for side in (0, 1))
-    shares = np.array([place.share for place in places])
+    before, after, shares = neighbors_of_times(times, wanted)
 
     def between(read: Callable[[int, int], Values], start: int, stop: int) -> Values:
         """Return values between frames, in their number type."""

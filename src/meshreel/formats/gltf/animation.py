@@ -20,7 +20,6 @@ from meshreel.formats.gltf.scene import (
     VISIBLE,
     Curve,
     Curves,
-    unit,
 )
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.model.notes import Notes, listed
@@ -290,8 +289,7 @@ def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document)
     rows, is_rotation = values.reshape(len(keys_s), n_each, width), path == "rotation"
     if interpolation == CUBICSPLINE:
         return Curve(keys_s, rows[:, 1], interpolation, (rows[:, 0], rows[:, 2]), is_rotation)
-    normalized = unit(rows[:, 0]) if is_rotation else rows[:, 0]
-    return Curve(keys_s, normalized, interpolation, None, is_rotation)
+    return Curve(keys_s, rows[:, 0], interpolation, None, is_rotation)
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,7 +77,12 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         times = sampling if _is_animated(mesh, motion) else sampling.first
         node = nodes.objects[mesh.node]
         posed = PosedMesh(mesh, motion, times.curve_times_s, node, reader.read)
-        meshes.append(SceneMesh(name, times.times_s, posed.frame, posed.surface, times.fps or None))
+        fps = times.fps or None
+        meshes.append(
+            SceneMesh(
+                name, times.times_s, posed.frame, posed.surface, fps, positions=posed.positions
+            )
+        )
     switching = find_switching(shown, motion, sampling.curve_times_s)
     if switching is not None and options.object is None:
         if all(_is_of_segment(mesh, nodes) for mesh in shown):

@@ -34,8 +34,8 @@ VISIBLE = "visible"
 MAX_PATH = 4096
 """Maximum length of a node path: deep hierarchies with long names would fill the memory."""
 
-PIECE_FRAMES = 8
-"""Frames that a thread poses at once."""
+PIECE_VALUES = 1 << 15
+"""Coordinates that a thread poses at once, about."""
 
 
 class Nodes:
@@ -225,7 +225,7 @@ class Curve:
             in_tangents, out_tangents = self.tangents[0][after], self.tangents[1][before]
             return hermite(first, span * out_tangents, second, span * in_tangents, weight)
         if self.is_rotation:
-            return slerp(first, second, weight)
+            return slerp(unit(first), unit(second), weight)
         return (1 - weight) * first + weight * second
 
 
@@ -456,10 +456,10 @@ class Geometry:
                     posed[index] = rotated + blended[:, :, 3]
 
         # By frames and not by a matrix product, whose rounding depends on the number of frames.
-        if len(posed) <= PIECE_FRAMES:
+        if (step := max(1, PIECE_VALUES // rest.size)) >= len(posed):
             pose(slice(0, len(posed)))
         else:
-            in_threads(pose, chunks(len(posed), PIECE_FRAMES))
+            in_threads(pose, chunks(len(posed), step))
         return posed
 
     def with_reversed_faces(self) -> "Geometry":
@@ -492,8 +492,8 @@ class PosedMesh:
     """Returns the mesh at rest."""
     _blocks: dict[int, Vertices] = dataclasses.field(default_factory=dict)
 
-    def _positions(self, start: int, stop: int) -> Vertices:
-        """Return the float32 positions of frames start..stop - 1."""
+    def positions(self, start: int, stop: int) -> Vertices:
+        """Return the float32 positions of frames start..stop - 1, of shape (K, V, 3)."""
         geometry, blocks = self._geometry, []
         default = self._default_weights
         curve = self.motion.curves.get((self.mesh.node, "weights"))
@@ -523,7 +523,7 @@ class PosedMesh:
         block = self._blocks.get(first)
         if block is None:  # several threads may read frames
             stop = min(first + step, len(self.times_s)) if index else 1
-            block = self._positions(first, stop)
+            block = self.positions(first, stop)
             self._blocks.clear()
             self._blocks[first] = block
         return PolygonMesh(block[index - first], faces.counts, faces.corners)

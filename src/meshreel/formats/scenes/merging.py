@@ -8,12 +8,19 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.scenes.timing import Neighbors, blend, neighbors, unite_times
+from meshreel.formats.scenes.timing import (
+    Places,
+    blend,
+    neighbors,
+    neighbors_of_times,
+    unite_times,
+)
 from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumbered
 from meshreel.model.notes import Notes, listed
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 
@@ -54,6 +61,20 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
             ]
         )
 
+    readers = [mesh.positions for mesh in meshes if mesh.positions is not None]
+
+    def positions(start: int, stop: int) -> Vertices:
+        places = [neighbors_of_times(mesh.times_s, times[start:stop]) for mesh in meshes]
+        parts = []
+        for read, (before, after, shares) in zip(readers, places, strict=True):
+            block = read(before[0], after[-1] + 1)
+            first = block[before - before[0]]
+            if shares.any():
+                second, shares = block[after - before[0]], shares[:, np.newaxis, np.newaxis]
+                first = np.where(shares, blend(first, second, shares), first)
+            parts.append(first)
+        return np.concatenate(parts, axis=1)
+
     def surface(index: int) -> Surface:
         numbers = [int(np.searchsorted(mesh.times_s, times[index], "right")) - 1 for mesh in meshes]
         numbers = [max(0, number) for number in numbers]
@@ -62,12 +83,14 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
         return merge_surfaces([mesh.name for mesh in meshes], surfaces, frames, notes)
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
-        places = [[neighbors(mesh.times_s, times[index]) for mesh in meshes] for index in frames]
+        wanted = times[frames.start : frames.stop]
+        places = [neighbors_of_times(mesh.times_s, wanted) for mesh in meshes]
         return merge_tracks(meshes, places, notes)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
-    return SceneMesh(name, times, frame, surface, fps, tracks)
+    fixed = positions if len(readers) == len(meshes) else None
+    return SceneMesh(name, times, frame, surface, fps, tracks, fixed)
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
@@ -82,7 +105,7 @@ def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
 
 
 def merge_tracks(
-    meshes: Sequence[SceneMesh], places: Sequence[Sequence[Neighbors]], notes: Notes
+    meshes: Sequence[SceneMesh], places: Sequence[Places], notes: Notes
 ) -> dict[str, TrackSource]:
     """Return the tracks of several meshes that are merged into one.
 
@@ -91,14 +114,13 @@ def merge_tracks(
 
     Parameters
     ----------
-    places : sequence of sequences of Neighbors
-        For each merged frame and each mesh, the mesh's frames at or around that time.
+    places : sequence of Places
+        For each mesh, its frames at or around the times of the merged frames.
     """
-    first = [min(row[part].before for row in places) for part in range(len(meshes))]
-    last = [max(row[part].after for row in places) for part in range(len(meshes))]
+    first = [int(before.min()) for before, _, _ in places]
     mesh_tracks = [
-        mesh.tracks(range(start, stop + 1))
-        for mesh, start, stop in zip(meshes, first, last, strict=True)
+        mesh.tracks(range(start, int(after.max()) + 1))
+        for mesh, start, (_, after, _) in zip(meshes, first, places, strict=True)
     ]
     if not any(mesh_tracks):
         return {}
@@ -112,7 +134,7 @@ def _merged(
     name: str,
     mesh_tracks: Sequence[Mapping[str, TrackSource]],
     first: Sequence[int],
-    places: Sequence[Sequence[Neighbors]],
+    places: Sequence[Places],
     sizes: Sequence[Mapping[Domain, int]],
     notes: Notes,
 ) -> StoredTrack | None:
@@ -131,24 +153,24 @@ def _merged(
     is_blended = kind in BLENDED and dtype.kind == "f"
     n_columns = known[0].shape[2]
 
-    def read_part(part: int, place: Neighbors) -> Values:
-        track = of_meshes[part]
+    def read_part(part: int, index: int) -> Values:
+        track, (before, after, shares) = of_meshes[part], places[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
-        at, after = place.before - first[part], place.after - first[part]
+        at, next_at = before[index] - first[part], after[index] - first[part]
         values: Values = track.read(at, at + 1)[0].astype(dtype)
-        if not is_blended or after == at:
+        if not is_blended or next_at == at:
             return values
-        return blend(values, track.read(after, after + 1)[0], place.share)
+        return blend(values, track.read(next_at, next_at + 1)[0], shares[index])
 
     def read_range(start: int, stop: int) -> Values:
         values: Values = np.empty((stop - start, *shape[1:]), dtype)
         for index in range(start, stop):
-            parts = [read_part(part, place) for part, place in enumerate(places[index])]
+            parts = [read_part(part, index) for part in range(len(places))]
             values[index - start] = np.concatenate(parts)
         return values
 
-    shape = len(places), sum(size[domain] for size in sizes), n_columns
+    shape = len(places[0][0]), sum(size[domain] for size in sizes), n_columns
     return StoredTrack(domain, kind, known[0].unit, dtype, shape, read_range)
 
 

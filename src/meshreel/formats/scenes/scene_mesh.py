@@ -11,6 +11,7 @@ import numpy.typing as npt
 from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.tracks import TrackSource
 
@@ -39,6 +40,10 @@ class SceneMesh:
     tracks: Callable[[range], Mapping[str, TrackSource]] = lambda frames: {}
     """Returns the tracks of these frames, which share their faces and have all been read before.
     Frame 0 of a track is the first frame of the range.
+    """
+    positions: Callable[[int, int], Vertices] | None = None
+    """Returns the positions of frames start..stop - 1 of a mesh whose faces never change, of shape
+    (K, V, 3), faster than frame by frame.
     """
 
 

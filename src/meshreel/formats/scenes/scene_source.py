@@ -147,6 +147,17 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
     """Read the frames of a mesh, and compare their faces."""
     runs: list[_SceneRun] = []
     n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
+    if mesh.positions is not None:
+        first = mesh.frame(0)
+        runs, step = (
+            [_SceneRun(mesh, 0, first, budget)],
+            max(1, BLOCK_BYTES // first.vertices.nbytes),
+        )
+        for start in range(0, n_frames, step):
+            stop = min(start + step, n_frames)
+            runs[0].add(mesh.positions(start, stop))
+            options.progress("reading", Count(stop, n_frames, "frames"))
+        return runs
     last: PolygonMesh | None = None
     for start, frames in _read_blocks(mesh):
         begins = {
@@ -234,6 +245,8 @@ class _SceneRun:
     def _read(self, start: int, stop: int) -> Vertices:
         """Return the positions of frames start..stop - 1 of the run, of shape (K, V, 3)."""
         mesh, dtype = self._mesh, self._survey.dtype
+        if mesh.positions is not None and start < stop:
+            return mesh.positions(self.start + start, self.start + stop).astype(dtype, copy=False)
         vertices: Vertices = np.empty((stop - start, *self.first.vertices.shape), dtype)
         for row, index in enumerate(range(self.start + start, self.start + stop)):
             vertices[row] = mesh.frame(index).vertices

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Values
+from meshreel.arrays import Floats, Integers, Values
 from meshreel.errors import FormatError, Keyword
 from meshreel.formats.options import ReadOptions
 from meshreel.model.validation import validate_fps
@@ -94,6 +94,17 @@ def neighbors(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbors:
     if share < 0.001:
         return Neighbors(before, before)
     return Neighbors(before, after, share)
+
+
+Places = tuple[Integers, Integers, Floats]
+"""`Neighbors` of several times, as arrays of shape (T,)."""
+
+
+def neighbors_of_times(times_s: Floats, wanted: Floats) -> Places:
+    """Return the `neighbors` of at least one time as arrays of shape (T,)."""
+    places = [neighbors(times_s, time) for time in wanted.tolist()]
+    before, after, shares = map(np.array, zip(*places, strict=True))
+    return before, after, shares
 
 
 def blend(before: Values, after: Values, share: float | Floats) -> Values:

@@ -18,7 +18,7 @@ from meshreel.formats.kinds import OF_CELLS, SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
-from meshreel.formats.scenes.timing import Neighbors, file_order_times
+from meshreel.formats.scenes.timing import file_order_times
 from meshreel.formats.surfaces.polygons import EmptyMeshError, PolygonMesh
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.formats.vtk.xml_arrays import parse_xml
@@ -234,10 +234,10 @@ class _PieceFrames:
         if len(counts) > 1:  # pieces cannot be matched between frames
             self._notes.left_out("fields of frames that differ in their number of files")
             return {}
-        places = [[Neighbors(place, place) for place in self._places[index]] for index in frames]
+        numbers = np.array([self._places[index] for index in frames])
         if counts == {1}:
-            first = places[0][0].before
-            return self._pieces[0].tracks(range(first, first + len(frames)))
+            return self._pieces[0].tracks(range(numbers[0, 0], numbers[0, 0] + len(frames)))
+        places = [(own, own, np.zeros(len(own))) for own in numbers.T]
         return merge_tracks(self._pieces[: counts.pop()], places, self._notes)
 
     def _mesh(self, index: int) -> SceneMesh:

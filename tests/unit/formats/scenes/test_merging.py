@@ -1,5 +1,7 @@
 """Merging of tracks of meshes with different frame times."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from meshreel.formats.options import ReadOptions
@@ -53,6 +55,24 @@ def test_track_is_nan_in_meshes_without_it(tmp_path):
     assert tracks["step"].values[:, 0, 0].tolist() == [1, 2]
     assert np.isnan(tracks["step"].values[:, 3:]).all()
     assert notes == ["track 'step' is in 1 of 2 meshes, and NaN in the others"]
+
+
+def test_merged_positions_equal_those_of_frames():
+    points = np.random.default_rng(0).normal(size=(3, 3, 3)).astype(np.float32)
+    meshes = [
+        replace(
+            mesh("/m", times),
+            frame=lambda index: PolygonMesh(points[index], np.array([3]), np.arange(3)),
+            positions=lambda start, stop: points[start:stop],
+        )
+        for times in ([0, 1, 2], [0.5, 1.25], [1])
+    ]
+    whole = merge_meshes(meshes, "whole", Notes())
+    frames = np.stack([whole.frame(index).vertices for index in range(len(whole.times_s))])
+    assert len(frames) == 5
+    for start in range(5):
+        np.testing.assert_allclose(whole.positions(start, 5), frames[start:], atol=1e-6)
+    assert merge_meshes([*meshes, mesh("/changing", [0])], "", Notes()).positions is None
 
 
 def test_tracks_that_differ_between_meshes_are_left_out(tmp_path):
