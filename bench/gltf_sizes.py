@@ -24,7 +24,7 @@ import meshreel
 from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.container import BufferWriter
-from meshreel.formats.gltf.format import write_glb
+from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.morphs import place_frames
 from meshreel.formats.options import WriteOptions
 from meshreel.model.notes import Notes
@@ -110,7 +110,7 @@ def ours(
     options = WriteOptions(max_error=max_error, **VARIANTS.get(variant, {}))
 
     def write() -> Written:
-        write_glb(folder / "ours.glb", stream, options)
+        write_gltf(folder / "ours.glb", stream, options)
         words = next(note for note in notes if note.startswith("the largest error is")).split()
         n_morphs = int(words[words.index("morph") - 1])
         return n_morphs, (folder / "ours.glb").read_bytes(), float(words[4])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.formats.gltf.format import write_glb, write_gltf
+from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.mesh_writer import split_at_seams
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
@@ -136,9 +136,9 @@ def split_sources(sequence, *, is_compressed):
 def test_the_validator_accepts_written_files(tmp_path):
     paths = []
     for case, (make, options) in CASES.items():
-        for write, extension in ((write_glb, "glb"), (write_gltf, "gltf")):
+        for extension in ("glb", "gltf"):
             paths.append(tmp_path / f"{case}.{extension}")
-            write(paths[-1], stream_of(make()), WriteOptions(**options))
+            write_gltf(paths[-1], stream_of(make()), WriteOptions(**options))
     paths.append(tmp_path / "segments.glb")
     meshreel.save(
         meshreel.concatenate([dressed(4), flag(3).replace(fps=24.0), dressed(1)]), paths[-1]
@@ -180,7 +180,7 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
     make, options = CASES[case]
     sequence, notes = make(), Notes()
     writing = WriteOptions(**options)
-    write_glb(tmp_path / "a.glb", stream_of(sequence, notes), writing)
+    write_gltf(tmp_path / "a.glb", stream_of(sequence, notes), writing)
     frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})
     times = [sequence.start_s + frame / sequence.fps for frame in frames]
     positions, picture = play(page, tmp_path / "a.glb", times)
@@ -228,7 +228,7 @@ def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(page, tmp_path):
     if not folder:
         pytest.skip("MESHREEL_DATA names no folder of real sequences")
     samba = load(Path(folder) / "samba.npz").replace(fps=25.0)
-    write_glb(tmp_path / "samba.glb", stream_of(samba), WriteOptions())
+    write_gltf(tmp_path / "samba.glb", stream_of(samba), WriteOptions())
     (report,) = reports_of(tmp_path / "samba.glb")
     assert all(map(is_harmless, report["issues"]["messages"]))
     frames = [0, 50, 103, 174]

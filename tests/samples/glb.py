@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.format import write_glb
+from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.meshopt import decode_view
 from meshreel.formats.options import WriteOptions
 
@@ -23,7 +23,7 @@ def stream_of(sequence, notes=None):
 def written(folder, sequence, notes=None, **options):
     """Write a sequence as GLB, without compression unless the options request it, and parse it."""
     path = folder / "written.glb"
-    write_glb(path, stream_of(sequence, notes), WriteOptions(**{"compression": False, **options}))
+    write_gltf(path, stream_of(sequence, notes), WriteOptions(**{"compression": False, **options}))
     return Glb.read(path.read_bytes())
 
 

@@ -309,21 +309,26 @@ class BufferWriter:
         return len(self.accessors) - 1
 
 
-def write_container(path: Path, document: Json, buffer: BufferWriter, advice: str) -> int:
-    """Write a ``.glb`` file, and return its size in bytes.
+def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str) -> int:
+    """Write a ``.glb`` file, or a ``.gltf`` file with the buffer as base64; return the size.
 
     Parameters
     ----------
     document : dict
         The JSON, without the buffer.
     advice : str
-        Advice for the user if the file is too large.
+        Advice for the user if a ``.glb`` file is too large.
 
     Raises
     ------
     InvalidInputError
         If the file is too large for its format.
     """
+    if path.suffix.lower() == ".gltf":
+        data = base64.b64encode(b"".join(buffer.pieces)).decode("ascii")
+        uri = f"data:application/octet-stream;base64,{data}"
+        complete = document | {"buffers": buffer.buffers(uri=uri)}
+        return path.write_bytes(json.dumps(complete, ensure_ascii=False, indent=1).encode())
     complete = document | {"buffers": buffer.buffers()}
     text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
@@ -339,12 +344,3 @@ def write_container(path: Path, document: Json, buffer: BufferWriter, advice: st
         file.write(CHUNK.pack(buffer.size_bytes, BINARY_CHUNK))
         file.writelines(buffer.pieces)
     return size_bytes
-
-
-def write_text(path: Path, document: Json, buffer: BufferWriter) -> int:
-    """Write a ``.gltf`` file with the buffer as base64, and return its size in bytes."""
-    data = base64.b64encode(b"".join(buffer.pieces)).decode("ascii")
-    uri = f"data:application/octet-stream;base64,{data}"
-    complete = document | {"buffers": buffer.buffers(uri=uri)}
-    text = json.dumps(complete, ensure_ascii=False, indent=1)
-    return path.write_bytes(text.encode())

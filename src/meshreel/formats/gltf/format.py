@@ -1,10 +1,8 @@
 """Registry entries of the glTF formats."""
 
-from functools import partial
 from pathlib import Path
 
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.container import write_container, write_text
 from meshreel.formats.gltf.read import list_animations, read_meshes
 from meshreel.formats.gltf.rigged import write_rigged
 from meshreel.formats.gltf.write import write_morphs
@@ -13,28 +11,19 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged
 
 
-def write_glb(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a self-contained ``.glb`` file: a rig if the options request one, or morph targets.
+def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Write a self-contained file: a rig if the options request one, or morph targets.
 
-    Adds the achieved errors to `stream.notes`.
+    A ``.gltf`` file is a third larger than a ``.glb`` file, since its buffer is base64. Adds the
+    achieved errors to `stream.notes`.
 
     Raises
     ------
     InvalidInputError
         As `write_rigged` and `write_morphs`, or if the file is too large for its format.
     """
-    if is_rigged(options):
-        advice = "allow larger errors (max_error)"
-        write_rigged(stream, options, partial(write_container, path, advice=advice))
-    else:
-        advice = "allow a larger error (max_error), or use fewer targets"
-        write_morphs(stream, options, partial(write_container, path, advice=advice))
-
-
-def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a ``.gltf`` file as `write_glb` does, with a base64 buffer that is a third larger."""
     write = write_rigged if is_rigged(options) else write_morphs
-    write(stream, options, partial(write_text, path))
+    write(path, stream, options)
 
 
 FORMATS = tuple(
@@ -42,7 +31,7 @@ FORMATS = tuple(
         extension,
         title,
         read_meshes=read_meshes,
-        write=write,
+        write=write_gltf,
         holds_segments=True,
         names_files=True,
         writes=frozenset(
@@ -51,8 +40,8 @@ FORMATS = tuple(
         holds_materials=True,
         list_animations=list_animations,
     )
-    for extension, title, write in (
-        (".glb", "glTF, binary", write_glb),
-        (".gltf", "glTF, text", write_gltf),
+    for extension, title in (
+        (".glb", "glTF, binary"),
+        (".gltf", "glTF, text"),
     )
 )

@@ -1,6 +1,6 @@
 """A part of a sequence as base mesh and morph targets, written as a glTF mesh."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -521,6 +521,14 @@ def mesh_json(
     }
 
 
+def add_attributes(attributes: Mapping[str, Rows], buffer: BufferWriter) -> StoredValues:
+    """Add vertex attributes to the buffer."""
+    return {
+        name: buffer.add_vertices([values], are_unit=name == "NORMAL")[0]
+        for name, values in attributes.items()
+    }
+
+
 def _accessors(values: StoredValues, verts: slice, buffer: BufferWriter) -> dict[str, int]:
     return {name: buffer.vertex_accessor(name, column, verts) for name, column in values.items()}
 
@@ -533,11 +541,7 @@ def _add_vertices(
     base = {"POSITION": morph_mesh.base[split.sources]}
     if normals is not None:
         base["NORMAL"] = normals.base[split.rows]
-    base |= split.attributes
-    base_values = {
-        name: buffer.add_vertices([values], are_unit=name == "NORMAL")[0]
-        for name, values in base.items()
-    }
+    base_values = add_attributes(base | split.attributes, buffer)
     if morphs is None:
         return base_values, []
     targets: list[StoredValues] = [{} for _ in range(len(morphs.targets))]

@@ -1,16 +1,18 @@
 """Writing glTF: a skinned mesh, its bones with their keys, and corrective morph targets."""
 
-from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.container import JOINTS, BufferWriter, Json
+from meshreel.formats.gltf.container import JOINTS, Json, write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     StoredValues,
+    add_attributes,
     describe_losses,
     mesh_json,
     static_normals,
@@ -35,15 +37,14 @@ POSE_DIGITS, EXACT_DIGITS = 4, 9
 """Significant digits of the pose of nodes in the first frame, and of float32 values."""
 
 
-def write_rigged(
-    stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
-) -> None:
-    """Fit a rig, write it by a function that returns the size, and report the sizes.
+def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Fit a rig, write it, and report the sizes.
 
     Raises
     ------
     InvalidInputError
-        As `meshreel.formats.rigs.rig_of`, or if the options are out of range.
+        As `meshreel.formats.rigs.rig_of`, if the options are out of range, or if the file is too
+        large.
     """
     check_options(options)
     times_s = np.asarray(frame_times(stream))
@@ -52,7 +53,7 @@ def write_rigged(
     stream.notes.add_all(describe_losses(sequence.surface, len(sequence.faces)))
     scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
     document = scene.document()
-    size_bytes = write(document, scene.buffer)
+    size_bytes = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
     sizes = scene.sizes_in_file(size_bytes)
     shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
     stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {shown}")
@@ -112,20 +113,16 @@ class _RiggedScene(SceneWriter):
         if not len(split.sources):
             return
         sources = split.sources + part.verts.start
-        base: StoredValues = {}
-        self._add(base, "POSITION", rig.coordinates[sources])
+        values: dict[str, npt.NDArray[Any]] = {"POSITION": rig.coordinates[sources]}
         rest = rig.rest[part.verts]
         has_normals = wants_normals(self._options.normals, rest, part.faces)
         if has_normals or has_hard_edges:
             normals = static_normals(rest[shading.rows.vertices], shading.triangles).base
-            rounded = np.rint(normals * NORMAL_LEVELS).astype(np.int8)
-            self._add(base, "NORMAL", rounded[split.rows])
-        for name, values in split.attributes.items():
-            self._add(base, name, values)
+            values["NORMAL"] = np.rint(normals * NORMAL_LEVELS).astype(np.int8)[split.rows]
+        base = add_attributes(values | split.attributes, buffer)
         self._count("mesh")
         joints, weights = align_influences(rig.joints[sources], rig.weights[sources])
-        self._add(base, JOINTS, joints)
-        self._add(base, "WEIGHTS_0", weights)
+        base |= add_attributes({JOINTS: joints, "WEIGHTS_0": weights}, buffer)
         self._count("weights")
         targets = self._add_targets(sources)
         self._count("correctives")
@@ -137,9 +134,6 @@ class _RiggedScene(SceneWriter):
             mesh_json(path[-1], split, base, targets, first, buffer, self._materials)
         )
         self._count("mesh")
-
-    def _add(self, base: StoredValues, name: str, values: npt.NDArray[np.generic]) -> None:
-        [base[name]] = self.buffer.add_vertices([values], are_unit=name == "NORMAL")
 
     def _add_targets(self, sources: npt.NDArray[np.int64]) -> list[StoredValues]:
         targets = self._rig.correctives.targets

@@ -1,8 +1,9 @@
 """Writing glTF: an animation of morph targets, which viewers play on the GPU."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,13 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import MESHOPT, QUANTIZATION, BufferWriter, Json
+from meshreel.formats.gltf.container import (
+    MESHOPT,
+    QUANTIZATION,
+    BufferWriter,
+    Json,
+    write_document,
+)
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
@@ -51,10 +58,8 @@ COMPRESSED_ADVICE = (
 )
 
 
-def write_morphs(
-    stream: SegmentedStream, options: WriteOptions, write: Callable[[Json, BufferWriter], int]
-) -> None:
-    """Fit all segments, write them by a function that returns the size, and note the errors.
+def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
+    """Fit all segments, write them, and note the errors.
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
     node whose scale is 1 in its frames and 0 in the others.
@@ -62,7 +67,7 @@ def write_morphs(
     Raises
     ------
     InvalidInputError
-        If the options are out of range, or their error bound cannot be met.
+        If the options are out of range, their error bound cannot be met, or the file is too large.
     """
     check_options(options)
     notes = stream.notes
@@ -102,7 +107,8 @@ def write_morphs(
             Keyword("max_error"),
             ")",
         )
-    size_bytes = write(document, scene.buffer)
+    advice = "allow a larger error (max_error), or use fewer targets"
+    size_bytes = write_document(path, document, scene.buffer, advice)
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
         where = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.gltf.container import write_container
+from meshreel.formats.gltf.container import write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import MorphMesh, NormalTargets, split_at_seams, write_mesh
 from meshreel.formats.gltf.morphs import IDENTITY, Placement
@@ -182,7 +182,7 @@ class RestMesh:
             scene.tree.nodes[node] |= transform
         scene.meshes.append(write_mesh(name, split, morph_mesh, scene.buffer, materials))
         document = scene.assemble(materials)
-        write_container(path, document, scene.buffer, "leave out attributes (--attributes)")
+        write_document(path, document, scene.buffer, "leave out attributes (--attributes)")
 
     def _with_texel_uvs(self, uvs: Floats) -> Surface:
         """Return the surface with these as its second UV set; the first is zeros if it has none."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.container import BufferWriter, write_container
+from meshreel.formats.gltf.container import BufferWriter, write_document
 from meshreel.formats.load import load
 from samples.gltf import Gltf, glb, moving_triangle
 
@@ -199,7 +199,7 @@ def file_size(path, buffer_bytes):
     """Return the size of a file with such a buffer, whose bytes are not written."""
     buffer = BufferWriter()
     buffer.size_bytes = buffer_bytes
-    return write_container(path, {}, buffer, "less")
+    return write_document(path, {}, buffer, "less")
 
 
 def test_files_are_limited_to_the_size_that_the_header_can_store(tmp_path):

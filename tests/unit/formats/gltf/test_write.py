@@ -9,7 +9,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.formats.error_budget import requested_budget
-from meshreel.formats.gltf.format import write_glb, write_gltf
+from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
 from meshreel.model.notes import Notes
@@ -302,7 +302,7 @@ def test_compression_is_noted(tmp_path):
 
 
 def test_file_size_is_noted(tmp_path, notes):
-    write_glb(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
+    write_gltf(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
     size = (tmp_path / "a.glb").stat().st_size
     assert notes[0].endswith(f"with 4 morph targets: {size / 1e6:.3g} MB")
 
