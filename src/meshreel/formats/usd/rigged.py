@@ -17,16 +17,13 @@ from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.reading import read_meshes
 from meshreel.formats.usd.writing import (
-    PACKAGE_FOLDER,
     Codes,
     MeshWriter,
-    material_writer,
-    mesh_paths,
+    begin_stage,
     parts_of,
     usd_array,
     usd_time,
     write_frames,
-    write_root,
     write_stage,
     write_time_codes,
 )
@@ -79,13 +76,12 @@ def _write_rig(
     if segment.surface.hard_edges is not None:
         stream.notes.unwritten("left out hard edges: programs compute the normals of a rig")
     parts = parts_of(segment)
-    paths = mesh_paths([part.name for part in parts], segment.name or "scene")
-    root = write_root(stage, paths[0], rig.origin)
+    paths, names, materials = begin_stage(
+        stage, stream, segment, parts, rig.origin, is_package=is_package
+    )
+    root = "/" + paths[0].split("/")[1]
     skel.Root.Define(stage, root)
-    names = {path.split("/")[2] for path in paths}
     skeleton = f"{root}/{unique_name('skeleton', names)}"
-    folder = PACKAGE_FOLDER if is_package else stream.image_folder
-    materials = material_writer(stage, root, names, segment, folder, is_package=is_package)
     _write_skeleton(stage, skeleton, rig)
     points = (rig.rest - rig.origin).astype(np.float32)
     shapes = [f"corrective_{number + 1}" for number in range(rig.n_targets)]

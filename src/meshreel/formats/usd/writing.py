@@ -132,7 +132,6 @@ def write_frames(
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = write_time_codes(stage, stream)
     changing = shared if stream.n_segments > 1 else None
-    folder = PACKAGE_FOLDER if is_package else stream.image_folder
     meshes: list[MeshWriter] = []
     rounding: Rounding | None = None
     n_unsaved = 0
@@ -140,10 +139,9 @@ def write_frames(
         parts, own = parts_of(segment), codes[start:stop]
         if rounding is None:
             rounding = Rounding(segment.first, "USD")
-            paths = mesh_paths([part.name for part in parts], segment.name or "scene")
-            root = write_root(stage, paths[0], rounding.shift)
-            names = {path.split("/")[2] for path in paths}
-            materials = material_writer(stage, root, names, segment, folder, is_package=is_package)
+            paths, _, materials = begin_stage(
+                stage, stream, segment, parts, rounding.shift, is_package=is_package
+            )
             for part, mesh_path in zip(parts, paths, strict=True):
                 has_normals = part.writes_edge_normals(segment.tracks, changing)
                 meshes.append(MeshWriter(stage, mesh_path, has_normals=has_normals))
@@ -183,9 +181,22 @@ def write_time_codes(stage: Any, stream: SegmentedStream) -> Codes:
     return list(codes)
 
 
-def write_root(stage: Any, path: str, shift: Floats) -> str:
-    """Write the axes, units and root transform of a stage, and return the path of the root."""
-    geometry, root = USD.load("UsdGeom"), "/" + path.split("/")[1]
+def begin_stage(
+    stage: Any,
+    stream: SegmentedStream,
+    first: FrameStream,
+    parts: Sequence[PartMesh],
+    shift: Floats,
+    *,
+    is_package: bool,
+) -> tuple[list[str], set[str], Materials]:
+    """Write the axes, units and root of a stage, which the shift, of shape (3,), translates.
+
+    Return the paths of the parts of the first segment, the names of the prims below the root, and
+    the writer of materials.
+    """
+    paths = mesh_paths([part.name for part in parts], first.name or "scene")
+    geometry, root = USD.load("UsdGeom"), "/" + paths[0].split("/")[1]
     geometry.SetStageUpAxis(stage, geometry.Tokens.y)
     geometry.SetStageMetersPerUnit(stage, 1.0)
     transform = geometry.Xform.Define(stage, root)
@@ -193,30 +204,19 @@ def write_root(stage: Any, path: str, shift: Floats) -> str:
     if shift.any():
         operation = transform.AddTranslateOp(geometry.XformOp.PrecisionDouble)
         operation.Set(tuple(shift.tolist()))
-    return root
-
-
-def material_writer(
-    stage: Any, root: str, names: set[str], first: FrameStream, folder: str, *, is_package: bool
-) -> Materials:
-    """Return the writer of materials, given the first segment and the folder of the images."""
-    surface = first.surface
+    surface, names = first.surface, {path.split("/")[2] for path in paths}
+    folder = PACKAGE_FOLDER if is_package else stream.image_folder
     files = [f"./{folder}/{name}" for name in image_names(surface.images)]
-    uv_names = [
-        (attribute.name, name)
-        for attribute, name in primvar_names(surface)
+    primvars = {
+        attribute.name: name
+        for attribute, name in reversed(primvar_names(surface))
         if attribute.kind is Kind.UV
-    ]
-    return Materials(
-        stage,
-        root,
-        names,
-        surface.materials,
-        list(zip(surface.images, files, strict=True)),
-        dict(reversed(uv_names)),
-        first.notes,
-        is_package=is_package,
+    }
+    images = list(zip(surface.images, files, strict=True))
+    materials = Materials(
+        stage, root, names, surface.materials, images, primvars, first.notes, is_package=is_package
     )
+    return paths, names, materials
 
 
 def parts_of(stream: FrameStream) -> list[PartMesh]:
