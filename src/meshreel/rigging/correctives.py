@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Singles
-from meshreel.rigging.aims import farther
+from meshreel.rigging.decomposition import farther
 
 BYTE = 127
 MAX_TARGETS = 64

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Real
-from meshreel.rigging.aims import farther
 from meshreel.runtime.threads import in_chunks
 
 MAX_INFLUENCES = 4
@@ -35,6 +34,9 @@ N_PIECES = 16
 
 DAMPING = 1e-6
 """Share of the former transform, and of the former rest position, in a new one."""
+
+MAX_PULL = 2.0
+"""Largest distance between an aim and the position, in error bounds."""
 
 MONOMIALS = np.triu_indices(4)
 
@@ -91,6 +93,26 @@ def _weighted_rest(weights: Floats, rest: Floats) -> Floats:
     """Return w (x, y, z, 1) of each vertex and bone, of shape (V, 4 B)."""
     points = np.column_stack([rest, np.ones(len(rest))])
     return (weights[:, :, np.newaxis] * points[:, np.newaxis]).reshape(len(rest), -1)
+
+
+def farther(pulls: Real, residuals: Real, bound: float) -> Real:
+    """Return vectors from positions to the aims of a fit, moved on where residuals exceed a bound.
+
+    Aims beyond the positions pull a fit towards the worst vertices.
+
+    Parameters
+    ----------
+    pulls, residuals : float arrays
+        Their second axis is x, y, z.
+    """
+    moved: Real = pulls + residuals * np.clip(1 - bound / _lengths(residuals), 0, 1)
+    moved *= np.minimum(1, MAX_PULL * bound / _lengths(moved))
+    return moved
+
+
+def _lengths(vectors: Real) -> Real:
+    squares: Real = np.einsum("iv...,iv...->i...", vectors, vectors)[:, np.newaxis]
+    return np.asarray(np.maximum(np.sqrt(squares), 1e-30))
 
 
 def fit_rigid(moments: Floats, gram: Floats, former: Floats) -> Floats:

@@ -141,15 +141,18 @@ def encode_rotations(quaternions: Floats, bits: int) -> Shorts:
 
 
 def decode_rotations(codes: Shorts) -> Shorts:
-    """Return unit quaternions as normalized integers, as the decoder of the filter does."""
+    """Return unit quaternions as normalized integers, as `EXT_meshopt_compression` decodes them.
+
+    The codes may be any integers; components are limited to -32767 to 32767.
+    """
     scale = (codes[:, 3:] | 3).astype(np.float64)
     small = codes[:, :3] / scale * np.sqrt(0.5)
     largest = np.sqrt(np.maximum(0, 1 - np.square(small).sum(axis=1, keepdims=True)))
     places = ((codes[:, 3:] & 3) + [1, 2, 3, 0]) % 4
     values = np.concatenate([small, largest], axis=1) * SHORT
     quaternions = np.empty_like(codes)
-    rounded = np.trunc(values + np.copysign(0.5, values)).astype(np.int16)
-    np.put_along_axis(quaternions, places.astype(np.int64), rounded, axis=1)
+    rounded = np.trunc(values + np.copysign(0.5, values)).clip(-SHORT, SHORT)
+    np.put_along_axis(quaternions, places.astype(np.int64), rounded.astype(np.int16), axis=1)
     return quaternions
 
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.errors import FormatError
+from meshreel.rigging.keys import decode_rotations
 
 TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
 TRIANGLES_TAIL, INDICES_TAIL = 16, 4
@@ -219,15 +220,7 @@ def _octahedral(elements: Bytes) -> Bytes:
 
 def _quaternion(elements: Bytes) -> Bytes:
     """Decode unit quaternions from their three smallest components."""
-    rows = elements.view("<i2")
-    unit = (rows[:, 3:] | 3).astype(np.float64)
-    small = rows[:, :3] / np.where(unit == 0, 1, unit) * np.sqrt(0.5)
-    largest = np.sqrt(np.maximum(0, 1 - (small**2).sum(axis=1, keepdims=True)))
-    places = ((rows[:, 3:] & 3) + np.array([1, 2, 3, 0])) % 4
-    quaternions = np.empty_like(rows)
-    values = np.clip(_rounded(np.concatenate([small, largest], axis=1) * 32767), -32767, 32767)
-    np.put_along_axis(quaternions, places.astype(np.int64), values.astype(np.int16), axis=1)
-    return quaternions.view(np.uint8)
+    return decode_rotations(elements.view("<i2")).view(np.uint8)
 
 
 def _exponential(elements: Bytes) -> Bytes:
