@@ -207,14 +207,11 @@ def triangles(split):
     )
 
 
-def test_vertices_without_seams_are_not_split():
-    split = split_at_seams(two_quads())
+@pytest.mark.parametrize("n_verts", [6, 9])
+def test_vertices_that_faces_use_are_not_split_without_seams(n_verts):
+    split = split_at_seams(two_quads(n_verts=n_verts))
     assert split.sources.tolist() == list(range(6))
     assert triangles(split).tolist() == [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]
-
-
-def test_vertices_without_faces_are_left_out():
-    assert split_at_seams(two_quads(n_verts=9)).sources.tolist() == list(range(6))
 
 
 def test_vertices_are_split_where_uvs_differ():

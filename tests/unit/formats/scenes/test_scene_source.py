@@ -65,20 +65,35 @@ def test_error_lists_the_meshes_if_none_is_selected():
         opened(meshes)
 
 
-@pytest.mark.parametrize("wanted", ["/root/b", "b", "root/b"])
-def test_mesh_is_selected_by_path_or_its_end(wanted):
-    meshes = [
-        scene_mesh(quad_sheet(shift=k), name) for k, name in enumerate(("/root/a", "/root/b"))
-    ]
+@pytest.mark.parametrize(
+    ("names", "wanted"),
+    [
+        *((("/root/a", "/root/b"), wanted) for wanted in ("/root/b", "b", "root/b")),
+        # The name of a parent selects its only mesh.
+        *((("/Bone/Skin/Shape",), name) for name in ("/Bone", "Bone", "/Bone/Skin", "/", "/Bone/")),
+        (("/Boneless/Shape2", "/Bone/Shape"), "/Bone"),
+    ],
+)
+def test_mesh_is_selected_by_the_end_of_its_path_or_by_a_parent(names, wanted):
+    meshes = [scene_mesh(quad_sheet(shift=shift), name) for shift, name in enumerate(names)]
     result = opened(meshes, object=wanted)
-    assert result.vertices.tobytes() == quad_sheet(shift=1).vertices.tobytes()
+    assert result.name == names[-1].rpartition("/")[2]
+    assert result.vertices.tobytes() == quad_sheet(shift=len(names) - 1).vertices.tobytes()
 
 
-@pytest.mark.parametrize(("wanted", "message"), [("c", "no mesh named 'c'"), ("x", "2 meshes")])
-def test_error_for_an_unsuitable_name_lists_the_meshes(wanted, message):
-    meshes = [scene_mesh(quad_sheet(), name) for name in ("/a/x", "/b/x")]
+@pytest.mark.parametrize(
+    ("names", "wanted", "which"),
+    [
+        (("/a/x", "/b/x"), "c", "no mesh"),
+        (("/a/x", "/b/x"), "x", "2 meshes"),
+        (("/Bone/a", "/Bone/b"), "/Bone", "2 meshes"),
+        (("/Bone/a", "/Bone/b"), "/Bon", "no mesh"),
+    ],
+)
+def test_name_of_no_mesh_or_several_lists_the_meshes(names, wanted, which):
+    message = rf"{which} named '{wanted}'; it holds 2 meshes: {', '.join(names)}"
     with pytest.raises(InvalidInputError, match=message):
-        opened(meshes, object=wanted)
+        opened([scene_mesh(quad_sheet(), name) for name in names], object=wanted)
 
 
 def test_merge_option_merges_all_meshes():
@@ -235,24 +250,6 @@ def test_errors_name_the_file():
 
     with pytest.raises(FormatError, match=r"scene\.abc: is not an archive"):
         open_scene(read_meshes, PATH, ReadOptions())
-
-
-@pytest.mark.parametrize("wanted", ["/Bone", "Bone", "/Bone/Skin", "/", "/Bone/"])
-def test_name_of_a_parent_selects_its_only_mesh(wanted):
-    result = opened([scene_mesh(quad_sheet(), "/Bone/Skin/Shape")], object=wanted)
-    assert result.name == "Shape"
-
-
-def test_name_of_a_parent_ignores_meshes_elsewhere():
-    meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/Shape", "/Boneless/Shape2")]
-    assert opened(meshes, object="/Bone").name == "Shape"
-
-
-@pytest.mark.parametrize(("wanted", "which"), [("/Bone", "2 meshes"), ("/Bon", "no mesh")])
-def test_ambiguous_parent_name_lists_the_meshes(wanted, which):
-    meshes = [scene_mesh(quad_sheet(), name) for name in ("/Bone/a", "/Bone/b")]
-    with pytest.raises(InvalidInputError, match=rf"{which} named '{wanted}'; it holds 2 meshes"):
-        opened(meshes, object=wanted)
 
 
 def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):

@@ -115,21 +115,20 @@ def test_load_skins_at_every_frame_between_keys(skinned_file, notes):
     assert any("2 samples" in note and "5 frames" in note for note in notes)
 
 
-def test_load_applies_blend_shapes_before_skinning(skinned_file):
-    loaded = load(skinned_file(JOINTS + SHAPES))
-    expected = [posed(s) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
-    np.testing.assert_array_equal(loaded.vertices, expected)
+STEPS = (0, 0.25, 0.5, 0.75, 1)
 
 
-def test_load_applies_blend_shapes_without_joint_weights(skinned_file):
-    loaded = load(skinned_file(SHAPES))
-    expected = [REST + np.array([0, 0, 10]) + bulged(s) for s in (0, 0.25, 0.5, 0.75, 1)]
-    np.testing.assert_array_equal(loaded.vertices, expected)
-
-
-def test_load_skins_rigidly_with_constant_weights(skinned_file):
-    loaded = load(skinned_file(RIGID % 1))
-    np.testing.assert_array_equal(loaded.vertices[-1], REST + np.array([4, 0, 10]))
+@pytest.mark.parametrize(
+    ("binding", "expected"),
+    [
+        (JOINTS + SHAPES, [posed(step) + bulged(step) for step in STEPS]),
+        (SHAPES, [REST + np.array([0, 0, 10]) + bulged(step) for step in STEPS]),
+        (RIGID % 1, [REST + np.array([4 * step, 0, 10]) for step in STEPS]),
+    ],
+    ids=["shapes before joints", "shapes alone", "constant weights"],
+)
+def test_load_applies_blend_shapes_and_constant_weights(skinned_file, binding, expected):
+    np.testing.assert_array_equal(load(skinned_file(binding)).vertices, expected)
 
 
 def test_load_samples_skinning_at_the_requested_rate(skinned_file):

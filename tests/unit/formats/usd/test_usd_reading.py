@@ -353,6 +353,13 @@ def test_load_rejects_transforms_that_are_not_finite(stage_file, operation, numb
 @pytest.mark.parametrize(
     ("points", "faces", "message"),
     [
+        ('string[] points = ["a", "b"]', QUAD, "mesh /m has points of a type other than point3f"),
+        (POINTS, QUAD.replace("int[]", "float[]", 1), "mesh /m has faces of a type other than int"),
+        (
+            POINTS,
+            'int[] faceVertexCounts = [4]\ntoken faceVertexIndices = "x"',
+            "mesh /m has faces",
+        ),
         (POINTS, QUAD.replace("[4]", "[5]"), "has 4 faceVertexIndices .* need 5"),
         (POINTS, QUAD.replace("[4]", "[-4]"), "faceVertexCounts need -4"),
         (POINTS, QUAD.replace("[4]", "[2, 2]"), "face 0: a face needs at least three corners"),
