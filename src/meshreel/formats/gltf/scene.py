@@ -1,6 +1,7 @@
 """The nodes of a glTF file, their motion, and the meshes that they, joints and targets pose."""
 
 import dataclasses
+from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -89,7 +90,7 @@ class Nodes:
             while node >= 0 and node not in visited:
                 visited.add(node)
                 node = self.parents[node]
-        return [node for node in self.ordered if node in visited]
+        return [node for node in self.ordered if node in visited] if visited else []
 
     def below(self, nodes: Iterable[int]) -> set[int]:
         """Return all nodes below some nodes, without these unless they are below others."""
@@ -312,15 +313,18 @@ class Motion:
                 worlds[node] = local if parent < 0 else worlds[parent] @ local
         return worlds
 
+    def changing(self, nodes: Iterable[int]) -> list[int]:
+        """Return the nodes, and those above them, without a transform in `rest_worlds`."""
+        resting = self.rest_worlds
+        changing = self.nodes.with_ancestors(node for node in nodes if node not in resting)
+        return [node for node in changing if node not in resting]
+
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
         """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
-        transforms: dict[int, Matrices] = {}
-        for node in self.nodes.with_ancestors(nodes):
-            if node in self.rest_worlds:
-                transforms[node] = self.rest_worlds[node]
-            else:
-                local, parent = self._local(node, times_s), self.nodes.parents[node]
-                transforms[node] = local if parent < 0 else transforms[parent] @ local
+        transforms = ChainMap[int, Matrices]({}, self.rest_worlds)
+        for node in self.changing(nodes):
+            local, parent = self._local(node, times_s), self.nodes.parents[node]
+            transforms[node] = local if parent < 0 else transforms[parent] @ local
         worlds = np.empty((len(times_s), len(nodes), 3, 4))
         for index, node in enumerate(nodes):
             worlds[:, index] = transforms[node][:, :3]
@@ -494,26 +498,19 @@ class PosedMesh:
 
     def positions(self, start: int, stop: int) -> Vertices:
         """Return the float32 positions of frames start..stop - 1, of shape (K, V, 3)."""
-        geometry, blocks = self._geometry, []
-        default = self._default_weights
+        geometry, carriers, blocks = self._geometry, self.mesh.carriers, []
+        default, n_nodes = self._default_weights, len(carriers + self.motion.changing(carriers))
         curve = self.motion.curves.get((self.mesh.node, "weights"))
-        step = max(1, BLOCK_BYTES // (8 * (16 * self._n_nodes + len(default))))
+        step = max(1, BLOCK_BYTES // (8 * (16 * n_nodes + len(default))))
         for first in range(start, stop, step):
             times = self.times_s[first : min(first + step, stop)]
             weights = np.tile(default, (len(times), 1)) if curve is None else curve.at(times)
             with np.errstate(over="ignore", invalid="ignore"):  # positions are validated later
-                transforms = self._transforms(times)
+                transforms = self.motion.world(carriers, times)
                 if self.mesh.skin is not None:
                     transforms = transforms @ self.mesh.skin.inverse_binds
                 blocks.append(geometry.posed(weights, transforms))
         return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
-
-    def _transforms(self, times_s: Floats) -> Matrices:
-        """Return the transforms of the nodes that move the mesh, of shape (T, N, 3, 4)."""
-        rest = self.motion.rest_worlds.get(self.mesh.node)
-        if self.mesh.skin is not None or rest is None:
-            return self.motion.world(self.mesh.carriers, times_s)
-        return np.tile(rest[:, np.newaxis, :3], (len(times_s), 1, 1, 1))
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the mesh in a frame; later frames are computed in blocks."""
@@ -536,7 +533,7 @@ class PosedMesh:
     def _geometry(self) -> Geometry:
         geometry, skin = self.read(self.mesh.mesh), self.mesh.skin
         if skin is None:
-            transforms = self._transforms(self.times_s[:1])
+            transforms = self.motion.world(self.mesh.carriers, self.times_s[:1])
             is_mirrored = np.linalg.det(transforms[0, 0, :, :3]) < 0
             geometry = replace(geometry, influences=None)
             return geometry.with_reversed_faces() if is_mirrored else geometry
@@ -565,11 +562,3 @@ class PosedMesh:
             if "weights" in json.values:
                 weights = json.numbers("weights", mesh.n_targets)
         return weights
-
-    @cached_property
-    def _n_nodes(self) -> int:
-        """Number of nodes whose transforms are computed at once."""
-        carriers, nodes = self.mesh.carriers, self.motion.nodes
-        if self.mesh.skin is None and self.mesh.node in self.motion.rest_worlds:
-            return 1
-        return len(carriers) + len(nodes.with_ancestors(carriers))

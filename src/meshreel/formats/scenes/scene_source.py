@@ -147,7 +147,7 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
     """Read the frames of a mesh, and compare their faces."""
     runs: list[_SceneRun] = []
     n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
-    if mesh.positions is not None:
+    if mesh.positions is not None and n_frames > 1:
         first = mesh.frame(0)
         runs, step = (
             [_SceneRun(mesh, 0, first, budget)],
