@@ -42,7 +42,8 @@ def note_displacement(opened: MeshSequence, notes: Notes) -> None:
     segment = opened.segments[0]
     if opened.n_segments > 1 or segment.n_frames < 2:
         return
-    names = [name for name, track in segment.tracks.items() if _is_candidate(name, track)]
+    tracks = segment.tracks.items()
+    names = [name for name, track in tracks if name.lower() in NAMES and _moves_vertices(track)]
     if len(names) != 1:
         return
     first, last = (segment.read(frame, frame + 1) for frame in (0, segment.n_frames - 1))
@@ -56,10 +57,6 @@ def note_displacement(opened: MeshSequence, notes: Notes) -> None:
             Keyword("displace", names[0]),
         )
         notes.unknown("displacement", text)
-
-
-def _is_candidate(name: str, track: TrackSource) -> bool:
-    return name.lower() in NAMES and _moves_vertices(track)
 
 
 def _moves_vertices(track: TrackSource) -> bool:

@@ -1,7 +1,7 @@
 """Meshes of a glTF file: primitives are read, welded at seams, and posed by targets and joints."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -87,11 +87,6 @@ class GeometryReader:
         self._materials, self._normal_notes = MaterialReader(document, notes), NormalNotes(notes)
         self._n_split = self._n_welded = 0
         self.read = cache(self._read)
-
-    def read_all(self, meshes: Iterable[Mesh]) -> None:
-        """Read meshes that will all be needed."""
-        for mesh in meshes:
-            self.read(mesh)
 
     def _read(self, mesh: Mesh) -> Geometry:
         geometry = read_geometry(mesh, self._document, self._materials.labels, self._notes)

@@ -93,7 +93,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
         notes.left_out(f"changes of the visibility of {listed(changing)}")
     if options.merge and options.object is None and not options.skip_bad:
-        reader.read_all([mesh.mesh for mesh in shown])  # before any is posed
+        for mesh in shown:  # before any is posed
+            reader.read(mesh.mesh)
     return meshes
 
 

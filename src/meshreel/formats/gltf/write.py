@@ -132,11 +132,6 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     scene.note_compression()
 
 
-def extension_of(options: WriteOptions) -> str | None:
-    """Return the key in `MESHOPT` of the extension for compression; None without compression."""
-    return (options.meshopt or "ext") if options.compression else None
-
-
 def check_options(options: WriteOptions) -> None:
     """Raise InvalidInputError if options are out of range or contradict each other."""
     minimum = 2 if options.normals else 1
@@ -217,7 +212,8 @@ class SceneWriter:
     def __init__(
         self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter(extension_of(options))
+        meshopt = (options.meshopt or "ext") if options.compression else None
+        self.buffer: BufferWriter = BufferWriter(meshopt)
         self._n_isolated = 0
         self._name, self._options, self._notes = name, options, notes
         self._times_s: Floats = np.asarray(times_s)
