@@ -174,21 +174,39 @@ def test_targets_with_only_normals_move_no_vertex(read):
     assert result.vertices[0, 2, 2] == 2
 
 
-def two_animations():
+WALK, JUMP = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 0, 0], [0, 0, 7]]
+
+
+def two_animations(*names):
+    """Return a triangle that walks or jumps, with a third animation of a node without a mesh."""
     file = moving_triangle()
     bystander = file.node(name="bystander")
-    file.animate(0, "translation", [0, 1], [[0, 0, 0], [0, 0, 7]], animation=1)
-    file.animate(bystander, "translation", [0, 1], [[0, 0, 0], [0, 0, 7]], animation=2)
-    for number, name in enumerate(["walk", "jump", None]):
-        if name:
-            file.json["animations"][number]["name"] = name
+    file.animate(0, "translation", [0, 1], JUMP, animation=1)
+    file.animate(bystander, "translation", [0, 1], JUMP, animation=2)
+    for animation, name in zip(file.json["animations"], names or ("walk", "jump"), strict=False):
+        animation["name"] = name
     return file
 
 
-def test_load_reads_the_first_animation_and_names_the_others(read):
-    result, notes = read(two_animations())
-    assert result.vertices[-1, 0].tolist() == [2, 0, 0]
-    assert notes == ["read the animation walk, not jump, animation_2; choose with animation"]
+@pytest.mark.parametrize(
+    ("names", "wanted", "path", "note"),
+    [
+        ((), None, WALK, "read the animation walk, not jump, animation_2; choose with animation"),
+        *(((), wanted, JUMP, "") for wanted in ("jump", 1, "1")),
+        (("walk", "0"), "0", JUMP, ""),  # names have precedence over indices
+        (("walk", "0"), 0, WALK, ""),
+        (("walk", "walk"), "walk_1", JUMP, ""),
+        (
+            (),
+            "animation_2",
+            JUMP[:1],
+            "the animation animation_2 moves no mesh; read a single frame",
+        ),
+    ],
+)
+def test_load_selects_an_animation_by_name_or_index(read, names, wanted, path, note):
+    result, notes = read(two_animations(*names), animation=wanted)
+    assert (result.vertices[:, 0].tolist(), "".join(notes)) == (path, note)
 
 
 def test_load_skips_animations_that_move_no_mesh(read):
@@ -205,25 +223,6 @@ def test_load_returns_one_frame_if_no_animation_moves_a_mesh(read):
     result, notes = read(file)
     assert (result.n_frames, result.start_s) == (1, 0)
     assert notes == ["the animation animation_0 moves no mesh; read a single frame"]
-
-
-@pytest.mark.parametrize("wanted", ["jump", 1, "1"])
-def test_load_selects_an_animation_by_name_or_index(read, wanted):
-    result, notes = read(two_animations(), animation=wanted)
-    assert (result.vertices[-1, 0].tolist(), notes) == ([0, 0, 7], [])
-
-
-def test_name_of_an_animation_has_precedence_over_an_index(read):
-    file = two_animations()
-    file.json["animations"][1]["name"] = "0"
-    assert read(file, animation="0")[0].vertices[-1, 0].tolist() == [0, 0, 7]
-    assert read(file, animation=0)[0].vertices[-1, 0].tolist() == [2, 0, 0]
-
-
-def test_animations_with_the_same_name_are_numbered(read):
-    file = two_animations()
-    file.json["animations"][1]["name"] = "walk"
-    assert read(file, animation="walk_1")[0].vertices[-1, 0].tolist() == [0, 0, 7]
 
 
 @pytest.mark.parametrize("wanted", ["run", "3", 3, -1])
@@ -251,12 +250,6 @@ def test_animation_is_rejected_for_formats_without_several(tmp_path, wanted):
     message = r"animation has no effect on a \.obj file; it is for \.glb, \.gltf"
     with pytest.raises(InvalidInputError, match=message):
         load(tmp_path / "a.obj", animation=wanted)
-
-
-def test_load_returns_one_frame_for_a_requested_animation_that_moves_no_mesh(read):
-    result, notes = read(two_animations(), animation="animation_2")
-    assert result.n_frames == 1
-    assert notes == ["the animation animation_2 moves no mesh; read a single frame"]
 
 
 def test_load_reads_the_next_animation_after_a_malformed_one(read):
