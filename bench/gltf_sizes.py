@@ -85,8 +85,8 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike) -> Wr
         (view,) = buffer.add_vertices([values])
         buffer.vertex_accessor("POSITION", view, slice(0, len(values)))
     buffer.add_indices(sequence.faces.ravel())
-    buffer.add_times(np.arange(sequence.n_frames, dtype=np.float32))
-    buffer.add_samples(np.eye(sequence.n_frames, n_morphs, -1, dtype=np.float32), width=1)
+    buffer.add_rows(np.arange(sequence.n_frames, dtype=np.float32)[:, np.newaxis], has_bounds=True)
+    buffer.add_rows(np.eye(sequence.n_frames, n_morphs, -1), width=1)
     described = json.dumps([buffer.accessors, buffer.views]).encode()
     return n_morphs, b"".join([*buffer.pieces, described]), error
 

@@ -208,25 +208,21 @@ class BufferWriter:
         view = self._add_elements(values, "TRIANGLES", target=ELEMENT_ARRAY_BUFFER)
         return self._add_accessor(view, values)
 
-    def add_times(self, times_s: npt.NDArray[np.floating]) -> int:
-        """Append key times of an animation, of shape (T,), and return their accessor."""
-        values = times_s.astype("<f4").reshape(-1, 1)
-        return self._add_accessor(self._add_elements(values), values, has_bounds=True)
+    def add_rows(
+        self,
+        rows: npt.NDArray[np.floating],
+        width: int | None = None,
+        *,
+        has_bounds: bool = False,
+    ) -> int:
+        """Append float32 rows of shape (N, C), and return their accessor.
 
-    def add_samples(self, values: npt.NDArray[np.floating], width: int) -> int:
-        """Append values of an animation, of shape (T, N), and return their accessor.
-
-        It has items of `width` values, of which each row may have several.
+        It has items of `width` values, of which each row may have several; by default one.
         """
-        rows = values.astype("<f4")
-        items = rows.reshape(-1, width)
+        rows = rows.astype("<f4")
+        items = rows.reshape(-1, width or rows.shape[1])
         view = self._add_elements(rows if rows[0].nbytes <= MAX_STRIDE else items)
-        return self._add_accessor(view, items)
-
-    def add_matrices(self, matrices: npt.NDArray[np.floating]) -> int:
-        """Append matrices of shape (N, 4, 4), and return their accessor."""
-        values = matrices.transpose(0, 2, 1).reshape(-1, 16).astype("<f4")  # column by column
-        return self._add_accessor(self._add_elements(values), values)
+        return self._add_accessor(view, items, has_bounds=has_bounds)
 
     def add_curves(
         self,

@@ -90,7 +90,7 @@ class _RiggedScene(SceneWriter):
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the bones."""
         bones = self._add_bones()
-        binds = self.buffer.add_matrices(self._rig.inverse_binds)
+        binds = self.buffer.add_rows(self._rig.inverse_binds.transpose(0, 2, 1).reshape(-1, 16))
         if len(self._times_s) > 1:
             self._add_animation(bones)
         self._count("bones and keys")
@@ -183,7 +183,7 @@ class _RiggedScene(SceneWriter):
         if rig.n_targets:
             self._count("bones and keys")
             all_frames = np.arange(len(rig.times_s))
-            weights = buffer.add_samples(rig.correctives.weights, width=1)
+            weights = buffer.add_rows(rig.correctives.weights, width=1)
             for node in self._mesh_nodes:
                 self._animate(node, "weights", self._times(all_frames), weights)
             self._count("correctives")

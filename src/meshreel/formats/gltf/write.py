@@ -250,7 +250,8 @@ class SceneWriter:
         """Return the accessor of the times of frames, stored once."""
         key = frames.tobytes()
         if key not in self._inputs:
-            self._inputs[key] = self.buffer.add_times(self._times_s[frames])
+            times = self._times_s[frames, np.newaxis]
+            self._inputs[key] = self.buffer.add_rows(times, has_bounds=True)
         return self._inputs[key]
 
     def _animate(self, node: int, path: str, keys: int, values: int, **sampler: str) -> None:
@@ -389,7 +390,7 @@ class _MorphScene(SceneWriter):
         for (node, frames), morph_mesh in zip(self._nodes, self.morph_meshes, strict=True):
             if morph_mesh.morphs is not None:
                 keys = self._times(np.arange(frames.start, frames.stop))
-                values = self.buffer.add_samples(morph_mesh.morphs.weights, width=1)
+                values = self.buffer.add_rows(morph_mesh.morphs.weights, width=1)
                 self._animate(node, "weights", keys, values, interpolation="LINEAR")
         n_frames = len(self._times_s)
         for node, frames in self._segments:
@@ -398,8 +399,8 @@ class _MorphScene(SceneWriter):
             switch_frames = sorted({0, frames.start, min(frames.stop, n_frames - 1)})
             shown = [*range(n_frames)] if frames.start == 0 else switch_frames
             scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in shown])
-            keys = self.buffer.add_times(self._times_s[shown])
-            values = self.buffer.add_samples(scales, width=3)
+            keys = self.buffer.add_rows(self._times_s[shown, np.newaxis], has_bounds=True)
+            values = self.buffer.add_rows(scales)
             self._animate(node, "scale", keys, values, interpolation="STEP")
 
 
