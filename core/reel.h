@@ -515,20 +515,12 @@ REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree
                               int64_t n_points, double *distances, int32_t *faces, double *closest,
                               double *weights);
 
-/* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory:
-   released blocks of an allocator, up to max_bytes of them, are reused by all files that share the
-   store. May be called from several threads. Functions of this section are not pure: they change
-   the structures. */
-#define REEL_BLOCK_SIZES 256
+/* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory. May
+   be called from several threads. Functions of this section are not pure: they change the
+   structure. */
 typedef struct {
     void *(*allocate)(size_t size); /* called by several threads; returns NULL if it fails */
     void (*release)(void *memory);
-    uint64_t max_bytes, n_bytes;    /* of free blocks */
-    void *blocks[REEL_BLOCK_SIZES]; /* lists of free blocks by size */
-    uint8_t is_locked;              /* a thread changes the lists */
-} reel_block_store;
-typedef struct {
-    reel_block_store *store;
     uint64_t n_bytes; /* that the core holds */
 } reel_host_memory;
 REEL_API void *reel_host_allocate(void *user, size_t size);

@@ -98,10 +98,6 @@ void *fuzz_copy(const void *from, int64_t count, size_t item) {
 
 int fuzz_fill_byte(void) { return fill; }
 
-void fuzz_poison(void *from, size_t size) { ASAN_POISON_MEMORY_REGION(from, size); }
-
-void fuzz_unpoison(void *from, size_t size) { ASAN_UNPOISON_MEMORY_REGION(from, size); }
-
 fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
     FUZZ_CHECK(size >= 0);
     fuzz_hash(out, size, 1);

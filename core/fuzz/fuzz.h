@@ -36,9 +36,6 @@ void *fuzz_copy(const void *from, int64_t count, size_t item);
 #define FUZZ_MEMORY(size) fuzz_allocate((int64_t)(size), 1), (size)
 /* The byte that this memory is filled with. */
 int fuzz_fill_byte(void);
-/* Let the address sanitizer report every use of this memory, or none. */
-void fuzz_poison(void *from, size_t size);
-void fuzz_unpoison(void *from, size_t size);
 
 typedef struct {
     uint8_t *bytes;
@@ -78,11 +75,6 @@ int32_t *fuzz_permutation(int64_t n);
 
 /* Decode a file through meshreel.h in two ways, which must agree. */
 void fuzz_read_stream(fuzz_bytes bytes);
-/* Decode segments of a file by one call and alone, with the same result. */
-void fuzz_read_parts(fuzz_bytes bytes);
-/* `run` of a host: runs the last task first. */
-void fuzz_run_backward(void *user, void (*task)(void *shared, uint32_t i), void *shared,
-                       uint32_t n_tasks);
 
 /* ---- targets ---- */
 

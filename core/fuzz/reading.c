@@ -53,8 +53,9 @@ static int read_bytes(void *user, uint64_t offset, void *to, size_t size) {
     return 0;
 }
 
-void fuzz_run_backward(void *user, void (*task)(void *shared, uint32_t i), void *shared,
-                       uint32_t n_tasks) {
+/* `run` of a host: runs the last task first. */
+static void run_backward(void *user, void (*task)(void *shared, uint32_t i), void *shared,
+                         uint32_t n_tasks) {
     (void)user;
     for (uint32_t i = n_tasks; i > 0; i--) {
         task(shared, i - 1);
@@ -381,7 +382,7 @@ void fuzz_read_stream(fuzz_bytes bytes) {
         hostile.state.limit = hostile.host.memory_limit = (uint64_t)1 << (9 + fuzz_below(13));
     }
     if (fuzz_one_in(2)) {
-        hostile.host.run = fuzz_run_backward;
+        hostile.host.run = run_backward;
         hostile.host.n_threads = 1 + (uint32_t)fuzz_below(5);
     }
     read_both(&reliable, &hostile);

@@ -280,9 +280,5 @@ void fuzz_streams(void) {
     }
     fuzz_bytes bytes = join(s);
     bytes = fuzz_one_in(12) ? fuzz_mutate(bytes) : bytes; /* truncated, or with wrong checksums */
-    if (fuzz_one_in(3)) {
-        fuzz_read_parts(bytes);
-    } else {
-        fuzz_read_stream(bytes);
-    }
+    fuzz_read_stream(bytes);
 }

@@ -6,7 +6,6 @@
 import ctypes
 import threading
 from collections.abc import Callable
-from functools import cache
 from typing import BinaryIO
 
 from meshreel.errors import TruncatedStreamError
@@ -19,41 +18,17 @@ ANNOUNCE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _U64, _U64)
 RUN = ctypes.CFUNCTYPE(None, _POINTER, _POINTER, _POINTER, _U32)
 TASK = ctypes.CFUNCTYPE(None, _POINTER, _U32)
 
-N_BLOCK_SIZES = 256
-MAX_UNUSED_BYTES = 64 << 20
-
-
-class BlockStore(ctypes.Structure):
-    """`reel_block_store`: released blocks that later requests reuse.
-
-    The system clears memory that is new to a process page by page, which takes a tenth of decoding.
-    """
-
-    _fields_ = [
-        ("allocate", _POINTER),
-        ("release", _POINTER),
-        ("max_bytes", _U64),
-        ("n_bytes", _U64),
-        ("blocks", _POINTER * N_BLOCK_SIZES),
-        ("is_locked", ctypes.c_uint8),
-    ]
-
 
 class HostMemory(ctypes.Structure):
     """`reel_host_memory`: memory that the core holds for a file; threads may share it."""
 
-    _fields_ = [("store", ctypes.POINTER(BlockStore)), ("n_bytes", _U64)]
+    _fields_ = [("allocate", _POINTER), ("release", _POINTER), ("n_bytes", _U64)]
 
 
-@cache
-def block_store() -> BlockStore:
-    """The store of all files of this process.
-
-    Blocks come from an allocator of the interpreter that does not need its lock.
-    """
+def host_memory() -> HostMemory:
+    """Memory from an allocator of the interpreter that does not need its lock."""
     functions = ctypes.pythonapi.PyMem_RawMalloc, ctypes.pythonapi.PyMem_RawFree
-    allocate, release = (ctypes.cast(function, _POINTER) for function in functions)
-    return BlockStore(allocate, release, MAX_UNUSED_BYTES)
+    return HostMemory(*(ctypes.cast(function, _POINTER) for function in functions))
 
 
 class SourceReader:

@@ -11,24 +11,16 @@ import pytest
 
 from meshreel.kernel import files
 from meshreel.kernel.files import run_tasks
-from meshreel.kernel.host import TASK, BlockStore, HostMemory, block_store
+from meshreel.kernel.host import TASK, host_memory
 from meshreel.kernel.library import library
 from meshreel.runtime.threads import POOL
-
-MAX_BYTES = 10**6
-
-
-@pytest.fixture
-def store():
-    original = block_store()
-    return BlockStore(original.allocate, original.release, MAX_BYTES)
 
 
 class Memory:
     """The memory of a file, with the functions that the core calls."""
 
-    def __init__(self, store):
-        self.memory = HostMemory(ctypes.pointer(store))
+    def __init__(self):
+        self.memory = host_memory()
 
     def allocate(self, size):
         function = library().reel_host_allocate
@@ -60,58 +52,24 @@ def exchange_blocks(memory, seed, n_steps):
     return sum(size for size, _ in held.values())
 
 
-def test_blocks_are_aligned_and_do_not_overlap(store):
-    memory = Memory(store)
+def test_blocks_are_aligned_and_do_not_overlap():
+    memory = Memory()
     held = 0
     for seed in range(3):
         held += exchange_blocks(memory, seed, 1000)
         assert memory.memory.n_bytes == held
-    assert store.n_bytes <= MAX_BYTES
 
 
-def test_threads_share_a_store(store):
-    files = [Memory(store) for _ in range(4)]
+def test_threads_share_the_memory_of_a_file():
+    memory = Memory()
     with ThreadPoolExecutor(4) as threads:
-        held = list(threads.map(exchange_blocks, files, range(4), [500] * 4))
-    assert [file.memory.n_bytes for file in files] == held
-    assert store.n_bytes <= MAX_BYTES
-    assert not store.is_locked
-
-
-@pytest.mark.parametrize("size", [0, 1, 64, 65, 127, 128, 1000, 10**5, 8 * 10**5])
-def test_released_blocks_are_reused_by_other_files(store, size):
-    first, second = Memory(store), Memory(store)
-    address = first.allocate(size)
-    first.release(address, size)
-    assert size <= store.n_bytes <= max(1.25 * size, 64)
-    assert second.allocate(size) == address
-    assert store.n_bytes == 0
-    second.release(address, size)
-
-
-def test_released_blocks_are_bounded(store):
-    memory = Memory(store)
-    sizes = range(1000, 200_000, 7000)
-    blocks = [(memory.allocate(size), size) for size in sizes]
-    for address, size in blocks:
-        memory.release(address, size)
-    assert 0.8 * MAX_BYTES < store.n_bytes <= MAX_BYTES
-    assert memory.memory.n_bytes == 0
-    large = memory.allocate(2 * MAX_BYTES)
-    kept = store.n_bytes
-    memory.release(large, 2 * MAX_BYTES)
-    assert store.n_bytes == kept
-
-
-def test_locked_store_delays_nobody(store):
-    memory, store.is_locked = Memory(store), 1
-    exchange_blocks(memory, 0, 100)
-    assert store.n_bytes == 0
+        held = list(threads.map(exchange_blocks, [memory] * 4, range(4), [500] * 4))
+    assert memory.memory.n_bytes == sum(held)
 
 
 @pytest.mark.parametrize("size", [2**60, 2**64 - 1])
-def test_memory_that_the_system_lacks_is_no_address(store, size):
-    memory = Memory(store)
+def test_memory_that_the_system_lacks_is_no_address(size):
+    memory = Memory()
     assert memory.allocate(size) is None
     assert memory.memory.n_bytes == 0
 

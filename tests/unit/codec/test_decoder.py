@@ -1,13 +1,11 @@
-"""Segments that are decoded together equal those decoded alone."""
+"""Segments that are decoded in parallel equal those decoded alone."""
 
 import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec import decoder
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.files import OpenFile
-from meshreel.kernel.parts import SegmentFrames, decode_together
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import Track
 from meshreel.runtime import threads
@@ -15,7 +13,7 @@ from meshreel.runtime import threads
 METHODS = ("reel", "lossless", "grid")
 
 
-def segments_of(n_segments=5, n_frames=3, *, with_tracks=True):
+def segments_of(n_segments=5, n_frames=40, *, with_tracks=True):
     """Return segments whose faces differ, with velocities and values of faces."""
     segments = []
     for number in range(n_segments):
@@ -37,7 +35,7 @@ def cores(request, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.usefixtures("cores")
-def test_segments_decoded_together_equal_those_decoded_alone(method):
+def test_segments_decoded_in_parallel_equal_those_decoded_alone(method):
     given = segments_of(with_tracks=method != "grid")
     options = {"step": 1e-3} if method == "grid" else {}
     data = meshreel.encode(given, method, **options)
@@ -65,26 +63,6 @@ def test_ranges_of_frames_and_modes_are_those_of_single_segments():
     np.testing.assert_array_equal(part[-1].read(0, 6), last.vertices)
 
 
-@pytest.mark.slow
-def test_groups_contain_consecutive_segments(monkeypatch):
-    given = segments_of(with_tracks=False)
-    data = meshreel.encode(given)
-    whole = meshreel.decode(data)
-    sizes = []
-
-    def recorded(segments):
-        sizes.append(len(segments))
-        decode_together(segments)
-
-    monkeypatch.setattr(decoder, "decode_together", recorded)
-    n_two = sum(segment.n_frames * segment.n_verts for segment in given.segments[:2])
-    monkeypatch.setattr(decoder, "POSITIONS_OF_GROUP", n_two)
-    apart = meshreel.decode(data)
-    assert sizes == [2]  # the others exceed the limit together, and are decoded one by one
-    for one, other in zip(whole.segments, apart.segments, strict=True):
-        np.testing.assert_array_equal(one.read(0, 3), other.read(0, 3))
-
-
 def test_first_damaged_segment_raises():
     given = segments_of(with_tracks=False)
     data = bytearray(meshreel.encode(given, "lossless"))
@@ -97,16 +75,11 @@ def test_first_damaged_segment_raises():
     assert str(together.value) == str(alone.value)
 
 
-def test_files_remain_usable_after_a_failure():
-    data = meshreel.encode(segments_of(3, with_tracks=False))
-    whole = OpenFile(data, 1e9)
-    files = [whole.segment(number) for number in range(3)]
-    frames = [np.empty((3, file.info.n_verts, 3), np.float32) for file in files]
-    requests = [
-        SegmentFrames(one, first, [out], 0, with_surface=True)
-        for one, first, out in zip(files, (0, 2, 0), frames, strict=True)
-    ]
-    with pytest.raises(meshreel.InvalidInputError, match="frames do not exist"):
-        decode_together(requests)
-    np.testing.assert_array_equal(frames[2], meshreel.decode(data, segment=2).vertices)
-    assert files[1].faces.shape == (files[1].info.n_triangles, 3)
+@pytest.mark.usefixtures("cores")
+def test_damaged_mesh_raises_though_segments_share_it():
+    first, other = segments_of(2, n_frames=20, with_tracks=False).segments
+    data = bytearray(meshreel.encode(meshreel.concatenate([first, other, first, other, first])))
+    connectivity = OpenFile(bytes(data), 1e9).segment(0).leading[0]
+    data[connectivity.payload_offset] ^= 1
+    with pytest.raises(CorruptStreamError):
+        meshreel.decode(bytes(data))
