@@ -118,10 +118,20 @@ class _Part:
 
     def decode(self, progress: Progress) -> MeshSequence:
         """Decode the frames with their tracks, and close the stream."""
-        opened = self.opened
         try:
-            surface, faces = self._shared_mesh()
-            vertices, *values = self._decode_values(progress)
+            return self._decode(progress)
+        except BaseException as error:
+            if self.has_new_mesh and not self._mesh.done():
+                self._mesh.set_exception(error)  # for the parts that wait
+            raise
+
+    def _decode(self, progress: Progress) -> MeshSequence:
+        opened = self.opened
+        vertices, *values = self._decode_values(progress)
+        try:
+            if self.has_new_mesh:
+                self._mesh.set_result((opened.surface, opened.file.faces))
+            surface, faces = self._mesh.result()
             self._reader.close()
             opened.file.close()
             tracks: dict[str, Track] = {}
@@ -132,15 +142,6 @@ class _Part:
             return MeshSequence.of_finite(vertices, faces, opened.name, timing, surface, tracks)
         except InvalidInputError as error:
             raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
-
-    def _shared_mesh(self) -> Mesh:
-        """Return the mesh; waits for the first part that has it."""
-        if self.has_new_mesh:
-            try:
-                self._mesh.set_result((self.opened.surface, self.opened.file.faces))
-            except BaseException as error:
-                self._mesh.set_exception(error)  # raised below, and in the parts that wait
-        return self._mesh.result()
 
     def _decode_values(self, progress: Progress) -> list[npt.NDArray[Any]]:
         """Return the positions, and the values of each track."""

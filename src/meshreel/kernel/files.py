@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError, Keyword, MemoryLimitError
-from meshreel.kernel.host import ANNOUNCE, READ, RUN, TASK, HostMemory, SourceReader, host_memory
+from meshreel.kernel.host import ALLOCATOR, ANNOUNCE, READ, RUN, TASK, HostMemory, SourceReader
 from meshreel.kernel.library import library
 from meshreel.kernel.structures import (
     LIMIT,
@@ -360,7 +360,7 @@ class OpenFile:
     def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
         self._limit = limit_bytes
         self._source = source = source.getvalue() if type(source) is BytesIO else source
-        self._memory = host_memory()
+        self._memory = HostMemory(*ALLOCATOR)
         self._lock = fork_safe_lock()
         self._reader = None if isinstance(source, bytes) else SourceReader(source)
         n_threads = n_cores()

@@ -25,10 +25,11 @@ class HostMemory(ctypes.Structure):
     _fields_ = [("allocate", _POINTER), ("release", _POINTER), ("n_bytes", _U64)]
 
 
-def host_memory() -> HostMemory:
-    """Memory from an allocator of the interpreter that does not need its lock."""
-    functions = ctypes.pythonapi.PyMem_RawMalloc, ctypes.pythonapi.PyMem_RawFree
-    return HostMemory(*(ctypes.cast(function, _POINTER) for function in functions))
+ALLOCATOR = tuple(
+    ctypes.cast(function, _POINTER)
+    for function in (ctypes.pythonapi.PyMem_RawMalloc, ctypes.pythonapi.PyMem_RawFree)
+)
+"""An allocator of the interpreter that does not need its lock, for `HostMemory`."""
 
 
 class SourceReader:

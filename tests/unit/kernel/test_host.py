@@ -11,7 +11,7 @@ import pytest
 
 from meshreel.kernel import files
 from meshreel.kernel.files import run_tasks
-from meshreel.kernel.host import TASK, host_memory
+from meshreel.kernel.host import ALLOCATOR, TASK, HostMemory
 from meshreel.kernel.library import library
 from meshreel.runtime.threads import POOL
 
@@ -20,7 +20,7 @@ class Memory:
     """The memory of a file, with the functions that the core calls."""
 
     def __init__(self):
-        self.memory = host_memory()
+        self.memory = HostMemory(*ALLOCATOR)
 
     def allocate(self, size):
         function = library().reel_host_allocate
