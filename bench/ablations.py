@@ -11,7 +11,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -56,9 +56,7 @@ def code_alone(coder: FieldBlockCoder, frames: Any, *_: Any) -> Any:
 def no_smooth_fields(mesh: FieldMesh) -> Hierarchy:
     """A hierarchy whose smooth fields are constant: first weights depend on distance alone."""
     usual: Hierarchy = HIERARCHY(mesh)
-    constant: Future[Any] = Future()
-    constant.set_result(np.zeros_like(usual.smooth))
-    return dataclasses.replace(usual, smooth_future=constant)
+    return dataclasses.replace(usual, smooth=np.zeros_like(usual.smooth))
 
 
 def one_pass(mesh: FieldMesh) -> CodingOrder:

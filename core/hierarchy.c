@@ -33,11 +33,10 @@ typedef struct {
    first. */
 typedef struct {
     int32_t *order;
-    int32_t *stencil; /* NULL: do not compute stencils, hops and contexts */
+    int32_t *stencil;
     uint8_t *hops;
     int32_t *contexts;
-    float *smooth; /* smooth fields of the members of each resolution, finest first; or NULL */
-    bool has_finest; /* whether `smooth` includes the finest resolution */
+    float *smooth; /* smooth fields of the members of each resolution, finest first */
     int64_t n_rows;
     int32_t size;
     int32_t n_levels;
@@ -260,15 +259,13 @@ static void coarsen(workspace *work, int buffer) {
 static void add_coarsest(workspace *work, hierarchy_results *results, int32_t resolution) {
     size_t n = (size_t)work->graph.n, filled = n * (size_t)results->size;
     reel_copy(results->order, work->members, n * sizeof *results->order);
-    if (results->stencil) {
-        __builtin_memset(results->stencil, 0xFF, filled * sizeof *results->stencil);
-        reel_zero(results->hops, filled);
-        reel_zero(work->states, n);
-        for (int32_t v = 0; v < work->graph.n; v++) {
-            list_contexts(work, v, NULL, 0, results->contexts + v * REEL_CONTEXT_NEIGHBORS);
-        }
-        to_mesh_vertices(work, results->contexts, n * REEL_CONTEXT_NEIGHBORS);
+    __builtin_memset(results->stencil, 0xFF, filled * sizeof *results->stencil);
+    reel_zero(results->hops, filled);
+    reel_zero(work->states, n);
+    for (int32_t v = 0; v < work->graph.n; v++) {
+        list_contexts(work, v, NULL, 0, results->contexts + v * REEL_CONTEXT_NEIGHBORS);
     }
+    to_mesh_vertices(work, results->contexts, n * REEL_CONTEXT_NEIGHBORS);
     results->counts[results->n_levels] = work->graph.n;
     results->resolutions[results->n_levels++] = resolution;
 }
@@ -285,13 +282,9 @@ static void build(workspace *work, hierarchy_results *results) {
             n_kept += !work->states[v];
         }
         list_levels(work, results, n_kept, resolution);
-        if (results->stencil) {
-            find_stencils(work, results, n_kept, end);
-        }
-        if (results->smooth && (resolution || results->has_finest)) {
-            float *rows = results->smooth + results->n_rows * REEL_SMOOTH_FIELDS;
-            reel_smooth(&work->smoother, &work->graph, NULL, rows);
-        }
+        find_stencils(work, results, n_kept, end);
+        float *rows = results->smooth + results->n_rows * REEL_SMOOTH_FIELDS;
+        reel_smooth(&work->smoother, &work->graph, rows);
         to_mesh_vertices(work, results->order + n_kept, (size_t)(end - n_kept));
         results->n_rows += work->graph.n;
         coarsen(work, resolution & 1);
@@ -360,14 +353,9 @@ static void reorder_smooth(const hierarchy_results *results, int32_t n, int32_t 
                            const int64_t *smooth_starts, const int32_t *numbers, float *smooth) {
     const size_t size = REEL_SMOOTH_FIELDS * sizeof *smooth;
     const float *row = results->smooth;
-    int32_t finest = resolutions[n_levels - 1];
     for (int32_t i = n_levels - 1; i >= 0; i--) {
         bool is_last = i + 1 == n_levels || resolutions[i + 1] != resolutions[i];
         if (!is_last || !resolutions[i]) {
-            continue;
-        }
-        if (resolutions[i] == finest && !results->has_finest) {
-            row += (size_t)n * REEL_SMOOTH_FIELDS;
             continue;
         }
         for (int32_t v = 0; v < n; v++) {
@@ -382,8 +370,7 @@ static void reorder_smooth(const hierarchy_results *results, int32_t n, int32_t 
 int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                        const int32_t *near, int64_t n_verts, int64_t stencil_size, int32_t *order,
                        int32_t *level_starts, int32_t *level_resolutions, int64_t *smooth_starts,
-                       int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth,
-                       int64_t has_finest) {
+                       int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth) {
     if (stencil_size < 1 || stencil_size > REEL_MAX_STENCIL || n_verts < 0 ||
         n_verts >= 1 << REEL_PLACE_BITS) {
         return reel_failure(REEL_INVALID, 0);
@@ -405,8 +392,7 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                                  .stencil = stencil,
                                  .hops = hops,
                                  .contexts = contexts,
-                                 .smooth = smooth ? rows : NULL,
-                                 .has_finest = has_finest != 0,
+                                 .smooth = rows,
                                  .size = (int32_t)stencil_size};
     build(&work, &results);
     int32_t n_levels = write_levels(&results, level_starts, level_resolutions, smooth_starts);
@@ -414,12 +400,8 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
     for (int32_t i = 0; i < (int32_t)n; i++) {
         numbers[order[i]] = i;
     }
-    if (stencil) {
-        renumber_stencils(&results, (int32_t)n, numbers);
-    }
-    if (smooth) {
-        reorder_smooth(&results, (int32_t)n, n_levels, level_starts, level_resolutions,
-                       smooth_starts, numbers, smooth);
-    }
+    renumber_stencils(&results, (int32_t)n, numbers);
+    reorder_smooth(&results, (int32_t)n, n_levels, level_starts, level_resolutions, smooth_starts,
+                   numbers, smooth);
     return n_levels;
 }

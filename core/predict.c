@@ -90,10 +90,7 @@ static float smooth_noise(const reel_mesh *mesh, int64_t level) {
 
 /* Smooth fields in the resolution of a level, by vertex. */
 static const float *smooth_rows(const reel_mesh *mesh, int64_t level) {
-    int64_t start = mesh->smooth_starts[level];
-    return start == mesh->smooth_starts[mesh->n_levels - 1]
-               ? mesh->finest_smooth
-               : mesh->smooth + start * REEL_SMOOTH_FIELDS;
+    return mesh->smooth + mesh->smooth_starts[level] * REEL_SMOOTH_FIELDS;
 }
 
 /* Estimate the bits of the magnitudes of a mode, with their signs, from the counts so far, and
@@ -170,7 +167,6 @@ static bool quantize_jointly(const reel_quantizer *quantizer, int64_t k, const d
 #include "predict_lanes.h"
 #else
 #define code_8 code_4
-#define prepare_vertices_8 prepare_vertices_4
 #endif
 #endif
 
@@ -230,21 +226,4 @@ int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t 
 int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
                             const reel_quantizer *quantizer, int64_t first, int64_t last) {
     return code_levels(mesh, fields, quantizer, first, last);
-}
-
-size_t reel_predict_prepare_memory(int64_t n_verts, int64_t n_levels) {
-    return ((size_t)n_verts / REEL_BATCH + (size_t)n_levels) * sizeof(filter_2);
-}
-
-int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields, int64_t first,
-                             int64_t last) {
-    int widest = reel_vector_width();
-    for (int64_t level = 1; level < mesh->n_levels; level++) {
-        int64_t start = max(first, mesh->level_starts[level]);
-        int64_t stop = min(last, mesh->level_starts[level + 1]);
-        if (start < stop) {
-            REEL_WIDEST(widest, prepare_vertices, mesh, fields, level, start, stop);
-        }
-    }
-    return 0;
 }

@@ -641,27 +641,6 @@ TARGET REEL_INLINE bool NAMED(code_batch)(NAMED(batch) *b, int size, bool to_nea
     return fits;
 }
 
-/* Return the prepared filters of a batch. The filters of a level follow those of earlier levels;
-   a level may end with an incomplete batch, so each adds one. */
-TARGET REEL_INLINE NAMED(filter) *
-    NAMED(prepared_filter)(const reel_fields *fields, int64_t level, int64_t first) {
-    return (NAMED(filter) *)fields->prepared + first / REEL_BATCH + level;
-}
-
-TARGET static void NAMED(prepare_vertices)(const reel_mesh *mesh, const reel_fields *fields,
-                                           int64_t level, int64_t first, int64_t last) {
-    NAMED(batch) b;
-    int size = (int)mesh->stencil_size;
-    const float *smooth = smooth_rows(mesh, level);
-    float noise = smooth_noise(mesh, level);
-    for (; first < last; first += REEL_BATCH) {
-        NAMED(load_batch)(&b, mesh, size, first, last);
-        NAMED(prepare)(&b, size, fields, smooth, noise);
-        NAMED(apply_update)(&b, size);
-        *NAMED(prepared_filter)(fields, level, first) = b.filter;
-    }
-}
-
 /* Code vertices first..last-1 of a level above the coarsest. */
 TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
                                const reel_quantizer *quantizer, int64_t level, int64_t first,
@@ -680,12 +659,7 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
             set_zones(quantizer, fields->n_modes, to_nearest);
         }
         NAMED(load_batch)(&b, mesh, size, first, last);
-        if (fields->prepared) {
-            b.filter = *NAMED(prepared_filter)(fields, level, first);
-            NAMED(clear_update)(&b);
-        } else {
-            NAMED(prepare)(&b, size, fields, smooth, noise);
-        }
+        NAMED(prepare)(&b, size, fields, smooth, noise);
         if (!NAMED(code_batch)(&b, size, to_nearest, is_shaped, fields, quantizer)) {
             return false;
         }

@@ -80,8 +80,6 @@ REEL_API int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins,
    smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows, of which n_verts are of the
    finest resolution.
 
-   A NULL `smooth` skips the smooth fields, has_finest = 0 those of the finest resolution; a NULL
-   `stencil` skips everything but them, the order and the levels. Two calls may thus share the work.
    Returns the number of levels. */
 #define REEL_MAX_STENCIL 16
 #define REEL_MAX_RESOLUTIONS 20 /* in addition to the coarsest */
@@ -95,15 +93,7 @@ REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t 
                                 const int32_t *near, int64_t n_verts, int64_t stencil_size,
                                 int32_t *order, int32_t *level_starts, int32_t *level_resolutions,
                                 int64_t *smooth_starts, int32_t *stencil, uint8_t *hops,
-                                int32_t *contexts, float *smooth, int64_t has_finest);
-
-/* Compute the n_verts rows of smooth fields of the finest resolution, in the coding order `order` of
-   a hierarchy: most of the work on smooth fields, and only prediction needs them. Returns
-   n_verts. */
-REEL_API size_t reel_finest_smooth_memory(int64_t n_verts, int64_t n_near);
-REEL_API int64_t reel_finest_smooth(void *memory, size_t memory_size, const int32_t *starts,
-                                    const int32_t *near, int64_t n_verts, const int32_t *order,
-                                    float *smooth);
+                                int32_t *contexts, float *smooth);
 
 /* ---- Prediction of fields over the mesh ----
 
@@ -118,8 +108,6 @@ typedef struct {
     const int32_t *stencil; /* n_verts x S: lower numbers, nearest first, padded with -1 */
     const uint8_t *hops;    /* n_verts x S: 1..3 edges of the resolution */
     const float *smooth;    /* rows of REEL_SMOOTH_FIELDS: vertex v has row start + v */
-    /* n_verts rows of the finest resolution, if it is not the coarsest */
-    const float *finest_smooth;
 } reel_mesh;
 
 typedef struct {
@@ -130,7 +118,6 @@ typedef struct {
     int32_t *residuals; /* n_modes x n_verts */
     double *values;     /* n_verts x n_modes, decoded, in quantization steps */
     const double *key;  /* n_verts x n_key, likewise */
-    void *prepared;     /* output of reel_predict_prepare, or NULL */
 } reel_fields;
 
 #define REEL_MAX_JOINT 8   /* modes that are quantized jointly */
@@ -158,15 +145,6 @@ REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields,
                                      int64_t last);
 REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,
                                      const reel_quantizer *quantizer, int64_t first, int64_t last);
-
-/* Compute the weight filters of vertices first..last-1 before the first mode into fields->prepared,
-   of reel_predict_prepare_memory bytes, aligned to 64 bytes; several blocks with the same mesh, key
-   block and n_learned may share it. Residuals and values are not used. Every `first`, here and in
-   the calls that use the result, must be the first vertex of a level or a multiple of 16 after it.
-   The result is valid on this machine only. */
-REEL_API size_t reel_predict_prepare_memory(int64_t n_verts, int64_t n_levels);
-REEL_API int64_t reel_predict_prepare(const reel_mesh *mesh, const reel_fields *fields,
-                                      int64_t first, int64_t last);
 
 /* ---- Temporal basis and frames ----
 

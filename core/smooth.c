@@ -86,32 +86,9 @@ static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
     }
 }
 
-void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, const int32_t *order,
-                 float *rows) {
+void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows) {
     scatter_signs(smoother->signs, graph->n);
     write_neighbor_rows(smoother->near, graph);
     const float *fields = REEL_WIDEST(smoother->lanes, diffuse, smoother, graph);
-    for (int32_t i = 0; i < graph->n; i++) {
-        const float *row = fields + (size_t)(order ? order[i] : i) * FIELDS;
-        reel_copy(rows + (size_t)i * FIELDS, row, FIELDS * sizeof *rows);
-    }
-}
-
-size_t reel_finest_smooth_memory(int64_t n_verts, int64_t n_near) {
-    reel_arena arena = REEL_MEASURE;
-    reel_allocate_smoother(&arena, (size_t)n_verts, (size_t)n_near);
-    return arena.used;
-}
-
-int64_t reel_finest_smooth(void *memory, size_t memory_size, const int32_t *starts,
-                           const int32_t *near, int64_t n_verts, const int32_t *order,
-                           float *smooth) {
-    reel_arena arena = reel_arena_of(memory, memory_size);
-    size_t n = (size_t)n_verts, n_near = (size_t)starts[n_verts];
-    reel_smoother smoother = reel_allocate_smoother(&arena, n, n_near);
-    if (arena.failed) {
-        return reel_failure(REEL_NO_MEMORY, 0);
-    }
-    reel_smooth(&smoother, &(reel_graph){(int32_t)n_verts, starts, near}, order, smooth);
-    return n_verts;
+    reel_copy(rows, fields, (size_t)graph->n * FIELDS * sizeof *rows);
 }

@@ -16,9 +16,7 @@ typedef struct {
 
 reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near);
 
-/* Compute the smooth fields of a graph, a row of REEL_SMOOTH_FIELDS for each vertex; if `order` is
-   not NULL, row i is that of vertex order[i]. */
-void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, const int32_t *order,
-                 float *rows);
+/* Compute the smooth fields of a graph, a row of REEL_SMOOTH_FIELDS for each vertex. */
+void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows);
 
 #endif

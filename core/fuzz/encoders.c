@@ -78,7 +78,7 @@ typedef struct {
     int32_t *order, *level_starts, *level_resolutions, *stencil, *contexts;
     int64_t *smooth_starts;
     uint8_t *hops;
-    float *smooth, *finest_smooth;
+    float *smooth;
     int64_t n_verts, n_levels, size;
 } levels;
 
@@ -109,11 +109,8 @@ static levels find_levels(const fuzz_mesh *mesh) {
     all.n_levels =
         reel_hierarchy(FUZZ_MEMORY(reel_hierarchy_memory(n, n_near)), starts, near, n, size,
                        all.order, all.level_starts, all.level_resolutions, all.smooth_starts,
-                       all.stencil, all.hops, all.contexts, all.smooth, fuzz_below(2));
+                       all.stencil, all.hops, all.contexts, all.smooth);
     FUZZ_CHECK(all.n_levels >= 0 && all.n_levels <= REEL_MAX_LEVELS);
-    all.finest_smooth = fuzz_allocate(n, REEL_SMOOTH_FIELDS * sizeof(float));
-    FUZZ_CHECK(reel_finest_smooth(FUZZ_MEMORY(reel_finest_smooth_memory(n, n_near)), starts, near,
-                                  n, all.order, all.finest_smooth) == n);
     return all;
 }
 
@@ -177,7 +174,7 @@ static void encode_fields(const reel_mesh *mesh, reel_fields *fields) {
 
 static void predict_on(const levels *all) {
     reel_mesh mesh = {all->n_verts, all->n_levels, all->size, all->level_starts,
-                      all->smooth_starts, all->stencil, all->hops, all->smooth, all->finest_smooth};
+                      all->smooth_starts, all->stencil, all->hops, all->smooth};
     reel_fields fields = {.n_verts = all->n_verts, .n_modes = fuzz_below(5)};
     int64_t n_values = fields.n_verts * fields.n_modes;
     fields.n_learned = fuzz_below(fields.n_modes + 2);

@@ -69,8 +69,11 @@ static bool is_mesh_of(const reel_field_mesh *mesh, const reel_graph *graph, int
 }
 
 /* The hierarchy of a track on the same graph, if it is known. */
-static reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
-                                   int64_t stencil_size) {
+static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
+                                         int64_t stencil_size) {
+    if (is_mesh_of(decoder->file->field_mesh, graph, stencil_size)) {
+        return decoder->file->field_mesh;
+    }
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
         if (is_mesh_of(decoder->tracks[i].mesh, graph, stencil_size)) {
             return decoder->tracks[i].mesh;
@@ -88,16 +91,11 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
     }
     reel_pool pool = {NULL, 0};
     reel_hierarchy_job *job;
-    int failed = MESHREEL_OK;
-    const reel_field_mesh *mesh = decoder->file->field_mesh;
-    if (!is_mesh_of(mesh, graph, stencil_size)) {
-        failed = reel_prepare_hierarchy(call, &pool, graph, stencil_size, &job);
-        if (!failed) {
-            reel_find_hierarchy(job);
-            failed = reel_finish_hierarchy(call, job, &mesh);
-        }
+    int failed = reel_prepare_hierarchy(call, &pool, graph, stencil_size, &job);
+    if (!failed) {
+        reel_find_hierarchy(job);
+        failed = reel_finish_hierarchy(call, job, &state->mesh);
     }
-    failed = failed ? failed : reel_copy_hierarchy(call, &pool, mesh, &state->mesh);
     state->mesh = failed ? NULL : state->mesh;
     return reel_append(&decoder->file->host, failed, &decoder->pool, &pool);
 }
@@ -170,9 +168,7 @@ typedef struct {
     double *lengths, *basis; /* `basis` is NULL if only fields are needed */
     double finer;
     const reel_block_fields *key;
-    reel_field_mesh *mesh;
-    void *smooth_memory; /* NULL if the smooth fields are known or not needed */
-    size_t smooth_needed;
+    const reel_mesh *mesh;
     reel_fields predicted;
     int64_t result;
 } block_job;
@@ -183,7 +179,7 @@ static void decode_basis(block_job *job) {
         return;
     }
     if (job->n_reused > 0) {
-        reel_lengths(job->key->values, job->mesh->mesh.n_verts, (int64_t)job->key->n_modes,
+        reel_lengths(job->key->values, job->mesh->n_verts, (int64_t)job->key->n_modes,
                      job->n_reused, job->finer, job->lengths);
     }
     if (job->has_cosines) {
@@ -198,20 +194,6 @@ static void decode_basis(block_job *job) {
                              job->basis);
 }
 
-/* The part that needs no decoded fields. */
-static void prepare_prediction(block_job *job) {
-    reel_field_mesh *mesh = job->mesh;
-    if (job->smooth_memory) {
-        reel_finest_smooth(job->smooth_memory, job->smooth_needed, mesh->graph->starts,
-                           mesh->graph->near, mesh->mesh.n_verts, mesh->items,
-                           mesh->finest_smooth);
-        mesh->has_finest = true;
-    }
-    if (job->predicted.prepared) {
-        reel_predict_prepare(&mesh->mesh, &job->predicted, 0, mesh->mesh.n_verts);
-    }
-}
-
 static void run_block_job(void *shared, uint32_t i) {
     block_job *job = shared;
     if (!i) {
@@ -221,7 +203,6 @@ static void run_block_job(void *shared, uint32_t i) {
     if (job->basis) {
         decode_basis(job);
     }
-    prepare_prediction(job);
 }
 
 /* Independent ranges of a level, or one range that spans several levels. */
@@ -304,12 +285,12 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
 }
 
 /* Decode the first n_modes fields of a block, and its basis unless `basis` is NULL. */
-static int decode_fields(reel_call *call, reel_field_mesh *mesh, uint64_t block,
+static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t block,
                          const reel_group *group, uint32_t n_columns, uint64_t n_modes,
                          const reel_block_fields *key, double *basis, reel_block_fields *output) {
     uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_reused = group->n_reused;
     uint64_t n_new = n_modes - n_reused;
-    block_job job = {.mesh = mesh, .key = key, .basis = basis};
+    block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
     const reel_chunk *mark = call->scratch.last;
     output->values =
         reel_pool_allocate(call, &output->pool, n_items * n_modes, sizeof *output->values);
@@ -328,17 +309,6 @@ static int decode_fields(reel_call *call, reel_field_mesh *mesh, uint64_t block,
                                   .values = new_values,
                                   .n_key = key ? (int64_t)key->n_modes : 0,
                                   .key = key ? key->values : NULL};
-    if (reel_threads(call) > 1 && n_new) {
-        size_t size = reel_predict_prepare_memory((int64_t)n_items, mesh->mesh.n_levels);
-        job.predicted.prepared = reel_scratch(call, size, 1);
-        REEL_NEED(job.predicted.prepared);
-    }
-    if (!mesh->has_finest && n_new) {
-        const reel_graph *graph = mesh->graph;
-        job.smooth_needed = reel_finest_smooth_memory(graph->n_items, graph->starts[n_items]);
-        job.smooth_memory = reel_scratch(call, job.smooth_needed, 1);
-        REEL_NEED(job.smooth_memory);
-    }
     reel_run(call, run_block_job, &job, 2, (n_items + n_columns * group->n_frames) * n_modes);
     REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged"));
     REEL_TRY(reel_fail_core(call, job.times.result, job.times.at, "the temporal basis is damaged"));

@@ -38,7 +38,7 @@ typedef struct {
 typedef struct {
     bool has_items;
     reel_items items;
-    reel_field_mesh *mesh;               /* hierarchy of the last stencil size, or NULL */
+    const reel_field_mesh *mesh;         /* hierarchy of the last stencil size, or NULL */
     reel_loaded_block current, previous; /* the requested block, and the one before */
     reel_block_fields key;
 } reel_track_state;

@@ -2,8 +2,6 @@
 
 #include "field_mesh.h"
 
-#define SMOOTH_ROW (REEL_SMOOTH_FIELDS * sizeof(float))
-
 struct reel_hierarchy_job {
     reel_field_mesh *field_mesh;
     int32_t *level_starts, *resolutions, *stencil;
@@ -38,7 +36,8 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
         reel_pool_allocate(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
     job->stencil = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
     job->hops = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, 1);
-    job->smooth = reel_pool_allocate(call, pool, (REEL_SMOOTH_ROWS - 1) * n, SMOOTH_ROW);
+    job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n,
+                                     REEL_SMOOTH_FIELDS * sizeof *job->smooth);
     field_mesh->items = reel_pool_allocate(call, pool, n, sizeof *field_mesh->items);
     job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
     job->memory_size = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
@@ -90,7 +89,7 @@ void reel_find_hierarchy(reel_hierarchy_job *job) {
     job->result = reel_hierarchy(job->memory, job->memory_size, graph->starts, graph->near, n,
                                  field_mesh->mesh.stencil_size, field_mesh->items,
                                  job->level_starts, job->resolutions, job->smooth_starts,
-                                 job->stencil, job->hops, field_mesh->order.near, job->smooth, 0);
+                                 job->stencil, job->hops, field_mesh->order.near, job->smooth);
     if (job->result < 0) {
         return;
     }
@@ -106,17 +105,6 @@ int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **output) {
     *output = job->field_mesh;
     return reel_fail_core(call, job->result, 0, "the hierarchy of the mesh is too large");
-}
-
-int reel_copy_hierarchy(reel_call *call, reel_pool *pool, const reel_field_mesh *mesh,
-                        reel_field_mesh **copy) {
-    *copy = reel_pool_allocate(call, pool, 1, sizeof **copy);
-    float *smooth = reel_pool_allocate(call, pool, (uint64_t)mesh->mesh.n_verts, SMOOTH_ROW);
-    REEL_NEED(*copy && smooth);
-    **copy = *mesh;
-    (*copy)->finest_smooth = smooth;
-    (*copy)->mesh.finest_smooth = smooth;
-    return MESHREEL_OK;
 }
 
 int reel_find_time_order(reel_call *call, int64_t n_columns, int64_t n_frames, bool has_cosines,

@@ -18,10 +18,6 @@ typedef struct {
     const reel_graph *graph;
     int32_t *items;     /* item at each position of the coding order */
     int32_t *positions; /* position of each item in coding order */
-    /* Smooth fields of the finest resolution, which a decoder computes while it decodes its first
-       block; NULL until memory is allocated for them. */
-    float *finest_smooth;
-    bool has_finest;
 } reel_field_mesh;
 
 /* Compute the hierarchy of a graph. Preparation allocates all memory, so that the computation may
@@ -32,11 +28,6 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
 void reel_find_hierarchy(reel_hierarchy_job *job);
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **result);
-
-/* Copy a hierarchy, with memory for the smooth fields of its finest resolution; the rest is
-   shared. */
-int reel_copy_hierarchy(reel_call *call, reel_pool *pool, const reel_field_mesh *mesh,
-                        reel_field_mesh **copy);
 
 /* Find the coding order of the temporal basis of a track, in scratch memory: for coefficients of a
    cosine transform, or for times with the flags `rests` of reel_basis. */

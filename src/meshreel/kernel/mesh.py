@@ -1,6 +1,5 @@
 """Neighbors and hierarchy of the vertices of a mesh, by the core."""
 
-from concurrent.futures import Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,14 +7,10 @@ import numpy.typing as npt
 
 from meshreel.kernel.library import call, int32s
 from meshreel.kernel.order import opposite_sides
-from meshreel.runtime.threads import in_background, n_cores
 
 Integers = npt.NDArray[np.int32]
 Hops = npt.NDArray[np.uint8]
 Smooth = npt.NDArray[np.float32]
-
-_Levels = tuple[Integers, Integers, Integers, npt.NDArray[np.int64]]
-_Stencils = tuple[Integers, Hops, Integers]
 
 N_SMOOTH_FIELDS = 16
 N_NEIGHBORS = 8
@@ -23,9 +18,6 @@ MAX_SMOOTH_ROWS = 4
 MAX_RESOLUTIONS = 20
 MAX_LEVELS = 1 + 3 * MAX_RESOLUTIONS
 """REEL_MAX_LEVELS of `core/reel.h`."""
-
-MIN_PARALLEL_VERTICES = 4096
-"""Number of vertices from which a thread computes the smooth fields, and the levels again."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +57,13 @@ class Hierarchy:
     contexts: Integers
     """int32 array of shape (V, N_NEIGHBORS). Context neighbors, with lower numbers, padded with -1.
     """
-    smooth_future: Future[Smooth]
-    """Future of a float32 array of shape (rows, N_SMOOTH_FIELDS)."""
+    smooth: Smooth
+    """float32 array of shape (rows, N_SMOOTH_FIELDS)."""
 
     @property
     def n_verts(self) -> int:
         """Number of vertices, V."""
         return len(self.order)
-
-    @property
-    def smooth(self) -> Smooth:
-        """The smooth fields; waits for the background thread."""
-        return self.smooth_future.result()
 
 
 def neighbors(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbors:
@@ -130,27 +117,11 @@ def item_faces(
 def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
     """The hierarchy of the vertices of a mesh, with stencils of up to `stencil_size` vertices.
 
-    The smooth fields of a large mesh are computed in the background.
-
     Raises
     ------
     InvalidInputError
         If `stencil_size` is not in 1..16.
     """
-    if len(graph.starts) <= MIN_PARALLEL_VERTICES or n_cores() == 1:
-        levels, stencils, smooth = _hierarchy(graph, stencil_size)
-        future: Future[Smooth] = Future()
-        future.set_result(smooth)
-        return Hierarchy(*levels, *stencils, future)
-    future = in_background(lambda: _hierarchy(graph, stencil_size, has_stencils=False)[2])
-    levels, stencils, _ = _hierarchy(graph, stencil_size, has_smooth=False)
-    return Hierarchy(*levels, *stencils, future)
-
-
-def _hierarchy(
-    graph: Neighbors, stencil_size: int, *, has_stencils: bool = True, has_smooth: bool = True
-) -> tuple[_Levels, _Stencils, Smooth]:
-    """Levels, stencils and smooth fields; only the requested ones are filled."""
     n_verts = len(graph.starts) - 1
     shape = (n_verts, max(stencil_size, 0))
     order, stencil = np.empty(n_verts, np.int32), np.empty(shape, np.int32)
@@ -168,16 +139,23 @@ def _hierarchy(
         starts,
         resolutions,
         smooth_starts,
-        stencil if has_stencils else None,
+        stencil,
         hops,
         contexts,
-        smooth if has_smooth else None,
-        1,
+        smooth,
         what="stencils",
         memory_of=("reel_hierarchy_memory", n_verts, len(graph.near)),
     )
     finest = smooth_starts[n_levels - 1]
     n_rows = finest + n_verts if resolutions[n_levels - 1] else 0
-    levels = order, starts[: n_levels + 1], resolutions[:n_levels], smooth_starts[:n_levels]
-    # Pages of these arrays that were never written take no memory.
-    return levels, (stencil, hops, contexts), smooth[:n_rows]
+    return Hierarchy(
+        order,
+        starts[: n_levels + 1],
+        resolutions[:n_levels],
+        smooth_starts[:n_levels],
+        stencil,
+        hops,
+        contexts,
+        # Pages of this array that were never written take no memory.
+        smooth[:n_rows],
+    )

@@ -2,7 +2,6 @@
 
 import ctypes
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -11,21 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import call, memory
+from meshreel.kernel.library import call
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.kernel.structures import fields_of
-from meshreel.runtime.threads import in_threads, n_cores
+from meshreel.runtime.threads import in_threads
 
 CHUNK_VERTICES = 16384
 """Number of vertices of a level that one thread encodes. Each part has its own statistics, so that
 the encoder's choices do not depend on the number of threads."""
-
-BATCH_VERTICES = 16
-"""Number of vertices that the core processes at once. Parts are multiples of it, so that prepared
-weights fit any division of a level."""
-
-MIN_VERTICES = 512
-"""Minimum number of vertices that one thread prepares, which takes about a millisecond."""
 
 MAX_JOINT = 8
 """Maximum number of modes that are quantized jointly."""
@@ -35,21 +27,18 @@ FIRST_COUNTS = 4.0 / (1.0 + np.arange(16))
 
 _POINTER = ctypes.c_void_p
 
-Prepared = npt.NDArray[np.uint8]
-"""Prediction weights of all vertices before the first mode, in the core's layout."""
-
 
 class _Mesh(ctypes.Structure):
     _fields_ = [
         *fields_of(ctypes.c_int64, "n_verts n_levels stencil_size"),
-        *fields_of(_POINTER, "level_starts smooth_starts stencil hops smooth finest_smooth"),
+        *fields_of(_POINTER, "level_starts smooth_starts stencil hops smooth"),
     ]
 
 
 class _Fields(ctypes.Structure):
     _fields_ = [
         *fields_of(ctypes.c_int64, "n_verts n_modes n_learned n_key"),
-        *fields_of(_POINTER, "residuals values key prepared"),
+        *fields_of(_POINTER, "residuals values key"),
     ]
 
 
@@ -75,29 +64,12 @@ class Choice:
     """Lagrange multiplier: squared error, in squared steps, per bit; 0 rounds to the nearest."""
 
 
-def prepared_weights(mesh: Hierarchy, n_learned: int, key: Floats | None = None) -> Prepared:
-    """Initial weights, shared by blocks with the same key or without one: 608 bytes per vertex."""
-    n_levels = len(mesh.smooth_starts)
-    prepared = memory("reel_predict_prepare_memory", len(mesh.order), n_levels)
-    core_mesh = _mesh(mesh)
-    fields = _fields(mesh, 0, n_learned, None, None, key, prepared)
-
-    def fill(part: slice) -> None:
-        arguments = ctypes.byref(core_mesh), ctypes.byref(fields)
-        call("reel_predict_prepare", *arguments, part.start, part.stop, what="fields")
-
-    stages = independent_parts(mesh, _prepared_part_sizes())
-    in_threads(fill, [part for parts in stages for part in parts])
-    return prepared
-
-
 def encode_values(
     mesh: Hierarchy,
     target: Floats,
     choice: Choice,
     n_learned: int,
     key: Floats | None = None,
-    prepared: Prepared | None = None,
     forms: npt.NDArray[np.float32] | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Encode fields; return residuals of shape (K, V) and their decoded values, of shape (V, K).
@@ -110,8 +82,6 @@ def encode_values(
         Number of modes that the weights adapt to.
     key : float64 array of shape (V, K of the key block), optional
         Values of the key block, in coding order like all arrays of this module.
-    prepared : Prepared, optional
-        `prepared_weights` of this mesh, key and `n_learned`; computed if None.
     forms : float32 array of shape (V, n (n + 1) / 2), optional
         Quadratic forms of the errors of the first n <= `MAX_JOINT` modes at each vertex, which are
         quantized jointly: for each mode k, the coefficients c of the modes before it, and its
@@ -126,7 +96,7 @@ def encode_values(
     residuals, values = np.empty((n_modes, n_verts), np.int32), np.empty((n_verts, n_modes))
     target = np.ascontiguousarray(target)
     core_mesh = _mesh(mesh)
-    fields = _fields(mesh, n_modes, n_learned, residuals, values, key, prepared)
+    fields = _fields(mesh, n_modes, n_learned, residuals, values, key)
     n_joint = 0 if forms is None else math.isqrt(2 * forms.shape[1])
     counts = np.concatenate([np.zeros(2 * n_modes), np.tile(FIRST_COUNTS, n_joint)])
 
@@ -139,7 +109,7 @@ def encode_values(
         call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
         return part_counts
 
-    for parts in independent_parts(mesh, lambda _: CHUNK_VERTICES):
+    for parts in independent_parts(mesh):
         if len(parts) == 1:
             counts = run(parts[0])
             continue
@@ -154,7 +124,7 @@ def encode_values(
 
 
 def _mesh(mesh: Hierarchy) -> _Mesh:
-    smooth, (n_verts, stencil_size) = mesh.smooth_future.result(), mesh.stencil.shape
+    n_verts, stencil_size = mesh.stencil.shape
     return _Mesh(
         n_verts,
         len(mesh.smooth_starts),
@@ -163,8 +133,7 @@ def _mesh(mesh: Hierarchy) -> _Mesh:
         _address(mesh.smooth_starts),
         _address(mesh.stencil),
         _address(mesh.hops),
-        _address(smooth),
-        _address(smooth[mesh.smooth_starts[-1] :]),
+        _address(mesh.smooth),
     )
 
 
@@ -175,10 +144,9 @@ def _fields(
     residuals: npt.NDArray[np.int32] | None,
     values: Floats | None,
     key: Floats | None,
-    prepared: Prepared | None,
 ) -> _Fields:
     n_key = 0 if key is None else key.shape[1]
-    arrays = map(_address, (residuals, values, key, prepared))
+    arrays = map(_address, (residuals, values, key))
     return _Fields(len(mesh.order), n_modes, n_learned, n_key, *arrays)
 
 
@@ -189,30 +157,17 @@ def _address(array: npt.NDArray[Any] | None) -> int | None:
     return array.ctypes.data
 
 
-def independent_parts(mesh: Hierarchy, size_of_parts: Callable[[int], int]) -> list[list[slice]]:
+def independent_parts(mesh: Hierarchy) -> list[list[slice]]:
     """Divide the vertices into stages in coding order, whose parts are independent of each other.
 
-    A stage is several small levels in one part, or one large level in parts whose size depends on
-    that of the level.
+    A stage is several small levels in one part, or one large level in parts of `CHUNK_VERTICES`.
     """
     stages: list[list[slice]] = [[]]
     for start, stop in pairwise(mesh.level_starts.tolist()):
-        size = size_of_parts(stop - start)
-        if stop - start > size:
-            parts = range(start, stop, size)
-            stages += [[slice(part, min(part + size, stop)) for part in parts], []]
+        if stop - start > CHUNK_VERTICES:
+            parts = range(start, stop, CHUNK_VERTICES)
+            stages += [[slice(part, min(part + CHUNK_VERTICES, stop)) for part in parts], []]
         else:
             first = stages[-1][0].start if stages[-1] else start
             stages[-1] = [slice(first, stop)]
     return [parts for parts in stages if parts]
-
-
-def _prepared_part_sizes() -> Callable[[int], int]:
-    """The part size of a level whose weights are prepared, by its size: several parts per core."""
-    n_parts = 4 * n_cores()
-
-    def size_of_parts(n_verts: int) -> int:
-        size = min(max(MIN_VERTICES, n_verts // n_parts), CHUNK_VERTICES)
-        return -(-size // BATCH_VERTICES) * BATCH_VERTICES
-
-    return size_of_parts

@@ -20,7 +20,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import copy_context
 from functools import cached_property, lru_cache, partial
-from itertools import islice
 from threading import RLock
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -31,8 +30,8 @@ from threadpoolctl import ThreadpoolController
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
-POOL, BACKGROUND = "meshreel-pool", "meshreel-background"
-"""Prefixes of thread names."""
+POOL = "meshreel-pool"
+"""Prefix of the names of threads of the pool."""
 
 MAX_AHEAD_PER_CORE = 4
 """Pieces that `results_in_order` submits before the oldest of them is complete."""
@@ -173,41 +172,6 @@ def results_in_order(
                 later.cancel()
 
 
-def in_background(work: Callable[[], Result]) -> "Future[Result]":
-    """Start work in the background thread, and return its future result.
-
-    Work runs immediately if there is one core, or if the background thread itself calls: it cannot
-    wait for itself.
-    """
-    if n_cores() > 1 and not threading.current_thread().name.startswith(BACKGROUND):
-        return _background().submit(_in_caller_context(work))
-    done: Future[Result] = Future()
-    try:
-        done.set_result(work())
-    except Exception as error:
-        done.set_exception(error)
-    return done
-
-
-def prefetch(items: Iterator[Result]) -> Iterator[Result]:
-    """Yield the items; a separate thread computes the next one while one is used.
-
-    Not in a thread of the pool: it would wait for a thread that may itself wait for the pool.
-    """
-    if threading.current_thread().name.startswith(POOL):
-        yield from items
-        return
-
-    def next_item() -> list[Result]:
-        return list(islice(items, 1))
-
-    with ThreadPoolExecutor(1, "meshreel-ahead") as thread:
-        future = thread.submit(_in_caller_context(next_item))
-        while item := future.result():
-            future = thread.submit(_in_caller_context(next_item))
-            yield item[0]
-
-
 def _in_caller_context(work: Callable[..., Result]) -> Callable[..., Result]:
     """Return a callable that does the work once, in any thread, with the context of this one.
 
@@ -289,12 +253,6 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(n_cores(), POOL)
 
 
-@lru_cache(maxsize=1)
-def _background() -> ThreadPoolExecutor:
-    # Not a thread of the pool, which work in the background may use.
-    return ThreadPoolExecutor(1, BACKGROUND)
-
-
 def n_cores() -> int:
     """Number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -329,7 +287,6 @@ def _replace_in_child() -> None:
     global _LIMIT
     _LIMIT = _Limit(_LIMIT.limiter)
     pool.cache_clear()
-    _background.cache_clear()
 
 
 if hasattr(os, "register_at_fork"):

@@ -9,7 +9,6 @@ from scipy.special import ive
 
 from conformance.hierarchy import edges_of, scattered
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.library import call
 from meshreel.kernel.mesh import MAX_LEVELS, MAX_RESOLUTIONS, hierarchy, neighbors
 from samples.meshes import grid_faces
 
@@ -41,18 +40,6 @@ def test_hierarchy_has_one_level_without_edges():
     assert (levels.stencil == -1).all()
 
 
-@pytest.mark.parametrize("n_rows", [2, 30, 70])
-def test_hierarchy_is_the_same_with_separate_smooth_fields(n_rows, monkeypatch):
-    graph = neighbors(grid_faces(n_rows, 65), n_rows * 65)
-    monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 1)
-    together = hierarchy(graph, 7)
-    monkeypatch.setattr("meshreel.kernel.mesh.n_cores", lambda: 2)
-    monkeypatch.setattr("meshreel.kernel.mesh.MIN_PARALLEL_VERTICES", 0)
-    apart = hierarchy(graph, 7)
-    for name in ("order", "level_starts", "smooth_starts", "stencil", "hops", "contexts", "smooth"):
-        np.testing.assert_array_equal(getattr(apart, name), getattr(together, name), name)
-
-
 def smooth_fields_of_the_format(graph, time):
     """Return exp(-t (1 - w)) of random signs as a float32 Chebyshev series, of shape (V, 16)."""
     degrees = np.diff(graph.starts)
@@ -82,24 +69,6 @@ def test_smooth_fields_follow_the_format(n_columns, time):
     levels = hierarchy(graph, 3)
     finest = levels.smooth[levels.smooth_starts[-1] :]
     np.testing.assert_array_equal(finest, smooth_fields_of_the_format(graph, time)[levels.order])
-
-
-@pytest.mark.parametrize("n_columns", [5, 64, 65])
-def test_finest_smooth_fields_are_the_same_when_computed_separately(n_columns):
-    graph = neighbors(grid_faces(64, n_columns), 64 * n_columns)
-    levels = hierarchy(graph, 3)
-    separate = np.empty((64 * n_columns, 16), np.float32)
-    call(
-        "reel_finest_smooth",
-        graph.starts,
-        graph.near,
-        len(separate),
-        levels.order,
-        separate,
-        what="stencils",
-        memory_of=("reel_finest_smooth_memory", len(separate), len(graph.near)),
-    )
-    assert separate.tobytes() == levels.smooth[levels.smooth_starts[-1] :].tobytes()
 
 
 def test_number_of_levels_is_within_the_limit_of_the_core():

@@ -8,7 +8,6 @@ from meshreel.errors import InvalidInputError
 from meshreel.kernel.predict import (
     Choice,
     encode_values,
-    prepared_weights,
 )
 from samples.coded_fields import decode_values
 from samples.meshes import irregular_sequence, waving_grid
@@ -84,23 +83,6 @@ def test_values_do_not_depend_on_the_split_of_a_level(monkeypatch):
     residuals, whole = encode_values(mesh, targets, PLAIN, 5)
     monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
     assert_predicted(mesh, residuals, whole, 5)
-
-
-@pytest.mark.parametrize("size", [7, 16])
-@pytest.mark.parametrize("has_key", [False, True])
-def test_prepared_weights_give_the_same_bits(size, has_key, monkeypatch):
-    monkeypatch.setattr("meshreel.kernel.predict.CHUNK_VERTICES", 32)
-    monkeypatch.setattr("meshreel.kernel.predict.MIN_VERTICES", 1)
-    mesh, targets = sample_values(waving_grid(1, 20, 31), size)
-    key = sample_values(waving_grid(1, 20, 31), size, 11, 4)[1] if has_key else None
-    prepared = prepared_weights(mesh, 5, key)
-    for choice in (PLAIN, Choice(1, 0.6, 0.1)):
-        for ours, expected in zip(
-            encode_values(mesh, targets, choice, 5, key, prepared),
-            encode_values(mesh, targets, choice, 5, key),
-            strict=True,
-        ):
-            np.testing.assert_array_equal(ours, expected)
 
 
 @pytest.mark.slow

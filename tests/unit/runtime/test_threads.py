@@ -1,4 +1,4 @@
-"""Work in threads: pieces, background, prefetching, BLAS threads."""
+"""Work in threads: pieces, results in order, BLAS threads."""
 
 import subprocess
 import sys
@@ -12,11 +12,9 @@ from threadpoolctl import threadpool_info
 
 from meshreel.runtime.threads import (
     chunks,
-    in_background,
     in_threads,
     n_cores,
     one_blas_thread,
-    prefetch,
     results_in_order,
 )
 
@@ -209,61 +207,9 @@ def test_blas_threads_are_restored_after_an_error():
     assert blas_threads() == before
 
 
-def test_background_work_runs_concurrently_with_the_caller():
-    """Each waits for the other, which requires both to run."""
-    from_caller, from_work = threading.Event(), threading.Event()
-
-    def work():
-        from_work.set()
-        return from_caller.wait(10), threading.get_ident()
-
-    future = in_background(work)
-    assert from_work.wait(10)
-    from_caller.set()
-    was_heard, thread = future.result(10)
-    assert was_heard
-    assert thread != threading.get_ident()
-
-
 @pytest.mark.slow
 def test_libraries_of_blas_are_found_when_another_thread_imports_libraries(tmp_path):
     subprocess.run([sys.executable, "-c", IMPORTING, tmp_path], check=True, timeout=60)
-
-
-def test_results_and_errors_of_nested_background_work_are_those_of_the_work():
-    def fail():
-        raise LookupError("in the background")
-
-    for work in (fail, lambda: in_background(fail).result(10)):
-        future = in_background(work)
-        with pytest.raises(LookupError, match="in the background"):
-            future.result(10)
-    assert in_background(lambda: in_background(lambda: 7).result(10)).result(10) == 7
-
-
-def test_background_and_caller_can_both_use_threads():
-    """With more pieces than threads, neither waits for a thread of the other."""
-    behind, before = [], []
-    futures = [in_background(lambda: in_threads(behind.append, range(100))) for _ in range(3)]
-    in_threads(before.append, range(100))
-    for future in futures:
-        future.result(10)
-    assert sorted(behind) == sorted([*range(100)] * 3)
-    assert sorted(before) == list(range(100))
-
-
-def test_background_work_inherits_numpy_settings():
-    def work():
-        setting = np.geterr()["divide"]
-        np.seterr(divide="print")
-        return setting
-
-    with np.errstate(divide="ignore"):
-        future = in_background(work)
-    assert future.result(10) == "ignore"
-    with np.errstate(divide="raise"):
-        assert in_background(work).result(10) == "raise"
-        assert np.geterr()["divide"] == "raise"
 
 
 @pytest.mark.parametrize(("length", "size"), [(0, 3), (1, 3), (6, 3), (7, 3), (5, 100)])
@@ -272,47 +218,6 @@ def test_chunks_cover_the_length_in_order(length, size):
     covered = [index for piece in pieces for index in range(piece.start, piece.stop)]
     assert covered == list(range(length))
     assert all(1 <= piece.stop - piece.start <= size for piece in pieces)
-
-
-def test_prefetch_keeps_the_order_and_is_one_item_ahead():
-    produced, used = [], []
-
-    def items():
-        for number in range(5):
-            produced.append(number)
-            yield number
-
-    for number in prefetch(items()):
-        expected = list(range(min(number + 2, 5)))
-        end = time.monotonic() + 20.0  # on busy cores the thread starts late
-        while len(produced) < len(expected) and time.monotonic() < end:
-            time.sleep(0.001)
-        time.sleep(0.02)  # time to produce more than one item ahead
-        assert produced == expected
-        used.append(number)
-    assert used == list(range(5))
-
-
-def test_prefetching_in_all_threads_of_the_pool_does_not_wait_for_it():
-    def items():
-        for number in range(3):
-            in_threads(lambda _: None, range(4))
-            yield number
-
-    pieces, results = range(2 * n_cores()), []
-    in_threads(lambda _: results.append(list(prefetch(items()))), pieces)
-    assert results == [[0, 1, 2]] * len(pieces)
-
-
-def test_prefetch_raises_the_error_of_an_item():
-    def items():
-        yield 1
-        raise ValueError("no second item")
-
-    fetched = prefetch(items())
-    assert next(fetched) == 1
-    with pytest.raises(ValueError, match="no second item"):
-        next(fetched)
 
 
 @pytest.mark.parametrize("n_pieces", COUNTS)

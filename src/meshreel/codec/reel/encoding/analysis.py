@@ -12,7 +12,6 @@ from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_IN
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
 from meshreel.codec.reel.normative.fields import (
     FieldBlock,
-    KeyFields,
     Layout,
     decode_basis,
     with_reused,
@@ -26,8 +25,8 @@ from meshreel.kernel.basis import (
     quantized_basis,
 )
 from meshreel.kernel.frames import JointFrames
-from meshreel.kernel.predict import Choice, Prepared, encode_values
-from meshreel.runtime.threads import chunks, in_background, in_chunks, in_threads
+from meshreel.kernel.predict import Choice, encode_values
+from meshreel.runtime.threads import chunks, in_chunks, in_threads
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -44,9 +43,6 @@ MIN_RESTING_SHARE = 0.02
 
 MAX_NEW_RATIO = 0.25
 """Up to this ratio of new modes to modes of the key, coding without the key is not tried."""
-
-MIN_PARALLEL_VERTICES = 512
-"""Number of vertices from which the hierarchy is computed in the background."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +83,10 @@ class AnalyzedFields:
     block: FieldBlock
     decoded: JointFrames
     """The decoded frames, in internal order."""
-    new_fields: KeyFields
-    """Fields that are not reused; other blocks may reuse them."""
+    new_fields: Floats
+    """float64 array of shape (V, K - n_reused). Fields that are not reused, in coding order and in
+    steps; other blocks may reuse them.
+    """
     target: Floats
     """float64 array of shape (V, K - n_reused). The new fields before quantization, in the same
     order.
@@ -109,7 +107,7 @@ class AnalyzedFields:
         vectors = self.decoded.basis[:, :, self.block.layout.n_reused :].reshape(-1, n_new)
         gram = vectors.T @ vectors
         projected = float(np.vdot(self.target.T @ self.target, gram))
-        error = self.target - self.new_fields.values
+        error = self.target - self.new_fields
         coded = float(np.vdot(error.T @ error, gram))
         return float(self.remainder.energy + self.decoded.step**2 * (coded - projected))
 
@@ -138,39 +136,32 @@ def analyze_fields(
     frames: BlockFrames,
     mesh: FieldMesh,
     choices: FieldChoices,
-    key: KeyFields | None = None,
+    key: Floats | None = None,
     reference: int = 0,
 ) -> AnalyzedFields:
     """Return a block of frames as integers.
 
     Parameters
     ----------
-    key : KeyFields, optional
-        Fields of the block that this one refers to. They are reused if that takes fewer bits;
-        modes are then found for the remainder.
+    key : float64 array of shape (V, K), optional
+        Fields of the block that this one refers to, in coding order and in steps. They are reused
+        if that takes fewer bits; modes are then found for the remainder.
     reference : int, default 0
         Number of blocks from the key to this one.
     """
     n_frames = frames.n_frames
     step = np.float32(choices.position_step * np.sqrt(n_frames))
-    is_repeated = frames.is_analyzed
-    # The first analysis also derives the hierarchy, that of a large mesh in the background.
-    is_serial = is_repeated or mesh.n_verts < MIN_PARALLEL_VERTICES
-    hierarchy = None if is_serial else in_background(lambda: mesh.hierarchy)
     is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     reused = None
     if key is not None:
         reused = _analyze_reusing(frames, mesh, choices, key, layout)
         n_new = 0 if reused is None else len(reused.block.fields)
-        if reused is not None and n_new <= MAX_NEW_RATIO * key.values.shape[1]:
+        if reused is not None and n_new <= MAX_NEW_RATIO * key.shape[1]:
             return reused
     basis, vectors, coding = _quantized_basis(frames, float(step), choices)
     layout = replace(layout, coding=coding)
-    if hierarchy is not None:
-        hierarchy.result()
-    prepared = mesh.prepared if key is None and is_repeated else None
-    without_reuse = _encode_fields(frames, basis, vectors, layout, mesh, choices, key, prepared)
+    without_reuse = _encode_fields(frames, basis, vectors, layout, mesh, choices, key)
     if reused is None:
         return without_reuse
     return min(without_reuse, reused, key=lambda analyzed: analyzed.cost)
@@ -183,8 +174,7 @@ def _encode_fields(
     layout: Layout,
     mesh: FieldMesh,
     choices: FieldChoices,
-    key: KeyFields | None,
-    prepared: Prepared | None = None,
+    key: Floats | None,
     reused: npt.NDArray[np.int32] | None = None,
 ) -> AnalyzedFields:
     """Quantize the fields of frames, given the integers of the basis and their decoded vectors.
@@ -197,13 +187,11 @@ def _encode_fields(
         forms = None
         if choices.slides:
             forms = surface_forms(vectors, target, frames, mesh, layout.n_learned)
-        residuals, new_fields = _quantized_fields(
-            target, layout, mesh, choices, key, prepared, forms
-        )
+        residuals, new_fields = _quantized_fields(target, layout, mesh, choices, key, forms)
     else:
         target = np.empty((frames.n_verts, 0))
-        residuals, new_fields = np.empty((0, frames.n_verts), np.int32), KeyFields(target)
-    whole, values = basis, new_fields.values
+        residuals, new_fields = np.empty((0, frames.n_verts), np.int32), target
+    whole, values = basis, new_fields
     if reused is not None:
         whole = np.concatenate([reused, basis])
         vectors = decode_basis(whole, layout, key)
@@ -213,13 +201,13 @@ def _encode_fields(
 
 
 def _analyze_reusing(
-    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: KeyFields, layout: Layout
+    frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: Floats, layout: Layout
 ) -> AnalyzedFields | None:
     """Encode a block with reused fields of its key and modes of the residual, if possible."""
     if choices.n_modes is not None:  # a given number of modes excludes those of the key
         return None
     finer, step = np.float32(choices.basis_step), float(layout.step)
-    reused = reuse_fields(frames, key.values, mesh.number, step, float(finer), choices.rate_weight)
+    reused = reuse_fields(frames, key, mesh.number, step, float(finer), choices.rate_weight)
     if reused is None:
         return None
     coding = reused.coding
@@ -229,7 +217,7 @@ def _analyze_reusing(
         return None
     layout = replace(layout, n_reused=n_reused, finer=finer, coding=coding)
     return _encode_fields(
-        reused.remainder, basis, vectors, layout, mesh, choices, key, None, reused.integers
+        reused.remainder, basis, vectors, layout, mesh, choices, key, reused.integers
     )
 
 
@@ -300,29 +288,20 @@ def _quantized_fields(
     layout: Layout,
     mesh: FieldMesh,
     choices: FieldChoices,
-    key: KeyFields | None,
-    prepared: Prepared | None,
+    key: Floats | None,
     forms: npt.NDArray[np.float32] | None,
-) -> tuple[npt.NDArray[np.int32], KeyFields]:
+) -> tuple[npt.NDArray[np.int32], Floats]:
     """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
 
     Parameters
     ----------
     target : float64 array of shape (V, K)
         Unquantized fields, in coding order and in steps.
-    prepared : Prepared or None
-        Initial weights, if known, without a key.
     forms : float32 array or None
         As in `encode_values`.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
-    known = None
-    if key is not None:
-        known, prepared = key.values, key.prepared(mesh, layout.n_learned)
-    residuals, values = encode_values(
-        mesh.hierarchy, target, choice, layout.n_learned, known, prepared, forms
-    )
-    return residuals, KeyFields(values)
+    return encode_values(mesh.hierarchy, target, choice, layout.n_learned, key, forms)
 
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:

@@ -19,7 +19,7 @@ from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import check_error_bound, corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import write_field_block
-from meshreel.codec.reel.normative.fields import FieldBlock, KeyFields
+from meshreel.codec.reel.normative.fields import FieldBlock
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh
@@ -74,20 +74,20 @@ class FieldBlockCoder:
         return BlockFrames(np.ascontiguousarray(vertices), self.frame, numbers)
 
     def code(
-        self, frames: BlockFrames, key: KeyFields | None = None, reference: int = 0
+        self, frames: BlockFrames, key: Floats | None = None, reference: int = 0
     ) -> "CodedFrames":
         """Encode a block; the bytes do not depend on the number of cores.
 
         Parameters
         ----------
-        key : KeyFields, optional
+        key : float64 array of shape (V, K), optional
             Fields of the block that this one refers to.
         reference : int, default 0
             Number of blocks from that one to this one.
         """
         with one_blas_thread():
             analyzed = analyze_fields(frames, self.mesh, self.choices, key, reference)
-            if key is not None and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.n_modes:
+            if key is not None and len(analyzed.block.fields) > MAX_NEW_MODE_RATIO * key.shape[1]:
                 analyzed = analyze_fields(frames, self.mesh, self.choices)
             corrections = None
             if self.bound is not None:
@@ -161,7 +161,7 @@ class KeyedBlocks:
 
     def __init__(self, coder: FieldBlockCoder) -> None:
         self._coder = coder
-        self._key: KeyFields | None = None
+        self._key: Floats | None = None
         self._reference = 0
 
     def code(self, frames: BlockFrames) -> CodedFrames:

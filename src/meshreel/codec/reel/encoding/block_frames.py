@@ -53,8 +53,6 @@ class BlockFrames:
     n_verts: int = field(init=False)
     n_columns: int = field(init=False)
     """T, V and C."""
-    is_analyzed: bool = field(init=False, default=False)
-    """Whether trajectories were computed before."""
 
     def __post_init__(self) -> None:
         self.n_frames, self.n_verts, self.n_columns = map(int, self.vertices.shape)
@@ -198,7 +196,6 @@ class BlockFrames:
         if known is None or known[0] > least:
             find = self._trajectories_and_means if with_means else self._trajectories
             self._found[with_means] = known = (least, *find(least))
-            self.is_analyzed = True
         _, strengths, vectors = known
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]

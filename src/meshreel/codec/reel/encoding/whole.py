@@ -37,7 +37,7 @@ from meshreel.codec.targets import TargetKind
 from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.runtime.progress import Count, Progress
-from meshreel.runtime.threads import one_blas_thread, prefetch
+from meshreel.runtime.threads import one_blas_thread
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
 """Targets that set the step, so that nothing is searched."""
@@ -291,16 +291,9 @@ class RateSearch:
             blocks = iter(self._best[1])
             self._best = None  # sections can be iterated once
         else:
-            blocks = self._coded_here(step, bound)
-            if self._is_cut:  # analyze a block while the previous one is entropy coded
-                blocks = prefetch(blocks)
+            keyed = KeyedBlocks(self._coder.with_step(step, bound))
+            blocks = ((frames.n_frames, keyed.code(frames).sections) for frames in self._blocks())
         return [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
-
-    def _coded_here(self, step: float, bound: float | None) -> Iterator[tuple[int, Sections]]:
-        """Yield frames and sections of each block, coded in this process."""
-        read, blocks = self._blocks(), KeyedBlocks(self._coder.with_step(step, bound))
-        for frames in read:
-            yield frames.n_frames, blocks.code(frames).sections
 
     @cached_property
     def _pieces(self) -> list[Piece]:

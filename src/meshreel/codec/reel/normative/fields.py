@@ -4,15 +4,13 @@ A mode is a field on the mesh with a basis vector over time for each axis. The c
 fields of a block in closed loop, vertex by vertex over a hierarchy of the mesh.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, basis_vectors, lengths_of
-from meshreel.kernel.predict import Prepared, prepared_weights
 
 NONE_REUSED = np.float32(0.0)
 
@@ -63,44 +61,19 @@ class FieldBlock:
         return int(self.basis.shape[0])
 
 
-@dataclass
-class KeyFields:
-    """Fields of a key block."""
+def with_reused(new_fields: Floats, n_reused: int, key: Floats | None) -> Floats:
+    """Return all fields of a block: the reused ones of the key block, then the new ones.
 
-    values: Floats
-    """float64 array of shape (V, K). In coding order and in steps of the block, which do not depend
-    on its length.
+    Fields, here and in `decode_basis`, are of shape (V, K), in coding order and in steps of the
+    block, which do not depend on its length.
     """
-    _prepared: dict[int, Prepared | None] = field(default_factory=dict)
-
-    @property
-    def n_modes(self) -> int:
-        """Number of its modes, K."""
-        return int(self.values.shape[1])
-
-    def is_prepared(self, n_learned: int) -> bool:
-        """Whether `prepared` is cached."""
-        return n_learned in self._prepared
-
-    def prepared(self, mesh: FieldMesh, n_learned: int) -> Prepared | None:
-        """Initial weights of blocks that refer to this one, cached; None for a large mesh."""
-        if not self.is_prepared(n_learned):
-            weights = None
-            if not mesh.is_large:
-                weights = prepared_weights(mesh.hierarchy, n_learned, self.values)
-            self._prepared = {n_learned: weights}  # only the last: they are large
-        return self._prepared[n_learned]
-
-
-def with_reused(new_fields: Floats, n_reused: int, key: KeyFields | None) -> Floats:
-    """Return all fields of a block: the reused ones of the key block, then the new ones."""
     if key is None or not n_reused:
         return new_fields
-    return np.concatenate([key.values[:, :n_reused], new_fields], axis=1)
+    return np.concatenate([key[:, :n_reused], new_fields], axis=1)
 
 
 def decode_basis(
-    coded: npt.NDArray[np.integer], layout: Layout, key: KeyFields | None = None
+    coded: npt.NDArray[np.integer], layout: Layout, key: Floats | None = None
 ) -> Floats:
     """Decode the temporal basis of a block, of shape (C, T, K), from integers (K, C, T).
 
@@ -109,5 +82,5 @@ def decode_basis(
     """
     lengths = None
     if key is not None and layout.n_reused:
-        lengths = lengths_of(key.values, layout.n_reused, float(layout.finer))
+        lengths = lengths_of(key, layout.n_reused, float(layout.finer))
     return basis_vectors(coded, layout.coding, lengths)

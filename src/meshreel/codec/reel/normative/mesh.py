@@ -10,11 +10,7 @@ from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.kernel.fields import CodingOrder, coding_order
 from meshreel.kernel.mesh import Hierarchy, Neighbors, hierarchy, neighbors
-from meshreel.kernel.predict import Prepared, prepared_weights
 from meshreel.model.sequence import Faces
-
-MAX_PREPARED_VERTICES = 1 << 16
-"""Maximum size of a mesh whose prepared weights are cached: 608 bytes a vertex, at most 40 MB."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +32,6 @@ class FieldMesh:
     def hierarchy(self) -> Hierarchy:
         """All vertices in coding order, with their stencils."""
         return hierarchy(self.neighbors, self.stencil_size)
-
-    @property
-    def is_large(self) -> bool:
-        """Whether prepared weights are too large to cache."""
-        return self.n_verts > MAX_PREPARED_VERTICES
-
-    @cached_property
-    def prepared(self) -> Prepared | None:
-        """Initial weights of blocks without a key; None for a large mesh."""
-        return None if self.is_large else prepared_weights(self.hierarchy, 0)
 
     @property
     def order(self) -> npt.NDArray[np.int32]:
