@@ -36,7 +36,7 @@ static void NAMED(sum_tile)(const frames_job *job, const void *tile, int64_t num
     TARGET REEL_INLINE bool name(const frames_job *job, double(*sums)[TILE], int64_t x, int count, \
                                  number(*values)[TILE]) {                                          \
         const bits sign = (bits)1 << (8 * sizeof(bits) - 1);                                       \
-        const bits one = sizeof(bits) == 4 ? (bits)1 << 23 : (bits)(UINT64_C(1) << 52);            \
+        const bits exponent_bit = sizeof(bits) == 4 ? (bits)1 << 23 : (bits)(UINT64_C(1) << 52);   \
         bits carries = 0;                                                                          \
         double scale = job->placement[0];                                                          \
         for (int64_t column = 0; column < 3 && x + column < job->n_columns; column++) {            \
@@ -46,7 +46,7 @@ static void NAMED(sum_tile)(const frames_job *job, const void *tile, int64_t num
                 values[column][i] = (number)(sums[x + column][i] * scale + origin);                \
             }                                                                                      \
             for (int i = 0; i < count; i++) {                                                      \
-                carries |= (words[i] & ~sign) + one;                                               \
+                carries |= (words[i] & ~sign) + exponent_bit;                                      \
             }                                                                                      \
         }                                                                                          \
         return !(carries & sign);                                                                  \

@@ -127,7 +127,7 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
 typedef struct {
     const int32_t *value_of; /* index of the value of each output item, or NULL */
     uint64_t n_values, n_places;
-    uint32_t n_columns, stored, size; /* bytes per number: stored, and output */
+    uint32_t n_columns, track_bytes, output_bytes; /* bytes per number */
     size_t value_stride, frame_stride;
     bool is_packed;
 } output_layout;
@@ -143,15 +143,16 @@ static int find_layout(const meshreel_decoder *decoder, uint32_t number,
     }
     *result = (output_layout){.n_places = info->n_items,
                               .n_columns = info->n_columns,
-                              .stored = track->size,
-                              .size = type == info->type ? track->size : 4};
-    size_t value = result->size * result->n_columns;
+                              .track_bytes = track->size,
+                              .output_bytes = type == info->type ? track->size : 4};
+    size_t value = result->output_bytes * result->n_columns;
     result->value_stride = layout && layout->value_stride ? layout->value_stride : value;
     size_t frame = result->value_stride * (size_t)result->n_places;
     result->frame_stride = layout && layout->frame_stride ? layout->frame_stride : frame;
     REEL_INVALID_IF(result->value_stride < value,
                     "values overlap: their stride is below their size");
-    REEL_INVALID_IF(result->value_stride % result->size || result->frame_stride % result->size,
+    REEL_INVALID_IF(result->value_stride % result->output_bytes ||
+                        result->frame_stride % result->output_bytes,
                     "a stride is not a multiple of the size of a number");
     result->is_packed = result->value_stride == value && result->frame_stride == frame;
     return MESHREEL_OK;
@@ -160,12 +161,12 @@ static int find_layout(const meshreel_decoder *decoder, uint32_t number,
 /* Store the values of a frame in the output layout. */
 static int store_frame(reel_call *call, const output_layout *to, const uint8_t *values,
                        uint8_t *out) {
-    size_t bytes = to->stored * to->n_columns;
+    size_t bytes = to->track_bytes * to->n_columns;
     bool is_finite = true;
     for (uint64_t i = 0; i < to->n_places; i++) {
         const uint8_t *value = values + bytes * (to->value_of ? (uint64_t)to->value_of[i] : i);
         uint8_t *place = out + to->value_stride * i;
-        if (to->size == to->stored) {
+        if (to->output_bytes == to->track_bytes) {
             reel_copy(place, value, bytes);
             continue;
         }
@@ -185,12 +186,13 @@ static int store_frame(reel_call *call, const output_layout *to, const uint8_t *
 static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
                      uint64_t count, const output_layout *to, uint8_t *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    bool is_direct = to->is_packed && !to->value_of && (!number || to->size == to->stored);
+    bool is_direct = to->is_packed && !to->value_of &&
+                     (!number || to->output_bytes == to->track_bytes);
     bool is_predicted = track->difference || track->info.coding == REEL_ROTATIONS;
     if (is_direct && !is_predicted) {
-        return reel_values(call, decoder, number, first, count, to->size, out);
+        return reel_values(call, decoder, number, first, count, to->output_bytes, out);
     }
-    uint64_t frame_bytes = to->n_values * to->n_columns * to->stored;
+    uint64_t frame_bytes = to->n_values * to->n_columns * to->track_bytes;
     uint64_t together = PIECE_BYTES / (frame_bytes + 1) + reel_threads(call);
     for (uint64_t from = 0; from < count; from += together) {
         uint64_t n = count - from < together ? count - from : together;
@@ -198,7 +200,7 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
         uint8_t *values = is_direct ? out + from * to->frame_stride
                                     : reel_scratch(call, n, frame_bytes);
         REEL_NEED(values);
-        REEL_TRY(reel_values(call, decoder, number, first + from, n, to->stored, values));
+        REEL_TRY(reel_values(call, decoder, number, first + from, n, to->track_bytes, values));
         for (uint64_t t = 0; t < n && !is_direct; t++) {
             REEL_TRY(store_frame(call, to, values + t * frame_bytes,
                                  out + (from + t) * to->frame_stride));
@@ -217,7 +219,7 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
     const reel_outline *outline = &decoder->file->outline;
     REEL_INVALID_IF(first > outline->n_frames || count > outline->n_frames - first ||
                     (!values && count), "the frames do not exist, or a pointer is NULL");
-    REEL_INVALID_IF((uintptr_t)values % to.size, "values are not aligned to their number type");
+    REEL_INVALID_IF((uintptr_t)values % to.output_bytes, "values are not aligned to their number type");
     reel_call call = begin_call(decoder);
     uint64_t done = 0;
     int failed = MESHREEL_OK;

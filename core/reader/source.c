@@ -129,7 +129,7 @@ int reel_cache(reel_call *call, reel_range range) {
 int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
-    uint32_t sum = ~0U, stored;
+    uint32_t sum = ~0U, expected;
     compute_tables(&tables);
     for (uint64_t done = 0; done < length;) {
         size_t size = length - done < PIECE ? (size_t)(length - done) : PIECE;
@@ -137,8 +137,8 @@ int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
         sum = update_crc(&tables, sum, piece, size);
         done += size;
     }
-    REEL_TRY(reel_read(call, at + length, &stored, sizeof stored));
-    REEL_CORRUPT_IF(stored != ~sum, at, "a checksum does not match; fetch the file again");
+    REEL_TRY(reel_read(call, at + length, &expected, sizeof expected));
+    REEL_CORRUPT_IF(expected != ~sum, at, "a checksum does not match; fetch the file again");
     return MESHREEL_OK;
 }
 

@@ -140,7 +140,7 @@ static int32_t rounding_at(const reel_rounding *rounding, uint32_t axis, int32_t
 }
 
 static void store_grid(const reel_loaded_block *block, const int32_t *order,
-                       const double *placement, uint32_t stored, const int32_t *units,
+                       const double *placement, uint32_t number_bytes, const int32_t *units,
                        uint64_t n_items, uint32_t size, void *out) {
     for (uint64_t i = 0; i < n_items; i++) {
         const int32_t *item = units + 3 * (uint64_t)order[i];
@@ -148,9 +148,9 @@ static void store_grid(const reel_loaded_block *block, const int32_t *order,
             double value = (double)item[axis] * block->group.grid;
             value = value * placement[0] + placement[1 + axis];
             double number;
-            put_float_after(&number, stored, 0, value,
+            put_float_after(&number, number_bytes, 0, value,
                             rounding_at(&block->rounding, axis, item[axis]));
-            put_number(out, size, 3 * i + axis, number_at(&number, stored, 0));
+            put_number(out, size, 3 * i + axis, number_at(&number, number_bytes, 0));
         }
     }
 }
@@ -159,22 +159,22 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
                         uint64_t frame, uint32_t size, void *out) {
     const reel_outline *outline = &decoder->file->outline;
     uint64_t n_items = state->items.graph.n_items;
-    uint32_t stored = outline->number_bytes;
+    uint32_t number_bytes = outline->number_bytes;
     if (state->current.group.grid > 0.0) {
         frame = state->current.group.is_still ? 0 : frame;
-        store_grid(&state->current, state->items.order, outline->placement, stored,
+        store_grid(&state->current, state->items.order, outline->placement, number_bytes,
                    (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
         return;
     }
     const uint8_t *from =
-        (const uint8_t *)state->current.exact + (size_t)(3 * stored * n_items * frame);
-    if (size == stored) {
+        (const uint8_t *)state->current.exact + (size_t)(3 * number_bytes * n_items * frame);
+    if (size == number_bytes) {
         gather(from, state->items.order, n_items, 3 * (size_t)size, out);
         return;
     }
     for (uint64_t i = 0; i < 3 * n_items; i++) {
         uint64_t item = 3 * (uint64_t)state->items.order[i / 3] + i % 3;
-        put_number(out, size, i, number_at(from, stored, item));
+        put_number(out, size, i, number_at(from, number_bytes, item));
     }
 }
 
@@ -182,16 +182,16 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
    carries into the sign bit, which is masked out first. */
 static bool are_finite(const void *numbers, uint32_t size, uint64_t count) {
     uint64_t mask = size == 4 ? 0x7FFFFFFF7FFFFFFFU : 0x7FFFFFFFFFFFFFFFU;
-    uint64_t one = size == 4 ? 0x0080000000800000U : 0x0010000000000000U;
+    uint64_t exponent_bit = size == 4 ? 0x0080000000800000U : 0x0010000000000000U;
     const uint8_t *bytes = numbers;
     uint64_t n_bytes = count * size, n_words = n_bytes / 8, result = 0, word = 0;
     for (uint64_t i = 0; i < n_words; i++) {
         reel_copy(&word, bytes + 8 * i, sizeof word);
-        result |= (word & mask) + one;
+        result |= (word & mask) + exponent_bit;
     }
     word = 0;
     reel_copy(&word, bytes + 8 * n_words, (size_t)(n_bytes - 8 * n_words));
-    result |= (word & mask) + one;
+    result |= (word & mask) + exponent_bit;
     return !(result & ~mask);
 }
 
