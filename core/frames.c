@@ -99,41 +99,9 @@ int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t vertex_stri
         }                                                                                          \
     }
 
-DEFINE_SCATTER(scatter_floats, float)
+DEFINE_SCATTER(write_floats, float)
 DEFINE_SCATTER(write_doubles, double)
 #undef DEFINE_SCATTER
-
-/* For compilers with __builtin_shufflevector; builds for pages prefer small code. */
-#if !defined(REEL_DECODER_ONLY) && (defined(__clang__) || __GNUC__ >= 12)
-typedef float vec4f __attribute__((vector_size(16), may_alias, aligned(4)));
-
-/* Interleave three columns of a whole tile. */
-static void interleave(float (*values)[TILE], float *out) {
-    for (int i = 0; i < TILE; i += 4, out += 12) {
-        vec4f x = *(vec4f *)&values[0][i], y = *(vec4f *)&values[1][i];
-        vec4f z = *(vec4f *)&values[2][i];
-        vec4f low = __builtin_shufflevector(x, y, 0, 4, 1, 5);
-        vec4f middle = __builtin_shufflevector(y, z, 1, 5, 2, 6);
-        vec4f high = __builtin_shufflevector(x, y, 2, 6, 3, 7);
-        *(vec4f *)out = __builtin_shufflevector(low, z, 0, 1, 4, 2);
-        *(vec4f *)(out + 4) = __builtin_shufflevector(middle, high, 0, 1, 4, 5);
-        *(vec4f *)(out + 8) = __builtin_shufflevector(high, z, 6, 2, 3, 7);
-    }
-}
-#define CAN_INTERLEAVE true
-#else
-#define CAN_INTERLEAVE false
-static void interleave(float (*values)[TILE], float *out) { (void)values, (void)out; }
-#endif
-
-REEL_INLINE void write_floats(float (*values)[TILE], int64_t left, int64_t stride, int count,
-                              float *out) {
-    if (CAN_INTERLEAVE && stride == 3 && count == TILE) {
-        interleave(values, out);
-    } else {
-        scatter_floats(values, left, stride, count, out);
-    }
-}
 
 #define LANES 2
 #include "frames_lanes.h"
