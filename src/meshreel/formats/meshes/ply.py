@@ -4,15 +4,13 @@ Supports ASCII and both binary encodings, any additional elements and properties
 Positions keep the declared type: double stays float64, and integers become a float type that
 represents them. Colors, texture coordinates, and every other number of vertices and faces under its
 own name are attributes, as are corner texture coordinates in the face list ``texcoord``. Normals
-are read if they change between frames. Triangle strips are read if there are no faces; other lists
-and elements are ignored.
+are read if they change between frames; other lists and elements are ignored.
 
 trimesh is not used: it splits vertices at texture seams, reorders faces if quads and triangles are
 mixed, cannot read binary lists of varying length, and raises numpy errors on damaged files.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +22,7 @@ from meshreel.formats.frames.field_tracks import Field, Key
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import OF_SURFACES, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
-from meshreel.formats.meshes.ply_tables import STRIPS, PlyTable, read_ply_tables
+from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
     COLOR_NAMES,
     CORNER_UV_NAME,
@@ -52,13 +50,8 @@ def read_ply(data: bytes) -> Frame:
     """
     header = read_ply_header(data)
     tables = read_ply_tables(header, data)
-    vertices, faces = tables["vertex"], tables.get("face")
-    if faces is None:
-        strips = tables[STRIPS]
-        corners = _triangles_of_strips(*strips.lists(_indices(strips)))
-    else:
-        corners = faces.lists(_indices(faces))
-    mesh = polygon_mesh(_vertices(vertices), *corners)
+    vertices, faces = tables["vertex"], tables["face"]
+    mesh = polygon_mesh(_vertices(vertices), *faces.lists(_indices(faces)))
     notes = Notes()
     notes.left_out("lines of the header", header.skipped)
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
@@ -69,11 +62,11 @@ def read_ply(data: bytes) -> Frame:
         values = np.stack([vertices.numbers(scalars[name]) for name in NORMALS], axis=1)
         _add_field(fields, (Domain.VERTEX, NORMALS_NAME), values, "", NORMALS_ROLE)
     for table, domain in ((vertices, Domain.VERTEX), (faces, Domain.FACE)):
-        for name, kind, values in _columns(table, domain) if table is not None else ():
+        for name, kind, values in _columns(table, domain):
             _add_field(fields, (domain, name), values, "" if kind is Kind.OTHER else kind)
             wide_enough = (dtype for dtype in VALUE_TYPES if np.can_cast(values.dtype, dtype))
             attributes.append(Attribute(name, kind, domain, values.astype(next(wide_enough))))
-    corner_uv = None if faces is None else _corner_coordinates(faces, mesh.counts)
+    corner_uv = _corner_coordinates(faces, mesh.counts)
     if corner_uv is not None:
         attributes.append(corner_uv)
         _add_field(fields, (Domain.CORNER, corner_uv.name), corner_uv.values, corner_uv.kind)
@@ -97,27 +90,6 @@ def _indices(table: PlyTable) -> PlyProperty:
     return column
 
 
-def _triangles_of_strips(
-    lengths: npt.NDArray[np.integer], rows: npt.NDArray[Any]
-) -> tuple[npt.NDArray[np.integer], npt.NDArray[Any]]:
-    """Return the corner counts and corners of the triangles of strips, without degenerate ones.
-
-    A strip ends with its list, or before a -1.
-    """
-    number = np.arange(len(rows))
-    is_start = np.zeros(len(rows) + 1, bool)
-    is_start[0], is_start[np.cumsum(lengths)] = True, True
-    is_start[1:] |= rows < 0
-    starts = np.maximum.accumulate(np.where(is_start[:-1], number, 0))
-    third = number[number - starts >= 2]
-    third = third[rows[third] >= 0]
-    is_odd = (third - starts[third]) % 2
-    triangles = rows[np.stack([third - 2 + is_odd, third - 1 - is_odd, third], axis=1)]
-    is_flat = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
-    triangles = triangles[~is_flat]
-    return np.full(len(triangles), 3), triangles.ravel()
-
-
 def _add_field(
     fields: dict[Key, tuple[Values, Field]], key: Key, values: Values, kind: str, role: str = ""
 ) -> None:
@@ -135,14 +107,12 @@ def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: 
     lists = [
         f"{name}.{column.name}"
         for name in ("vertex", "face")
-        if name in tables
         for column in tables[name].element.properties
         if column.count_code and not (name != "vertex" and column.name in known)
     ]
     notes.left_out("lists", lists)
     element_names = [name for name, table in tables.items() if table.element.n_rows]
-    read = "vertex", "face" if "face" in tables else STRIPS
-    notes.left_out("elements", (name for name in element_names if name not in read))
+    notes.left_out("elements", (name for name in element_names if name not in ("vertex", "face")))
 
 
 def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Values]]:

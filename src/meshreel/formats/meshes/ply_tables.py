@@ -77,10 +77,6 @@ def _stride(offsets: Integers) -> int:
     return stride if (np.diff(offsets) == stride).all() else 0
 
 
-STRIPS = "tristrips"
-"""Element of triangle strips, which replaces that of faces."""
-
-
 @dataclass(frozen=True, eq=False)
 class PlyTable:
     """The rows of an element."""
@@ -120,10 +116,9 @@ def read_ply_tables(header: PlyHeader, data: bytes) -> dict[str, PlyTable]:
         If vertices or faces are not declared, or rows are missing.
     """
     names = [element.name for element in header.elements]
-    if "vertex" not in names or not {"face", STRIPS} & {*names}:
+    if not {"vertex", "face"} <= {*names}:
         raise FormatError(
-            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex', and 'face' or "
-            f"{STRIPS!r}"
+            f"has elements {', '.join(names) or '(none)'}; a mesh needs 'vertex' and 'face'"
         )
     body = _body(header, data)
     tables: dict[str, PlyTable] = {}

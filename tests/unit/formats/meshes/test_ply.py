@@ -50,19 +50,6 @@ def test_parse_ply_reads_binary_positions_and_lists(number, dtype, encoding, ord
     assert mesh.corners.tolist() == [corner for face in faces for corner in face]
 
 
-@pytest.mark.parametrize(
-    "strips", [[(0, 1, 3, 2, -1, 2, 3, 0, 0, 1)], [(0, 1, 3, 2), (2, 3, 0, 0, 1)]]
-)
-def test_strips_become_triangles_without_degenerate_ones(strips):
-    lists = header("binary_little_endian", n_faces=len(strips)).replace(
-        b"element face", b"element tristrips"
-    )
-    file = read_ply(lists + QUAD.astype("<f4").tobytes() + binary_faces("<", strips))
-    assert file.mesh.counts.tolist() == [3, 3, 3]
-    assert file.mesh.corners.reshape(-1, 3).tolist() == [[0, 1, 3], [3, 1, 2], [2, 3, 0]]
-    assert file.notes == []
-
-
 @pytest.mark.parametrize(("number", "dtype"), [("float", "f4"), ("float64", "f8"), ("uchar", "f4")])
 def test_ascii_positions_keep_the_declared_type(number, dtype):
     vertices = ASCII_VERTICES if number != "uchar" else b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
@@ -122,7 +109,7 @@ def test_parse_ply_finds_x_y_z_by_name():
         (header().replace(b"vertex 4", b"vertex -4"), "line 5: 'element vertex -4' is not a line"),
         (
             header().replace(b"element face", b"element strips"),
-            "has elements vertex, strips; a mesh needs 'vertex', and 'face' or 'tristrips'",
+            "has elements vertex, strips; a mesh needs 'vertex' and 'face'",
         ),
         (
             header().replace(b"float z", b"float w") + ASCII_VERTICES + b"3 0 1 2\n3 0 1 2\n",
