@@ -94,7 +94,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     dtype = positions.dtype.newbyteorder("=")
     with errors_naming(path), hdf_errors():
         tracks = {
-            name: track.to_stored_track(
+            name: track.stored(
                 CheckedReader(path, _reader(path, require_dataset(root, track.place)))
             )
             for name, track in named_tracks(

@@ -21,9 +21,7 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import (
     MAX_COLUMNS,
     NUMBER_TYPES,
-    Track,
     TrackKind,
-    TrackSource,
     default_kind,
     describe_sizes,
     domain_sizes,
@@ -37,6 +35,7 @@ WIDENED_TYPES: dict[np.dtype[Any], np.dtype[Any]] = {
     np.dtype(np.float16): np.dtype(np.float32),
 }
 """Lossless conversions of types that tracks do not support."""
+
 
 ReadNumbers = Callable[[int, int], npt.NDArray[Any]]
 
@@ -62,9 +61,8 @@ class Candidate:
 class NamedTrack:
     """An array of a file that is a track."""
 
-    name: str
     place: str
-    """Name of the track, and path of its array in the file."""
+    """Path of its array in the file."""
     domain: Domain
     kind: TrackKind
     unit: str
@@ -73,34 +71,14 @@ class NamedTrack:
     shape: tuple[int, int, int]
     """(T, N, C)."""
 
-    @property
-    def size_bytes(self) -> int:
-        """Bytes of all values."""
-        return int(np.prod(self.shape, dtype=np.int64)) * self.dtype.itemsize
-
-    def values(self, array: npt.NDArray[Any]) -> Values:
-        """Convert frames of the array in the file to values of shape (T, N, C)."""
-        numbers = array.astype(self.dtype, copy=False)
-        return np.ascontiguousarray(numbers.reshape(len(array), *self.shape[1:]))
-
-    def to_track(self, array: npt.NDArray[Any]) -> Track:
-        """Return the track of a loaded array."""
-        return Track(self.values(array), self.domain, self.kind, self.unit)
-
-    def to_stored_track(self, read: ReadNumbers) -> TrackSource:
-        """Return a track whose array stays in the file.
-
-        Parameters
-        ----------
-        read : function of a start and a stop
-            Reads frames start..stop - 1 of the array.
-        """
-        read_values = partial(_read_values, self, read)  # can be pickled, unlike a closure
+    def stored(self, read: ReadNumbers) -> StoredTrack:
+        """Return the track, given a function that reads frames start..stop - 1 of its array."""
+        read_values = partial(self._values, read)  # can be pickled, unlike a closure
         return StoredTrack(self.domain, self.kind, self.unit, self.dtype, self.shape, read_values)
 
-
-def _read_values(track: NamedTrack, read: ReadNumbers, start: int, stop: int) -> Values:
-    return track.values(read(start, stop))
+    def _values(self, read: ReadNumbers, start: int, stop: int) -> Values:
+        numbers = read(start, stop).astype(self.dtype, copy=False)
+        return np.ascontiguousarray(numbers.reshape(-1, *self.shape[1:]))
 
 
 def named_tracks(
@@ -173,6 +151,4 @@ def _track(candidate: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> 
         return None
     shape = n_frames, candidate.shape[1], n_columns
     kind = parse_track_kind(candidate.kind, n_columns, dtype) or default_kind(n_columns)
-    return NamedTrack(
-        candidate.name, candidate.place, domains[0], kind, candidate.unit, dtype, shape
-    )
+    return NamedTrack(candidate.place, domains[0], kind, candidate.unit, dtype, shape)

@@ -42,7 +42,7 @@ from meshreel.formats.frames.stored_frames import (
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource
-from meshreel.model.tracks import TrackSource, track_blocks
+from meshreel.model.tracks import Track, TrackSource, track_blocks
 
 Numbers = npt.NDArray[Any]
 
@@ -85,20 +85,20 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         about = read_description(arrays, path.stem, options, n_frames, n_verts)
     named_tracks = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
     if raw_vertices is not None and max_bytes is not None:
-        size_bytes = math.prod(raw_vertices.shape) * raw_vertices.dtype.itemsize
-        size_bytes += sum(track.size_bytes for track in named_tracks.values())
-        if size_bytes > max_bytes:
+        shape, dtype = (n_frames, n_verts), raw_vertices.dtype.newbyteorder("=")
+        sizes = [(raw_vertices.shape, dtype)]
+        sizes += [(track.shape, track.dtype) for track in named_tracks.values()]
+        if sum(math.prod(shape) * dtype.itemsize for shape, dtype in sizes) > max_bytes:
             tracks = {name: _track(path, track) for name, track in named_tracks.items()}
             verify_member(path, positions)
-            return about.open_array(raw_vertices, tracks, max_bytes, options.progress)
+            read = CheckedReader(path, raw_vertices.read)
+            with errors_naming(path):
+                return about.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
         arrays |= read_members(path, [positions])
-    vertices = arrays[positions]
     values = read_members(path, [track.place for track in named_tracks.values()])
+    loaded = {name: _loaded(track, values[track.place]) for name, track in named_tracks.items()}
     with errors_naming(path):
-        sequence = about.loaded(
-            native(vertices),
-            {name: track.to_track(values[track.place]) for name, track in named_tracks.items()},
-        )
+        sequence = about.loaded(native(arrays[positions]), loaded)
     options.progress("reading", 1.0)
     return sequence
 
@@ -119,9 +119,14 @@ def _track(path: Path, track: NamedTrack) -> TrackSource:
     """Return a track that stays in the file, after verifying it; a loaded one if compressed."""
     raw_values = _find_plain(path, track.place)
     if raw_values is None:
-        return track.to_track(read_members(path, [track.place])[track.place])
+        return _loaded(track, read_members(path, [track.place])[track.place])
     verify_member(path, track.place)
-    return track.to_stored_track(CheckedReader(path, raw_values.read))
+    return track.stored(CheckedReader(path, raw_values.read))
+
+
+def _loaded(track: NamedTrack, values: Numbers) -> Track:
+    stored = track.stored(lambda start, stop: values[start:stop])
+    return Track(stored.read(0, len(values)), track.domain, track.kind, track.unit)
 
 
 def _find_vertices(path: Path, positions: str) -> RawArray | None:
