@@ -150,18 +150,6 @@ class LoadOptions:
             more='``"name:10"`` adds ten times its values.',
         ),
     ] = None
-    resample: Annotated[
-        float | None,
-        Option(
-            "Interpolate new frames at this rate, evenly spaced. Default: frames stay at their "
-            "times.",
-            range=Range(0.0, MAX_FPS, is_open=True),
-            metavar="RATE",
-            group=READING,
-            more="Positions and values of floats are interpolated linearly; integers are those of "
-            "the frame before.",
-        ),
-    ] = None
     keep_deleted: Annotated[
         bool,
         Option(

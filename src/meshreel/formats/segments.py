@@ -43,10 +43,6 @@ def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
         note_displacement(opened, reading.notes)
     else:
         opened = displaced(opened, options.displace, options.max_loaded_bytes)
-    if options.resample is not None:
-        from meshreel.formats.resampling import resampled
-
-        opened = resampled(opened, options.resample, options.max_loaded_bytes, reading.notes)
     options.notes.extend(dict.fromkeys(reading.notes))
     return opened if options.register is None else registered(opened, options)
 

@@ -32,7 +32,7 @@ MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
 WHOLE_SEQUENCES = (
-    "fps", *MESHES, "topology", "dataset", "displace", "resample", "keep_deleted", "attributes",
+    "fps", *MESHES, "topology", "dataset", "displace", "keep_deleted", "attributes",
     "register", "keep_holes",
 )  # fmt: skip
 """All options of commands that read a sequence to write it."""
