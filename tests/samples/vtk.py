@@ -19,17 +19,19 @@ def vtk_points(points):
     return result
 
 
+def add_arrays(data, **arrays):
+    """Add arrays by name to the data of points or cells of a VTK mesh."""
+    for name, values in arrays.items():
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array.SetName(name)
+        data.AddArray(array)
+
+
 def add_data(mesh):
     """Add UV coordinates and colors to the points, and heat to the cells."""
-    named = {"uv set": UV, "paint": COLORS}
-    for name, values in named.items():
-        array = numpy_to_vtk(values, deep=True)
-        array.SetName(name)
-        mesh.GetPointData().AddArray(array)
+    add_arrays(mesh.GetPointData(), **{"uv set": UV, "paint": COLORS})
     mesh.GetPointData().SetActiveTCoords("uv set")
-    heat = numpy_to_vtk(HEAT, deep=True)
-    heat.SetName("heat")
-    mesh.GetCellData().AddArray(heat)
+    add_arrays(mesh.GetCellData(), heat=HEAT)
     return mesh
 
 

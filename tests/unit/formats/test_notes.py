@@ -13,6 +13,7 @@ from meshreel.model.notes import (
 )
 from samples.gltf import TRIANGLE, Gltf
 from samples.meshes import two_sheets, waving_grid
+from samples.vtk_text import write_pvd
 
 
 def test_note_on_something_left_out_is_added_once(notes):
@@ -240,9 +241,7 @@ def test_wide_arrays_of_a_collection_are_noted(tmp_path):
     data = f'<PointData><DataArray type="Int32" Name="wide" NumberOfComponents="17">{wide}'
     data += "</DataArray></PointData>"
     stored(tmp_path, "a.vtp", XML.format(field="", data=data))
-    row = '<DataSet timestep="0" file="a.vtp"/>'
-    text = f'<VTKFile type="Collection"><Collection>{row}</Collection></VTKFile>'
-    said = left_out(stored(tmp_path, "a.pvd", text))
+    said = left_out(write_pvd(tmp_path, ['timestep="0" file="a.vtp"']))
     assert said == ["arrays of text, or with more than 16 components: wide"]
 
 

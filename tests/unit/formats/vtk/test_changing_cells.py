@@ -9,7 +9,6 @@ from meshreel.formats.load import load
 from samples.meshes import grid_faces, waving_grid
 
 pytest.importorskip("vtkmodules")
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
@@ -17,7 +16,8 @@ from vtkmodules.vtkIOHDF import vtkHDFWriter
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import grid, poly_data
+from samples.vtk import add_arrays, grid, poly_data
+from samples.vtk_text import inline_item, write_pvd
 
 ROWS = (4, 4, 5, 5, 4, 6)
 """Rows of the grid in each frame, which has six columns."""
@@ -55,19 +55,13 @@ def load_of(frame):
     return np.arange(len(faces_of(frame)), dtype=np.float64) + frame
 
 
-def with_array(data, name, values):
-    array = numpy_to_vtk(values, deep=True)
-    array.SetName(name)
-    data.AddArray(array)
-
-
 def sheet(frame):
     """A vtkPolyData of triangles with an array at points and one at cells."""
     mesh = poly_data(points_of(frame), faces_of(frame).tolist())
     mesh.GetPointData().Initialize()
     mesh.GetCellData().Initialize()
-    with_array(mesh.GetPointData(), "heat", heat_of(frame))
-    with_array(mesh.GetCellData(), "load", load_of(frame))
+    add_arrays(mesh.GetPointData(), heat=heat_of(frame))
+    add_arrays(mesh.GetCellData(), load=load_of(frame))
     return mesh
 
 
@@ -78,7 +72,7 @@ def stack(frame):
     points = [[*corner, layer + 0.1 * frame] for layer in range(n_layers + 1) for corner in square]
     cells = [(VTK_HEXAHEDRON, range(4 * layer, 4 * layer + 8)) for layer in range(n_layers)]
     mesh = grid(np.array(points, np.float32), cells)
-    with_array(mesh.GetCellData(), "load", np.arange(n_layers) + 10.0 * frame)
+    add_arrays(mesh.GetCellData(), load=np.arange(n_layers) + 10.0 * frame)
     return mesh
 
 
@@ -125,16 +119,11 @@ def write_legacy_frames(folder, meshes):
     return write_frames(folder, meshes, legacy=True)
 
 
-def write_pvd(folder, meshes):
+def write_collection(folder, meshes):
     write_frames(folder, meshes)
-    files = sorted(path for path in folder.iterdir() if path.suffix in (".vtp", ".vtu"))
-    rows = "".join(
-        f'<DataSet timestep="{STEP_S * number}" file="{path.name}"/>'
-        for number, path in enumerate(files)
-    )
-    text = f'<VTKFile type="Collection"><Collection>{rows}</Collection></VTKFile>'
-    (folder / "a.pvd").write_text(text)
-    return folder / "a.pvd"
+    files = sorted(path.name for path in folder.iterdir() if path.suffix in (".vtp", ".vtu"))
+    rows = [f'timestep="{STEP_S * number}" file="{name}"' for number, name in enumerate(files)]
+    return write_pvd(folder, rows)
 
 
 def write_vtkhdf(folder, meshes):
@@ -146,14 +135,21 @@ def write_vtkhdf(folder, meshes):
     return folder / "a.vtkhdf"
 
 
+WRITE = [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
+@pytest.mark.parametrize(
+    "write", [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
+)
 def test_polygons_that_change_become_segments_with_their_arrays(tmp_path, write):
     source = write(tmp_path, [sheet(frame) for frame in range(len(ROWS))])
     assert_sheets(load(source, fps=1 / STEP_S))
 
 
-@pytest.mark.parametrize("write", [write_frames, write_legacy_frames, write_pvd, write_vtkhdf])
+@pytest.mark.parametrize(
+    "write", [write_frames, write_legacy_frames, write_collection, write_vtkhdf]
+)
 def test_solid_cells_that_change_become_segments(tmp_path, write, notes):
     source = write(tmp_path, [stack(frame) for frame in range(len(N_LAYERS))])
     loaded = load(source, fps=1 / STEP_S, notes=notes)
@@ -175,22 +171,20 @@ def test_xdmf_grids_that_change_become_segments(tmp_path):
     grids = []
     for frame in range(len(ROWS)):
         faces, points = faces_of(frame), points_of(frame)
-        topology = (
-            f'<Topology TopologyType="Triangle" NumberOfElements="{len(faces)}">{item(faces)}'
-            "</Topology>"
-        )
+        facts = f'TopologyType="Triangle" NumberOfElements="{len(faces)}"'
+        topology = f"<Topology {facts}>{inline_item(faces)}</Topology>"
         if frame == 1:
             place = "/Xdmf/Domain/Grid/Grid[1]/Topology"
             topology = f'<Topology Reference="XML">{place}</Topology>'
         arrays = "".join(
-            f'<Attribute Name="{name}" Center="{center}">{item(values)}</Attribute>'
+            f'<Attribute Name="{name}" Center="{center}">{inline_item(values)}</Attribute>'
             for name, center, values in (
                 ("heat", "Node", heat_of(frame)), ("load", "Cell", load_of(frame))
             )
         )  # fmt: skip
         grids.append(
             f'<Grid Name="body"><Time Value="{STEP_S * frame}"/>{topology}'
-            f'<Geometry GeometryType="XYZ">{item(points)}</Geometry>{arrays}</Grid>'
+            f'<Geometry GeometryType="XYZ">{inline_item(points)}</Geometry>{arrays}</Grid>'
         )
     text = '<Grid Name="walk" GridType="Collection" CollectionType="Temporal">'
     (tmp_path / "a.xdmf").write_text(
@@ -199,22 +193,11 @@ def test_xdmf_grids_that_change_become_segments(tmp_path):
     assert_sheets(load(tmp_path / "a.xdmf"))
 
 
-def item(values):
-    """Return an XDMF item with the numbers inline."""
-    kind = "Int" if values.dtype.kind == "i" else "Float"
-    shape = " ".join(map(str, values.shape))
-    numbers = " ".join(map(repr, values.ravel().tolist()))
-    return (
-        f'<DataItem Format="XML" Dimensions="{shape}" NumberType="{kind}" '
-        f'Precision="{values.itemsize}">{numbers}</DataItem>'
-    )
-
-
 @pytest.mark.slow
 def test_array_that_only_later_steps_of_vtkhdf_have_is_left_out_with_a_note(tmp_path, notes):
     """VTK stores fewer offsets then, and not for which steps they are."""
     meshes = [sheet(frame) for frame in range(len(ROWS))]
-    with_array(meshes[3].GetPointData(), "late", heat_of(3))
+    add_arrays(meshes[3].GetPointData(), late=heat_of(3))
     loaded = load(write_vtkhdf(tmp_path, meshes), notes=notes)
     assert_sheets(loaded)
     [note] = [note for note in notes if "late" in note]

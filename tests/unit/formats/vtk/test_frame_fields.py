@@ -12,11 +12,11 @@ from meshreel.model.tracks import TrackKind
 from samples.opening import open_source
 
 pytest.importorskip("vtkmodules")
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import HEAT, POINTS, grid, poly_data, write_mesh
+from samples.vtk import HEAT, POINTS, add_arrays, grid, poly_data, write_mesh
+from samples.vtk_text import inline_item, write_pvd
 
 RNG = np.random.default_rng(4)
 N_POINTS, N_CELLS = 10, 3
@@ -28,21 +28,12 @@ STEP = """<Grid Name="body"><Time Value="{time}"/>
 </Topology><Geometry GeometryType="XYZ">{points}</Geometry>{attributes}</Grid>"""
 
 
-def data_item(values):
-    values = np.asarray(values)
-    kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
-    facts = f'NumberType="{kind}" Precision="{values.itemsize}"'
-    dimensions = " ".join(map(str, values.shape))
-    text = " ".join(repr(one) for one in values.ravel().tolist())
-    return f'<DataItem Dimensions="{dimensions}" {facts} Format="XML">{text}</DataItem>'
-
-
 def xdmf(folder, frames):
     """Write a temporal XDMF collection; each frame lists ((center, name), values) pairs."""
     steps = []
     for index, arrays in enumerate(frames):
         attributes = "".join(
-            f'<Attribute Name="{name}" Center="{center}">{data_item(values)}</Attribute>'
+            f'<Attribute Name="{name}" Center="{center}">{inline_item(values)}</Attribute>'
             for (center, name), values in arrays
         )
         faces = "0 1 2 2 3 4 5 6 7"
@@ -50,7 +41,7 @@ def xdmf(folder, frames):
             STEP.format(
                 time=index / 10,
                 faces=faces,
-                points=data_item(POINTS + index),
+                points=inline_item(POINTS + index),
                 attributes=attributes,
             )
         )
@@ -62,9 +53,8 @@ def with_arrays(mesh, arrays):
     """Add arrays to the points and cells of a VTK mesh."""
     mesh.GetCellData().RemoveArray("heat")
     for (center, name), values in arrays:
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-        array.SetName(name)
-        (mesh.GetPointData() if center == "Node" else mesh.GetCellData()).AddArray(array)
+        data = mesh.GetPointData() if center == "Node" else mesh.GetCellData()
+        add_arrays(data, **{name: values})
     return mesh
 
 
@@ -75,10 +65,8 @@ def pvd(folder, frames, extension="vtp"):
         mesh = with_arrays((poly_data if extension == "vtp" else grid)(POINTS + index), arrays)
         writer = vtkXMLPolyDataWriter() if extension == "vtp" else vtkXMLUnstructuredGridWriter()
         write_mesh(writer, mesh, folder / f"f_{index}.{extension}")
-        rows.append(f'<DataSet timestep="{index / 10}" file="f_{index}.{extension}"/>')
-    text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
-    (folder / "a.pvd").write_text(text)
-    return folder / "a.pvd"
+        rows.append(f'timestep="{index / 10}" file="f_{index}.{extension}"')
+    return write_pvd(folder, rows)
 
 
 def vtu(folder, frames):
@@ -256,14 +244,10 @@ def test_values_of_solid_cells_are_kept(tmp_path):
     rows = []
     for index in range(2):
         mesh = grid(corners * (index + 1), cells)
-        array = numpy_to_vtk(np.array([1.0, 2.0]) + 10 * index, deep=True)
-        array.SetName("stress")
-        mesh.GetCellData().AddArray(array)
+        add_arrays(mesh.GetCellData(), stress=np.array([1.0, 2.0]) + 10 * index)
         write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / f"f_{index}.vtu")
-        rows.append(f'<DataSet timestep="{index}" file="f_{index}.vtu"/>')
-    text = f'<VTKFile type="Collection"><Collection>{"".join(rows)}</Collection></VTKFile>'
-    (tmp_path / "a.pvd").write_text(text)
-    track = load(tmp_path / "a.pvd").tracks["stress"]
+        rows.append(f'timestep="{index}" file="f_{index}.vtu"')
+    track = load(write_pvd(tmp_path, rows)).tracks["stress"]
     assert track.domain == "cell"
     assert track[0].ravel().tolist() == [1, 2]
     assert track[1].ravel().tolist() == [11, 12]
@@ -292,9 +276,7 @@ def test_segments_have_their_part_of_a_track(tmp_path):
     path = pvd(tmp_path, frames_of("Node", "heat", heat))
     mesh = poly_data(POINTS, [[0, 1, 2], [2, 3, 4]])
     mesh.GetCellData().RemoveArray("heat")
-    array = numpy_to_vtk(heat[2], deep=True)
-    array.SetName("heat")
-    mesh.GetPointData().AddArray(array)
+    add_arrays(mesh.GetPointData(), heat=heat[2])
     write_mesh(vtkXMLPolyDataWriter(), mesh, tmp_path / "f_2.vtp")
     results = [segment.tracks["heat"].read(0, 3)[..., 0] for segment in load(path).segments]
     assert [len(values) for values in results] == [2, 1]
@@ -308,16 +290,12 @@ def test_arrays_of_points_and_cells_of_a_volume_mesh_share_a_name(tmp_path, n_fr
     paths = []
     for number in range(n_frames):
         mesh = grid(corners, [(10, [0, 1, 2, 3])])
-        for data, values in ((mesh.GetPointData(), nodes), (mesh.GetCellData(), cells)):
-            array = numpy_to_vtk(values, deep=True)
-            array.SetName("A")
-            data.AddArray(array)
+        add_arrays(mesh.GetPointData(), A=nodes)
+        add_arrays(mesh.GetCellData(), A=cells)
         paths.append(f"{number}.vtu")
         write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / paths[-1])
-    rows = "".join(f'<DataSet timestep="{i}" file="{path}"/>' for i, path in enumerate(paths))
-    text = f'<VTKFile type="Collection"><Collection>{rows}</Collection></VTKFile>'
-    (tmp_path / "a.pvd").write_text(text)
-    tracks = load(tmp_path / "a.pvd", notes=notes).tracks
+    rows = [f'timestep="{i}" file="{path}"' for i, path in enumerate(paths)]
+    tracks = load(write_pvd(tmp_path, rows), notes=notes).tracks
     assert tracks["A"].values.tolist() == [nodes[:, None].tolist()] * n_frames
     assert tracks["A (cells)"].values.tolist() == [[[7.0]]] * n_frames
     assert notes == ["'A' is at points and at cells; the one of cells is called 'A (cells)'"]

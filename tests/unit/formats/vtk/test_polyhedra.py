@@ -8,12 +8,11 @@ from meshreel import FormatError, load
 
 pytest.importorskip("vtkmodules")
 pytest.importorskip("h5py")
-from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkIOHDF import vtkHDFWriter
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-from samples.vtk import grid, write_mesh
+from samples.vtk import add_arrays, grid, write_mesh
 
 POINTS, HEXAHEDRA = boxes(3, 1, 1)
 SIDES = [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
@@ -34,9 +33,7 @@ def faces_of(box):
 def test_faces_that_solids_share_are_inner(tmp_path, name, notes):
     first, middle, last = HEXAHEDRA
     mesh = grid(POINTS, [(42, faces_of(first)), (12, middle), (42, faces_of(last))])
-    numbers = numpy_to_vtk(np.array([0.5, 1.5, 2.5]), deep=True)
-    numbers.SetName("number")
-    mesh.GetCellData().AddArray(numbers)
+    add_arrays(mesh.GetCellData(), number=np.array([0.5, 1.5, 2.5]))
     found = load(write_mesh(WRITERS[name](), mesh, tmp_path / name), notes=notes)
     corners = found.vertices[0].astype(float)[found.faces]
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(3)

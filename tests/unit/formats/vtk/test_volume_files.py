@@ -8,11 +8,11 @@ from meshreel import MeshSequence, Track, load, save
 
 pytest.importorskip("vtkmodules")
 pytest.importorskip("h5py")
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import grid, write_mesh
+from samples.vtk import add_arrays, grid, write_mesh
 
 POINTS, HEXAHEDRA = boxes(3, 2, 2)
 TIMES = [0.0, 0.1, 0.2, 0.25]
@@ -103,9 +103,7 @@ def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path, notes):
 
 def with_values(points, cells):
     mesh = grid(points, cells)
-    numbers = numpy_to_vtk(np.arange(len(cells)) + 0.5, deep=True)
-    numbers.SetName("number")
-    mesh.GetCellData().AddArray(numbers)
+    add_arrays(mesh.GetCellData(), number=np.arange(len(cells)) + 0.5)
     return mesh
 
 

@@ -30,6 +30,7 @@ from samples.vtk import (
     poly_data,
     write_mesh,
 )
+from samples.vtk_text import write_pvd
 
 TEXT, BINARY, APPENDED = 0, 1, 2
 PACKINGS = ["None", "ZLib", "LZ4", "LZMA"]
@@ -345,13 +346,6 @@ def test_folder_or_pattern_of_frame_files_is_read_in_natural_order(tmp_path, ext
         assert {attribute.name for attribute in result.surface.attributes} == {"uv set", "paint"}
 
 
-def write_pvd(folder, rows):
-    lines = "".join(f"<DataSet {row}/>" for row in rows)
-    text = f'<VTKFile type="Collection"><Collection>{lines}</Collection></VTKFile>'
-    (folder / "walk.pvd").write_text(f'<?xml version="1.0"?>{text}')
-    return folder / "walk.pvd"
-
-
 @pytest.mark.parametrize("fps", [24.0, 29.97, 60.0])
 def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     (tmp_path / "parts").mkdir()
@@ -360,7 +354,7 @@ def test_collection_gives_times_and_files_of_the_frames(tmp_path, fps, read):
     result = read(write_pvd(tmp_path, rows))
     assert isinstance(result, StoredFrames) == (read is open_source)
     assert positions_of(result).tobytes() == positions.tobytes()
-    assert (result.fps, result.start_s, result.name) == (fps, 2.0, "walk")
+    assert (result.fps, result.start_s, result.name) == (fps, 2.0, "a")
     assert {attribute.name for attribute in result.surface.attributes} == {"uv set", "paint"}
     heat = result.tracks["heat"]
     assert heat.domain == Domain.FACE
@@ -399,8 +393,8 @@ def test_load_lists_the_parts_of_a_collection(tmp_path):
         ('timestep="0" file="gone.vtu"', "refers to the file 'gone.vtu', which does not exist"),
         ('timestep="0" file=""', "refers to the file '', which does not exist"),
         (
-            'timestep="0" file="walk.pvd"',
-            r"refers to walk.pvd; .vtu, .vtp, .vtk files are supported",
+            'timestep="0" file="a.pvd"',
+            r"refers to a.pvd; .vtu, .vtp, .vtk files are supported",
         ),
         ('timestep="soon" file="f_0.vtu"', "has the timestep 'soon'; expected a finite number"),
         ('timestep="nan" file="f_0.vtu"', "has the timestep 'nan'; expected a finite number"),
@@ -412,7 +406,7 @@ def test_load_rejects_collections_with_invalid_files_or_times(tmp_path, row, mes
     write_series(tmp_path, 1)
     write_series(folder, 1)
     (folder / "out").symlink_to(tmp_path)
-    with pytest.raises(FormatError, match=rf"walk\.pvd: {message}"):
+    with pytest.raises(FormatError, match=rf"a\.pvd: {message}"):
         load(write_pvd(folder, [row]))
 
 
@@ -423,7 +417,7 @@ def unnamed_pieces(folder, times=(0, 0, 1, 1)):
     return write_pvd(folder, rows), positions
 
 
-@pytest.mark.parametrize("choice", [{}, {"object": "walk"}])
+@pytest.mark.parametrize("choice", [{}, {"object": "a"}])
 def test_load_suggests_merging_files_of_one_time(tmp_path, choice):
     path, _ = unnamed_pieces(tmp_path)
     with pytest.raises(InvalidInputError, match=r"lists 2 files for the time 0 .* with merge"):

@@ -12,28 +12,12 @@ from meshreel.model.surface import Domain, Kind
 from samples.datasets import CORNERS, COUNTS, N_VERTS, positions_of, read_damaged
 from samples.meshes import waving_grid
 from samples.opening import open_source
+from samples.vtk_text import inline_item as inline
+from samples.vtk_text import xdmf_item as item
 
 POSITIONS = np.random.default_rng(0).standard_normal((5, N_VERTS, 3)).astype(np.float32)
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 4], [5, 6, 10]])
 UV = np.random.default_rng(1).random((N_VERTS, 2))
-
-
-def inline(array, **facts):
-    array = np.asarray(array)
-    kind = {"f": "Float", "i": "Int", "u": "UInt"}[array.dtype.kind]
-    facts = {
-        "Dimensions": " ".join(map(str, array.shape)),
-        "NumberType": kind,
-        "Precision": array.dtype.itemsize,
-        "Format": "XML",
-    } | facts
-    text = " ".join(repr(one) for one in array.ravel().tolist())
-    return item(text, **facts)
-
-
-def item(text, **facts):
-    attributes = " ".join(f"{key}={str(value)!r}" for key, value in facts.items())
-    return f"<DataItem {attributes}>{text}</DataItem>"
 
 
 def topology(data=None, kind="Triangle", more=""):
