@@ -30,17 +30,10 @@ def view_command(
         int,
         Option("Port to listen on; 0 selects a free port.", range=Range(0, 65535, is_whole=True)),
     ] = 0,
-    host: Annotated[
-        str,
-        Option(
-            "Address or name of this machine to listen on; others can watch if they can reach it."
-        ),
-    ] = "127.0.0.1",
 ) -> None:
     """Play a .reel file in the browser until ctrl-C.
 
-    This program serves the page, by default to this machine only (see --host). The page loads
-    nothing from other servers.
+    This program serves the page, to this machine only. The page loads nothing from other servers.
 
     Examples:
 
@@ -70,13 +63,11 @@ def view_command(
         with shown_progress() as progress:
             reading = replace(reading, progress=progress)
             api = stack.enter_context(opened_player(source, original, reading, look, texture))
-        server = stack.enter_context(ViewerServer(api, host=host, port=port, page=page))
+        server = stack.enter_context(ViewerServer(api, port=port, page=page))
         print_notes(reading.notes)
         if api.measuring is not None:
             stack.enter_context(closing(api.measuring)).start()
         print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
-        if not server.is_local:
-            click.echo("everyone who can reach this machine can watch")
         _serve(server, opens_browser=not no_open)
     click.echo("stopped")
 

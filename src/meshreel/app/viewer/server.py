@@ -1,11 +1,9 @@
-"""HTTP server of a player: read-only, by default for this machine only."""
+"""HTTP server of a player: read-only, for this machine only."""
 
 import errno
-import ipaddress
 import json
 import re
 import secrets
-import socket
 import sys
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
@@ -18,8 +16,8 @@ from meshreel.app.viewer.api import BINARY, JSON, TEXTURE, Answer, Api
 from meshreel.app.viewer.page import POLICY, SCRIPT_NAME, Page, built_page
 from meshreel.errors import InvalidInputError, MeshReelError
 
-LOCAL_HOST = "127.0.0.1"
-LOCAL_NAMES = {LOCAL_HOST, "localhost", "::1"}
+HOST = "127.0.0.1"
+LOCAL_NAMES = {HOST, "localhost", "::1"}
 CLIENT_TIMEOUT_S = 30.0
 """Time without data after which a connection is closed."""
 
@@ -40,9 +38,6 @@ class ViewerServer(ThreadingHTTPServer):
 
     Parameters
     ----------
-    host : str, default 127.0.0.1
-        Address to listen on. Unless it is a loopback address, everyone who can reach it can open
-        the player.
     port : int, default 0
         0 selects a free port.
     page : Page, optional
@@ -51,62 +46,33 @@ class ViewerServer(ThreadingHTTPServer):
     Raises
     ------
     InvalidInputError
-        If it cannot listen on the address, or the page is not built.
+        If it cannot listen on the port, or the page is not built.
     """
 
     daemon_threads = True
     allow_reuse_address = sys.platform != "win32"  # which would share a port in use
 
-    def __init__(
-        self, api: Api, *, host: str = LOCAL_HOST, port: int = 0, page: Page | None = None
-    ) -> None:
+    def __init__(self, api: Api, *, port: int = 0, page: Page | None = None) -> None:
         player = built_page() if page is None else page
         self.api = api
         self.page = Answer(HTML, player.served.encode())
         self.script = Answer(SCRIPT, player.script.encode())
         self.version = f'"{secrets.token_hex(8)}"'
-        self.host, self._is_closed = host, False
+        self._is_closed = False
         try:
-            address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-            self.address_family = address[0]
-            super().__init__(address[4][:2], _Handler)  # type: ignore[arg-type]
+            super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
-            raise InvalidInputError(_cannot_listen(host, port, error)) from None
+            raise InvalidInputError(_cannot_listen(port, error)) from None
 
     def server_bind(self) -> None:
         """Bind without resolving the host name, as the base class would."""
         TCPServer.server_bind(self)
-        self.server_name, self.server_port = self.host, self.server_address[1]
+        self.server_name, self.server_port = HOST, self.server_address[1]
 
     @property
     def url(self) -> str:
         """URL of the player."""
-        host = LOCAL_HOST if self.is_everywhere else self.host
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.server_port}/"
-
-    @property
-    def is_local(self) -> bool:
-        """Whether only this machine can reach it."""
-        return ipaddress.ip_address(str(self.server_address[0])).is_loopback
-
-    @property
-    def is_everywhere(self) -> bool:
-        """Whether it listens on all addresses of this machine."""
-        return str(self.server_address[0]) in ("0.0.0.0", "::")
-
-    def answers_to(self, host: str | None) -> bool:
-        """Whether to answer a request with this Host header.
-
-        A foreign page could let its host name resolve to this machine (DNS rebinding) to read the
-        model; its requests carry that name.
-        """
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        if name in LOCAL_NAMES or name == self.host.lower():
-            return True
-        return not self.is_local and _is_address(name)
+        return f"http://{HOST}:{self.server_port}/"
 
     def server_close(self) -> None:
         """Stop listening; pending answers are dropped."""
@@ -134,7 +100,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         if self.headers.get("Content-Length") or self.headers.get("Transfer-Encoding"):
             self.close_connection = True  # the body is not read
-        if not self.server.answers_to(self.headers.get("Host")):
+        if not _is_local(self.headers.get("Host")):
             self._send(HTTPStatus.FORBIDDEN, Answer(TEXT, FORBIDDEN.encode()))
             return
         path = self.path.partition("?")[0]
@@ -226,16 +192,20 @@ class _Handler(BaseHTTPRequestHandler):
         """Log no requests."""
 
 
-def _cannot_listen(host: str, port: int, error: Exception) -> str:
+def _is_local(host: str | None) -> bool:
+    """Whether a Host header names this machine.
+
+    A foreign page could let its host name resolve to this machine (DNS rebinding) to read the
+    model; its requests carry that name.
+    """
+    try:
+        return urlsplit(f"//{host}").hostname in LOCAL_NAMES
+    except ValueError:
+        return False
+
+
+def _cannot_listen(port: int, error: Exception) -> str:
     if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
         return f"port {port} is in use; choose another, or 0 for a free one"
     reason = error.strerror if isinstance(error, OSError) else error
-    return f"the player cannot listen on {host}, port {port}: {reason}"
-
-
-def _is_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
+    return f"the player cannot listen on port {port}: {reason}"
