@@ -13,7 +13,6 @@ import pytest
 import meshreel
 from meshreel.app.cli import console
 from meshreel.app.cli.console import (
-    print_bars,
     print_columns,
     print_notes,
     print_table,
@@ -217,7 +216,6 @@ def printed(capsys, monkeypatch):
     def print_by_all(text):
         print_table(text, {text: text, "list": [text, text]})
         print_columns(text, ("one", "two"), [(text, text)])
-        print_bars(text, {text: 1})
         print_line(text)
         print_notes([text])
         print_error(text)
@@ -226,7 +224,7 @@ def printed(capsys, monkeypatch):
     return print_by_all
 
 
-N_PRINTED = 1 + 4 + 1 + 2 + 2 + 1
+N_PRINTED = 1 + 4 + 1 + 2 + 1
 
 
 def test_markup_and_emoji_codes_are_not_interpreted(printed):

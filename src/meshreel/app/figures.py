@@ -76,14 +76,21 @@ def part_columns(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[st
         largest = f"{measured.largest:.4g}{unit}" if measured.largest else "0"
         errors[f"track {track.name}"] = bound, largest
     return [
-        (
-            name,
-            *errors.get(name, ("", "")),
-            str(size_bytes),
-            f"{100 * size_bytes / stream.size_bytes:.1f} %",
-        )
+        (name, *errors.get(name, ("", "")), *_size_and_share(size_bytes, stream))
         for name, size_bytes in stream.part_bytes.items()
     ]
+
+
+SECTION_HEADINGS = ("section", "bytes", "share")
+
+
+def section_columns(stream: "StreamInfo") -> list[Sequence[str]]:
+    """Bytes by kind of section, with columns as in `SECTION_HEADINGS`."""
+    return [(name, *_size_and_share(size, stream)) for name, size in stream.budget_bytes.items()]
+
+
+def _size_and_share(size_bytes: int, stream: "StreamInfo") -> tuple[str, str]:
+    return str(size_bytes), f"{100 * size_bytes / stream.size_bytes:.1f} %"
 
 
 def _bound_rows(stream: "StreamInfo") -> dict[str, str]:

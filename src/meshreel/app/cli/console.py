@@ -16,7 +16,7 @@ from typing import Any, TextIO
 import click
 
 from meshreel.app.cli.messages import escaped, with_options
-from meshreel.app.cli.tables import Row, table_lines, text_bar, text_width
+from meshreel.app.cli.tables import Row, table_lines, text_width
 from meshreel.app.figures import Cell
 from meshreel.runtime.counting import singular
 from meshreel.runtime.progress import Count, Progress
@@ -27,11 +27,6 @@ MIN_ELAPSED_S = 2.0
 LOG_AFTER_S, LOG_INTERVAL_S = 5.0, 10.0
 SHOW_AFTER_S, REFRESH_S = 1.0, 0.1
 """Time until the first line of progress and between lines, in a log and on a terminal."""
-
-MIN_BAR, MAX_BAR = 8, 40
-"""Limits of the width of the longest bar in columns; narrow terminals show no bars."""
-
-_SPACE_AND_SHARE = "    100.0 %    "
 
 
 class PaceClock:
@@ -118,23 +113,6 @@ def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[s
     _print_titled(title, [[_lines(cell) for cell in row] for row in rows], headings)
 
 
-def print_bars(title: str, sizes: Mapping[str, int]) -> None:
-    """Print sizes in bytes on stdout with shares and bars that fit the terminal."""
-    total, largest = sum(sizes.values()) or 1, max(sizes.values()) or 1
-    names = max(text_width(escaped(name)) for name in sizes)
-    texts = max(len(f"{size} B") for size in sizes.values())
-    width = min(_terminal_width() - names - texts - len(_SPACE_AND_SHARE), MAX_BAR)
-    rows = []
-    for name, size in sizes.items():
-        share = f"{100 * size / total:.1f} %"
-        row = [_lines(name), [f"{size} B".rjust(texts)], [share.rjust(len("100.0 %"))]]
-        if width >= MIN_BAR:
-            bar = text_bar(size / largest, width, ascii_only=_is_ascii_only(sys.stdout))
-            row.append([bar])
-        rows.append(row)
-    _print_titled(title, rows)
-
-
 def _print_titled(title: str, rows: Sequence[Row], headings: Sequence[str] = ()) -> None:
     """Print a table under its title; nothing is wrapped, so that paths can be copied."""
     click.echo(click.style(escaped(title), bold=True))
@@ -149,10 +127,6 @@ def _lines(cell: Cell) -> list[str]:
 
 def _terminal_width() -> int:
     return shutil.get_terminal_size().columns
-
-
-def _is_ascii_only(stream: TextIO) -> bool:
-    return not (stream.encoding or "").lower().startswith("utf")
 
 
 def print_notes(notes: Iterable[str]) -> None:

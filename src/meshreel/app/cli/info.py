@@ -71,8 +71,14 @@ def info_command(
 def _show_stream(
     path: str, segment: int | None, memory: float | str | None, *, as_json: bool
 ) -> None:
-    from meshreel.app.cli.console import print_bars, print_columns, print_json, print_table
-    from meshreel.app.figures import SEGMENT_HEADINGS, info_rows, segment_columns
+    from meshreel.app.cli.console import print_columns, print_json, print_table
+    from meshreel.app.figures import (
+        SECTION_HEADINGS,
+        SEGMENT_HEADINGS,
+        info_rows,
+        section_columns,
+        segment_columns,
+    )
     from meshreel.formats.reel import read_info
 
     stream = read_info(path, segment, memory)
@@ -83,7 +89,7 @@ def _show_stream(
     if len(stream.segments) > 1:
         print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
         click.echo("decode all, or select one with --segment")
-    print_bars("bytes", stream.budget_bytes)
+    print_columns("sections", SECTION_HEADINGS, section_columns(stream))
 
 
 def _show_source(

@@ -1,10 +1,8 @@
-"""Tables and bars as lines of text."""
+"""Tables as lines of text."""
 
 import unicodedata
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
-
-_EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 Row = Sequence[Sequence[str]]
 """The lines of each cell."""
@@ -34,15 +32,3 @@ def text_width(text: str) -> int:
         0 if unicodedata.combining(letter) else 1 + (unicodedata.east_asian_width(letter) in "WF")
         for letter in text
     )
-
-
-def text_bar(share: float, width: int, *, ascii_only: bool = False) -> str:
-    """A bar that fills a share of `width` columns, in eighths of a column unless `ascii_only`.
-
-    Shares above 0 are always visible.
-    """
-    if ascii_only:
-        return "#" * max(round(share * width), 1 if share > 0 else 0)
-    eighths = max(round(8 * share * width), 1 if share > 0 else 0)
-    whole, rest = divmod(eighths, 8)
-    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")

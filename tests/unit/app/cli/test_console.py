@@ -4,30 +4,9 @@ from meshreel.app.cli.console import (
     PaceClock,
     clock_text,
     pace_text,
-    print_bars,
     print_notes,
 )
 from meshreel.runtime.progress import Count
-
-SIZES = {"header": 77, "connectivity": 2786, "order": 33711, "coefficients": 26462, "empty": 0}
-
-
-@pytest.mark.parametrize("columns", [120, 80, 60, 40])
-def test_bars_are_aligned_and_complete_on_narrow_terminals(monkeypatch, capsys, columns):
-    monkeypatch.setenv("COLUMNS", str(columns))
-    print_bars("bytes", SIZES)
-    lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= columns
-    rows = [line for line in lines if " B " in line]
-    assert len({row.index(" B ") for row in rows}) == 1
-    for (name, size), row in zip(SIZES.items(), rows, strict=True):
-        assert name in row
-        assert f"{size} B" in row
-        assert f"{100 * size / sum(SIZES.values()):.1f} %" in row
-    n_blocks = [row.count("█") for row in rows]
-    if columns >= 60:
-        assert max(n_blocks) == n_blocks[2] >= 8
-        assert n_blocks[3] == pytest.approx(n_blocks[2] * 26462 / 33711, abs=1)
 
 
 def test_note_is_printed_once_and_not_wrapped(capsys):
