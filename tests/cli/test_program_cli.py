@@ -109,9 +109,9 @@ def test_info_of_a_stream_imports_no_decoder(folder):
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_show_completion_prints_a_script(shell):
-    done = run_ok("--show-completion", shell)
-    assert f"_MESHREEL_COMPLETE={shell}_complete" in done.stdout
+def test_completion_script_is_printed_when_the_variable_of_click_asks_for_it(shell, monkeypatch):
+    monkeypatch.setenv("_MESHREEL_COMPLETE", f"{shell}_source")
+    assert f"_MESHREEL_COMPLETE={shell}_complete" in run_ok().stdout
 
 
 def test_completion_offers_all_commands(offered):

@@ -4,7 +4,6 @@ import sys
 from typing import Any
 
 import click
-from click.shell_completion import get_completion_class
 
 from meshreel.app.cli.commands import Program
 from meshreel.app.cli.messages import print_error
@@ -12,25 +11,8 @@ from meshreel.errors import MeshReelError
 from meshreel.runtime.version import __version__
 
 NAME = "meshreel"
-COMPLETION_VARIABLE = "_MESHREEL_COMPLETE"
 HELP_WIDTH = 100
 """Largest width of the help in columns."""
-
-SHELLS = ("bash", "zsh", "fish")
-
-
-def _print_version(context: click.Context, _param: click.Parameter, is_set: bool) -> None:
-    if is_set:
-        click.echo(f"{NAME} {__version__}")
-        context.exit()
-
-
-def _print_completion(context: click.Context, _param: click.Parameter, shell: str | None) -> None:
-    if shell is not None:
-        completion_class = get_completion_class(shell)
-        assert completion_class is not None  # Click supports all SHELLS
-        click.echo(completion_class(app, {}, NAME, COMPLETION_VARIABLE).source())
-        context.exit()
 
 
 @click.group(
@@ -39,23 +21,8 @@ def _print_completion(context: click.Context, _param: click.Parameter, shell: st
     invoke_without_command=True,
     context_settings={"max_content_width": HELP_WIDTH},
 )
-@click.option(
-    "-V",
-    "--version",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_print_version,
-    help="Print the version.",
-)
-@click.option(
-    "--show-completion",
-    type=click.Choice(SHELLS),
-    is_eager=True,
-    expose_value=False,
-    callback=_print_completion,
-    help="Print a shell script that completes commands, options and files; for bash, add "
-    '`eval "$(meshreel --show-completion bash)"` to ~/.bashrc.',
+@click.version_option(
+    __version__, "-V", "--version", message=f"{NAME} {__version__}", help="Print the version."
 )
 @click.pass_context
 def app(context: click.Context) -> None:
