@@ -160,6 +160,9 @@ if not TYPE_CHECKING:  # type checkers would accept any name
     def __getattr__(name: str) -> Any:
         """Import a public name on first use, so that the command line starts fast."""
         if name == "paper":
+            from meshreel.runtime.extras import PAPER
+
+            PAPER.load()
             return import_module("meshreel.paper")
         if name not in __all__:
             raise AttributeError(f"module 'meshreel' has no attribute {name!r}")

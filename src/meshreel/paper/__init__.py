@@ -29,45 +29,39 @@ ReconstructionSystem  least squares with anchors (Eqs. 11 and 12)
 They need the extra [paper].
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-from meshreel.runtime.extras import PAPER
-
-if TYPE_CHECKING:
-    from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
-    from meshreel.codec.subspace.trajectories import (
-        BoundingFrame,
-        bounding_frame,
-        from_matrices,
-        to_matrices,
-    )
-    from meshreel.paper.anchors import choose_anchors
-    from meshreel.paper.basis import (
-        advance_basis,
-        align_basis,
-        expand,
-        project,
-        ritz_vectors,
-    )
-    from meshreel.paper.choices import PaperChoices
-    from meshreel.paper.graph_fourier import graph_fourier_basis
-    from meshreel.paper.laplacian import (
-        adjacency_matrix,
-        cotangent_laplacian,
-        delta_coordinates,
-        uniform_laplacian,
-    )
-    from meshreel.paper.quantization import (
-        dequantize,
-        quantize,
-        step_for_all_rows,
-        steps_for_each_row,
-    )
-    from meshreel.paper.reconstruction_system import ReconstructionSystem
-    from meshreel.paper.stream import PaperBlock, PaperStream, read
-    from meshreel.paper.stream_rates import RateParts, StreamRates, rates
-    from meshreel.paper.variants import METHODS
+from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
+from meshreel.codec.subspace.trajectories import (
+    BoundingFrame,
+    bounding_frame,
+    from_matrices,
+    to_matrices,
+)
+from meshreel.paper.anchors import choose_anchors
+from meshreel.paper.basis import (
+    advance_basis,
+    align_basis,
+    expand,
+    project,
+    ritz_vectors,
+)
+from meshreel.paper.choices import PaperChoices
+from meshreel.paper.graph_fourier import graph_fourier_basis
+from meshreel.paper.laplacian import (
+    adjacency_matrix,
+    cotangent_laplacian,
+    delta_coordinates,
+    uniform_laplacian,
+)
+from meshreel.paper.quantization import (
+    dequantize,
+    quantize,
+    step_for_all_rows,
+    steps_for_each_row,
+)
+from meshreel.paper.reconstruction_system import ReconstructionSystem
+from meshreel.paper.stream import PaperBlock, PaperStream, read
+from meshreel.paper.stream_rates import RateParts, StreamRates, rates
+from meshreel.paper.variants import METHODS
 
 __all__ = [
     "METHODS",
@@ -101,45 +95,6 @@ __all__ = [
     "to_matrices",
     "uniform_laplacian",
 ]
-
-_NAMES = {
-    "codec.subspace.pca": ("autocorrelation", "eigen_trajectories"),
-    "codec.subspace.trajectories": (
-        "BoundingFrame",
-        "bounding_frame",
-        "from_matrices",
-        "to_matrices",
-    ),
-    "paper.anchors": ("choose_anchors",),
-    "paper.basis": ("advance_basis", "align_basis", "expand", "project", "ritz_vectors"),
-    "paper.choices": ("PaperChoices",),
-    "paper.graph_fourier": ("graph_fourier_basis",),
-    "paper.laplacian": (
-        "adjacency_matrix",
-        "cotangent_laplacian",
-        "delta_coordinates",
-        "uniform_laplacian",
-    ),
-    "paper.quantization": ("dequantize", "quantize", "step_for_all_rows", "steps_for_each_row"),
-    "paper.reconstruction_system": ("ReconstructionSystem",),
-    "paper.stream": ("PaperBlock", "PaperStream", "read"),
-    "paper.stream_rates": ("RateParts", "StreamRates", "rates"),
-    "paper.variants": ("METHODS",),
-}
-"""Public names by the module that defines them."""
-
-_MODULES = {name: module for module, names in _NAMES.items() for name in names}
-
-
-if not TYPE_CHECKING:  # type checkers would accept any name
-
-    def __getattr__(name: str) -> Any:
-        """Import public names lazily, because every start of the program imports this package."""
-        if name not in _MODULES:
-            raise AttributeError(f"module 'meshreel.paper' has no attribute {name!r}")
-        PAPER.load()
-        module = import_module(f"meshreel.{_MODULES[name]}")
-        return globals().setdefault(name, getattr(module, name))
 
 
 def __dir__() -> list[str]:

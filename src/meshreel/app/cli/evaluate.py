@@ -73,7 +73,6 @@ def evaluate_command(
         own_sweeps,
     )
     from meshreel.evaluation.recorded import read_recorded
-    from meshreel.paper.sweeps import option_sweeps
     from meshreel.runtime.extras import PAPER
     from meshreel.studies.study import checked_names
 
@@ -83,6 +82,9 @@ def evaluate_command(
     codecs = peers_named(None if peers is None else split_names(peers), PEERS)
     extras = [] if set(method_names).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)
+
+    from meshreel.paper.sweeps import option_sweeps  # imports SciPy
+
     recorded = read_recorded(reference) if reference else []
     sweeps = {**option_sweeps(quick=quick), **own_sweeps(quick=quick)}
     write_report(
