@@ -208,7 +208,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.speed = rate;
   }
 
-  /** A blob, a response or bytes to play in place of `src`; null: none. */
+  /** A blob or bytes to play in place of `src`; null: none. */
   get srcObject(): Exclude<SourceInput, string | URL> | null {
     return this.#srcObject;
   }

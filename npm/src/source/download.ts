@@ -2,7 +2,8 @@
 
 import { SourceError } from "../errors.js";
 import { fileChangedError, TransientError, errorReason } from "./transport.js";
-import type { ResponseBody, RetryPolicy, Transport } from "./transport.js";
+import type { FilePart, HttpTransport } from "./http_transport.js";
+import type { RetryPolicy } from "./transport.js";
 
 const FIRST_PAUSE_MS = 250;
 /** A lost connection does not count as a failure if it delivered at least this many bytes. */
@@ -24,7 +25,7 @@ export class Download {
 
   /** Bytes `start` to `end - 1`; an infinite `end` means the end of the file. */
   constructor(
-    private readonly transport: Pick<Transport, "name" | "request">,
+    private readonly transport: Pick<HttpTransport, "name" | "request">,
     readonly start: number,
     public end: number,
     private readonly retryPolicy: RetryPolicy,
@@ -110,7 +111,7 @@ export class Download {
     }
   }
 
-  private async receiveBody(response: ResponseBody, resetTimer: () => void, signal: AbortSignal): Promise<void> {
+  private async receiveBody(response: FilePart, resetTimer: () => void, signal: AbortSignal): Promise<void> {
     const { name } = this.transport;
     const reader = response.body?.getReader();
     signal.addEventListener("abort", () => void reader?.cancel().catch(() => {}));

@@ -3,7 +3,6 @@
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import { fileChangedError, TransientError, errorReason } from "./transport.js";
-import type { ResponseBody, Transport } from "./transport.js";
 
 /** Identifies a version of a file. */
 interface Version {
@@ -12,10 +11,20 @@ interface Version {
   readonly size: number | null;
 }
 
-/** The body of a response and the size that its headers declare. */
-interface FilePart extends ResponseBody {
+/** The body of a response, and the bytes of the file that its headers declare. */
+export interface FilePart {
+  /** Position of the first byte of the body; at most the requested position. */
+  readonly start: number;
+  /** Position after the last byte; null if only the end of the body determines it. */
+  readonly end: number | null;
+  /**
+   * Whether the headers limit the length of the body. If not, bytes are trusted only once the body has
+   * ended where it should.
+   */
+  readonly isFramed: boolean;
   /** Size of the whole file; null if unknown. */
   readonly size: number | null;
+  readonly body: ReadableStream<Uint8Array> | null;
 }
 
 /**
@@ -26,7 +35,7 @@ interface FilePart extends ResponseBody {
 const OVERLAP_BYTES = 64;
 
 /** Requests a file by URL. */
-export class HttpTransport implements Transport {
+export class HttpTransport {
   /** Ranges that requests use: any; only the rest behind the bytes received so far; or none. */
   private ranges: "any" | "rest" | "none" = "any";
   private version: Version | null = null;
@@ -40,6 +49,7 @@ export class HttpTransport implements Transport {
     private readonly init: RequestInit,
   ) {}
 
+  /** Size of the file in bytes; null while unknown. */
   get size(): number | null {
     return this.version?.size ?? null;
   }
@@ -48,7 +58,12 @@ export class HttpTransport implements Transport {
     return this.ranges === "any";
   }
 
-  async request(start: number, end: number, signal: AbortSignal): Promise<ResponseBody> {
+  /**
+   * Request the bytes `start` to `end - 1`.
+   *
+   * @throws TransientError if a retry may succeed, otherwise SourceError.
+   */
+  async request(start: number, end: number, signal: AbortSignal): Promise<FilePart> {
     const first = this.ranges === "rest" ? Math.max(0, start - OVERLAP_BYTES) : start;
     const range = this.ranges === "none" ? null : `bytes=${first}-${end - 1}`;
     const response = await this.send(range, signal);

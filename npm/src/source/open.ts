@@ -13,8 +13,7 @@ import type { SourceInput, SourceOptions } from "./transport.js";
  * Last-Modified, the whole file is downloaded once and kept in memory; received bytes can be read
  * while the rest is being downloaded. Lost connections are resumed where they ended.
  *
- * @param from - An address, a response whose body is unread, a blob, or bytes, which are
- *   copied.
+ * @param from - An address, a blob, or bytes, which are copied.
  * @throws InvalidInputError if `from` cannot be opened; SourceError if the server does not send the
  *   file.
  */

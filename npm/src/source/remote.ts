@@ -1,30 +1,35 @@
 // Reads a remote file by ranges.
 
-import { InvalidInputError, SourceError } from "../errors.js";
+import { InvalidInputError } from "../errors.js";
 import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
-import { HttpTransport, parseResponse } from "./http_transport.js";
+import { HttpTransport } from "./http_transport.js";
 import { clampRange } from "./memory.js";
-import { HEAD_BYTES, type RetryPolicy, type SourceOptions, type Transport } from "./transport.js";
+import { HEAD_BYTES, type RetryPolicy, type SourceOptions } from "./transport.js";
 
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 
 /**
- * Open an address or a response; see `openSource`.
+ * Open an address; see `openSource`.
  *
  * @param init - options of all requests
  * @throws InvalidInputError for other values.
  */
 export async function openRemote(
-  from: string | URL | Response,
+  from: string | URL,
   init: RequestInit,
   { signal, retries = 3, stallSeconds = 20 }: SourceOptions,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
-  const server = createTransport(from, init);
-  const nRetries = from instanceof Response ? 0 : retries;
-  const source = new RemoteSource(server, { retries: nRetries, stallMs: 1000 * stallSeconds });
+  if (!(typeof from === "string" || from instanceof URL)) {
+    throw new InvalidInputError(
+      `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a Blob,` +
+        " an ArrayBuffer or a Uint8Array",
+    );
+  }
+  const server = new HttpTransport(String(from), init);
+  const source = new RemoteSource(server, { retries, stallMs: 1000 * stallSeconds });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
   try {
     // The first response tells whether the server supports ranges.
@@ -54,10 +59,10 @@ export class RemoteSource implements ByteSource {
   readonly closed = this.controller.signal;
 
   constructor(
-    private readonly transport: Transport,
+    private readonly transport: HttpTransport,
     private readonly retryPolicy: RetryPolicy,
   ) {
-    const ask: Transport["request"] = async (start, end, signal) => {
+    const ask: HttpTransport["request"] = async (start, end, signal) => {
       const response = await transport.request(start, end, signal);
       const size = transport.size ?? Infinity;
       this.head.end = transport.hasRanges && size > SMALL_FILE_BYTES ? HEAD_BYTES : size;
@@ -139,36 +144,4 @@ function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
     signal.addEventListener("abort", abort);
     work.then(resolve, reject).finally(() => signal.removeEventListener("abort", abort));
   });
-}
-
-function createTransport(from: string | URL | Response, init: RequestInit): Transport {
-  if (typeof from === "string" || from instanceof URL) return new HttpTransport(String(from), init);
-  if (from instanceof Response) return responseTransport(from);
-  throw new InvalidInputError(
-    `a source cannot be opened from ${Object.prototype.toString.call(from)}; pass an address, a` +
-      " Response, a Blob, an ArrayBuffer or a Uint8Array",
-  );
-}
-
-/** A transport for the response of a caller, which can be read only once. */
-function responseTransport(response: Response): Transport {
-  const name = response.url || "the response";
-  const part = parseResponse(response);
-  if (response.bodyUsed || response.body?.locked) {
-    throw new InvalidInputError(`${name} has been read already; pass an unread response`);
-  }
-  if (!response.ok || !part || part.start > 0 || part.end !== part.size) {
-    throw new SourceError(`${name} does not contain a whole file (HTTP ${response.status})`);
-  }
-  let isUsed = false;
-  const ask = async () => {
-    if (isUsed) {
-      throw new SourceError(
-        `${name} cannot be requested again; open the address instead`,
-      );
-    }
-    isUsed = true;
-    return part;
-  };
-  return { name, size: part.size, hasRanges: false, request: ask };
 }

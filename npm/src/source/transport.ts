@@ -1,11 +1,11 @@
-// The interface between downloads and the protocol that delivers bytes.
+// Sources, options of reading them, and failures.
 
 import { SourceError } from "../errors.js";
 
 /**
- * A source: an address (in Node also a path or a `file:` URL), a response of `fetch`, a blob, or bytes.
+ * A source: an address (in Node also a path or a `file:` URL), a blob, or bytes.
  */
-export type SourceInput = string | URL | Response | ArrayBuffer | Uint8Array | Blob;
+export type SourceInput = string | URL | ArrayBuffer | Uint8Array | Blob;
 
 /** Options of reading a source. */
 export interface SourceOptions {
@@ -24,35 +24,6 @@ export interface SourceOptions {
   retries?: number;
   /** Seconds without received bytes after which a connection counts as lost. Default: 20. */
   stallSeconds?: number;
-}
-
-/** The response to a request for bytes. */
-export interface ResponseBody {
-  /** Position of the first byte of the body; at most the requested position. */
-  readonly start: number;
-  /** Position after the last byte; null if only the end of the body determines it. */
-  readonly end: number | null;
-  /**
-   * Whether the headers limit the length of the body. If not, bytes are trusted only once the body has
-   * ended where it should.
-   */
-  readonly isFramed: boolean;
-  readonly body: ReadableStream<Uint8Array> | null;
-}
-
-/** Requests bytes of a file. */
-export interface Transport {
-  /** Address, for error messages. */
-  readonly name: string;
-  /** Size of the file in bytes; null while unknown. */
-  readonly size: number | null;
-  readonly hasRanges: boolean;
-  /**
-   * Request the bytes `start` to `end - 1`.
-   *
-   * @throws TransientError if a retry may succeed, otherwise SourceError.
-   */
-  request(start: number, end: number, signal: AbortSignal): Promise<ResponseBody>;
 }
 
 /** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
