@@ -75,6 +75,7 @@ def files(tmp_path_factory):
         "/stress.reel": meshreel.encode(stressed_flag(), max_error=0.02, effort=5),
         "/walk.reel": meshreel.encode(walking_post(), max_error=0.02, effort=5),
         "/run.reel": meshreel.encode(walking_post(heights=6), max_error=0.02, effort=5),
+        "/stray.reel": meshreel.encode(with_stray_vertex(walking_post()), step=1e-6),
     }
 
 
@@ -96,6 +97,12 @@ def walking_post(heights=0.5):
     vertices = np.array(post.vertices) * [0.3, 3, 1] + [700, 0, -300]
     vertices[..., 0] += np.linspace(0, heights * np.ptp(vertices[..., 1]), 45)[:, None]
     return meshreel.MeshSequence(vertices, post.faces, fps=post.fps)
+
+
+def with_stray_vertex(sequence):
+    """Return a sequence with a vertex without faces far from the others."""
+    far = sequence.vertices[:, :1] + 50
+    return meshreel.MeshSequence(np.hstack([sequence.vertices, far]), sequence.faces, sequence.fps)
 
 
 @pytest.fixture
@@ -661,9 +668,12 @@ def test_the_canvas_has_the_pixels_of_the_screen_and_no_more_than_twice(shown):
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
-@pytest.mark.parametrize(("up", "least"), [("y", 0.7), ("z", 0.5)])  # z: the post points at us
-def test_whole_motion_is_visible_and_fills_the_picture(shown, size, up, least):
-    page = shown(f'<reel-player src="/walk.reel" up="{up}"></reel-player>')
+@pytest.mark.parametrize(
+    ("file", "up", "least"),
+    [("walk", "y", 0.7), ("walk", "z", 0.5), ("stray", "y", 0.7)],  # z: the post points at us
+)
+def test_whole_motion_is_visible_and_fills_the_picture(shown, size, file, up, least):
+    page = shown(f'<reel-player src="/{file}.reel" up="{up}"></reel-player>')
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     page.evaluate("Object.assign(player.style, { display: 'block', height: '60vh' })")
     settled(page)

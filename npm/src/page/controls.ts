@@ -115,7 +115,7 @@ function viewKeys(reel: Reel, picture: Picture, player: Player): Actions {
   element.up = reel.up;
   const up = new Choice<"y" | "z">("up", reel.up, (axis) => (element.up = axis));
   const wire = checkbox("wire", choose("wire"));
-  const follow = checkbox("follow", (isFollowed) => picture.setFollowed(isFollowed));
+  const follow = checkbox("follow", (isFollowed) => parts.frame(isFollowed));
   byId("own-look-row").hidden = !picture.hasFileMaterials;
   checkbox("own-look", choose("usesFileMaterials"));
   checkbox("smooth-play", (isSmooth) => (element.interpolate = isSmooth));

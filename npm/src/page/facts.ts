@@ -78,8 +78,6 @@ export type EmbeddedTexture = EmbeddedFile & { mediaType: string };
 /** Metadata of a file. */
 export interface Facts {
   name: string;
-  /** Extreme positions of all frames, relative to the center of the file. */
-  swept: [number, number, number][];
   up: "y" | "z";
   is_whole: boolean;
   rows: [string, string][];

@@ -20,11 +20,10 @@ export async function inspect(element: ReelPlayerElement, facts: Facts): Promise
   const opening = new Opening(reel, player);
   const tracks = connectControls(reel, picture, player, opening);
   Object.assign(window.player, windowPlayer(player, picture, opening, tracks));
-  parts.frame();
+  inputById("follow").checked = parts.frame(null);
   await player.seek(0);
   await opening.begin();
   if (reel.colored_by) await tracks.show(reel.colored_by).catch(showError);
-  if (picture.movesFar()) inputById("follow").click();
 }
 
 function firstLook(reel: Reel): Look {
@@ -34,6 +33,5 @@ function firstLook(reel: Reel): Look {
     usesFileMaterials: true,
     background: darkScheme.matches ? "dark" : "light",
     arrangement: reel.original ? "beside" : "decoded",
-    isFollowed: false,
   };
 }

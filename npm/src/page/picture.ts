@@ -8,7 +8,6 @@ import type { ColorLegend } from "../three/color/track_colors.js";
 import type { ReelMesh } from "../three/reel_mesh.js";
 import { BufferAttribute, DynamicDrawUsage, Mesh, Vector3 } from "../webgl/index.js";
 
-import { extremePoints } from "../player/extreme_points.js";
 import { uniqueEdges } from "./edges.js";
 import type { Reel, TrackSettings } from "./facts.js";
 import { colorUv } from "../three/color/color_map.js";
@@ -29,15 +28,7 @@ export interface Look {
   usesFileMaterials: boolean;
   background: Background;
   arrangement: Arrangement;
-  /** Whether the camera follows the mesh. */
-  isFollowed: boolean;
 }
-
-/** Margin around the pose of the shown frame, so that other poses fit too. */
-const POSE_MARGIN = 1.25;
-
-/** The camera follows the mesh initially if that brings it closer by this factor. */
-const FOLLOW_RATIO = 1.15;
 
 const INK: Record<Background, [number, number, number]> = {
   light: [0.08, 0.1, 0.14],
@@ -53,8 +44,6 @@ const ORIGINAL_INK: [number, number, number] = [0.93, 0.42, 0.1];
 
 export class Picture {
   private readonly view: View;
-  /** Extreme positions of all frames, relative to the center of the file. */
-  private readonly sweptPoints: Vector3[];
   /** Whether the file has colors or materials, or a texture is shown. */
   readonly hasFileMaterials: boolean;
   private readonly decoded: MeshView;
@@ -69,15 +58,13 @@ export class Picture {
   private markedVertex: number | null = null;
 
   constructor(
-    private readonly parts: PlayerParts,
+    parts: PlayerParts,
     readonly mesh: ReelMesh,
     private readonly reel: Reel,
     readonly look: Look,
     hasTexture: boolean,
   ) {
     this.view = parts.view;
-    this.sweptPoints = reel.swept.map((point) => new Vector3(...point));
-    this.view.framedPoints = this.sweptPoints;
     this.mesh.addEventListener("segment", () => {
       this.decoded.setFileMaterials(this.mesh.segmentMaterial);
       this.rebuildAttributes();
@@ -134,22 +121,6 @@ export class Picture {
   /** Whether faces of the original are visible. */
   get showsOriginal(): boolean {
     return this.original !== null && this.look.arrangement === "beside";
-  }
-
-  /** Turn following on or off, and frame the current pose, or the whole animation. */
-  setFollowed(isFollowed: boolean): void {
-    this.look.isFollowed = isFollowed;
-    this.view.framedPoints = isFollowed ? this.posePoints() : this.sweptPoints;
-    this.parts.frame();
-  }
-
-  /** Whether the current pose is small compared to the whole animation. */
-  movesFar(): boolean {
-    const { camera, world } = this.view;
-    const [all, pose] = [this.sweptPoints, this.posePoints()].map((points) => {
-      return camera.distanceTo(points.map((point) => point.clone().applyMatrix4(world.matrixWorld)));
-    });
-    return all > FOLLOW_RATIO * pose;
   }
 
   setOriginal(positions: Float32Array): void {
@@ -244,9 +215,6 @@ export class Picture {
   /** Prepare the next drawing. */
   prepare(): void {
     const { original } = this;
-    const { position } = this.view.model;
-    if (this.look.isFollowed) this.centroid(position).negate();
-    else position.set(0, 0, 0);
     this.decoded.syncPositions();
     this.marker.visible = this.markedVertex !== null && !this.mesh.isPlaying;
     if (this.marker.visible) {
@@ -276,10 +244,6 @@ export class Picture {
     geometry.setAttribute(HEAT_ATTRIBUTE, this.heatUvs);
   }
 
-  private centroid(target = new Vector3()): Vector3 {
-    return this.mesh.getCentroid(target);
-  }
-
   private setLines(
     { lines }: MeshView,
     { geometry }: Mesh,
@@ -293,11 +257,5 @@ export class Picture {
     const nVerts = geometry.getAttribute("position").count;
     const edges = uniqueEdges(geometry.index?.array as Uint32Array, nVerts);
     lines.geometry.setIndex(new BufferAttribute(edges, 1));
-  }
-
-  /** Extreme points of the current pose about its centroid, with a margin. */
-  private posePoints(): Vector3[] {
-    const centroid = this.centroid();
-    return extremePoints(this.positions()).map((point) => point.sub(centroid).multiplyScalar(POSE_MARGIN));
   }
 }

@@ -77,8 +77,12 @@ export interface PlayerParts {
   readonly legend: Legend;
   readonly start: IconButton;
   readonly poster: HTMLImageElement;
-  /** Frame the model, or `view.framedPoints`, in the initial view. */
-  frame(): void;
+  /**
+   * Frame the model in the initial view; returns whether the camera follows it.
+   *
+   * @param isFollowed - whether it shall, also in later calls; null: if the model moves far
+   */
+  frame(isFollowed: boolean | null): boolean;
   /** Pause, and move by a number of frames; while looping, past the end to the start. */
   step(nFrames: number): void;
   /** Colors by the track again after an error, if the page has set it by `mesh.colorBy`. */
@@ -116,6 +120,8 @@ export class ReelPlayerElement extends PlayerAttributes {
   #loading: AbortController | null = null;
   #mesh: ReelMesh | null = null;
   #framing: Framing = unknownFraming(1);
+  /** Whether the camera follows the model; null: if that moves far. */
+  #isFollowed: boolean | null = null;
   #srcObject: Exclude<SourceInput, string | URL> | null = null;
   /** What is open or opening: an address or an object. */
   #openedSource: SourceInput | null = null;
@@ -381,7 +387,10 @@ export class ReelPlayerElement extends PlayerAttributes {
     overlay.before(poster, legend.element, start.element);
     overlay.after(messages.waiting, messages.alert);
     this.#stage.append(picture, bar.element);
-    const frame = () => this.#mesh && this.#settings && this.#frameModel(this.#settings);
+    const frame = (isFollowed: boolean | null): boolean => {
+      this.#isFollowed = isFollowed;
+      return !!this.#mesh && !!this.#settings && this.#frameModel(this.#settings);
+    };
     const step = (nFrames: number) => this.#step(nFrames);
     const mesh = () => this.#mesh;
     this.#ui = { mesh, view, bar, start, poster, messages, legend, frame, step, retryTrack: null };
@@ -509,8 +518,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#updateUi();
   }
 
-  /** Frame the model in the initial view. The camera follows a model that moves far. */
-  #frameModel({ up, camera, autoRotate }: PlayerSettings): void {
+  /** Frame the model in the initial view; returns whether the camera follows it. */
+  #frameModel({ up, camera, autoRotate }: PlayerSettings): boolean {
     const { view } = this.#ui as PlayerParts;
     const { swept, figure } = this.#framing;
     view.world.setRotationX(up === "z" ? -Math.PI / 2 : 0);
@@ -521,14 +530,19 @@ export class ReelPlayerElement extends PlayerAttributes {
       const placed = points.map((point) => point.clone().applyMatrix4(view.world.matrixWorld));
       return autoRotate ? turned(placed) : placed;
     };
-    const points = framed(view.framedPoints ?? swept);
+    const points = framed(swept);
     const target = this.#worldTarget(camera.target);
     view.frame(points, points, { ...camera, target });
-    if (view.framedPoints || !figure || target || camera.distance !== null) return;
+    if (!figure || target || camera.distance !== null) return false;
     const pose = framed(figure);
-    if (view.camera.distanceTo(points) < FOLLOW_RATIO * view.camera.distanceTo(pose)) return;
+    // Meshes of other segments may have centroids elsewhere.
+    const movesFar =
+      this.#mesh?.file.segments.length === 1 &&
+      view.camera.distanceTo(points) >= FOLLOW_RATIO * view.camera.distanceTo(pose);
+    if (!(this.#isFollowed ?? movesFar)) return false;
     view.follow(this.#mesh);
     view.frame(pose, points, { ...camera, target });
+    return true;
   }
 
   /** Convert `camera-target` to the coordinates of the view; null if it is the center of the model. */

@@ -1,9 +1,8 @@
 // Estimates what a camera must frame, from a few frames.
 
-import type { OpenReel, OpenSegments } from "../types.js";
+import type { OpenReel, OpenSegments, Positions } from "../types.js";
 import { Vector3 } from "../webgl/index.js";
 import { Clock } from "../three/clock.js";
-import { extremePoints } from "./extreme_points.js";
 
 /** Limits of the sampled frames and positions, which keep the time below a tenth of a second. */
 const [MAX_FRAMES, MAX_POSITIONS] = [32, 2 ** 19];
@@ -11,11 +10,19 @@ const [MAX_FRAMES, MAX_POSITIONS] = [32, 2 ** 19];
 /** Margin around the sampled poses of a followed figure, so that the poses between them fit too. */
 const POSE_MARGIN = 1.06;
 
+/**
+ * 13 directions, half of the neighbors of a cell in a 3 x 3 x 3 grid: the extreme points along them
+ * suffice to frame all.
+ */
+const DIRECTIONS = [-1, 0, 1]
+  .flatMap((x) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((z) => new Vector3(x, y, z))))
+  .slice(14);
+
 /** Points that a camera must frame, in model units. */
 export interface Framing {
   /** Extreme points of all frames, relative to the center of the file. */
   readonly swept: readonly Vector3[];
-  /** Extreme points of the poses about their centroids; null if the camera cannot follow the figure. */
+  /** Extreme points of the poses about their centroids; null if they are unknown. */
   readonly figure: readonly Vector3[] | null;
 }
 
@@ -45,24 +52,42 @@ export async function estimateFraming(
   const first = typeof start === "number" ? new Clock(nFrames, fps, times).positionAt(start) : start.frame;
   const number = Math.max(0, segments.findLastIndex((one) => one.start <= first));
   const reel = await file.segment(number, options);
+  const drawn = Uint32Array.from(new Set(reel.surface.triangles)); // other vertices are invisible
   const [swept, figure]: [Vector3[], Vector3[]] = [[], []];
+  const half = [0, 0, 0]; // sides of the box of the sampled frames around the center
   const include = async (frame: number): Promise<void> => {
     const positions = await reel.frame(frame, options);
     const sum = [0, 0, 0];
-    for (let i = 0; i < positions.length; i++) sum[i % 3] += positions[i];
+    for (let i = 0; i < positions.length; i++) {
+      sum[i % 3] += positions[i];
+      half[i % 3] = Math.max(half[i % 3], Math.abs(positions[i] - center[i % 3]));
+    }
     const centroid = new Vector3(...sum).multiplyScalar(3 / positions.length);
-    for (const point of extremePoints(positions)) {
+    for (const point of extremePoints(positions, drawn)) {
       figure.push(point.clone().sub(centroid).multiplyScalar(POSE_MARGIN));
       swept.push(point.sub(new Vector3(...center)));
     }
   };
   await Promise.all(Array.from(sampleFrames(reel, first - segments[number].start), include));
-  const side = (axis: "x" | "y" | "z") => Math.max(...swept.map((point) => Math.abs(point[axis])));
-  const [all, found] = [diagonal / 2, Math.hypot(side("x"), side("y"), side("z"))];
-  if (!(found > 0)) return unknownFraming(all);
-  for (const point of swept) point.multiplyScalar(Math.max(1, all / found));
-  // Meshes of other segments may have centroids elsewhere.
-  return { swept, figure: segments.length === 1 ? figure : null };
+  const [all, sampled] = [diagonal / 2, Math.hypot(...half)];
+  if (!(sampled > 0 && drawn.length)) return unknownFraming(all);
+  for (const point of swept) point.multiplyScalar(Math.max(1, all / sampled));
+  return { swept, figure };
+}
+
+/** Return the extreme points of vertices along `DIRECTIONS`. */
+function extremePoints(positions: Positions, vertices: Uint32Array): Vector3[] {
+  const point = (vertex: number) => new Vector3().fromArray(positions, 3 * vertex);
+  return DIRECTIONS.flatMap(({ x, y, z }) => {
+    let [lowest, highest, low, high] = [0, 0, Infinity, -Infinity];
+    for (const vertex of vertices) {
+      const at = 3 * vertex;
+      const projection = x * positions[at] + y * positions[at + 1] + z * positions[at + 2];
+      if (projection < low) [lowest, low] = [vertex, projection];
+      if (projection > high) [highest, high] = [vertex, projection];
+    }
+    return [point(lowest), point(highest)];
+  });
 }
 
 /** Return the framing of a model of which only half the diagonal is known; 0 counts as 1. */

@@ -56,8 +56,6 @@ export class View implements ContextHolder {
   readonly model = new Group();
   /** Called before each drawing. */
   onDraw: (() => void) | null = null;
-  /** Points of `model` to frame in place of those that the player estimates; null: the latter. */
-  framedPoints: readonly Vector3[] | null = null;
   /** Largest distance of the model from the center of the file, from which the depth range follows. */
   radius = 1;
   readonly #scene = new Scene();

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from meshreel.app.viewer.page import json_text
 from meshreel.app.viewer.playable import playable, reencoding_text
 from meshreel.app.viewer.texture import texture_for
 from meshreel.app.viewer.track_comparison import TrackComparison
-from meshreel.arrays import Floats
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import ConnectivityChangeError, CorruptStreamError, InvalidInputError
@@ -33,12 +31,6 @@ TEXTURE = "texture"
 JSON = "application/json"
 
 BINARY = "application/octet-stream"
-
-MAX_SEARCHED_FRAMES, MAX_SEARCHED_POSITIONS = 48, 1 << 23
-"""Limits of frames and positions of the first block that are searched for extreme points."""
-
-DIRECTIONS = np.array([d for d in product((-1, 0, 1), repeat=3) if d > (0, 0, 0)], np.float32)
-"""13 axes of a cube; the camera frames the extreme points along them."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +127,7 @@ class Api:
         self._rows, self._budget = _figures(file, rows_of)
         if self.is_reencoded:
             self._rows["shown"] = reencoding_text(self.method)
-        self._swept = swept_points(self.reel, is_part=self.file is not self.reel)
+        self.reel.read(0, 1)  # raises if the first block is damaged
         self.measuring: Measuring | None = None if comparison is None else Measuring(comparison)
 
     @property
@@ -174,7 +166,6 @@ class Api:
         """Facts about the file that its stream does not contain."""
         return {
             "name": self.file.name or self._name,
-            "swept": self._swept.tolist(),
             "up": "y",
             "is_whole": self.file.is_whole,
             "rows": [list(row) for row in self._rows.items()],
@@ -241,43 +232,3 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
 
 def _json(value: Mapping[str, Any]) -> Answer:
     return Answer(JSON, json_text(value).encode())
-
-
-def swept_points(reel: ReelFile, *, is_part: bool = False) -> Floats:
-    """Extreme points of all frames along `DIRECTIONS`, relative to the center of the file.
-
-    They suffice for a camera that must show all frames; float64 of shape (26, 3). Of several
-    blocks, or if the file has further segments (`is_part`), only the first block is decoded; its
-    points are scaled about the center to the diagonal that the stream records. Frames may lie
-    outside if they were encoded live.
-
-    Raises
-    ------
-    CorruptStreamError
-        If the first block is damaged.
-    """
-    origin = np.array(reel.frame.origin)
-    half = np.zeros(3)  # side lengths of the box around the center
-    drawn = np.unique(reel.faces)  # vertices without faces are invisible
-    extremes: Floats = np.zeros((0, 3))
-    stop = reel.block_starts[1]
-    n_searched = int(np.clip(MAX_SEARCHED_POSITIONS // reel.n_verts, 2, MAX_SEARCHED_FRAMES))
-    searched = set(np.linspace(0, stop - 1, n_searched).round().astype(int).tolist())
-    for start, frames in reel.pieces(range(stop)):
-        for corner in (frames.min(axis=(0, 1)), frames.max(axis=(0, 1))):
-            half = np.maximum(half, np.abs(corner - origin))
-        for number in searched.intersection(range(start, start + len(frames))):
-            frame = frames[number - start][drawn].astype(np.float64)
-            extremes = extreme_points(np.concatenate([extremes, extreme_points(frame)]))
-    extremes -= origin
-    length = float(np.linalg.norm(half))
-    if length > 0 and (len(reel.block_starts) > 2 or is_part):
-        extremes *= max(1.0, reel.frame.scale / 2 / length)
-    return extremes
-
-
-def extreme_points(points: Floats) -> Floats:
-    """The extreme points along `DIRECTIONS`, of shape (26, 3); may contain duplicates."""
-    along = (points - points[0]).astype(np.float32) @ DIRECTIONS.T  # relative, for precision
-    extremes: Floats = points[np.concatenate([along.argmin(axis=0), along.argmax(axis=0)])]
-    return extremes

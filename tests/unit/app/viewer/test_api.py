@@ -25,7 +25,7 @@ from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.players import opened_api
 
 KEYS = [
-    "name", "swept", "up", "is_whole", "rows", "budget", "original", "colored_by",
+    "name", "up", "is_whole", "rows", "budget", "original", "colored_by",
     "texture",
 ]  # fmt: skip
 
@@ -50,40 +50,6 @@ def test_facts_describe_the_file():
 def test_name_is_that_of_the_file_when_the_stream_has_no_name():
     with opened_api(waving_grid(3).replace(name="")) as api:
         assert get_json(api, "api/facts")["name"] == "file"
-
-
-@pytest.mark.parametrize("block_frames", [None, 4])
-def test_swept_points_span_all_frames_with_one_block_or_several(block_frames):
-    grid = waving_grid(12, dtype=np.float64)
-    with opened_api(grid, encoding={"block_frames": block_frames, "max_error": 0.01}) as api:
-        facts, diagonal = get_json(api, "api/facts"), api.reel.frame.scale
-        swept = np.array(facts["swept"]) + api.reel.frame.origin
-    slack = 0.001 * diagonal if block_frames is None else 0.1 * diagonal
-    np.testing.assert_allclose(swept.min(axis=0), grid.vertices.min(axis=(0, 1)), atol=slack)
-    np.testing.assert_allclose(swept.max(axis=0), grid.vertices.max(axis=(0, 1)), atol=slack)
-    half = np.abs(facts["swept"]).max(axis=0)
-    assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
-
-
-def test_swept_points_are_extreme_in_all_frames_when_there_is_one_block():
-    grid = waving_grid(12, dtype=np.float64)
-    with opened_api(grid, encoding={"max_error": 0.01}) as api:
-        facts, origin = get_json(api, "api/facts"), np.array(api.reel.frame.origin)
-        diagonal = api.reel.frame.scale
-    swept = np.array(facts["swept"]) + origin
-    for direction in ([1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 1], [1, -1, 1]):
-        farthest = (grid.vertices @ direction).max()
-        assert (swept @ direction).max() == pytest.approx(farthest, abs=1e-3 * diagonal)
-
-
-def test_swept_points_ignore_vertices_without_faces():
-    grid = waving_grid(3, dtype=np.float64)
-    away = np.full((3, 1, 3), 50.0)
-    isolated = grid.replace(vertices=np.concatenate([grid.vertices, away], axis=1))
-    with opened_api(isolated, encoding={"step": 1e-6}) as api:
-        facts, origin = get_json(api, "api/facts"), np.array(api.reel.frame.origin)
-    swept = np.array(facts["swept"]) + origin
-    assert swept.max() < 1.1 * grid.vertices.max()
 
 
 def test_frames_of_the_original_are_answered_when_there_is_one():
@@ -169,9 +135,9 @@ def test_model_is_rejected_when_it_is_too_large_or_small_to_draw(size):
 
 def test_json_contains_null_for_numbers_that_are_not_finite():
     with opened_api(waving_grid(2)) as api:
-        api._swept = np.array([[np.nan, np.inf, 1.5]])
+        api._budget = {"none": np.nan, "infinite": np.inf, "one": 1.5}
         facts = get_json(api, "api/facts")
-    assert facts["swept"] == [[None, None, 1.5]]
+    assert facts["budget"] == [["none", None], ["infinite", None], ["one", 1.5]]
 
 
 def with_tracks(grid):
@@ -273,9 +239,6 @@ def test_facts_describe_all_segments(segmented):
     facts = Api(file, "two", lambda info: {"frames": str(info.n_frames)}).facts()
     assert list(facts) == KEYS
     assert facts["rows"] == [["frames", "10"]]
-    diagonal = file.segments[0].frame.scale
-    half = np.abs(facts["swept"]).max(axis=0)
-    assert np.linalg.norm(half) == pytest.approx(diagonal / 2, rel=0.01)
 
 
 def test_stored_bytes_are_those_of_all_segments(segmented):
