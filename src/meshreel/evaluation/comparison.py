@@ -9,12 +9,10 @@ from typing import Any
 from meshreel.evaluation.peers import Peer, why_missing
 from meshreel.rendering.documents import (
     NONE,
-    Bullets,
-    Heading,
-    Paragraph,
     Part,
     Picture,
     Table,
+    bullets,
     significant,
 )
 from meshreel.rendering.plots import blank_figure, save_figure
@@ -190,24 +188,21 @@ class Comparison:
     def preface(self, measured: Sequence[CodecResults]) -> list[Part]:
         """The notes."""
         notes = self.notes(measured)
-        return [Heading(2, "Not measured"), Bullets(tuple(notes))] if notes else []
+        return ["## Not measured", bullets(notes)] if notes else []
 
     def section(self, results: CodecResults, pictures: Sequence[Picture]) -> list[Part]:
         """Plots and tables of a sequence."""
         parts = [*pictures, *equal_error_tables(results)]
         refused = refusals_of(results)
-        parts += [Bullets(refused)] if refused else []
+        parts += [bullets(refused)] if refused else []
         return [*parts, runs_table(results)]
 
     def appendix(self) -> list[Part]:
         """The methodology, and the codecs."""
         available = [peer for peer in self.peers if peer.package.is_available]
         lines = [f"`{peer.name}`: {peer.summary}" for peer in available]
-        parts: list[Part] = [
-            Heading(2, "How it was measured"),
-            Bullets(METHODOLOGY),
-        ]
-        return [*parts, Heading(2, "Other codecs"), Bullets(tuple(lines))] if lines else parts
+        parts: list[Part] = ["## How it was measured", bullets(METHODOLOGY)]
+        return [*parts, "## Other codecs", bullets(lines)] if lines else parts
 
 
 def matching(points: Iterable[Result], sequence: Mapping[str, Any]) -> list[Result]:
@@ -250,7 +245,7 @@ def equal_error_tables(results: CodecResults) -> list[Part]:
     """Tables of rates at equal error, BD-rates, lossless codecs, and seconds."""
     parts: list[Part] = [
         rate_table(results),
-        Paragraph("'-': the points of the codec do not enclose this error."),
+        "'-': the points of the codec do not enclose this error.",
     ]
     for error in ERRORS:
         parts += bd_rate_parts(results, error)
@@ -289,7 +284,7 @@ def bd_rate_parts(results: CodecResults, error: Error) -> list[Part]:
     parts: list[Part] = [Table(title, ("codec", *methods), tuple(rows))] if rows else []
     if excluded:
         texts = (f"{', '.join(codecs)} ({reason})" for reason, codecs in excluded.items())
-        parts.append(Paragraph(f"Not compared at equal {error.name}: {'; '.join(texts)}."))
+        parts.append(f"Not compared at equal {error.name}: {'; '.join(texts)}.")
     return parts
 
 

@@ -1,38 +1,10 @@
-"""Reports: their parts in words, tables and pictures, and numbers in them."""
+"""Reports in Markdown: their tables, pictures and lists, and numbers in them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 NONE = "-"
-
-
-@dataclass(frozen=True)
-class Heading:
-    """A heading of level 1, 2 or 3."""
-
-    level: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Paragraph:
-    """Text; `code` in backticks."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Code:
-    """A block of code."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Bullets:
-    """A bulleted list."""
-
-    items: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -54,7 +26,13 @@ class Picture:
     n_panels: int
 
 
-Part = Heading | Paragraph | Code | Bullets | Table | Picture
+Part = str | Table | Picture
+"""Markdown, or what becomes Markdown in a report."""
+
+
+def bullets(items: Iterable[str]) -> str:
+    """A bulleted list in Markdown."""
+    return "\n".join(f"- {item}" for item in items)
 
 
 def number(value: float | None) -> str:

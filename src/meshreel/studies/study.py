@@ -8,15 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.rendering.documents import (
-    Bullets,
-    Code,
-    Heading,
-    Paragraph,
-    Part,
-    Picture,
-    Table,
-)
+from meshreel.rendering.documents import Part, Picture, Table
 from meshreel.rendering.plots import require_matplotlib
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import PEERS
@@ -242,11 +234,11 @@ def parts_of_report(
     """The report of a study, which quotes the command line."""
     all_results = [results for results, _ in measured]
     machines = machines_text(result for results in all_results for result in done(results.measured))
-    parts: list[Part] = [Heading(1, study.title), Paragraph(study.introduction), Code(command)]
-    parts += [Paragraph(machines)] if machines else []
+    parts: list[Part] = [f"# {study.title}", study.introduction, f"```\n{command}\n```"]
+    parts += [machines] if machines else []
     parts += study.preface(all_results)
     for results, pictures in measured:
-        parts += [Heading(2, results.name), Paragraph(_shape_text(results.sequence))]
+        parts += [f"## {results.name}", _shape_text(results.sequence)]
         parts += study.section(results, pictures)
     return [*parts, *study.appendix()]
 
@@ -267,14 +259,8 @@ def to_markdown(parts: Sequence[Part], folder: Path) -> str:
 
 def _markdown(part: Part, folder: Path) -> str:
     match part:
-        case Heading(level, text):
-            return f"{'#' * level} {text}"
-        case Paragraph(text):
-            return text
-        case Code(text):
-            return f"```\n{text}\n```"
-        case Bullets(items):
-            return "\n".join(f"- {item}" for item in items)
+        case str():
+            return part
         case Table(title, header, rows):
             return f"**{title}**\n\n{markdown_table(header, rows)}"
         case Picture(path, title, caption):

@@ -172,8 +172,8 @@ def test_bd_rate_table_has_a_row_for_each_comparable_codec(results):
 def test_bd_rate_parts_list_codecs_without_a_common_error(results):
     far = [recorded("far", rate, 1e-9 / rate) for rate in (1.0, 2.0)]
     *_, paragraph = bd_rate_parts(replace(results, recorded=far), KG)
-    assert "far (recorded)" in paragraph.text
-    assert "(no common errors)" in paragraph.text
+    assert "far (recorded)" in paragraph
+    assert "(no common errors)" in paragraph
 
 
 def test_rate_table_interpolates_between_points():

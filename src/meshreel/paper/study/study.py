@@ -40,7 +40,7 @@ from meshreel.paper.sweeps import (
     sweep,
     variants,
 )
-from meshreel.rendering.documents import Bullets, Heading, Paragraph, Part, Picture
+from meshreel.rendering.documents import Part, Picture, bullets
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Result, Run, done, result_of
 from meshreel.studies.study import Subject
@@ -102,15 +102,15 @@ def variant_lines(measured: Sequence[PaperResults]) -> tuple[str, ...]:
 def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
     """Findings, tables and figures of a sequence."""
     remark = REMARKS.get(results.name.lower())
-    parts: list[Part] = [Paragraph(remark)] if remark else []
+    parts: list[Part] = [remark] if remark else []
     texts = tuple(finding.text for finding in findings(results))
-    parts += [Heading(3, "Findings"), Bullets(texts or ("None to compare.",))]
-    parts += [Heading(3, "Rates and errors"), rate_table(results), Paragraph(_rate_note(results))]
-    parts += [quality_table(results), *(Paragraph(text) for text in refusals(results))]
+    parts += ["### Findings", bullets(texts or ("None to compare.",))]
+    parts += ["### Rates and errors", rate_table(results), _rate_note(results)]
+    parts += [quality_table(results), *refusals(results)]
     if results.alternatives:
-        parts += [alternatives_table(results), Paragraph(ALTERNATIVES_NOTE)]
-    parts += [Heading(3, "Seconds"), seconds_table(results), Paragraph(_seconds_note(results))]
-    return [*parts, Heading(3, "Figures"), *pictures]
+        parts += [alternatives_table(results), ALTERNATIVES_NOTE]
+    parts += ["### Seconds", seconds_table(results), _seconds_note(results)]
+    return [*parts, "### Figures", *pictures]
 
 
 def _rate_note(results: PaperResults) -> str:
@@ -247,7 +247,7 @@ class PaperStudy:
 
     def preface(self, measured: Sequence[PaperResults]) -> list[Part]:
         """The settings of the variants."""
-        return [Heading(2, "Variants"), Bullets(variant_lines(measured))]
+        return ["## Variants", bullets(variant_lines(measured))]
 
     def section(self, results: PaperResults, pictures: Sequence[Picture]) -> list[Part]:
         """Findings, tables and figures of a sequence."""
@@ -255,4 +255,4 @@ class PaperStudy:
 
     def appendix(self) -> list[Part]:
         """Our choices where the paper leaves them open."""
-        return [Heading(2, "Choices that the paper leaves open"), Bullets(CHOICES)]
+        return ["## Choices that the paper leaves open", bullets(CHOICES)]
