@@ -85,15 +85,12 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         about = read_description(arrays, path.stem, options, n_frames, n_verts)
     named_tracks = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
     if raw_vertices is not None and max_bytes is not None:
-        shape, dtype = (n_frames, n_verts), raw_vertices.dtype.newbyteorder("=")
-        sizes = [(raw_vertices.shape, dtype)]
+        sizes = [(raw_vertices.shape, raw_vertices.dtype)]
         sizes += [(track.shape, track.dtype) for track in named_tracks.values()]
         if sum(math.prod(shape) * dtype.itemsize for shape, dtype in sizes) > max_bytes:
             tracks = {name: _track(path, track) for name, track in named_tracks.items()}
             verify_member(path, positions)
-            read = CheckedReader(path, raw_vertices.read)
-            with errors_naming(path):
-                return about.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
+            return about.open_array(raw_vertices, tracks, max_bytes, options.progress)
         arrays |= read_members(path, [positions])
     values = read_members(path, [track.place for track in named_tracks.values()])
     loaded = {name: _loaded(track, values[track.place]) for name, track in named_tracks.items()}

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values, native
 from meshreel.errors import InvalidInputError
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.text.decimal_text import Narrowing
 from meshreel.model.extent import Corners, Extent, bounding_boxes, extent_of_boxes
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
@@ -337,6 +337,20 @@ class Description:
         if is_loaded:
             return self.loaded(vertices, read_tracks(tracks))
         return self.stored(shape, survey, read, files, tracks)
+
+    def open_array(
+        self,
+        array: "RawArray",
+        tracks: Mapping[str, TrackSource],
+        max_loaded_bytes: int | None,
+        progress: Progress,
+    ) -> FrameSource:
+        """Return the sequence as `open`, of positions that are an array in a file."""
+        n_frames, n_verts, _ = array.shape
+        shape, dtype = (n_frames, n_verts), array.dtype.newbyteorder("=")
+        read, files = CheckedReader(array.path, array.read), [array.path]
+        with errors_naming(array.path):
+            return self.open(shape, dtype, read, files, tracks, max_loaded_bytes, progress)
 
 
 @dataclass(frozen=True)
