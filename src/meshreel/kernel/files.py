@@ -373,14 +373,14 @@ class OpenFile:
             0,
             int(min(limit_bytes, 2.0**62)),
         )
-        self.handle: ctypes.c_void_p = _POINTER()
+        self._handle: ctypes.c_void_p = _POINTER()
         self.is_open: bool = False
         self._has_mesh = False
         self.call(
             "open",
             ctypes.byref(self._core_source()),
             ctypes.byref(self._host),
-            ctypes.byref(self.handle),
+            ctypes.byref(self._handle),
         )
         self.is_open = True
         self._close = _closer(self)
@@ -389,6 +389,19 @@ class OpenFile:
         self._describe()
         self.whole: FileInfo = self.info
         self.offset = self.first_frame = 0
+
+    @property
+    def handle(self) -> ctypes.c_void_p:
+        """Address of the file in the core.
+
+        Raises
+        ------
+        ValueError
+            If the file is closed.
+        """
+        if not self.is_open:
+            raise ValueError("the file is closed")
+        return self._handle
 
     def segment(self, number: int) -> "OpenFile":
         """Open a segment as a separate file whose frames begin at 0; source and memory are shared.
@@ -406,8 +419,8 @@ class OpenFile:
                 f"segment {number} is not in the file; it has {count}, numbered from 0"
             )
         place, segment = self._segment(number), copy(self)
-        segment.handle = _POINTER()
-        self.call("open_segment", self.handle, _U32(number), ctypes.byref(segment.handle))
+        segment._handle = _POINTER()
+        self.call("open_segment", self.handle, _U32(number), ctypes.byref(segment._handle))
         segment._close = _closer(segment)
         segment._describe()
         segment.offset = place.offset if number else 0

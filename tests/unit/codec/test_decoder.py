@@ -75,11 +75,14 @@ def test_first_damaged_segment_raises():
     assert str(together.value) == str(alone.value)
 
 
+@pytest.mark.parametrize("damages_mesh", [True, False])
 @pytest.mark.usefixtures("cores")
-def test_damaged_mesh_raises_though_segments_share_it():
+def test_damage_of_the_first_segment_raises_though_others_share_its_mesh(damages_mesh):
     first, other = segments_of(2, n_frames=20, with_tracks=False).segments
     data = bytearray(meshreel.encode(meshreel.concatenate([first, other, first, other, first])))
-    connectivity = OpenFile(bytes(data), 1e9).segment(0).leading[0]
-    data[connectivity.payload_offset] ^= 1
+    file = OpenFile(bytes(data), 1e9)
+    place = file.segments[0]
+    after = place.offset + place.size_bytes - 8
+    data[file.segment(0).leading[0].payload_offset if damages_mesh else after] ^= 1
     with pytest.raises(CorruptStreamError):
         meshreel.decode(bytes(data))

@@ -219,13 +219,15 @@ def test_error_of_opening_another_file_names_it(tmp_path):
         meshreel.open(path)
 
 
-def test_with_statement_closes_the_file(tmp_path):
+@pytest.mark.parametrize("is_in_memory", [False, True])
+def test_frames_of_a_closed_file_cannot_be_read(method, tmp_path, is_in_memory):
     path = tmp_path / "walk.reel"
-    path.write_bytes(STREAMS["reel"])
-    with meshreel.open(path) as reel:
+    path.write_bytes(STREAMS[method])
+    with ReelFile(BytesIO(STREAMS[method])) if is_in_memory else meshreel.open(path) as reel:
         assert reel[0].vertices.shape == (reel.n_verts, 3)
-    with pytest.raises(ValueError, match="closed"):
-        reel[22]
+    for number in (0, 22):
+        with pytest.raises(ValueError, match="closed"):
+            reel[number]
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
