@@ -312,7 +312,7 @@ def _longest(
     if segment.key_mesh is not given or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
-    if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # whatever it follows
+    if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # even if it follows all
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
