@@ -16,6 +16,7 @@ from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
 from meshreel.formats.load import load_any, open_for_encoding
@@ -167,6 +168,7 @@ def register(
     tolerance: float | str = "0.2%",
     unit: str | None = None,
     keep_holes: bool = False,
+    quality: float = DEFAULT_QUALITY,
     folder: str | os.PathLike[str] | None = None,
     texture: Source | None = None,
     texture_output: AnyPath | None = None,
@@ -195,6 +197,9 @@ def register(
     keep_holes : bool, default False
         Keep the holes of scans, which registered surfaces close: segments get a track ``scanned``,
         1 for the faces that the raw frame has, otherwise 0. Players and pictures hide the others.
+    quality : float, default 80
+        The quality at which the result will be encoded, 1 to 100. Meshes keep more vertices for a
+        higher one.
     folder : path, optional
         Stores the registered frames: after an interruption, the same call continues. The result
         reads its frames from the folder; remove it when they are not needed any more. Default:
@@ -222,8 +227,8 @@ def register(
     Raises
     ------
     InvalidInputError
-        If the tolerance is not valid, no frame has a face with an area, `folder` contains
-        something else, the textures do not fit the frames, the frames have values called
+        If the tolerance or the quality is not valid, no frame has a face with an area, `folder`
+        contains something else, the textures do not fit the frames, the frames have values called
         ``scanned`` while holes are kept, or the extra [register] is not installed.
     FormatError
         If a texture cannot be read, or its output has another format.
@@ -253,6 +258,7 @@ def register(
             progress,
             None if folder is None else Path(folder),
             keep_holes=keep_holes,
+            quality=quality,
         )
         notes = Notes(registration.changes)
         if job is not None:

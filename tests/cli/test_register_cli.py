@@ -5,7 +5,7 @@ import json
 import pytest
 
 import meshreel
-from samples.captures import as_frames, capture, textured_capture
+from samples.captures import as_frames, capsule, capture, textured_capture
 from samples.commands import assert_fails, run, run_json
 
 pytestmark = pytest.mark.usefixtures("few_grid_lines")
@@ -73,6 +73,29 @@ def test_encode_and_convert_register_while_reading(raw, tmp_path):
     assert meshreel.info(tmp_path / "walk.reel").n_frames == 4
     assert meshreel.load(tmp_path / "walk.npz").n_frames == 4
     assert "registered 4 frames in 1 segment" in converted.stderr
+
+
+@pytest.mark.slow
+def test_keys_have_more_vertices_for_a_higher_quality(tmp_path):
+    raw = tmp_path / "raw"
+    meshreel.save(as_frames([capsule(60, 50), capsule(60, 52)]), raw / "frame_%d.obj")
+
+    def n_verts(command, option, quality):
+        output = tmp_path / f"{command}{quality}.reel"
+        done = run(command, raw, "-o", output, option, "0.5%", "--quality", quality)
+        assert done.returncode == 0, done.stderr
+        return meshreel.load(output).n_verts
+
+    for command, option in (("register", "--tolerance"), ("encode", "--register")):
+        assert n_verts(command, option, 50) < n_verts(command, option, 95)
+    of_batches = []
+    for quality in (50, 95):
+        given = "--register", "0.5%", "--quality", quality, "--workers", "1"
+        run("batch", raw, tmp_path / f"{quality}", *given)
+        (output,) = (tmp_path / f"{quality}").glob("*.reel")
+        of_batches.append(meshreel.load(output).n_verts)
+    assert of_batches[0] < of_batches[1]
+    assert_fails(run("register", raw, "-o", tmp_path / "x.reel", "--quality", 101), "1..100")
 
 
 @pytest.mark.slow

@@ -280,3 +280,10 @@ class ReelOptions(EncoderConfig):
             + BYTES_PER_CACHED * min(n_positions, MAX_CACHED)
             + 3 * number_bytes * n_blocks * n_positions
         )
+
+
+def quality_of(config: EncoderConfig) -> float:
+    """Return the quality of options; the default one if they have another target."""
+    if isinstance(config, ReelOptions) and config.target.kind is TargetKind.QUALITY:
+        return config.target.value
+    return DEFAULT_QUALITY

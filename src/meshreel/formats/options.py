@@ -194,6 +194,8 @@ class ReadOptions(LoadOptions):
     """Tolerance of the registration of frames whose faces change, as in `meshreel.register`."""
     keep_holes: bool = False
     """As in `meshreel.register`; needs `register`."""
+    quality: float | None = None
+    """As in `meshreel.register`; needs `register`. Default: that of `meshreel.encode`."""
     registrations: "list[Registration]" = field(default_factory=list)
     """Receives the registration, which can be compared with decoded frames."""
     referenced: set[Path] = field(default_factory=set)

@@ -58,10 +58,17 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
         As `meshreel.register`.
     """
     from meshreel.codec.error_bounds import bound_of
+    from meshreel.codec.targets import DEFAULT_QUALITY
     from meshreel.registration.register import register  # imports SciPy
 
     tolerance = bound_of(options.register or "", option="register")
-    registration = register(sequence, tolerance, options.progress, keep_holes=options.keep_holes)
+    registration = register(
+        sequence,
+        tolerance,
+        options.progress,
+        keep_holes=options.keep_holes,
+        quality=options.quality or DEFAULT_QUALITY,
+    )
     options.registrations.append(registration)
     options.notes.extend(registration.notes())
     return registration.sequence

@@ -1,15 +1,19 @@
-"""Key meshes with as few vertices as the tolerance needs."""
+"""Key meshes with as few vertices as the tolerance and the quality need."""
 
 import numpy as np
 
+from meshreel.codec.reel.encoding.visibility import error_scale
 from meshreel.kernel.decimation import decimated
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 
-RMS = 0.06
-"""Root mean square distance of the decimated surface, in tolerances, before the fit halves it."""
+RMS, MAX_RMS = 0.03, 0.12
+"""Root mean square distance of the decimated surface at the default quality, in tolerances, before
+the fit halves it, and the largest at any quality. Like errors of coding, it halves every 12 points
+of quality: vertices of the key take bits, but without them no step of coding has fine normals.
+"""
 
 DISTANCE = 0.5
 """Root mean square distance around one vertex, in tolerances."""
@@ -34,8 +38,9 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
     """
     mesh, length = whole.mesh, tolerance.length
     max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
+    rms = min(RMS * error_scale(tolerance.quality), MAX_RMS)
     faces, wedges_left = decimated(
-        mesh.vertices, mesh.faces, wedges, RMS * length, DISTANCE * length, max_edge
+        mesh.vertices, mesh.faces, wedges, rms * length, DISTANCE * length, max_edge
     )
     used, numbers = np.unique(faces, return_inverse=True)
     coarse = TriangleMesh(mesh.vertices[used], numbers.reshape(-1, 3).astype(np.int32))

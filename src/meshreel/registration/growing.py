@@ -64,6 +64,10 @@ MAX_REPAIRS = 2
 MAX_SAGITTA = 0.7
 """Largest sagitta of the edges of a refined key (`KeyMesh.refined`), in tolerances."""
 
+MAX_BITS_OF_REFINED = 0.95
+"""Largest ratio of the bits per frame, if it followed the whole run, for a refined key to be tried.
+"""
+
 MAX_ERROR_TO_COMPLETE = 3.0
 """Largest error, in tolerances, of a mesh where a frame has surface, for it to be completed."""
 
@@ -312,8 +316,8 @@ def _longest(
     if segment.key_mesh is not given or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
-    if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # even if it follows all
-        return segment
+    if _bits_per_frame(refined, len(run)) > MAX_BITS_OF_REFINED * segment.bits_per_frame:
+        return segment  # though it might follow all frames
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
 

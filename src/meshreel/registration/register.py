@@ -14,6 +14,7 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.reel_options import VERTEX_ERRORS, ReelOptions, Tune
+from meshreel.codec.targets import DEFAULT_QUALITY, QUALITIES
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import (
@@ -232,7 +233,7 @@ class Registration:
             yield Note(NoteKind.RESULT, f"every frame meets a tolerance of {stated}, too")
         n_kept, n_given = self.key_vertices
         if n_kept < n_given:
-            text = f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the tolerance allows"
+            text = f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the quality allows"
             yield Note(NoteKind.CHANGED, text)
         yield from self.changes
         yield from self.listed_cuts()
@@ -294,6 +295,7 @@ def register(
     folder: Path | None = None,
     *,
     keep_holes: bool = False,
+    quality: float = DEFAULT_QUALITY,
 ) -> Registration:
     """Replace the meshes of raw frames by meshes that follow the surface over many frames.
 
@@ -313,14 +315,17 @@ def register(
         the result.
     keep_holes : bool
         Whether segments have a track `SCANNED` of the faces that raw frames have.
+    quality : float
+        Quality at which the result will be encoded: keys keep more vertices for a higher one.
 
     Raises
     ------
     InvalidInputError
-        If the faces do not change, no frame has a face with an area, `folder` contains something
-        else, the frames have values called `SCANNED` while holes are kept, or the extra [register]
-        is not installed.
+        If the quality is not in 1..100, the faces do not change, no frame has a face with an area,
+        `folder` contains something else, the frames have values called `SCANNED` while holes are
+        kept, or the extra [register] is not installed.
     """
+    QUALITIES.check(quality, Keyword("quality"))
     if sequence.n_segments == 1:
         same = f"all {sequence.n_frames} frames have the same faces"
         given = same if sequence.n_frames > 1 else "there is only one frame"
@@ -335,7 +340,7 @@ def register(
     extent = sequence.extent
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
-    limit = Tolerance(tolerance.share(diagonal) * diagonal / scale)
+    limit = Tolerance(tolerance.share(diagonal) * diagonal / scale, quality)
     max_removed_area = limit.patch_area * scale**2
 
     n_faces = max(len(segment.faces) for segment in sequence.segments)
@@ -353,7 +358,7 @@ def register(
         scale,
         sequence.dtype,
     )
-    topologies, n_removed, digest = [], Counter[str](), blake2b(repr(tolerance).encode())
+    topologies, n_removed, digest = [], Counter[str](), blake2b(f"{tolerance!r} {quality}".encode())
 
     def prepared(number: int) -> tuple[CleanMesh, Topology | None]:
         mesh = cleaned(number)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.kernel.closest import Closest
 from meshreel.model.geometry.connectivity import lowest_connected
 from meshreel.registration.refining import subdivided
@@ -57,9 +58,12 @@ class Tolerance:
     ----------
     length : float
         In the unit of the positions.
+    quality : float
+        Quality at which the result is coded, which decides how many vertices keys keep.
     """
 
     length: float
+    quality: float = DEFAULT_QUALITY
 
     @property
     def patch_area(self) -> float:

@@ -28,6 +28,14 @@ def test_a_key_has_fewer_vertices_within_the_tolerance(length, share):
     assert side == 0
 
 
+def test_a_key_has_more_vertices_for_a_higher_quality():
+    vertices, faces = capsule(100, 90)
+    whole = KeyMesh.of_mesh(TriangleMesh(vertices / 2, faces))
+    keys = [decimated_key(whole, faces, Tolerance(0.004, quality)) for quality in (1, 60, 80, 100)]
+    counts = [len(key.mesh.vertices) for key in keys]
+    assert counts[0] == counts[1] < 0.9 * counts[2] < 0.8 * counts[3] < len(vertices)
+
+
 def test_corners_are_at_vertices_of_the_raw_mesh():
     vertices, faces = capsule(40, 36)
     key = decimated_key(KeyMesh.of_mesh(TriangleMesh(vertices, faces)), faces, Tolerance(0.01))
@@ -48,7 +56,7 @@ def two_frames(of):
     for n_around, angle in ((50, 0.0), (52, 0.05)):
         vertices, faces = capsule(60, n_around)
         frames.append(colored(bent(vertices, angle), faces, **of(vertices, faces)))
-    return register(meshreel.concatenate(frames), ErrorBound(0.5))
+    return register(meshreel.concatenate(frames), ErrorBound(0.5), quality=68)
 
 
 @pytest.mark.slow
@@ -93,5 +101,5 @@ def test_a_frame_that_cannot_be_followed_is_decimated_too():
     assert [segment.n_frames for segment in found.sequence.segments] == [1, 1]
     n_verts = [segment.n_verts for segment in found.sequence.segments]
     assert max(n_verts) < 0.8 * len(vertices)
-    note = f"kept {sum(n_verts)} of {2 * len(vertices)} vertices of keys, as the tolerance allows"
+    note = f"kept {sum(n_verts)} of {2 * len(vertices)} vertices of keys, as the quality allows"
     assert note in found.notes()

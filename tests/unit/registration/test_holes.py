@@ -40,7 +40,7 @@ def scans(n_frames, complete, noise, seed=0):
 @pytest.mark.parametrize("noise", [0.0, 0.0015])
 @pytest.mark.parametrize("complete", [2, None])
 def test_moving_holes_do_not_end_a_segment(complete, noise):
-    found = register(scans(5, complete, noise), ErrorBound(0.2))
+    found = register(scans(5, complete, noise), ErrorBound(0.2), quality=68)
     assert [segment.n_frames for segment in found.sequence.segments] == [5]
     assert found.segments[0].key_mesh.mesh.is_boundary.sum() < 30  # what no frame shows
     if complete is not None:

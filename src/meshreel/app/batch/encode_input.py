@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from meshreel.app.encoding import encode_and_measure
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
+from meshreel.codec.reel_options import quality_of
 from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError, Keyword, Message, WorkerDiedError
 from meshreel.formats.frames.selection import with_surfaces
@@ -117,7 +118,9 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
         opened = open_for_encoding(files, _memory(options), reading)
         if options.reading.register is not None:
             if opened.n_segments > 1:
-                opened = registered(opened, replace(reading, register=options.reading.register))
+                quality = quality_of(options.config)
+                tolerance = options.reading.register
+                opened = registered(opened, replace(reading, register=tolerance, quality=quality))
             else:
                 notes.result("not registered: all frames have the same faces")
         return _measured(opened, reading.registrations, options, notes, began)

@@ -86,6 +86,7 @@ def encode_command(
     from meshreel.app.cli.conversion import Conversion
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.options import config_of
+    from meshreel.codec.reel_options import quality_of
     from meshreel.formats.load import loading_for, open_for_encoding
     from meshreel.formats.needed_extras import extras_to_read
     from meshreel.formats.options import WriteOptions
@@ -108,7 +109,12 @@ def encode_command(
         conversion.check(output, None)
         require(extras_to_read(files, reading))
         keeps_order = config.order in ("keep", "vertices")
-        reading = replace(reading, progress=progress, matches_frames=not keeps_order)
+        reading = replace(
+            reading,
+            progress=progress,
+            matches_frames=not keeps_order,
+            quality=quality_of(config),
+        )
         if split:
             conversion.write_segments(source, loading_for(config.memory_bytes, reading))
         else:

@@ -79,7 +79,7 @@ def register_command(
 
     Registered frames are stored in a folder beside the output, such as walk.registration, until the
     file is complete. If the command is stopped, start it again: it continues after these frames,
-    also with other encoding options.
+    also with other encoding options than --quality, which decides how many vertices keys keep.
 
     Examples:
 
@@ -103,6 +103,7 @@ def register_command(
     from meshreel.app.cli.read_options import output_stem, source_of
     from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.codec.options import config_of
+    from meshreel.codec.reel_options import quality_of
     from meshreel.formats.load import open_for_encoding
     from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
     from meshreel.formats.reel import open as open_reel
@@ -139,7 +140,14 @@ def register_command(
             from meshreel.formats.baked_textures import TextureJob  # imports Pillow
 
             job = TextureJob.checked(texture, baked, raw, overwrite=force)
-        registration = register(raw, bound, progress, folder, keep_holes=reading.keep_holes)
+        registration = register(
+            raw,
+            bound,
+            progress,
+            folder,
+            keep_holes=reading.keep_holes,
+            quality=quality_of(config),
+        )
         if job is not None:
             registration = job.prepared(registration, notes)
         config = registration.tuned(config, notes, bakes_textures=job is not None)
