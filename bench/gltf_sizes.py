@@ -93,7 +93,6 @@ def morph_per_frame(sequence: meshreel.MeshSequence, dtype: npt.DTypeLike) -> Wr
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "--no-compression": {"compression": False},
-    "--meshopt khr": {"meshopt": "khr"},
     "--no-normals": {"normals": False},
     "--normals": {"normals": True},
 }

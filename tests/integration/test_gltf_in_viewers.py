@@ -104,7 +104,6 @@ CASES = {
     "coarse": (flag, {"max_error": 2.0}),
     "targets": (flag, {"targets": 7}),
     "plain": (flag, {"compression": False}),
-    "khr": (flag, {"meshopt": "khr"}),
     "normals": (flag, {"normals": True}),
     "no normals": (flag, {"normals": False}),
     "dressed": (dressed, {}),

@@ -45,7 +45,6 @@ WriteOption = Literal[
     "max_error",
     "normals",
     "compression",
-    "meshopt",
     "lossless",
     "layout",
     "textures",

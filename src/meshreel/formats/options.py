@@ -258,15 +258,6 @@ class WriteOptions:
             more="For glTF.",
         ),
     ] = True
-    meshopt: Annotated[
-        str | None,
-        Option(
-            "Extension for compression: ext, EXT_meshopt_compression; or khr, "
-            "KHR_meshopt_compression, for smaller files in fewer programs. Default: ext.",
-            metavar="NAME",
-            group=GLTF,
-        ),
-    ] = None
     rig: Annotated[
         bool | int | None,
         Option(

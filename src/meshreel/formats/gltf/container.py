@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.meshopt import MAX_STRIDE
+from meshreel.formats.gltf.meshopt import MAX_STRIDE, MESHOPT
 from meshreel.formats.gltf.meshopt_encoding import encode_view
 
 Json = dict[str, Any]
@@ -33,9 +33,6 @@ ALIGNMENT = 4
 """Alignment of each vertex attribute and its stride, in bytes."""
 
 QUANTIZATION = "KHR_mesh_quantization"
-MESHOPT = {"ext": "EXT_meshopt_compression", "khr": "KHR_meshopt_compression"}
-"""Extensions for compressed buffer views, by the names of options."""
-ATTRIBUTES_VERSIONS = {"ext": 0, "khr": 1}
 TINY = np.float32(1e-30)
 EXTENSION_BYTES = 200
 """Bytes of JSON that a compressed buffer view adds, about."""
@@ -111,10 +108,10 @@ class BufferWriter:
 
     Parameters
     ----------
-    meshopt : str, optional
-        Extension by which arrays are compressed where that makes the file smaller, a key of
-        `MESHOPT`. Default: no compression, and floats in place of the signed integers that only
-        `KHR_mesh_quantization` allows, since programs without the one often lack the other.
+    is_compressed : bool, default False
+        Whether arrays are compressed where that makes the file smaller. If not, floats replace the
+        signed integers that only `KHR_mesh_quantization` allows, since programs without the one
+        extension often lack the other.
 
     Attributes
     ----------
@@ -128,19 +125,19 @@ class BufferWriter:
         Whether readers need `KHR_mesh_quantization`.
     """
 
-    def __init__(self, meshopt: str | None = None) -> None:
+    def __init__(self, *, is_compressed: bool = False) -> None:
         self.pieces: list[bytes] = []
         self.size_bytes: int = 0
         self.decompressed_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
         self.is_quantized = False
-        self._meshopt = meshopt
+        self._is_compressed = is_compressed
 
     @property
     def required(self) -> list[str]:
         """The extensions that readers of the buffer need."""
-        return [MESHOPT[self._meshopt]] if self._meshopt and self.decompressed_bytes else []
+        return [MESHOPT] if self.decompressed_bytes else []
 
     def buffers(self, **properties: Any) -> list[Json]:
         """Return the JSON of the buffer, and of the one that readers decompress it to."""
@@ -163,7 +160,7 @@ class BufferWriter:
             Whether the values are unit vectors; so are their floats then.
         """
         if arrays[0].dtype.kind == "i":
-            self.is_quantized = self._meshopt is not None
+            self.is_quantized = self._is_compressed
             if not self.is_quantized:
                 largest = np.float32(np.iinfo(arrays[0].dtype).max)
                 arrays = [array / largest for array in arrays]
@@ -264,10 +261,10 @@ class BufferWriter:
         **properties: Any,
     ) -> int:
         """Append rows, compressed if that is shorter, and return the index of their view."""
-        if self._meshopt is None:
+        if not self._is_compressed:
             return self.add_view(elements.tobytes(), **properties)
         source, filter_kind = filtered or (elements, "NONE")
-        data, kind = encode_view(source, mode, ATTRIBUTES_VERSIONS[self._meshopt])
+        data, kind = encode_view(source, mode)
         if filtered:
             kind = filter_kind
         if len(data) + EXTENSION_BYTES > elements.nbytes:
@@ -285,7 +282,7 @@ class BufferWriter:
             "byteOffset": self.decompressed_bytes,
             "byteLength": elements.nbytes,
             **properties,
-            "extensions": {MESHOPT[self._meshopt]: compression},
+            "extensions": {MESHOPT: compression},
         }
         self.decompressed_bytes += elements.nbytes + -elements.nbytes % ALIGNMENT
         return index

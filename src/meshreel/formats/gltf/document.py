@@ -21,8 +21,8 @@ import numpy.typing as npt
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
-from meshreel.formats.gltf.container import MESHOPT, split_container
-from meshreel.formats.gltf.meshopt import decode_view
+from meshreel.formats.gltf.container import split_container
+from meshreel.formats.gltf.meshopt import READ_EXTENSIONS, decode_view
 from meshreel.formats.options import ReadOptions
 
 LISTS = {
@@ -48,7 +48,7 @@ SUPPORTED_EXTENSIONS = {
     DRACO,
     POINTER,
     VISIBILITY,
-    *MESHOPT.values(),
+    *READ_EXTENSIONS,
 }
 APPEARANCE_PREFIXES = (
     "KHR_materials_",
@@ -442,7 +442,7 @@ class Document:
         """
         view = parent.item("bufferView", "bufferViews")
         stride = view.integer("byteStride", 0)
-        compressed = next(filter(None, map(view.extension, MESHOPT.values())), None)
+        compressed = next(filter(None, map(view.extension, READ_EXTENSIONS)), None)
         if compressed is None:
             return self._stored(view), stride
         if view.place not in self._decompressed:
@@ -534,7 +534,7 @@ class Document:
             data = memoryview(self.read_uri(buffer, size)[0])
         elif buffer is self.lists["buffers"][0] and self._binary is not None:
             data = self._binary
-        elif extension := next((name for name in MESHOPT.values() if buffer.extension(name)), None):
+        elif extension := next((name for name in READ_EXTENSIONS if buffer.extension(name)), None):
             raise FormatError(
                 f"{buffer.place}: is the fallback of {extension} without data; its buffer views "
                 "must have that extension too"

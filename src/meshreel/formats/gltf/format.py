@@ -35,7 +35,7 @@ FORMATS = tuple(
         holds_segments=True,
         names_files=True,
         writes=frozenset(
-            {"targets", "max_error", "normals", "compression", "meshopt", "rig", "kg", "quality"}
+            {"targets", "max_error", "normals", "compression", "rig", "kg", "quality"}
         ),
         holds_materials=True,
         list_animations=list_animations,

@@ -16,6 +16,10 @@ from meshreel.arrays import Bytes
 from meshreel.errors import FormatError
 from meshreel.rigging.keys import decode_rotations
 
+MESHOPT = "EXT_meshopt_compression"
+READ_EXTENSIONS = (MESHOPT, "KHR_meshopt_compression")
+"""The extension that is written, and those that are read."""
+
 TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
 TRIANGLES_TAIL, INDICES_TAIL = 16, 4
 FIFO_SIZE = 16

@@ -1,8 +1,7 @@
 """Encoding of buffer views of a glTF file as the decoder of meshoptimizer expects.
 
-Implemented from the specification of `KHR_meshopt_compression`, which extends
-`EXT_meshopt_compression`: https://github.com/KhronosGroup/glTF, extensions/2.0/Khronos. Only the
-former allows version 1 of attributes.
+Implemented from the specification of `EXT_meshopt_compression`: https://github.com/KhronosGroup/glTF,
+extensions/2.0/Vendor. It allows version 0 of attributes only.
 """
 
 from typing import Any
@@ -18,11 +17,10 @@ from meshreel.formats.gltf.meshopt import (
     MAX_BLOCK,
     TRIANGLES_HEAD,
     TRIANGLES_TAIL,
-    WIDTHS,
     WIDTHS_0,
 )
 
-ATTRIBUTES_HEADS, MIN_TAILS = (0xA0, 0xA1), (32, 24)
+ATTRIBUTES_HEAD, ATTRIBUTES_TAIL = 0xA0, 32
 QUAD_WEIGHTS = np.array([1, 4, 16, 64], np.uint8)
 """Weights of four numbers of two bits in a byte."""
 PIECE_BLOCKS = 128
@@ -40,7 +38,7 @@ to which a nibble can refer."""
 MAX_MANTISSA, MAX_EXPONENT = (1 << 23) - 1, 100
 
 
-def encode_view(elements: npt.NDArray[Any], mode: str, version: int) -> tuple[bytes, str]:
+def encode_view(elements: npt.NDArray[Any], mode: str) -> tuple[bytes, str]:
     """Return the compressed bytes of a buffer view, and the filter that they need.
 
     Parameters
@@ -50,17 +48,13 @@ def encode_view(elements: npt.NDArray[Any], mode: str, version: int) -> tuple[by
         up to 256; of triangles, there are three corners with C = 1 for each.
     mode : str
         "ATTRIBUTES" or "TRIANGLES".
-    version : int
-        Version of attributes, 0 or 1.
     """
     if mode == "TRIANGLES":
         return encode_triangles(elements.reshape(-1, 3)), "NONE"
     rows = np.ascontiguousarray(elements)
-    integer_bytes = 2 if version and rows.itemsize == 2 else 1
-    data = encode_attributes(rows.view(np.uint8), version, integer_bytes=integer_bytes)
-    streams = [(data, "NONE")]
+    streams = [(encode_attributes(rows.view(np.uint8)), "NONE")]
     if rows.dtype == np.float32 and (exponential := encode_exponential(rows)) is not None:
-        streams.append((encode_attributes(exponential, version), "EXPONENTIAL"))
+        streams.append((encode_attributes(exponential), "EXPONENTIAL"))
     return min(streams, key=lambda stream: len(stream[0]))
 
 
@@ -80,120 +74,70 @@ def encode_exponential(values: npt.NDArray[np.float32]) -> Bytes | None:
     return words.astype(np.uint32).astype("<u4").view(np.uint8)
 
 
-def encode_attributes(elements: Bytes, version: int = 0, *, integer_bytes: int = 1) -> bytes:
+def encode_attributes(elements: Bytes) -> bytes:
     """Return compressed elements.
 
     Parameters
     ----------
     elements : uint8 array of shape (N, stride)
         N at least 1; the stride is a multiple of 4 up to 256.
-    version : int, default 0
-        Version of the stream, 0 or 1.
-    integer_bytes : int, default 1
-        Size of the integers whose differences are coded: 1, or 2 in version 1.
     """
     count, stride = elements.shape
     deltas = np.zeros_like(elements)
-    differences = np.diff(elements.view(f"<u{integer_bytes}"), axis=0)
-    deltas[1:] = encode_zigzag(differences).view(np.uint8)
+    deltas[1:] = encode_zigzag(np.diff(elements, axis=0))
     n_block = min(BLOCK_BYTES // stride, MAX_BLOCK) // GROUP * GROUP
     n_piece = n_block * PIECE_BLOCKS
     blocks = [
-        _encode_blocks(deltas[start : start + n_piece], n_block, version)
+        _encode_blocks(deltas[start : start + n_piece], n_block)
         for start in range(0, count, n_piece)
     ]
-    modes = bytes([integer_bytes - 1]) * (stride // 4 if version else 0)
-    tail = (bytes(elements[0]) + modes).rjust(MIN_TAILS[version], b"\0")
-    return bytes([ATTRIBUTES_HEADS[version]]) + b"".join(blocks) + tail
+    tail = bytes(elements[0]).rjust(ATTRIBUTES_TAIL, b"\0")
+    return bytes([ATTRIBUTES_HEAD]) + b"".join(blocks) + tail
 
 
-def _encode_blocks(deltas: Bytes, n_block: int, version: int) -> bytes:
+def _encode_blocks(deltas: Bytes, n_block: int) -> bytes:
     """Return coded blocks of deltas of shape (N, stride), each of up to `n_block` elements.
 
-    In each block, the deltas of each byte of the elements form a run, in its shortest coding.
+    In each block, the deltas of each byte of the elements form a run. A run has the modes of its
+    groups, four per byte, and then their data.
     """
     count, stride = deltas.shape
-    n_blocks = -(-count // n_block)
+    n_blocks, n_groups = -(-count // n_block), n_block // GROUP
     padded = np.zeros((n_blocks * n_block, stride), np.uint8)
     padded[:count] = deltas
     runs = padded.reshape(n_blocks, n_block, stride).transpose(0, 2, 1).reshape(-1, n_block)
     counts = np.minimum(count - n_block * np.arange(n_blocks), n_block)
     counts = np.repeat(counts, stride)[:, np.newaxis]
-    if version == 0:
-        rows, is_stored, _ = _encode_runs(runs, counts, WIDTHS_0)
-        return bytes(rows[is_stored])
-    codings = [_encode_runs(runs, counts, WIDTHS[control]) for control in (0, 1)]
-    # The other controls: no bytes, which is possible only for zeros, and deltas as they are.
-    literal, is_literal = np.zeros_like(codings[0][0]), np.zeros_like(codings[0][1])
-    literal[:, -n_block:], is_literal[:, -n_block:] = runs, np.arange(n_block) < counts
-    zero_sizes = np.where(runs.any(axis=1), IMPOSSIBLE, 0)
-    codings += [(literal, is_literal & False, zero_sizes), (literal, is_literal, counts[:, 0])]
-    rows, is_stored, sizes = map(np.stack, zip(*codings, strict=True))
-    controls = sizes.argmin(axis=0)
-    best_rows = controls, np.arange(len(controls))
-    heads = controls.astype(np.uint8).reshape(n_blocks, -1, 4) @ QUAD_WEIGHTS
-    blocks = np.concatenate([heads, rows[best_rows].reshape(n_blocks, -1)], axis=1)
-    are_stored = [np.ones(heads.shape, bool), is_stored[best_rows].reshape(n_blocks, -1)]
-    return bytes(blocks[np.concatenate(are_stored, axis=1)])
-
-
-def _encode_runs(
-    runs: Bytes, counts: npt.NDArray[np.int64], widths: tuple[int, ...]
-) -> tuple[Bytes, npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
-    """Return runs of deltas coded in groups.
-
-    Parameters
-    ----------
-    runs : uint8 array of shape (R, N)
-    counts : int64 array of shape (R, 1)
-        Number of deltas of each run; the others are 0.
-    widths : tuple of int
-        Bits per delta in the four modes of a group.
-
-    Returns
-    -------
-    rows : uint8 array of shape (R, n)
-    is_stored : bool array of shape (R, n)
-        Which bytes of the rows are the coding.
-    sizes : int64 array of shape (R,)
-        Number of these bytes; at least `IMPOSSIBLE` if the widths do not suffice.
-    """
-    modes, data, sizes = _encode_groups(runs.reshape(-1, GROUP), widths)
-    n_groups = runs.shape[1] // GROUP
-    # Groups after the count have no bytes, which mode 0 of all widths but 0 would have.
-    sizes = np.where(GROUP * np.arange(n_groups) < counts, sizes.reshape(-1, n_groups), 0)
+    modes, data, sizes = _encode_groups(runs.reshape(-1, GROUP))
     quads = np.zeros((len(runs), -(-n_groups // 4) * 4), np.uint8)
-    quads[:, :n_groups] = np.where(sizes > 0, modes.reshape(-1, n_groups), 0)
+    quads[:, :n_groups] = modes.reshape(-1, n_groups)
     heads = quads.reshape(len(runs), -1, 4) @ QUAD_WEIGHTS
     is_head = np.arange(heads.shape[1]) < -(-counts // (4 * GROUP))
-    is_data = np.arange(GROUP) < sizes[..., np.newaxis]
+    # Groups after the count are zeros, which take no bytes.
+    is_data = np.arange(GROUP) < sizes.reshape(-1, n_groups, 1)
     rows = np.concatenate([heads, data.reshape(runs.shape)], axis=1)
-    is_stored = np.concatenate([is_head, is_data.reshape(runs.shape)], axis=1)
-    return rows, is_stored, is_head.sum(axis=1) + sizes.sum(axis=1)
+    return bytes(rows[np.concatenate([is_head, is_data.reshape(runs.shape)], axis=1)])
 
 
-def _encode_groups(
-    groups: Bytes, widths: tuple[int, ...]
-) -> tuple[Bytes, Bytes, npt.NDArray[np.int64]]:
+def _encode_groups(groups: Bytes) -> tuple[Bytes, Bytes, npt.NDArray[np.int64]]:
     """Return the shortest coding of groups of deltas, of shape (G, 16).
 
     Returns
     -------
     modes : uint8 array of shape (G,)
-        Index into `widths`.
+        Index into `WIDTHS_0`.
     data : uint8 array of shape (G, 16)
     sizes : int64 array of shape (G,)
         Number of bytes of data that count, the first of each row.
     """
-    costs = np.stack([_group_bytes(groups, width) for width in widths])
+    costs = np.stack([_group_bytes(groups, width) for width in WIDTHS_0])
     modes, data = costs.argmin(axis=0).astype(np.uint8), groups.copy()
-    for mode, width in enumerate(widths):
+    for mode, width in enumerate(WIDTHS_0):
         if width in (0, 8):
             continue
         rows, sentinel = groups[modes == mode], (1 << width) - 1
         cells = np.minimum(rows, sentinel).reshape(len(rows), 2 * width, 8 // width)
-        shifts = np.arange(0, 8, width)
-        packed = cells @ (1 << (shifts if width == 1 else shifts[::-1])).astype(np.uint8)
+        packed = cells @ (1 << np.arange(0, 8, width)[::-1]).astype(np.uint8)
         order = np.argsort(rows < sentinel, axis=1, kind="stable")
         large = np.take_along_axis(rows, order, axis=1)
         data[modes == mode] = np.concatenate([packed, large], axis=1)[:, :GROUP]

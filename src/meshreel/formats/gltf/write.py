@@ -14,13 +14,7 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import (
-    MESHOPT,
-    QUANTIZATION,
-    BufferWriter,
-    Json,
-    write_document,
-)
+from meshreel.formats.gltf.container import QUANTIZATION, BufferWriter, Json, write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
@@ -142,12 +136,6 @@ def check_options(options: WriteOptions) -> None:
         )
     if options.max_error is not None:
         bound_of(options.max_error)
-    if options.meshopt is not None and options.meshopt not in MESHOPT:
-        raise InvalidInputError(f"meshopt must be {' or '.join(MESHOPT)}; got {options.meshopt!r}")
-    if options.meshopt is not None and not options.compression:
-        raise InvalidInputError(
-            Keyword("meshopt"), " has no effect without compression; use only one of them"
-        )
 
 
 def frame_times(stream: SegmentedStream) -> Sequence[float]:
@@ -212,8 +200,7 @@ class SceneWriter:
     def __init__(
         self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
     ) -> None:
-        meshopt = (options.meshopt or "ext") if options.compression else None
-        self.buffer: BufferWriter = BufferWriter(meshopt)
+        self.buffer: BufferWriter = BufferWriter(is_compressed=options.compression)
         self._n_isolated = 0
         self._name, self._options, self._notes = name, options, notes
         self._times_s: Floats = np.asarray(times_s)

@@ -124,7 +124,6 @@ PANELS = {
                 "targets",
                 "normals",
                 "compression",
-                "meshopt",
                 "layout",
                 "textures",
                 "rig",

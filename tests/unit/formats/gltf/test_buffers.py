@@ -186,7 +186,7 @@ def test_uncompressed_files_need_no_extension():
     assert displacements.values.dtype == normals.values.dtype == np.float32
     np.testing.assert_allclose(displacements.values, vectors / 127, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(normals.values[:2], axis=1), 1, rtol=1e-6)
-    compressed = BufferWriter("ext")
+    compressed = BufferWriter(is_compressed=True)
     [stored] = compressed.add_vertices([vectors])
     assert compressed.is_quantized
     assert stored.values.dtype == np.int8
