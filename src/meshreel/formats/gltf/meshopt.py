@@ -20,8 +20,7 @@ MESHOPT = "EXT_meshopt_compression"
 READ_EXTENSIONS = (MESHOPT, "KHR_meshopt_compression")
 """The extension that is written, and those that are read."""
 
-TRIANGLES_HEAD, INDICES_HEAD = 0xE1, 0xD1
-TRIANGLES_TAIL, INDICES_TAIL = 16, 4
+TRIANGLES_HEAD, TRIANGLES_TAIL = 0xE1, 16
 FIFO_SIZE = 16
 MISSING = -1
 """Placeholder for entries of a FIFO that have not been set."""
@@ -68,15 +67,16 @@ def decode_view(data: bytes, count: int, stride: int, mode: str, kind: str) -> B
                 f"got {kind!r}"
             )
         return FILTERS[kind](decode_attributes(data, count, stride)).reshape(-1)
-    if mode not in ("TRIANGLES", "INDICES"):
-        raise FormatError(f"'mode' must be ATTRIBUTES, TRIANGLES or INDICES; got {mode!r}")
-    if stride not in (2, 4) or kind != "NONE" or (mode == "TRIANGLES" and count % 3):
+    if mode == "INDICES":
+        raise FormatError("'mode' INDICES, of strips and fans, is not supported; export triangles")
+    if mode != "TRIANGLES":
+        raise FormatError(f"'mode' must be ATTRIBUTES or TRIANGLES; got {mode!r}")
+    if stride not in (2, 4) or kind != "NONE" or count % 3:
         raise FormatError(
-            f"{mode} must have no filter and a byteStride of 2 or 4, and TRIANGLES a count "
-            f"divisible by 3; got {kind}, {stride} and {count}"
+            "TRIANGLES must have no filter, a byteStride of 2 or 4 and a count divisible by 3; "
+            f"got {kind}, {stride} and {count}"
         )
-    decode = decode_triangles if mode == "TRIANGLES" else decode_indices
-    return decode(data, count).astype("<u4").astype(f"<u{stride}").view(np.uint8)
+    return decode_triangles(data, count).astype("<u4").astype(f"<u{stride}").view(np.uint8)
 
 
 def decode_attributes(data: bytes, count: int, stride: int) -> Bytes:
@@ -317,35 +317,6 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     if indices and min(indices) < 0:
         raise FormatError("refers to a missing edge or vertex")
     return np.array(indices, np.int64).astype(np.uint32)
-
-
-def decode_indices(data: bytes, count: int) -> npt.NDArray[np.uint32]:
-    """Return the decoded vertex indices of a sequence, of shape (count,).
-
-    Raises
-    ------
-    FormatError
-        If the data are damaged.
-    """
-    buffer = np.frombuffer(data, np.uint8)
-    ends = np.flatnonzero(buffer[1:-INDICES_TAIL] < 128) + 1
-    if len(data) <= INDICES_TAIL or data[0] != INDICES_HEAD or len(ends) != count:
-        raise FormatError("does not contain the declared indices of version 1")
-    starts = np.concatenate([[1], ends[:-1] + 1])[:count]
-    if count and (ends[-1] + 1 != len(data) - INDICES_TAIL or (ends - starts > 4).any()):
-        raise FormatError("has an index of more than five bytes, or bytes after the last")
-    codes = np.zeros(count, np.uint64)
-    for byte in range(5):
-        is_present = starts + byte <= ends
-        bits = buffer[(starts + byte)[is_present]].astype(np.uint64) & np.uint64(127)
-        codes[is_present] |= bits << np.uint64(7 * byte)
-    indices = np.zeros(count, np.uint32)
-    short = codes.astype(np.uint32)
-    for baseline in (0, 1):  # each index is a difference from the last one of its baseline
-        is_selected = (short & np.uint32(1)) == baseline
-        steps = decode_zigzag(short[is_selected] >> np.uint32(1))
-        indices[is_selected] = np.add.accumulate(steps, dtype=np.uint32)
-    return indices
 
 
 def decode_zigzag(codes: npt.NDArray[Any]) -> npt.NDArray[Any]:
