@@ -15,10 +15,8 @@ from meshreel.formats.gltf.mesh_writer import (
     add_attributes,
     describe_losses,
     mesh_json,
-    static_normals,
-    wants_normals,
 )
-from meshreel.formats.gltf.morphs import IDENTITY, check_range
+from meshreel.formats.gltf.morphs import IDENTITY, check_range, static_normals, wants_normals
 from meshreel.formats.gltf.write import (
     SceneWriter,
     check_options,

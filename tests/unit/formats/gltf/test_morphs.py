@@ -2,14 +2,15 @@ import numpy as np
 import pytest
 
 from meshreel.codec.subspace.pca import joint_trajectories
-from meshreel.formats.gltf.mesh_writer import (
-    describe_losses,
-    fit_part,
+from meshreel.formats.gltf.mesh_writer import describe_losses, fit_part, split_at_seams
+from meshreel.formats.gltf.morphs import (
+    BYTE,
+    SHORT,
+    fit_morphs,
+    measure,
     select_normal_targets,
-    split_at_seams,
     static_normals,
 )
-from meshreel.formats.gltf.morphs import BYTE, SHORT, fit_morphs, measure
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.flag import simulate_flag

@@ -3,7 +3,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.formats.gltf.mesh_writer import creased_share
+from meshreel.formats.gltf.morphs import creased_share
 from meshreel.model.geometry.hard_edges import normal_rows, shared_edges
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.geometry.polygons import join_triangles
