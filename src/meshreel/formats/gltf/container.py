@@ -1,4 +1,4 @@
-"""Containers of glTF files: JSON and binary chunk that are read, and the buffer that is written."""
+"""Containers of glTF files: JSON and binary chunk to read, nodes and buffer to write."""
 
 import base64
 import json
@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.meshopt import MAX_STRIDE, MESHOPT
 from meshreel.formats.gltf.meshopt_encoding import encode_view
@@ -300,6 +301,90 @@ class BufferWriter:
             accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
         self.accessors.append(accessor)
         return len(self.accessors) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A translation and a uniform scale, for the node of a mesh."""
+
+    offset: Floats
+    """float64 array of shape (3,). Center of the box, exact in float32."""
+    scale: float
+    """Half size of the box, positive and exact in float32."""
+
+
+IDENTITY = Placement(np.zeros(3), 1.0)
+"""The placement that leaves positions unchanged."""
+
+
+NodePath = tuple[str, ...]
+
+
+class NodeTree:
+    """The nodes of a scene, with parents created on demand.
+
+    Attributes
+    ----------
+    nodes : list of dict
+        Entries of the JSON.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Json] = []
+        self.roots: list[int] = []
+        self._numbers: dict[NodePath, int] = {}
+        self._placements: list[Placement] = []
+
+    def add(self, name: str, mesh: int, placement: Placement) -> int:
+        """Add a node with a mesh, and return its index; add shorter paths first.
+
+        Parameters
+        ----------
+        name : str
+            Name, or path of nodes if it starts with a slash.
+        placement : Placement
+            Placement of the mesh in the world, independent of its parents.
+        """
+        path = path_of(name)
+        parent = self._parent(path)
+        above = self._placements[parent] if parent is not None else IDENTITY
+        node: Json = {"name": path[-1], "mesh": mesh}
+        shift = (placement.offset - above.offset) / above.scale
+        if shift.any():
+            node["translation"] = shift.tolist()
+        if placement.scale != above.scale:
+            node["scale"] = [placement.scale / above.scale] * 3
+        return self._append(path, node, placement, parent)
+
+    def group(self, name: str) -> int:
+        """Return the index of a root node without a mesh, added if it is missing."""
+        parent = self._parent((name, ""))
+        assert parent is not None
+        return parent
+
+    def _parent(self, path: NodePath) -> int | None:
+        parent = None
+        for end in range(1, len(path)):
+            inherited = self._placements[parent] if parent is not None else IDENTITY
+            if (number := self._numbers.get(path[:end])) is None:
+                number = self._append(path[:end], {"name": path[end - 1]}, inherited, parent)
+            parent = number
+        return parent
+
+    def _append(self, path: NodePath, node: Json, placement: Placement, parent: int | None) -> int:
+        number = len(self.nodes)
+        self.nodes.append(node)
+        self._placements.append(placement)
+        self._numbers.setdefault(path, number)
+        siblings = self.roots if parent is None else self.nodes[parent].setdefault("children", [])
+        siblings.append(number)
+        return number
+
+
+def path_of(name: str) -> NodePath:
+    """Return the node names from the root to a mesh; a single one unless its name is a path."""
+    elements = tuple(element for element in name.split("/") if element)
+    return elements if name.startswith("/") and elements else (name or "mesh",)
 
 
 def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str) -> int:

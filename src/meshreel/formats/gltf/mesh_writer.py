@@ -1,21 +1,27 @@
-"""A part of a sequence as base mesh and morph targets, written as a glTF mesh."""
+"""Parts of a sequence as base mesh and morph targets, written as meshes of a glTF scene."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Floats, Integers
 from meshreel.formats.error_budget import MARGIN
-from meshreel.formats.gltf.container import BufferWriter, Json, VertexValues
+from meshreel.formats.gltf.container import (
+    QUANTIZATION,
+    BufferWriter,
+    Json,
+    NodeTree,
+    Placement,
+    VertexValues,
+)
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.morphs import (
     BYTE,
     Morphs,
     NormalTargets,
-    Placement,
     fit_morphs,
     fit_normals,
     max_displacements,
@@ -30,9 +36,11 @@ from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.kernel.polygons import triangle_corners
-from meshreel.model.notes import Note, NoteKind
+from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.runtime.counting import counted
 
 Rows = npt.NDArray[Any]
 
@@ -398,3 +406,101 @@ def _add_vertices(
         for number, target in enumerate(targets):
             target["NORMAL"] = of_target.get(number, shared)
     return base_values, targets
+
+
+COMPRESSED_ADVICE = (
+    "vertices and triangles are reordered; for Blender, Godot and other programs without the "
+    "extension use --no-compression (compression=False)"
+)
+
+
+class SceneWriter:
+    """Collects the meshes, nodes, animation and buffer of a scene.
+
+    Parameters
+    ----------
+    name : str
+        Of the sequence.
+    times_s : sequence of float
+        Times of all frames, not negative.
+    notes : Notes
+        Gains a sentence for every material property that glTF cannot store.
+    """
+
+    def __init__(
+        self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
+    ) -> None:
+        self.buffer: BufferWriter = BufferWriter(is_compressed=options.compression)
+        self._n_isolated = 0
+        self._name, self._options, self._notes = name, options, notes
+        self._times_s: Floats = np.asarray(times_s)
+        self.tree: NodeTree = NodeTree()
+        self.meshes: list[Json] = []
+        self._samplers: list[Json] = []
+        self._channels: list[Json] = []
+        self._inputs: dict[bytes, int] = {}
+
+    def note_isolated(self) -> None:
+        """Add a note on vertices that no face uses."""
+        if self._n_isolated:
+            text = f"left out {counted(self._n_isolated, 'vertex')} that no face uses"
+            self._notes.unwritten(text)
+
+    def note_compression(self) -> None:
+        """Add a note on the extension that programs need to read the file."""
+        for extension in self.buffer.required:
+            self._notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+
+    def _split(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
+        """Return the split vertices of a part, its normals, and whether it has hard edges."""
+        # Only normals use hard edges.
+        hard_edges = None if self._options.normals is False else part.surface.hard_edges
+        n_verts = part.verts.stop - part.verts.start
+        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
+        split = split_at_seams(part, shading.rows.of_corner)
+        if self._options.compression:
+            split = split.along_edges()
+        self._n_isolated += n_verts - len(np.unique(split.sources))
+        return split, shading, hard_edges is not None
+
+    def _times(self, frames: npt.NDArray[np.int64]) -> int:
+        """Return the accessor of the times of frames, stored once."""
+        key = frames.tobytes()
+        if key not in self._inputs:
+            times = self._times_s[frames, np.newaxis]
+            self._inputs[key] = self.buffer.add_rows(times, has_bounds=True)
+        return self._inputs[key]
+
+    def _animate(self, node: int, path: str, keys: int, values: int, **sampler: str) -> None:
+        """Add a channel, given the accessors of its key times and values."""
+        target = {"node": node, "path": path}
+        self._channels.append({"sampler": len(self._samplers), "target": target})
+        self._samplers.append({"input": keys, "output": values, **sampler})
+
+    def assemble(self, materials: Materials) -> Json:
+        """Return the JSON of the file, without the buffer; materials note those without use."""
+        materials.note_unused()
+        all_required = {*materials.required, *self.buffer.required}
+        if self.buffer.is_quantized:
+            all_required.add(QUANTIZATION)
+        animation = {
+            "name": self._name or "animation",
+            "samplers": self._samplers,
+            "channels": self._channels,
+        }
+        lists = {
+            **materials.lists,
+            "accessors": self.buffer.accessors,
+            "bufferViews": self.buffer.views,
+            "animations": [animation] if self._samplers else [],
+            "extensionsUsed": sorted(all_required | materials.used),
+            "extensionsRequired": sorted(all_required),
+        }
+        return {
+            "asset": {"version": "2.0", "generator": "meshreel"},
+            "scene": 0,
+            "scenes": [{"name": self._name or "scene", "nodes": self.tree.roots}],
+            "nodes": self.tree.nodes,
+            "meshes": self.meshes,
+            **{key: values for key, values in lists.items() if values},
+        }

@@ -24,6 +24,7 @@ from meshreel.arrays import Floats, Singles
 from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.errors import InvalidInputError
+from meshreel.formats.gltf.container import IDENTITY, Placement
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
@@ -154,20 +155,6 @@ def project(time_vectors: Singles, frames: Singles) -> Singles:
 
     in_threads(multiply, chunks(frames.shape[1], PIECE_VALUES))
     return fields
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """A translation and a uniform scale, for the node of a mesh."""
-
-    offset: Floats
-    """float64 array of shape (3,). Center of the box, exact in float32."""
-    scale: float
-    """Half size of the box, positive and exact in float32."""
-
-
-IDENTITY = Placement(np.zeros(3), 1.0)
-"""The placement that leaves positions unchanged."""
 
 
 def max_displacements(frames: Vertices, base: Floats) -> Floats:

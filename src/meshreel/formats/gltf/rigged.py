@@ -8,21 +8,17 @@ import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.container import JOINTS, Json, write_document
+from meshreel.formats.gltf.container import IDENTITY, JOINTS, Json, path_of, write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
+    SceneWriter,
     StoredValues,
     add_attributes,
     describe_losses,
     mesh_json,
 )
-from meshreel.formats.gltf.morphs import IDENTITY, check_range, static_normals, wants_normals
-from meshreel.formats.gltf.write import (
-    SceneWriter,
-    check_options,
-    frame_times,
-    path_of,
-)
+from meshreel.formats.gltf.morphs import check_range, static_normals, wants_normals
+from meshreel.formats.gltf.write import check_options, frame_times
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts

@@ -14,27 +14,23 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import sharing_materials
-from meshreel.formats.gltf.container import QUANTIZATION, BufferWriter, Json, write_document
+from meshreel.formats.gltf.container import Json, path_of, write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
+    SceneWriter,
     ShadingMesh,
-    SplitVertices,
     describe_losses,
     fit_part,
-    split_at_seams,
     write_mesh,
 )
-from meshreel.formats.gltf.morphs import IDENTITY, Placement, check_range
+from meshreel.formats.gltf.morphs import check_range
 from meshreel.formats.gltf.read import SEGMENT_START
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import PartMesh, split_parts
-from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, written_times
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
-
-NodePath = tuple[str, ...]
 
 DEFAULT_MAX_ERROR = 0.1
 """Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
@@ -45,11 +41,6 @@ MAX_COMMON_TARGETS = 256
 CREASED_REASON = "much of the surface is creased (--normals, normals=True, writes them anyway)"
 
 TOO_FEW_TARGETS = "normals need at least two targets"
-
-COMPRESSED_ADVICE = (
-    "vertices and triangles are reordered; for Blender, Godot and other programs without the "
-    "extension use --no-compression (compression=False)"
-)
 
 
 def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
@@ -184,98 +175,6 @@ def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> 
         notes.result(f"normals{few} are smooth{hard}{error}{without_normals}")
 
 
-class SceneWriter:
-    """Collects the meshes, nodes, animation and buffer of a scene.
-
-    Parameters
-    ----------
-    name : str
-        Of the sequence.
-    times_s : sequence of float
-        Times of all frames, not negative.
-    notes : Notes
-        Gains a sentence for every material property that glTF cannot store.
-    """
-
-    def __init__(
-        self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
-    ) -> None:
-        self.buffer: BufferWriter = BufferWriter(is_compressed=options.compression)
-        self._n_isolated = 0
-        self._name, self._options, self._notes = name, options, notes
-        self._times_s: Floats = np.asarray(times_s)
-        self.tree: NodeTree = NodeTree()
-        self.meshes: list[Json] = []
-        self._samplers: list[Json] = []
-        self._channels: list[Json] = []
-        self._inputs: dict[bytes, int] = {}
-
-    def note_isolated(self) -> None:
-        """Add a note on vertices that no face uses."""
-        if self._n_isolated:
-            text = f"left out {counted(self._n_isolated, 'vertex')} that no face uses"
-            self._notes.unwritten(text)
-
-    def note_compression(self) -> None:
-        """Add a note on the extension that programs need to read the file."""
-        for extension in self.buffer.required:
-            self._notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
-
-    def _split(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
-        """Return the split vertices of a part, its normals, and whether it has hard edges."""
-        # Only normals use hard edges.
-        hard_edges = None if self._options.normals is False else part.surface.hard_edges
-        n_verts = part.verts.stop - part.verts.start
-        shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
-        split = split_at_seams(part, shading.rows.of_corner)
-        if self._options.compression:
-            split = split.along_edges()
-        self._n_isolated += n_verts - len(np.unique(split.sources))
-        return split, shading, hard_edges is not None
-
-    def _times(self, frames: npt.NDArray[np.int64]) -> int:
-        """Return the accessor of the times of frames, stored once."""
-        key = frames.tobytes()
-        if key not in self._inputs:
-            times = self._times_s[frames, np.newaxis]
-            self._inputs[key] = self.buffer.add_rows(times, has_bounds=True)
-        return self._inputs[key]
-
-    def _animate(self, node: int, path: str, keys: int, values: int, **sampler: str) -> None:
-        """Add a channel, given the accessors of its key times and values."""
-        target = {"node": node, "path": path}
-        self._channels.append({"sampler": len(self._samplers), "target": target})
-        self._samplers.append({"input": keys, "output": values, **sampler})
-
-    def assemble(self, materials: Materials) -> Json:
-        """Return the JSON of the file, without the buffer; materials note those without use."""
-        materials.note_unused()
-        all_required = {*materials.required, *self.buffer.required}
-        if self.buffer.is_quantized:
-            all_required.add(QUANTIZATION)
-        animation = {
-            "name": self._name or "animation",
-            "samplers": self._samplers,
-            "channels": self._channels,
-        }
-        lists = {
-            **materials.lists,
-            "accessors": self.buffer.accessors,
-            "bufferViews": self.buffer.views,
-            "animations": [animation] if self._samplers else [],
-            "extensionsUsed": sorted(all_required | materials.used),
-            "extensionsRequired": sorted(all_required),
-        }
-        return {
-            "asset": {"version": "2.0", "generator": "meshreel"},
-            "scene": 0,
-            "scenes": [{"name": self._name or "scene", "nodes": self.tree.roots}],
-            "nodes": self.tree.nodes,
-            "meshes": self.meshes,
-            **{key: values for key, values in lists.items() if values},
-        }
-
-
 class _MorphScene(SceneWriter):
     """Collects the segments of a sequence, with morph targets.
 
@@ -389,70 +288,3 @@ class _MorphScene(SceneWriter):
             keys = self.buffer.add_rows(self._times_s[shown, np.newaxis], has_bounds=True)
             values = self.buffer.add_rows(scales)
             self._animate(node, "scale", keys, values, interpolation="STEP")
-
-
-class NodeTree:
-    """The nodes of a scene, with parents created on demand.
-
-    Attributes
-    ----------
-    nodes : list of dict
-        Entries of the JSON.
-    """
-
-    def __init__(self) -> None:
-        self.nodes: list[Json] = []
-        self.roots: list[int] = []
-        self._numbers: dict[NodePath, int] = {}
-        self._placements: list[Placement] = []
-
-    def add(self, name: str, mesh: int, placement: Placement) -> int:
-        """Add a node with a mesh, and return its index; add shorter paths first.
-
-        Parameters
-        ----------
-        name : str
-            Name, or path of nodes if it starts with a slash.
-        placement : Placement
-            Placement of the mesh in the world, independent of its parents.
-        """
-        path = path_of(name)
-        parent = self._parent(path)
-        above = self._placements[parent] if parent is not None else IDENTITY
-        node: Json = {"name": path[-1], "mesh": mesh}
-        shift = (placement.offset - above.offset) / above.scale
-        if shift.any():
-            node["translation"] = shift.tolist()
-        if placement.scale != above.scale:
-            node["scale"] = [placement.scale / above.scale] * 3
-        return self._append(path, node, placement, parent)
-
-    def group(self, name: str) -> int:
-        """Return the index of a root node without a mesh, added if it is missing."""
-        parent = self._parent((name, ""))
-        assert parent is not None
-        return parent
-
-    def _parent(self, path: NodePath) -> int | None:
-        parent = None
-        for end in range(1, len(path)):
-            inherited = self._placements[parent] if parent is not None else IDENTITY
-            if (number := self._numbers.get(path[:end])) is None:
-                number = self._append(path[:end], {"name": path[end - 1]}, inherited, parent)
-            parent = number
-        return parent
-
-    def _append(self, path: NodePath, node: Json, placement: Placement, parent: int | None) -> int:
-        number = len(self.nodes)
-        self.nodes.append(node)
-        self._placements.append(placement)
-        self._numbers.setdefault(path, number)
-        siblings = self.roots if parent is None else self.nodes[parent].setdefault("children", [])
-        siblings.append(number)
-        return number
-
-
-def path_of(name: str) -> NodePath:
-    """Return the node names from the root to a mesh; a single one unless its name is a path."""
-    elements = tuple(element for element in name.split("/") if element)
-    return elements if name.startswith("/") and elements else (name or "mesh",)

@@ -11,8 +11,9 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream
+from meshreel.formats.gltf.container import IDENTITY
 from meshreel.formats.gltf.mesh_writer import describe_losses
-from meshreel.formats.gltf.morphs import IDENTITY, check_range
+from meshreel.formats.gltf.morphs import check_range
 from meshreel.formats.kinds import FolderFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.vat.layouts import (

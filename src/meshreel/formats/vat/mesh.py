@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.formats.gltf.container import write_document
+from meshreel.formats.gltf.container import IDENTITY, Placement, write_document
 from meshreel.formats.gltf.materials import Materials
-from meshreel.formats.gltf.mesh_writer import MorphMesh, split_at_seams, write_mesh
-from meshreel.formats.gltf.morphs import IDENTITY, NormalTargets, Placement
-from meshreel.formats.gltf.write import SceneWriter
+from meshreel.formats.gltf.mesh_writer import MorphMesh, SceneWriter, split_at_seams, write_mesh
+from meshreel.formats.gltf.morphs import NormalTargets
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.vat.layouts import MeshSpace, to_blender

@@ -2,14 +2,8 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.gltf.morphs import (
-    IDENTITY,
-    Placement,
-    check_range,
-    place_frames,
-    place_static,
-)
-from meshreel.formats.gltf.write import NodeTree, path_of
+from meshreel.formats.gltf.container import IDENTITY, NodeTree, Placement, path_of
+from meshreel.formats.gltf.morphs import check_range, place_frames, place_static
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf, moving_triangle
 
 
