@@ -24,8 +24,8 @@ import meshreel
 from measuring import machine_text, print_table, store
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.container import BufferWriter
-from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.morphs import place_frames
+from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.options import WriteOptions
 from meshreel.model.notes import Notes
 from meshreel.studies.timing import timed_once

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.mesh_writer import split_at_seams
+from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts

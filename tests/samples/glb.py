@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.gltf.format import write_gltf
 from meshreel.formats.gltf.meshopt import decode_view
+from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.options import WriteOptions
 
 DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

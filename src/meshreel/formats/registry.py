@@ -73,7 +73,7 @@ _SEQUENCE_MODULES = {
     ".reel": "reel",
     ".abc": "alembic.write",
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "usd.rigged"),
-    **dict.fromkeys((".glb", ".gltf"), "gltf.format"),
+    **dict.fromkeys((".glb", ".gltf"), "gltf.write"),
     **dict.fromkeys((".pc2", ".mdd"), "point_caches"),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), "arrays.hdf"),
     ".vtkhdf": "vtk.vtkhdf",

@@ -10,7 +10,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import MeshReelError
-from meshreel.formats.gltf.format import write_gltf
+from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.save import save

@@ -3,7 +3,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
-from meshreel.formats.gltf.rigged import align_influences
+from meshreel.formats.gltf.write import align_influences
 from meshreel.formats.load import load
 from samples.glb import Glb
 from samples.gltf import TRIANGLE, Gltf, shifted

@@ -9,7 +9,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.formats.error_budget import requested_budget
-from meshreel.formats.gltf.format import write_gltf
+from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.formats.save import save, save_part
 from meshreel.model.notes import Notes
