@@ -1,4 +1,4 @@
-"""Detection of hard edges from corner normals, smoothing groups or creases."""
+"""Detection of hard edges from corner normals or smoothing groups."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +13,6 @@ from meshreel.model.geometry.hard_edges import (
     Int32s,
     corner_normals,
     next_corners,
-    remaining_edges,
     shared_edges,
 )
 from meshreel.model.geometry.normals import face_normals
@@ -121,13 +120,6 @@ def edges_between_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> 
     is_hard[edges[(of_side == 0) | (of_side != of_side[first][edges])]] = True
     hard_edges = shared.ends[is_hard].astype(np.int32) if is_hard.any() else None
     return HardEdges(hard_edges, len(shared.ends), 0, 0)
-
-
-def edges_from_creases(mesh: PolygonMesh, creases: npt.NDArray[np.integer]) -> HardEdges:
-    """Return the creases, of shape (N, 2), that are edges between faces as hard edges."""
-    is_there = ((creases >= 0) & (creases < len(mesh.vertices))).all(axis=1)
-    hard_edges = remaining_edges(creases[is_there].astype(np.int32), mesh.counts, mesh.corners)
-    return HardEdges(hard_edges, len(shared_edges(mesh.counts, mesh.corners).ends), 0, 0)
 
 
 class NormalNotes:

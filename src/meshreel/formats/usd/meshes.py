@@ -17,7 +17,7 @@ from meshreel.formats.scenes.quantities import (
     quantity_tracks,
 )
 from meshreel.formats.scenes.transforms import is_mirroring, transform_points
-from meshreel.formats.surfaces.hard_edges import NormalNotes, edges_from_creases, find_hard_edges
+from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners
 from meshreel.formats.usd.materials import StageMaterials, read_materials
 from meshreel.formats.usd.quantities import (
@@ -35,9 +35,6 @@ from meshreel.model.surface import Domain, Int32s, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
-
-INFINITELY_SHARP = 10.0
-"""Sharpness from which USD does not smooth a crease."""
 
 MISMATCHED = "primvars that do not fit their faces"
 
@@ -160,27 +157,9 @@ class MeshShape:
             raise FormatError(f"mesh {self._path} has {n_faces} faces, and all of them are holes")
         return solid
 
-    def sharp_edges(self, code: float) -> npt.NDArray[np.int64] | None:
-        """Return the infinitely sharp creases of a subdivision surface, of shape (N, 2), or None.
-
-        Invalid creases are ignored.
-        """
-        mesh = self._mesh
-        attributes = (mesh.GetCreaseIndicesAttr(), mesh.GetCreaseLengthsAttr())
-        indices, lengths = (
-            np.asarray(attribute.Get(code) or [], np.int64) for attribute in attributes
-        )
-        sharpness = np.asarray(mesh.GetCreaseSharpnessesAttr().Get(code) or [], np.float64)
-        if not self.is_subdivided or (lengths < 2).any() or lengths.sum() != len(indices):
-            return None
-        if len(sharpness) == len(lengths):  # one per crease, otherwise one per edge
-            sharpness = np.repeat(sharpness, lengths - 1)
-        if not len(indices) or len(sharpness) != len(indices) - len(lengths):
-            return None
-        is_last = np.zeros(len(indices), bool)
-        is_last[np.cumsum(lengths) - 1] = True
-        edges = np.stack([indices[:-1], indices[1:]], axis=1)[~is_last[:-1]]
-        return edges[sharpness >= INFINITELY_SHARP]
+    def has_creases(self, code: float) -> bool:
+        """Whether it is the cage of a subdivision surface with creases."""
+        return self.is_subdivided and bool(self._mesh.GetCreaseIndicesAttr().Get(code))
 
     @cached_property
     def _mesh(self) -> Any:
@@ -350,6 +329,8 @@ class StageMesh:
             attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
             if self._shape.is_subdivided:
                 self.notes.left_out(CAGES, [self.path])
+            if self._shape.has_creases(code):
+                self.notes.left_out("creases of subdivision surfaces", [self.path])
             if not isinstance(solid := rows[Domain.FACE], slice):
                 holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {self.path}"
                 self.notes.left_out("faces that are holes", [holes])
@@ -452,25 +433,19 @@ class StageMesh:
     def _hard_edges(
         self, mesh: PolygonMesh, rows: dict[Domain, Any], code: float, *, is_track: bool
     ) -> Int32s | None:
-        """Return the hard edges implied by its normals, or else by its creases."""
+        """Return the hard edges implied by its normals; None without normals."""
         order = self._corner_order(mesh.counts)
         whole = replace(mesh, corners=mesh.corners[order])
         quantity = next(
             (quantity for quantity in quantities(self.prim) if quantity.role == NORMALS), None
         )
-        if quantity is not None:
-            normals = quantity.of_items(code, mesh.n_items[quantity.domain])
-            if normals is not None and quantity.domain is Domain.CORNER:
-                normals = normals[order]
-            corner_normals = normals_of_corners(whole, quantity.domain, normals)
-            hard_edges = find_hard_edges(whole, corner_normals)
-        else:
-            creases = self._shape.sharp_edges(code)
-            if creases is None:
-                return None
-            hard_edges = edges_from_creases(whole, creases)
-            if hard_edges.edges is None:
-                return None
+        if quantity is None:
+            return None
+        normals = quantity.of_items(code, mesh.n_items[quantity.domain])
+        if normals is not None and quantity.domain is Domain.CORNER:
+            normals = normals[order]
+        corner_normals = normals_of_corners(whole, quantity.domain, normals)
+        hard_edges = find_hard_edges(whole, corner_normals)
         self.normal_notes.add(self.path, hard_edges, is_track=is_track)
         if isinstance(rows[Domain.FACE], slice):
             return hard_edges.edges

@@ -7,7 +7,6 @@ from meshreel.formats.surfaces.hard_edges import (
     HardEdges,
     NormalNotes,
     edges_between_groups,
-    edges_from_creases,
     find_hard_edges,
 )
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -124,12 +123,6 @@ def test_edges_between_smoothing_groups_are_hard_and_all_of_group_0():
     assert edges_between_groups(mesh, np.full(6, 3)).edges is None
     rim = edges_between_groups(mesh, np.array([7, 1, 1, 1, 1, 1])).edges
     assert ascending(rim).tolist() == [[0, 1], [0, 2], [1, 3], [2, 3]]
-
-
-def test_creases_between_faces_are_hard():
-    mesh = polygons_of(hard_box())
-    result = edges_from_creases(mesh, np.array([[0, 1], [0, 7], [3, 1], [8, 9], [-1, 0]]))
-    assert ascending(result.edges).tolist() == [[0, 1], [1, 3]]
 
 
 def test_notes_on_several_meshes_are_one_sentence():
