@@ -4,7 +4,6 @@ Reads POLYDATA and UNSTRUCTURED_GRID of versions 1 to 5.1. VTK's own reader is n
 reason given in `meshreel.formats.vtk.xml_file`.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -46,15 +45,6 @@ NUMBERS = {
 }  # fmt: skip
 
 SIGNATURE = "# vtk DataFile Version"
-XML_TYPE = re.compile(rb"""<VTKFile\s[^>]{0,500}?\btype\s*=\s*["']([^"'<>]{1,100})["']""")
-XML_HEAD_BYTES = 4096
-"""How much of the start of a file is searched for the header of VTK's XML formats."""
-XML_EXTENSIONS = {
-    "PolyData": ".vtp", "UnstructuredGrid": ".vtu", "Collection": ".pvd",
-    "ImageData": ".vti", "RectilinearGrid": ".vtr", "StructuredGrid": ".vts",
-    "PPolyData": ".pvtp", "PUnstructuredGrid": ".pvtu", "vtkMultiBlockDataSet": ".vtm",
-}  # fmt: skip
-XML_READ = (".vtp", ".vtu", ".pvd")
 COLORS = "COLOR_SCALARS"
 DATA = {"POINT_DATA": Domain.VERTEX, "CELL_DATA": Domain.FACE}
 DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID")
@@ -154,7 +144,10 @@ def read_vtk_legacy(data: bytes) -> Step:
     """
     tokens = LegacyTokens(data)
     if not tokens.raw_line().startswith(SIGNATURE):
-        raise _no_legacy_file(data)
+        raise FormatError(
+            f"does not begin with {SIGNATURE!r}; expected a legacy VTK file; the extension of VTK "
+            "XML files is .vtp, .vtu or .pvd"
+        )
     tokens.raw_line()  # a title
     encoding = tokens.raw_line().upper()
     if encoding not in ("ASCII", "BINARY"):
@@ -168,22 +161,6 @@ def read_vtk_legacy(data: bytes) -> Step:
 def read_vtk(data: bytes) -> Frame:
     """Read a frame; raises as `read_vtk_legacy`, or if two arrays share a name."""
     return read_vtk_legacy(data).frame()
-
-
-def _no_legacy_file(data: bytes) -> FormatError:
-    """Error for a file that is not legacy VTK; names the right extension for VTK XML files."""
-    match = XML_TYPE.search(data[:XML_HEAD_BYTES])
-    if match is None:
-        return FormatError(f"does not begin with {SIGNATURE!r}; expected a legacy VTK file")
-    kind = match[1].decode("ascii", "replace")
-    extension = XML_EXTENSIONS.get(kind, "")
-    if extension in XML_READ:
-        remedy = f"rename it to {extension}"
-    elif extension:
-        remedy = f"{extension} files are not supported; convert it to .vtp or .vtu"
-    else:
-        remedy = "convert it to .vtp or .vtu"
-    return FormatError(f"is a VTK XML file of {kind[:40]}, not a legacy VTK file; {remedy}")
 
 
 class _LegacyReader:

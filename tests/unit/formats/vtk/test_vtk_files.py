@@ -640,3 +640,11 @@ def test_load_rejects_counts_that_differ_from_the_arrays(tmp_path, extension, gi
     (value,) = given.values()
     with pytest.raises(FormatError, match=f"declares NumberOf.*={value!r}, but its arrays have"):
         load(small_file(tmp_path, extension, **given))
+
+
+@pytest.mark.parametrize("data", [b"<svg/>", b'<?xml version="1.0"?><VTKFile type="PolyData">'])
+def test_other_files_named_vtk_are_rejected(tmp_path, data):
+    (tmp_path / "a.vtk").write_bytes(data)
+    message = "does not begin with '# vtk DataFile Version'.*VTK XML files is .vtp, .vtu or .pvd"
+    with pytest.raises(FormatError, match=message):
+        load(tmp_path / "a.vtk")
