@@ -102,7 +102,6 @@ def textured():
 CASES = {
     "flag": (flag, {}),
     "coarse": (flag, {"max_error": 2.0}),
-    "targets": (flag, {"targets": 7}),
     "plain": (flag, {"compression": False}),
     "normals": (flag, {"normals": True}),
     "no normals": (flag, {"normals": False}),

@@ -41,7 +41,6 @@ ReadOption = Literal[
     "keep_deleted",
 ]
 WriteOption = Literal[
-    "targets",
     "max_error",
     "normals",
     "compression",

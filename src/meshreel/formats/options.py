@@ -229,14 +229,6 @@ def origin_of(sequence: "AnySource") -> Origin | None:
 class WriteOptions:
     """Options for writing a file; each applies to the listed formats only."""
 
-    targets: Annotated[
-        int | None,
-        Option(
-            "Number of morph targets. Default: as many as the error bound needs.",
-            group=GLTF,
-            more="For glTF.",
-        ),
-    ] = None
     normals: Annotated[
         bool | None,
         Option(

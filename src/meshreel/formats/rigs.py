@@ -32,12 +32,6 @@ def is_rigged(options: WriteOptions) -> bool:
                     Keyword(name), " is a bound of rigs; add ", Keyword("rig"), ", or omit it"
                 )
         return False
-    if options.targets is not None:
-        raise InvalidInputError(
-            Keyword("targets"),
-            " is for animations without bones; a rig has as many corrective targets as its error "
-            "bounds require; omit it",
-        )
     return True
 
 

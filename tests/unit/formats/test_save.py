@@ -118,7 +118,7 @@ def test_start_number_without_pattern_is_rejected(tmp_path, make_sequence, name,
 @pytest.mark.parametrize(
     ("name", "options", "word"),
     [
-        ("a.npz", WriteOptions(targets=3), r"targets.* \.npz .* \.glb, \.gltf"),
+        ("a.npz", WriteOptions(normals=True), r"normals.* \.npz .* \.glb, \.gltf"),
         ("a.reel", WriteOptions(normals=True), r"normals .* \.reel file"),
         ("a.glb", WriteOptions(lossless=True), r"lossless .* \.glb file; it is for \.reel$"),
         ("f_%d.obj", WriteOptions(max_error=1), r"max_error .* \.reel, .*\.glb, \.gltf"),

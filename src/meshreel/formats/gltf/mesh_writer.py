@@ -96,7 +96,7 @@ def fit_part(
     frames : float array of shape (T, V, 3)
     faces : int32 array of shape (M, 3)
     bound : float
-        Largest error of a vertex, in model units; 0 for as small as possible.
+        Largest error of a vertex, in model units.
     options : WriteOptions
         Normals are animated by all targets if they are requested, by default by as few as needed.
     shading : ShadingMesh, optional
@@ -107,17 +107,16 @@ def fit_part(
     base = frames.mean(axis=0, dtype=np.float64)
     distances = max_displacements(frames, base)
     has_normals = shading.has_hard_edges or wants_normals(options.normals, frames[0], faces)
-    if distances.max() <= (0 if options.targets else bound) or len(frames) == 1:
+    if distances.max() <= bound or len(frames) == 1:
         placement, rest = place_static(base if len(frames) > 1 else frames[0])
         normals = static_normals(rest[shading.vertices], shading.faces) if has_normals else None
         return MorphMesh(placement, rest, None, normals, distances)
     placement, integers, displacements = place_frames(frames, base)
     bound = max(0.0, bound / placement.scale - MARGIN)
-    if has_normals and options.targets != 1:  # normals need an additional target
+    if has_normals:
         morphs, normals = _fit_both(frames, shading, displacements, bound, options)
     else:
-        is_compressed = options.compression
-        morphs = fit_morphs(displacements, bound, options.targets, is_compressed=is_compressed)
+        morphs = fit_morphs(displacements, bound, is_compressed=options.compression)
         normals = None
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
@@ -130,15 +129,12 @@ def _fit_both(
     options: WriteOptions,
 ) -> tuple[Morphs, NormalTargets]:
     """Return morphs of positions and normals, with the larger share of the bound that works."""
-    n_targets = None if options.targets is None else options.targets - 1
     length_error = LENGTH_ERROR if options.normals is None else 0.0
     split = frames[:, shading.vertices]
     for share in POSITION_SHARES:
-        morphs = fit_morphs(
-            displacements, share * bound, n_targets, is_compressed=options.compression
-        )
+        morphs = fit_morphs(displacements, share * bound, is_compressed=options.compression)
         fitted = fit_normals(split, shading.faces, displacements, morphs, length_error)
-        if fitted[0].error <= bound or n_targets is not None:
+        if fitted[0].error <= bound:
             break
     return fitted
 

@@ -241,11 +241,7 @@ ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 """Mean rounding error of targets, as a fraction of the bound; nearly all are below half. That of
 compressed targets is reached, the other one usually not."""
 
-INITIAL_AIM, NEXT_AIM = 0.35, 0.75
-"""Error at which a fixed number of targets aims: as a fraction of that of the components, and then
-of the smallest so far."""
-
-MAX_ROUNDS, MAX_FIXED_ROUNDS = 60, 24
+MAX_ROUNDS = 60
 PIECE_FRAMES = 8
 
 
@@ -265,27 +261,13 @@ class Morphs:
         return float(self.errors.max())
 
 
-def fit_morphs(
-    displacements: Singles,
-    bound: float,
-    n_targets: int | None = None,
-    *,
-    is_compressed: bool = False,
-) -> Morphs:
+def fit_morphs(displacements: Singles, bound: float, *, is_compressed: bool = False) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
     If int16 is too coarse for the bound, return those with the smallest error found. Compressed
     targets have fewer levels.
-
-    Parameters
-    ----------
-    n_targets : int, optional
-        Number of targets, with the smallest error found, or one below `bound`. Default: as few as
-        meet the bound.
     """
     search = _Search(displacements, is_compressed=is_compressed)
-    if n_targets is not None:
-        return _fit_fixed(search, n_targets, displacements.shape, bound)
     n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
     best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
@@ -307,19 +289,6 @@ def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> 
         n_targets = max_targets if is_last else min(n_targets, max_targets)
         morphs = search.round(n_targets, bound)
         best = min(best, morphs, key=lambda candidate: candidate.error)
-    return best
-
-
-def _fit_fixed(search: "_Search", n_targets: int, shape: tuple[int, ...], bound: float) -> Morphs:
-    """Return `n_targets` targets with the smallest error found, or with one below `bound`."""
-    best = search.round(min(n_targets, *shape), bound)
-    aim = INITIAL_AIM * best.error
-    for _ in range(MAX_FIXED_ROUNDS):
-        if best.error <= bound or len(best.targets) < n_targets:  # fewer targets are exact
-            break
-        morphs = search.round(n_targets, max(bound, aim))
-        best = min(best, morphs, key=lambda candidate: candidate.error)
-        aim = min(aim, NEXT_AIM * best.error) if best.error <= aim else aim
     return best
 
 

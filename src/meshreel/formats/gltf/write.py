@@ -47,8 +47,6 @@ MAX_COMMON_TARGETS = 256
 
 CREASED_REASON = "much of the surface is creased (--normals, normals=True, writes them anyway)"
 
-TOO_FEW_TARGETS = "normals need at least two targets"
-
 
 def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Fit all segments, write them, and note the errors.
@@ -61,7 +59,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     InvalidInputError
         If the options are out of range, their error bound cannot be met, or the file is too large.
     """
-    check_options(options)
+    _check_bound(options)
     notes = stream.notes
 
     def note_losses(mesh: FrameStream) -> None:
@@ -78,8 +76,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         low, high = _box(stream)
         segments = (segment.gather() for segment in sharing.segments())
     check_range(low, high)
-    default = DEFAULT_MAX_ERROR if options.targets is None else 0.0
-    allowed, budget = requested_budget(low, high, options, default, consumer="morph targets")
+    allowed, budget = requested_budget(
+        low, high, options, DEFAULT_MAX_ERROR, consumer="morph targets"
+    )
     stream.progress("morph targets", 0.0)
     scene = _MorphScene(stream.name, times_s, budget.added, options, notes)
     for segment in segments:
@@ -94,13 +93,12 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         is_shared = not math.isclose(remaining, allowed)
         bound = f"{remaining:.4g} % of {allowed:g} % remain" if is_shared else f"{allowed:g} % is"
         raise InvalidInputError(
-            f"{error} with {counted(n_targets[-1], 'morph target')}; {bound} allowed; use more "
-            "targets, or allow a larger error (",
+            f"{error} with {counted(n_targets[-1], 'morph target')}; {bound} allowed; allow a "
+            "larger error (",
             Keyword("max_error"),
             ")",
         )
-    advice = "allow a larger error (max_error), or use fewer targets"
-    size_bytes = write_document(path, document, scene.buffer, advice)
+    size_bytes = write_document(path, document, scene.buffer, "allow a larger error (max_error)")
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
         where = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""
@@ -124,14 +122,8 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     scene.note_compression()
 
 
-def check_options(options: WriteOptions) -> None:
-    """Raise InvalidInputError if options are out of range or contradict each other."""
-    minimum = 2 if options.normals else 1
-    if options.targets is not None and options.targets < minimum:
-        reason = " with normals" if options.normals else ""
-        raise InvalidInputError(
-            f"targets must be at least {minimum}{reason}; got {options.targets}"
-        )
+def _check_bound(options: WriteOptions) -> None:
+    """Raise InvalidInputError if the error bound is out of range, before any work."""
     if options.max_error is not None:
         bound_of(options.max_error)
 
@@ -169,8 +161,7 @@ def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> 
         return
     normals = [mesh.normals for mesh in scene.morph_meshes if mesh.normals is not None]
     if not normals:
-        reason = TOO_FEW_TARGETS if options.targets == 1 else CREASED_REASON
-        notes.unwritten(f"no normals, so viewers use flat shading: {reason}")
+        notes.unwritten(f"no normals, so viewers use flat shading: {CREASED_REASON}")
         return
     angle_deg = max(each.angle_deg for each in normals)
     error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
@@ -188,7 +179,7 @@ class _MorphScene(SceneWriter):
     Parameters
     ----------
     bound : float
-        Largest error of a vertex, in model units; 0 for as small as possible.
+        Largest error of a vertex, in model units.
 
     Attributes
     ----------
@@ -311,7 +302,7 @@ def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         As `meshreel.formats.rigs.rig_of`, if the options are out of range, or if the file is too
         large.
     """
-    check_options(options)
+    _check_bound(options)
     times_s = np.asarray(frame_times(stream))
     sequence, rig = rig_of(stream, options, times_s)
     check_range(sequence.extent.low, sequence.extent.high)
@@ -506,9 +497,7 @@ FORMATS = tuple(
         write=write_gltf,
         holds_segments=True,
         names_files=True,
-        writes=frozenset(
-            {"targets", "max_error", "normals", "compression", "rig", "kg", "quality"}
-        ),
+        writes=frozenset({"max_error", "normals", "compression", "rig", "kg", "quality"}),
         holds_materials=True,
         list_animations=list_animations,
     )

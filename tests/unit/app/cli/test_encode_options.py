@@ -121,7 +121,6 @@ PANELS = {
             (command, name)
             for command in ("decode", "convert")
             for name in (
-                "targets",
                 "normals",
                 "compression",
                 "layout",

@@ -16,7 +16,7 @@ from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.flag import simulate_flag
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
-from samples.meshes import octahedron_faces, waving_grid
+from samples.meshes import octahedron_faces
 from samples.surfaces import rich_cube
 
 
@@ -60,16 +60,6 @@ def test_fit_morphs_needs_one_target_for_motion_of_rank_one():
 def test_fit_morphs_returns_the_best_targets_if_integers_are_too_coarse(flag):
     result = fit_morphs(flag, 1e-7)
     assert 1e-7 < result.error < 1e-4
-
-
-def test_fixed_number_of_morphs_has_a_fifth_less_error_than_components(flag):
-    result = fit_morphs(flag, 0.0, 12)
-    assert len(result.targets) == 12
-    assert result.error < 0.8 * plain_error(flag, 12)
-
-
-def test_fixed_number_of_morphs_returns_fewer_targets_if_these_are_exact(flag):
-    assert len(fit_morphs(flag[:4], 0.0, 50).targets) <= 4
 
 
 def test_targets_use_the_full_integer_range(flag):
@@ -119,14 +109,6 @@ def test_normals_follow_a_rotating_body():
     options = WriteOptions(normals=True, compression=False)
     fitted = fit_part(vertices, octahedron_faces(), 0.002, options)
     assert angles_deg(fitted, vertices, octahedron_faces()).max() < 2
-
-
-def test_fixed_number_of_targets_includes_those_of_normals():
-    grid = waving_grid(20)
-    fitted = fit_part(
-        grid.vertices, grid.faces, 0.0, WriteOptions(targets=6, normals=True, compression=False)
-    )
-    assert len(fitted.morphs.targets) == len(fitted.normals.targets) == 6
 
 
 def test_normals_of_degenerate_faces_point_along_z():

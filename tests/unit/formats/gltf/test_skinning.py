@@ -266,7 +266,6 @@ def test_rigid_motion_has_no_more_channels_than_it_needs(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"targets": 3}, "targets is for animations without bones"),
         ({"rig": None, "kg": 1.0}, "kg is a bound of rigs; add rig"),
         ({"rig": None, "quality": 50}, "quality is a bound of rigs; add rig"),
         ({"quality": 50, "kg": 1.0}, "omit it, or kg"),

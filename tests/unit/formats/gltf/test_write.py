@@ -73,19 +73,6 @@ def test_larger_bounds_need_fewer_targets(tmp_path):
     assert counts == sorted(set(counts), reverse=True)
 
 
-def test_requested_number_of_targets_is_written(tmp_path):
-    result = written(tmp_path, grid(), targets=5)
-    assert result.weights("grid")[1].shape == (30, 5)
-    (mesh,) = result.document["meshes"]
-    assert mesh["extras"]["targetNames"] == [f"mode {number}" for number in (1, 2, 3, 4, 5)]
-
-
-def test_too_few_targets_for_the_bound_are_rejected(tmp_path):
-    message = r"largest error is \d.* with 2 morph targets; 0.01 % is allowed; use more"
-    with pytest.raises(InvalidInputError, match=message):
-        written(tmp_path, grid(), targets=2, max_error=0.01)
-
-
 def test_bound_that_integers_cannot_meet_is_rejected(tmp_path):
     with pytest.raises(InvalidInputError, match="; 1e-07 % is allowed"):
         written(tmp_path, grid(), max_error=1e-7)
@@ -94,8 +81,6 @@ def test_bound_that_integers_cannot_meet_is_rejected(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"targets": 0}, "targets must be at least 1; got 0"),
-        ({"targets": 1, "normals": True}, "targets must be at least 2 with normals; got 1"),
         ({"max_error": 0.0}, "max_error must be above 0"),
         ({"max_error": float("nan")}, "max_error must be above 0"),
         ({"max_error": "0.5mm"}, "the model has no length unit"),
@@ -110,18 +95,18 @@ def test_options_out_of_range_are_rejected(tmp_path, options, message):
 @pytest.mark.parametrize("fps", [24.0, 25.0, 30000 / 1001, 60.0])
 @pytest.mark.parametrize("start_s", [0.0, 2.5])
 def test_times_have_frame_rate_and_start_of_the_sequence(tmp_path, fps, start_s):
-    times, _ = written(tmp_path, grid(fps=fps, start_s=start_s), targets=3).weights("grid")
+    times, _ = written(tmp_path, grid(fps=fps, start_s=start_s)).weights("grid")
     np.testing.assert_array_equal(times, np.float32(start_s + np.arange(30) / fps))
 
 
 def test_times_before_zero_are_shifted_to_zero(tmp_path, notes):
-    times, _ = written(tmp_path, grid(start_s=-1.5), notes, targets=3).weights("grid")
+    times, _ = written(tmp_path, grid(start_s=-1.5), notes).weights("grid")
     assert (times[0], times[-1]) == (0, np.float32(29 / 25))
     assert notes[0] == "starts at 0 s, not -1.5 s: glTF has no time before 0"
 
 
 def test_unknown_frame_rate_is_noted(tmp_path, notes):
-    times, _ = written(tmp_path, grid(fps=0.0), notes, targets=3).weights("grid")
+    times, _ = written(tmp_path, grid(fps=0.0), notes).weights("grid")
     assert times[24] == 1
     assert notes[0] == "the frame rate is unknown; written as 24 fps"
 
@@ -267,11 +252,6 @@ def test_missing_normals_of_a_creased_mesh_are_explained(tmp_path, notes):
     )
 
 
-def test_missing_normals_with_a_single_target_are_explained(tmp_path, notes):
-    written(tmp_path, grid(), notes, targets=1)
-    assert notes[-1].endswith("use flat shading: normals need at least two targets")
-
-
 def test_positions_beyond_float32_are_rejected(tmp_path):
     sequence = MeshSequence(grid(2, np.float64).vertices * 1e39, grid(2).faces)
     with pytest.raises(InvalidInputError, match="glTF stores float32"):
@@ -281,7 +261,7 @@ def test_positions_beyond_float32_are_rejected(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("compression", [False, True])
 def test_gltf_has_the_same_contents_as_glb(tmp_path, compression):
-    options = {"targets": 4, "compression": compression}
+    options = {"max_error": 1.0, "compression": compression}
     glb = written(tmp_path, grid(), **options)
     write_gltf(tmp_path / "a.gltf", stream_of(grid()), WriteOptions(**options))
     document = json.loads((tmp_path / "a.gltf").read_text("utf-8"))
@@ -300,9 +280,9 @@ def test_compression_is_noted(tmp_path):
 
 
 def test_file_size_is_noted(tmp_path, notes):
-    write_gltf(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(targets=4))
+    write_gltf(tmp_path / "a.glb", stream_of(grid(), notes), WriteOptions(max_error=1.0))
     size = (tmp_path / "a.glb").stat().st_size
-    assert notes[0].endswith(f"with 4 morph targets: {size / 1e6:.3g} MB")
+    assert notes[0].endswith(f"morph targets: {size / 1e6:.3g} MB")
 
 
 GUARANTEE = 0.1
@@ -347,7 +327,7 @@ def stated(notes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}, {"targets": 5}])
+@pytest.mark.parametrize("options", [{}, {"max_error": 0.2}, {"max_error": 0.12}])
 def test_stated_error_against_the_original_holds(waves, stream_path, tmp_path, options):
     with meshreel.open(stream_path) as reel:
         positions, notes = write_frames(reel, tmp_path / "a.glb", **options)
