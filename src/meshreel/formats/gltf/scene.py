@@ -1,6 +1,5 @@
 """The nodes of a glTF file, their motion, and the meshes that they, joints and targets pose."""
 
-import dataclasses
 from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -494,7 +493,6 @@ class PosedMesh:
     node: JsonObject
     read: Callable[[Mesh], Geometry]
     """Returns the mesh at rest."""
-    _blocks: dict[int, Vertices] = dataclasses.field(default_factory=dict)
 
     def positions(self, start: int, stop: int) -> Vertices:
         """Return the float32 positions of frames start..stop - 1, of shape (K, V, 3)."""
@@ -513,17 +511,9 @@ class PosedMesh:
         return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
     def frame(self, index: int) -> PolygonMesh:
-        """Return the mesh in a frame; later frames are computed in blocks."""
+        """Return the mesh in a frame."""
         faces = self._faces
-        step = max(1, BLOCK_BYTES // faces.vertices.nbytes)
-        first = 0 if index == 0 else 1 + (index - 1) // step * step
-        block = self._blocks.get(first)
-        if block is None:  # several threads may read frames
-            stop = min(first + step, len(self.times_s)) if index else 1
-            block = self.positions(first, stop)
-            self._blocks.clear()
-            self._blocks[first] = block
-        return PolygonMesh(block[index - first], faces.counts, faces.corners)
+        return PolygonMesh(self.positions(index, index + 1)[0], faces.counts, faces.corners)
 
     def surface(self, index: int) -> Surface:
         """Return the surface of the mesh, which is the same in all frames."""
