@@ -247,7 +247,7 @@ def _words(text: str) -> list[str]:
 
 def _numbers(words: list[str]) -> Floats:
     try:
-        numbers = np.array([float(word) for word in words], np.float64)
+        numbers = np.array(words, np.float64)
     except ValueError as error:
         raise FormatError(f"has a section TIME with a bad number ({error})") from error
     if not np.isfinite(numbers).all():

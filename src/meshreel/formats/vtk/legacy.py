@@ -119,9 +119,7 @@ class LegacyTokens:
     def _text(self, count: int, code: str) -> npt.NDArray[Any]:
         words = self._read_words(count)
         try:
-            if code[0] == "f":
-                return np.array([float(word) for word in words], code)
-            return np.array([int(word) for word in words], np.int64).astype(code)
+            return np.array(words, code if code[0] == "f" else np.int64).astype(code)
         except (ValueError, OverflowError) as error:
             raise FormatError(f"expected numbers before byte {self.position}: {error}") from error
 

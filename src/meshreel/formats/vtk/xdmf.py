@@ -120,7 +120,7 @@ def _shared_times(time: Element, n_steps: int, items: DataItems) -> npt.NDArray[
 
 def _numbers(texts: list[str]) -> npt.NDArray[np.float64]:
     try:
-        return np.array([float(text) for text in texts], np.float64)
+        return np.array(texts, np.float64)
     except ValueError as error:
         raise FormatError(f"has a Time that is not a number ({error})") from error
 

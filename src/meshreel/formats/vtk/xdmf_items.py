@@ -169,10 +169,8 @@ class DataItems:
         """Parse numbers in XML text."""
         code = _code(item)
         try:
-            if code[0] == "f":
-                values = np.array([float(word) for word in text.split()], code)
-            else:
-                values = np.array([int(word) for word in text.split()], np.int64).astype(code)
+            words = text.split()
+            values = np.array(words, code if code[0] == "f" else np.int64).astype(code)
         except (ValueError, OverflowError) as error:
             raise FormatError(f"has a DataItem that is not numbers ({error})") from error
         shape = _shape(item)

@@ -141,9 +141,7 @@ class ArrayCoding:
         match element.get("format", "ascii"):
             case "ascii":
                 words = (element.text or "").split()
-                if code[0] == "f":
-                    return np.array([float(word) for word in words], code)
-                return np.array([int(word) for word in words], np.int64).astype(code)
+                return np.array(words, code if code[0] == "f" else np.int64).astype(code)
             case "binary":
                 stream = _Stream("".join((element.text or "").split()).encode(), is_raw=False)
             case "appended":
