@@ -37,6 +37,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.film_files import save_mp4
 from meshreel.rendering.rasterizer import CLAY, PAPER, render
+from meshreel.studies.timing import Seconds, timed_once
 
 SIZE = (1280, 720)
 N_PICTURES = 24
@@ -74,15 +75,19 @@ class Film:
         return iter(self.images[::stride])
 
 
-def used_seconds() -> float:
-    """Processor time of this process and its children so far."""
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(usage.ru_utime + usage.ru_stime for usage in used)
+def timed_with_children(work: Callable[[], Any]) -> tuple[Any, Seconds]:
+    """Return the value and the seconds of work; processor seconds include its child processes."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    value, seconds = timed_once(work)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    children_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return value, Seconds(seconds.wall, seconds.processor + children_s)
 
 
 def measure(tasks: Tasks, repeats: int) -> dict[str, float]:
     """Median processor seconds of each task, in alternating rounds after one warm-up."""
-    return medians(rounds(tasks, repeats, clock=used_seconds))
+    seconds = medians(rounds(tasks, repeats, timed=timed_with_children))
+    return {name: each.processor for name, each in seconds.items()}
 
 
 def available(tasks: Mapping[str, tuple[str, Callable[..., Any]]]) -> Tasks:

@@ -8,15 +8,15 @@ Printed are medians of processor milliseconds to build the tree, and microsecond
 """
 
 import argparse
+from collections.abc import Callable
 from functools import partial
-from statistics import median
+from typing import Any
 
 import igl
 import numpy as np
 
-from measuring import print_table
+from measuring import medians, print_table, rounds
 from meshreel.kernel.closest import TriangleTree
-from meshreel.studies.timing import timed_once
 from registration import frames_of, remeshed
 
 FIRST = 4
@@ -35,22 +35,23 @@ def main() -> None:
     points = other.vertices.astype(np.float64, order="C")
     points = np.concatenate([points, points[other.faces].mean(axis=1)])
 
-    seconds: dict[str, list[tuple[float, float]]] = {"core": [], "libigl": []}
-    for _ in range(arguments.repeats):
-        tree, build = timed_once(partial(TriangleTree, vertices, faces))
-        closest, search = timed_once(partial(tree.closest, points))
-        seconds["core"].append((build.processor, search.processor))
-        tree_of_igl = igl.AABB()
-        _, build = timed_once(partial(tree_of_igl.init, vertices, faces))
-        (squares, *_), search = timed_once(
-            partial(tree_of_igl.squared_distance, vertices, faces, points)
-        )
-        seconds["libigl"].append((build.processor, search.processor))
-    largest = np.abs(np.sqrt(squares) - closest.distances).max() / np.ptp(vertices, axis=0).max()
+    core, libigl = TriangleTree(vertices, faces), igl.AABB()
+    libigl.init(vertices, faces)
+    search_libigl = partial(libigl.squared_distance, vertices, faces, points)
+    tasks: dict[tuple[str, str], Callable[[], Any]] = {
+        ("core", "build"): partial(TriangleTree, vertices, faces),
+        ("core", "search"): partial(core.closest, points),
+        ("libigl", "build"): lambda: igl.AABB().init(vertices, faces),
+        ("libigl", "search"): search_libigl,
+    }
+    distances = core.closest(points).distances
+    squares, *_ = search_libigl()
+    seconds = medians(rounds(tasks, arguments.repeats))
+    largest = np.abs(np.sqrt(squares) - distances).max() / np.ptp(vertices, axis=0).max()
     print(f"{len(faces)} faces, {len(points)} points; distances differ by {largest:.1g} sides")
     rows = []
-    for name, times in seconds.items():
-        build_ms, search_ms = (1e3 * median(column) for column in zip(*times, strict=True))
+    for name in ("core", "libigl"):
+        build_ms, search_ms = (1e3 * seconds[name, step].processor for step in ("build", "search"))
         each_us = 1e3 * search_ms / len(points)
         rows.append([name, f"{build_ms:.1f}", f"{each_us:.2f}", f"{build_ms + search_ms:.1f}"])
     print_table("", ["", "build, ms", "search, us per point", "both, ms"], rows)

@@ -12,7 +12,7 @@ from statistics import median
 from typing import Any, TypeVar
 
 from meshreel.studies.study import markdown_row, markdown_table
-from meshreel.studies.timing import machine_facts, machine_line
+from meshreel.studies.timing import Seconds, machine_facts, machine_line, timed_once
 
 Name = TypeVar("Name")
 
@@ -66,30 +66,29 @@ def rounds(
     n_rounds: int = 5,
     *,
     budget_s: float = float("inf"),
-    clock: Callable[[], float] = time.perf_counter,
-) -> dict[Name, list[float]]:
+    timed: Callable[[Callable[[], Any]], tuple[Any, Seconds]] = timed_once,
+) -> dict[Name, list[Seconds]]:
     """Seconds of each task, in alternating rounds after a warm-up round.
 
     The budget of time applies after three rounds.
     """
-    runs: dict[Name, list[float]] = {name: [] for name in tasks}
+    runs: dict[Name, list[Seconds]] = {name: [] for name in tasks}
     begin, n_done = time.perf_counter(), 0
     while n_done <= MIN_ROUNDS or (n_done <= n_rounds and time.perf_counter() - begin < budget_s):
         for name, task in tasks.items():
-            start = clock()
-            task()
-            runs[name].append(clock() - start)
+            runs[name].append(timed(task)[1])
         n_done += 1
     return {name: seconds[1:] for name, seconds in runs.items()}
 
 
-def medians(runs: Mapping[Name, Sequence[float]]) -> dict[Name, float]:
-    """The median of every task."""
-    return {name: median(seconds) for name, seconds in runs.items()}
+def medians(runs: Mapping[Name, Sequence[Seconds]]) -> dict[Name, Seconds]:
+    """The medians of both clocks for every task."""
+    return {name: Seconds(*map(median, zip(*times, strict=True))) for name, times in runs.items()}
 
 
-def is_unsteady(seconds: Sequence[float]) -> bool:
-    """Whether the times of a task differ too much to be reliable."""
+def is_unsteady(runs: Sequence[Seconds]) -> bool:
+    """Whether the wall-clock times of a task differ too much to be reliable."""
+    seconds = [run.wall for run in runs]
     return max(seconds) > UNSTEADY * min(seconds)
 
 

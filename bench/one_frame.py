@@ -8,23 +8,22 @@ vertices and faces. Draco divides the longest side of the box of all frames into
 the segments have the same step, so the error is the same up to chance. Bytes and times of Draco are
 those of level 7, one frame after another. Speeds are millions of vertices per second of the whole
 sequence: by wall-clock time with 1 core and with all, and by processor time; medians of several
-runs that take turns.
+alternating rounds.
 """
 
 import argparse
-from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import DracoPy
 import numpy as np
 
 import meshreel
+from measuring import medians, rounds, start_table
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.threads import limit_cores, n_cores
-from meshreel.studies.timing import Seconds, timed_once
 
 LEVEL = 7
 LEFT_OUT = 0.02
@@ -50,16 +49,14 @@ def subset(vertices: Any, faces: Any, rng: np.random.Generator) -> MeshSequence:
     return MeshSequence(vertices[None, used], numbers.reshape(-1, 3).astype(np.int32))
 
 
-def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> None:
-    """Print a row: bytes of both, and the ratio of speeds with their values."""
+def rows(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> Iterator[list[str]]:
+    """Yield a row for each clock: bytes and their ratio to Draco, and speeds of both."""
     meshes = [(frame.vertices[0].astype(np.float32), frame.faces) for frame in frames]
     low = np.min([vertices.min(axis=0) for vertices, _ in meshes], axis=0)
     sides = np.max([vertices.max(axis=0) for vertices, _ in meshes], axis=0).astype(float) - low
     step = float(sides.max() / (2**bits - 1) / np.linalg.norm(sides))
-    segmented, n_verts = (
-        MeshSequence.of_segments(frames),
-        sum(len(vertices) for vertices, _ in meshes),
-    )
+    segmented = MeshSequence.of_segments(frames)
+    n_verts = sum(len(vertices) for vertices, _ in meshes)
 
     def encode() -> bytes:
         return meshreel.encode(segmented, "grid", step=step, order="drop")
@@ -75,32 +72,36 @@ def compare(name: str, frames: list[MeshSequence], bits: int, n_runs: int) -> No
 
     own, other = encode(), encode_draco()
     size, other_size = len(own), sum(map(len, other))
-    seconds: dict[tuple[str, int], list[Seconds]] = defaultdict(list)
-
-    tasks: dict[str, Callable[[], Any]] = {
+    works: dict[str, Callable[[], Any]] = {
         "encode": encode,
         "encode draco": encode_draco,
         "decode": lambda: meshreel.decode(own),
         "decode draco": lambda: [DracoPy.decode(stream) for stream in other],
     }
     every = n_cores()
-    for _ in range(n_runs):
-        for cores in (1, every):
-            limit_cores(cores)
-            for task, work in tasks.items():
-                seconds[task, cores].append(timed_once(work)[1])
+
+    def run(work: Callable[[], Any], cores: int) -> None:
+        limit_cores(cores)
+        work()
+
+    tasks = {
+        (task, cores): partial(run, work, cores)
+        for cores in (1, every)
+        for task, work in works.items()
+    }
+    seconds = medians(rounds(tasks, n_runs))
 
     def speed(task: str, cores: int, clock: int) -> float:
-        return n_verts / 1e6 / median(run[clock] for run in seconds[task, cores])
+        return n_verts / 1e6 / seconds[task, cores][clock]
 
-    print(f"{name} {len(frames)} x {n_verts // len(frames)}, {bits} bits: ", end="")
-    print(f"{size} bytes, {size / other_size:.3f} of Draco", flush=True)
+    case = [f"{name}, {len(frames)} x {n_verts // len(frames)}", str(bits)]
+    case += [str(size), f"{size / other_size:.3f}"]
     for label, cores, kind in (("1 core", 1, 0), (f"{every} cores", every, 0), ("processor", 1, 1)):
         cells = []
         for task in ("encode", "decode"):
             mine, draco = speed(task, cores, kind), speed(f"{task} draco", cores, kind)
-            cells.append(f"{task} {mine:6.2f} / {draco:6.2f} = {mine / draco:5.2f}")
-        print(f"    {label:10} {'   '.join(cells)}", flush=True)
+            cells += [f"{mine:.2f}", f"{draco:.2f}", f"{mine / draco:.2f}"]
+        yield [*case, label, *cells]
 
 
 def main() -> None:
@@ -111,10 +112,13 @@ def main() -> None:
     parser.add_argument("--bits", nargs="+", type=int, default=[9, 10, 11, 12])
     parser.add_argument("--runs", type=int, default=5)
     options = parser.parse_args()
+    speeds = [f"{task}, {of}" for task in ("encode", "decode") for of in ("own", "Draco", "ratio")]
+    print_row = start_table("sequence", "bits", "bytes", "of Draco", "clock", *speeds)
     for path in options.inputs:
         frames = changing_frames(path, options.frames)
         for bits in options.bits:
-            compare(path.stem, frames, bits, options.runs)
+            for row in rows(path.stem, frames, bits, options.runs):
+                print_row(*row)
 
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ from meshreel.evaluation.peers import Shape, pack_frames, unpack_frames
 from meshreel.model.sequence import Vertices
 from meshreel.paper.basis import expand, project
 from meshreel.runtime.threads import n_cores, one_blas_thread
-from meshreel.studies.timing import timed_once
+from meshreel.studies.timing import Seconds, timed_once
 
 DRACO, DRACO_BITS = "Draco", 10
 FLOORS = ("floor, all BLAS threads", "floor, one BLAS thread")
@@ -209,11 +209,11 @@ def measure(
     return result
 
 
-def nested(seconds: dict[tuple[str, str], float]) -> dict[str, dict[str, float]]:
-    """Seconds by coder, then by task."""
+def nested(seconds: dict[tuple[str, str], Seconds]) -> dict[str, dict[str, float]]:
+    """Wall-clock seconds by coder, then by task."""
     by_coder: dict[str, dict[str, float]] = {}
     for (coder, task), value in seconds.items():
-        by_coder.setdefault(coder, {})[task] = value
+        by_coder.setdefault(coder, {})[task] = value.wall
     return by_coder
 
 
