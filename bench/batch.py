@@ -25,6 +25,7 @@ import numpy as np
 import psutil
 
 import meshreel
+from measuring import print_table
 from meshreel.studies.timing import timed_once
 
 TENTHS = 10
@@ -93,7 +94,7 @@ def mib(process: int) -> float:
 
 def print_growth(samples: list[Any], n_inputs: int) -> None:
     """Print the largest samples of each tenth of the inputs."""
-    print("inputs done | program MiB | workers MiB, largest in this tenth")
+    rows = []
     for tenth in range(TENTHS):
         low, high = n_inputs * tenth // TENTHS, n_inputs * (tenth + 1) // TENTHS
         tenth_samples = [sample for sample in samples if low <= sample[0] < high]
@@ -101,7 +102,9 @@ def print_growth(samples: list[Any], n_inputs: int) -> None:
             pairs = [worker_mib for *_, worker_mib in tenth_samples if len(worker_mib) == 2]
             texts = ", ".join(f"{max(rank):.0f}" for rank in zip(*pairs, strict=True))
             program_mib = max(sample[1] for sample in tenth_samples)
-            print(f"{low:4d} to {high:4d} | {program_mib:.0f} | {texts}")
+            rows.append([f"{low} to {high}", f"{program_mib:.0f}", texts])
+    header = "inputs done", "program MiB", "workers MiB, largest in this tenth"
+    print_table("", header, rows)
 
 
 def main() -> None:

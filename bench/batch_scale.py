@@ -33,6 +33,7 @@ import psutil
 
 import meshreel
 from batch import mib, waves, write_inputs
+from measuring import print_table
 
 INPUTS = "captures"
 N_WORKERS = 2
@@ -260,11 +261,14 @@ def print_night(run: Run, idle: Run, sent_mb: float, n_inputs: int, n_positions:
     """Print what more cores would do in ten hours, computed from a run and one without work."""
     program_s = (run.program_cpu_s - idle.program_cpu_s) / n_inputs
     print(f"computed; one program can write {NIGHT_S / program_s:,.0f} streams in ten hours")
-    print("  cores | inputs | million vertices x frames | MB/s from the store")
+    rows = []
     for n_cores in (2, 16, 64, 256):
         share = n_cores * NIGHT_S / run.worker_cpu_s
-        print(f"  {n_cores} | {share * n_inputs:,.0f} | {share * n_positions / 1e6:,.0f} | "
-              f"{share * sent_mb / NIGHT_S:.1f}")  # fmt: skip
+        figures = share * n_inputs, share * n_positions / 1e6
+        rate = f"{share * sent_mb / NIGHT_S:.1f}"
+        rows.append([str(n_cores), *(f"{each:,.0f}" for each in figures), rate])
+    header = "cores", "inputs", "million vertices x frames", "MB/s from the store"
+    print_table("", header, rows)
 
 
 def positions_of(originals: dict[str, meshreel.MeshSequence]) -> int:

@@ -15,10 +15,12 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import meshreel
+from measuring import print_table
 from meshreel.kernel import library
 from meshreel.kernel.files import OpenFile
 from meshreel.model.flag import simulate_flag
@@ -43,7 +45,13 @@ def main() -> None:
     for _ in range(options.rounds):
         for build, times in rounds.items():
             times.append(run_worker(build, options.source))
-    print_table({build: fastest(times) for build, times in rounds.items()})
+    first, *others = map(fastest, rounds.values())
+    rows = [
+        [function, f"{base:.0f}", *(f"{times[function] / base:.2f}" for times in others)]
+        for function, base in sorted(first.items(), key=itemgetter(1))
+        if base >= MIN_MS
+    ]
+    print_table("", ["function", *(build.stem for build in options.builds)], rows)
 
 
 def processor_time(source: str | None) -> Times:
@@ -83,15 +91,6 @@ def run_worker(build: Path, source: str | None) -> Times:
 
 def fastest(times: list[Times]) -> Times:
     return {function: min(run[function] for run in times) for function in times[0]}
-
-
-def print_table(times: dict[Path, Times]) -> None:
-    first, *others = times
-    print(f"{'function':32}{first.stem:>12}" + "".join(f"{build.stem:>12}" for build in others))
-    for function, base in sorted(times[first].items(), key=lambda item: item[1]):
-        if base >= MIN_MS:
-            ratios = "".join(f"{times[build][function] / base:12.2f}" for build in others)
-            print(f"{function:32}{base:12.0f}{ratios}")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ normals within 0.5 degrees.
 
 import argparse
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import meshreel
+from measuring import start_table
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.shared_corners import shared_track
@@ -118,14 +120,15 @@ def main() -> None:
     parser.add_argument("inputs", nargs="+")
     parser.add_argument("--frames", type=int, default=48)
     arguments = parser.parse_args()
+    print_row = start_table("sequence", "track", "own", "shared", "rows", "share")
     for path in arguments.inputs:
         given = meshreel.load(path)
         vertices = np.asarray(given.vertices[: arguments.frames], np.float32)
         sequence = meshreel.MeshSequence(vertices, given.faces)
         for name, track in tracks_of_corners(sequence):
             own, shared, rows = sizes(sequence, track)
-            share = f"{shared / own:.2f}"
-            print("|", " | ".join([path, name, f"{own:,}", f"{shared:,}", f"{rows:,}", share]), "|")
+            counts = f"{own:,}", f"{shared:,}", f"{rows:,}"
+            print_row(Path(path).stem, name, *counts, f"{shared / own:.2f}")
 
 
 if __name__ == "__main__":

@@ -37,6 +37,8 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
+from measuring import start_table
+from meshreel.studies.timing import timed_once
 
 Vertices = npt.NDArray[np.float32]
 Read = Callable[[int, int], Vertices]
@@ -231,11 +233,13 @@ def first_batch(layout: Format, options: Any) -> float:
     """Return the milliseconds from opening a folder to the first batch."""
     lengths = lengths_of(options)
     rng = np.random.default_rng(2)
-    started = time.perf_counter()
-    windows = Windows(layout, options, lengths)
-    for index in rng.integers(len(windows), size=options.batch).tolist():
-        _ = windows[index]
-    return 1e3 * (time.perf_counter() - started)
+
+    def load() -> None:
+        windows = Windows(layout, options, lengths)
+        for index in rng.integers(len(windows), size=options.batch).tolist():
+            _ = windows[index]
+
+    return 1e3 * timed_once(load)[1].wall
 
 
 def first_batch_in_process(layout: Format, options: Any) -> float:
@@ -277,13 +281,13 @@ def compare(formats: Sequence[Format], options: Any) -> None:
             speeds[name].append(per_second(windows, options))
     sizes = {layout.name: sum(map(size_of, layout.files(options.work))) for layout in formats}
     print(f"{len(lengths)} sequences, {sum(lengths)} frames, {len(truth)} windows")
-    print(f"{'format':18} {'MB':>8} {'npz/it':>7} {'first batch, ms':>16}", end=" ")
-    print("windows per second       per processor second")
+    print_row = start_table(
+        "format", "MB", "npz/it", "first batch, ms", "windows per second", "per processor second"
+    )
     for layout in formats:
         size, latency = sizes[layout.name], first_batch_in_process(layout, options)
-        print(f"{layout.name:18} {size / 1e6:8.2f} {sizes['npz'] / size:7.1f}", end=" ")
-        wall, processor = zip(*speeds[layout.name], strict=True)
-        print(f"{latency:16.1f} {text_of(wall):>24} {text_of(processor):>24}", flush=True)
+        figures = f"{size / 1e6:.2f}", f"{sizes['npz'] / size:.1f}", f"{latency:.1f}"
+        print_row(layout.name, *figures, *map(text_of, zip(*speeds[layout.name], strict=True)))
 
 
 def epochs(loader: Any) -> Iterator[Any]:
@@ -349,13 +353,13 @@ def compare_loaders(formats: Sequence[Format], options: Any) -> None:
 
     def report_first() -> None:
         """Print the milliseconds of the first batch of new datasets, whose blocks load at once."""
-        times = []
-        for _ in range(options.rounds):
-            started = time.perf_counter()
+
+        def load() -> None:
             dataset = ReelDataset(reels[0].folder(options.work), options.window)
             _ = next(iter(DataLoader(dataset, options.batch, shuffle=True, collate_fn=collate)))
-            times.append(1e3 * (time.perf_counter() - started))
-        print(f"reel, first batch: {median(times):.0f} ms", flush=True)
+
+        seconds = [timed_once(load)[1].wall for _ in range(options.rounds)]
+        print(f"reel, first batch: {1e3 * median(seconds):.0f} ms", flush=True)
 
     pin = device is not None and device.startswith("cuda")
     print(f"DataLoader, batches of {options.batch}, to {device or 'memory'}")

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import meshreel
+from measuring import start_table
 from meshreel.kernel.exact import decode_exact, encode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.geometry.normals import vertex_normals
@@ -142,17 +143,6 @@ def measure(values: Numbers, coder: Coder) -> tuple[int, float, float]:
     return len(data), size / encode_s, size / decode_s
 
 
-def report(
-    file: Path, values: str, coder: str, raw: int, size: int, encoded: float, decoded: float
-) -> None:
-    """Print a row; speeds are MB/s of values."""
-    print(
-        f"{file.stem:14} {values:14} {coder:18} {size:10} {raw / size:8.3f} "
-        f"{encoded:7.1f} {decoded:7.1f}",
-        flush=True,
-    )
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="+", type=Path)
@@ -163,9 +153,14 @@ def main() -> None:
     missing = [n for n in ("zstandard", "pcodec", "fpzip", "blosc2") if not importable(n)]
     if missing:
         print(f"not installed, skipped: {', '.join(missing)}")
-    print(
-        f"{'file':14} {'values':14} {'coder':18} {'bytes':>10} {'ratio':>8} {'enc':>7} {'dec':>7}"
-    )
+    print_row = start_table("file", "values", "coder", "bytes", "ratio", "enc MB/s", "dec MB/s")
+
+    def report(
+        file: Path, values: str, coder: str, raw: int, size: int, encoded: float, decoded: float
+    ) -> None:
+        figures = str(size), f"{raw / size:.3f}", f"{encoded:.1f}", f"{decoded:.1f}"
+        print_row(file.stem, values, coder, *figures)
+
     for file in given.files:
         sequence = meshreel.load(file)
         bare = meshreel.MeshSequence(sequence.vertices[: given.frames], sequence.faces)
