@@ -36,7 +36,6 @@ WIDENED_TYPES: dict[np.dtype[Any], np.dtype[Any]] = {
 }
 """Lossless conversions of types that tracks do not support."""
 
-
 ReadNumbers = Callable[[int, int], npt.NDArray[Any]]
 
 
