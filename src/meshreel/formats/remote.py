@@ -58,8 +58,10 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         yield _downloaded(addresses, folder, notes)
     except MeshReelError as error:
         local, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
+        # The user knows files by their address. Paths are also within the parts: messages about
+        # several files, or about references, name them, and so do texts of libraries.
         error.path = error.path.replace(local, address)
-        error.args = tuple(  # the user knows the file by its address
+        error.args = tuple(
             part.replace(local, address) if isinstance(part, str) else part for part in error.args
         )
         raise

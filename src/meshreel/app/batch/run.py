@@ -231,6 +231,7 @@ def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Messag
         parts = (f"{error.strerror or error}: {error.filename}",)
     else:
         parts = (f"{type(error).__name__}: {error}",)
+    # Messages about several files, and texts of libraries, name paths within their parts.
     texts = [
         part if isinstance(part, Keyword) else part.replace(top, "").replace("\n", " ")
         for part in parts
