@@ -39,7 +39,7 @@ class EncoderConfig:
     Raises
     ------
     InvalidInputError
-        If an option is out of range.
+        If an option is out of range, or two exclude each other.
     """
 
     positions_only: ClassVar[bool] = False

@@ -7,7 +7,6 @@ from typing import Any
 
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
 from meshreel.codec.method_names import METHOD_NAMES, own_name
-from meshreel.codec.methods import method_named
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.paper_options import PAPER, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
@@ -65,6 +64,4 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
         if name not in own and options.get(name, option.default) != option.default:
             option.check(options[name])
             option.check_method(method)
-    config = family(method, **{name: options[name] for name in options if name in own})
-    method_named(config.method).check(config)
-    return config
+    return family(method, **{name: options[name] for name in options if name in own})

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar
 
 from meshreel.codec.bitstream.layout import Laplacian
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.methods import method_named
 from meshreel.codec.option import COUNT, Option, Range
 
 PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
@@ -20,7 +21,6 @@ DEFAULT_BITS, FINE_BITS = 9, 16
 """Default bits of coefficients; `pca` uses `FINE_BITS`."""
 
 DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
-
 
 TRACKED_BLOCK_FRAMES = 25
 """Most frames of a block of `blocks` by default."""
@@ -47,7 +47,7 @@ class Allocation(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PaperOptions(EncoderConfig):
-    """Options of the paper's methods; `paper.settings.check` compares them with each other."""
+    """Options of the paper's methods, checked; `paper.settings.check` compares them."""
 
     positions_only: ClassVar[bool] = True
 
@@ -135,6 +135,9 @@ class PaperOptions(EncoderConfig):
             methods=("blocks",),
         ),
     ] = DEFAULT_ITERATIONS
+
+    def _complete(self) -> None:
+        method_named(self.method).check(self)
 
     @property
     def laplacian_choice(self) -> Laplacian:

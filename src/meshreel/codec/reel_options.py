@@ -204,6 +204,13 @@ class ReelOptions(EncoderConfig):
                 " or ",
                 Keyword("size"),
             )
+        if self.method == "grid" and kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
+            raise InvalidInputError(
+                "method grid rounds positions to a grid; set ",
+                Keyword("max_error"),
+                " or ",
+                Keyword("step"),
+            )
         if self.lossless:
             self._make_lossless()
         object.__setattr__(self, "lossless", self.method == LOSSLESS)

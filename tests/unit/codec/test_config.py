@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import combinations
 
 import pytest
@@ -97,6 +98,18 @@ TARGETS = {
 def test_config_reports_allowed_values_of_an_option(options, message):
     with pytest.raises(InvalidInputError, match=message):
         config_of(**options)
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "message"),
+    [
+        (config_of("pca-qp", n_modes=5), {"energy": 0.9}, "exclude each other"),
+        (config_of("grid", step=0.001), {"step": None}, "set max_error or step"),
+    ],
+)
+def test_changed_config_is_checked_too(config, changes, message):
+    with pytest.raises(InvalidInputError, match=message):
+        replace(config, **changes)
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 1000, 1001])
