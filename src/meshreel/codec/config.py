@@ -5,6 +5,7 @@ and the documentation derive options, types, defaults and texts from the fields 
 add an option, add a field and read it in the methods that support it.
 """
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
@@ -33,7 +34,7 @@ MAX_BLOCK_POSITIONS = 1 << 28
 
 
 @dataclass(frozen=True)
-class EncoderConfig:
+class EncoderConfig(ABC):
     """The options of `meshreel.encode` that all methods share, checked.
 
     Raises
@@ -131,8 +132,9 @@ class EncoderConfig:
             object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
         self._complete()
 
+    @abstractmethod
     def _complete(self) -> None:
-        """Replace text by numbers, and set options that follow from others."""
+        """Replace text by numbers, set options that follow from others, and compare them."""
 
     @property
     def chosen(self) -> list[Option]:
@@ -179,13 +181,14 @@ class EncoderConfig:
         """Memory limit in bytes, or None."""
         return None if self.memory is None else float(self.memory)
 
+    @abstractmethod
     def longest_block(self, n_frames: int | None, n_verts: int) -> int | None:
         """Return the number of frames per block without an option or a memory limit.
 
         None if the number of frames is unknown, and any number will do.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def block_bytes(
         self, block_frames: int, n_verts: int, number_bytes: int, *, is_whole: bool
     ) -> float:
@@ -199,7 +202,6 @@ class EncoderConfig:
         is_whole : bool
             Whether one block is the whole sequence, so that no other is read meanwhile.
         """
-        raise NotImplementedError
 
     def frames_in_block(self, n_frames: int, n_verts: int, number_bytes: int) -> int:
         """Return the number of frames per block.
