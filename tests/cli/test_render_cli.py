@@ -78,7 +78,7 @@ def test_render_prints_a_table_by_default(flag, tmp_path):
             ["vertex counts differ", "distance compares any surfaces"],
         ),
         (["-o", "a.png", "--frames", "12"], ["frames 0 to 11"]),
-        (["-o", "a.png", "--frames", "9:9"], ["selects no frame", "0 to 11"]),
+        (["-o", "a.png", "--frames", "9:9"], ["--frames 9:9 select no frame", "0:12"]),
         (["-o", "a.png", "--frames", "1;2"], ["A:B", "0,10,20"]),
         (["-o", "a.png", "--frames", "1:9:2"], ["A:B"]),
         (["-o", "a.png", "--view", "behind"], ["front, side, top"]),

@@ -7,7 +7,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword
 
 FrameChoice = SupportsIndex | slice | npt.ArrayLike
 
@@ -96,7 +96,8 @@ def frame_range(frames: slice | None, n_frames: int) -> range:
         raise InvalidInputError(f"frames must have no step; got {frames}")
     if start >= stop:
         raise InvalidInputError(
-            f"frames {slice_text(frames)} select no frame; there are frames 0:{n_frames}"
+            Keyword("frames"),
+            f" {slice_text(frames)} select no frame; there are frames 0:{n_frames}",
         )
     return range(start, stop)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from meshreel.app.cli.write_options import clamped_note
+from meshreel.app.cli.write_options import chosen_frames, frame_slice
 
 if TYPE_CHECKING:
     from meshreel.model.notes import Notes
@@ -23,7 +23,7 @@ def frame_numbers(text: str | None, n_frames: int, notes: "Notes") -> list[int]:
     Adds a note if 'A:B' exceeds the ends.
     """
     if is_range(text):
-        return _range(text or ":", n_frames, notes)
+        return list(chosen_frames(frame_slice(text), n_frames, notes))
     try:
         return [range(n_frames)[int(word)] for word in (text or "").split(",")]
     except ValueError:
@@ -35,21 +35,6 @@ def frame_numbers(text: str | None, n_frames: int, notes: "Notes") -> list[int]:
             f"--frames {text} names a frame that does not exist; there are frames 0 to "
             f"{n_frames - 1}"
         ) from None
-
-
-def _range(text: str, n_frames: int, notes: "Notes") -> list[int]:
-    try:
-        start, stop = (int(part) if part else None for part in text.split(":"))
-    except ValueError:
-        raise click.UsageError(f"--frames takes A:B with whole numbers; got {text!r}") from None
-    numbers = range(n_frames)[start:stop]
-    if not numbers:
-        raise click.UsageError(
-            f"--frames {text} selects no frame; there are frames 0 to {n_frames - 1}"
-        )
-    if note := clamped_note(slice(start, stop), n_frames):
-        notes.append(note)
-    return list(numbers)
 
 
 def picture_size(text: str | None) -> tuple[int, int] | None:

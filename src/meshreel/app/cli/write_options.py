@@ -16,7 +16,7 @@ from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
-    from meshreel.model.notes import Note, Notes
+    from meshreel.model.notes import Notes
 
 OutputOption = Annotated[
     File,
@@ -152,25 +152,16 @@ def chosen_frames(selection: slice | None, n_frames: int, notes: "Notes") -> ran
     InvalidInputError
         If the slice selects no frame.
     """
-    from meshreel.model.frame_choice import frame_range
+    from meshreel.model.frame_choice import frame_range, slice_text
 
     frames = frame_range(selection, n_frames)
-    if selection is not None and (note := clamped_note(selection, n_frames)):
-        notes.append(note)
+    ends = [] if selection is None else [selection.start, selection.stop]
+    if any(end is not None and not -n_frames <= end <= n_frames for end in ends):
+        notes.result(
+            f"--frames {slice_text(selection)} exceeds the frames 0:{n_frames}; using "
+            f"{frames.start}:{frames.stop}"
+        )
     return frames
-
-
-def clamped_note(selection: slice, n_frames: int) -> "Note | None":
-    """The note on a range of frames that exceeds the ends; None if it does not."""
-    from meshreel.model.frame_choice import slice_text
-    from meshreel.model.notes import Note, NoteKind
-
-    ends = [end for end in (selection.start, selection.stop) if end is not None]
-    if all(-n_frames <= end <= n_frames for end in ends):
-        return None
-    start, stop, _ = selection.indices(n_frames)
-    text = f"--frames {slice_text(selection)} exceeds the frames 0:{n_frames}; using {start}:{stop}"
-    return Note(NoteKind.RESULT, text)
 
 
 def written_figures(written: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:
