@@ -52,11 +52,11 @@ REEL_INLINE int reel_n_nodes(const reel_cell_type *type) {
 /* The type of a code, or NULL. */
 const reel_cell_type *reel_find_cell_type(uint32_t code);
 
-/* Sort the different ones of up to REEL_MAX_SIDE_CORNERS nodes; returns their
- * number. */
+/* Sort up to REEL_MAX_SIDE_CORNERS nodes and drop duplicates; returns how many
+   remain. */
 int reel_sort_nodes(const int32_t *nodes, int n, int32_t *sorted);
 
-/* Cells, with the place of the first node of each. */
+/* Cells; the nodes of cell i are nodes[starts[i]] .. nodes[starts[i + 1] - 1]. */
 typedef struct {
     const uint8_t *types; /* codes */
     const int32_t *nodes;
@@ -64,13 +64,14 @@ typedef struct {
     int64_t n;
 } reel_cell_list;
 
-/* The side of another cell with the same nodes as side 8 c + k of cell c, or
-   the side itself. Sides with the same nodes are paired in order. Returns false
-   if the arena is too small. */
+/* Pair the sides of different cells that have the same nodes. Side k of cell c
+   has the number 8 c + k; its entry of `mates` is the number of its partner, or
+   its own if it has none. Sides with the same nodes are paired in order.
+   Returns false if the arena is too small. */
 bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *arena,
                       int32_t *mates);
 
-/* Memory of `reel_match_sides`. */
+/* Bytes of arena that `reel_match_sides` needs. */
 size_t reel_match_memory(int64_t n_cells, int64_t n_verts);
 
 /* Check cells and fill starts[n_cells + 1]; returns 0 or a failure. */

@@ -12,8 +12,8 @@ TARGET REEL_INLINE void SUM_NAME(write_sums)(const SUM_NAME(vector) *sums, doubl
     }
 }
 
-/* Sum the modes of VERTICES_PER_STEP vertices in three columns; `fields` are those of the first
-   vertex. */
+/* Sum basis times field over the modes, for three columns and VERTICES_PER_STEP consecutive
+   vertices; `fields` points to the first of them in the row of the first mode. */
 TARGET static void SUM_NAME(sum_modes)(const NUMBER *fields, const NUMBER *x_basis,
                                        const NUMBER *y_basis, const NUMBER *z_basis,
                                        int64_t n_modes, double *x_out, double *y_out,

@@ -8,7 +8,7 @@ typedef struct {
     int64_t n, n_nodes, n_verts;
     uint8_t *types;
     int32_t *nodes;
-} fuzz_cells_of;
+} cell_mesh;
 
 static int64_t any_type(void) {
     for (;;) {
@@ -19,10 +19,10 @@ static int64_t any_type(void) {
     }
 }
 
-/* Random cells: neighbors share nodes, because there are few or because they repeat earlier ones.
- */
-static fuzz_cells_of make_cells(void) {
-    fuzz_cells_of cells = {.n = 1 + fuzz_below(30), .n_verts = 1 + fuzz_below(60)};
+/* Make random cells that share nodes: there are few nodes, and most nodes of a cell are equal or
+   next to those of the cell before. */
+static cell_mesh make_cells(void) {
+    cell_mesh cells = {.n = 1 + fuzz_below(30), .n_verts = 1 + fuzz_below(60)};
     cells.types = fuzz_allocate(cells.n, 1);
     int64_t type = any_type();
     for (int64_t i = 0; i < cells.n; i++) {
@@ -40,7 +40,7 @@ static fuzz_cells_of make_cells(void) {
     return cells;
 }
 
-static void check_surface(const fuzz_cells_of *cells) {
+static void check_surface(const cell_mesh *cells) {
     int64_t n_polygons = 0, capacity = fuzz_below(40);
     size_t size = reel_cells_memory(cells->n, cells->n_verts);
     for (int round = 0; round < 2; round++) {
@@ -60,7 +60,7 @@ static void check_surface(const fuzz_cells_of *cells) {
     }
 }
 
-static void check_adjacency(const fuzz_cells_of *cells, int64_t of_cells) {
+static void check_adjacency(const cell_mesh *cells, int64_t of_cells) {
     int64_t n = of_cells ? cells->n : cells->n_verts;
     int64_t capacity = of_cells ? 8 * cells->n : 4 * cells->n_nodes;
     int32_t *starts = fuzz_allocate(n + 1, sizeof *starts);
@@ -72,14 +72,14 @@ static void check_adjacency(const fuzz_cells_of *cells, int64_t of_cells) {
     fuzz_hash(near, result, sizeof *near);
 }
 
-static int64_t decode(fuzz_bytes bytes, const fuzz_cells_of *cells, uint8_t *types,
+static int64_t decode(fuzz_bytes bytes, const cell_mesh *cells, uint8_t *types,
                       int32_t *nodes) {
     size_t size = reel_cells_code_memory(cells->n, cells->n_nodes, cells->n_verts);
     return reel_cells_decode(FUZZ_MEMORY(size), bytes.bytes, bytes.size, cells->n, cells->n_nodes,
                              cells->n_verts, types, nodes);
 }
 
-static int64_t decode_order(fuzz_bytes bytes, const fuzz_cells_of *cells, int32_t *cell_sequence,
+static int64_t decode_order(fuzz_bytes bytes, const cell_mesh *cells, int32_t *cell_sequence,
                             int32_t *vertex_sequence) {
     size_t size = reel_cells_order_memory(cells->n, cells->n_nodes, cells->n_verts);
     return reel_cells_order_decode(FUZZ_MEMORY(size), bytes.bytes, bytes.size, cells->types,
@@ -88,7 +88,7 @@ static int64_t decode_order(fuzz_bytes bytes, const fuzz_cells_of *cells, int32_
 }
 
 /* Code a random order of cells and vertices. */
-static void check_order(const fuzz_cells_of *cells) {
+static void check_order(const cell_mesh *cells) {
     int64_t capacity = 32 * (cells->n + cells->n_verts + 1);
     uint8_t *out = fuzz_allocate(capacity, 1);
     const int32_t *of_cells = fuzz_permutation(cells->n);
@@ -114,7 +114,7 @@ static void check_order(const fuzz_cells_of *cells) {
 }
 
 void fuzz_cells(void) {
-    fuzz_cells_of cells = make_cells();
+    cell_mesh cells = make_cells();
     int64_t capacity = 16 * cells.n_nodes + 64;
     uint8_t *out = fuzz_allocate(capacity, 1), *types = fuzz_allocate(cells.n, 1);
     uint8_t *decoded_types = fuzz_allocate(cells.n, 1);

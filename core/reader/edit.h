@@ -5,7 +5,7 @@
 
 #include "mesh.h"
 
-/* Decode the base mesh from CONNECTIVITY and ORDER, and apply EDIT, which the outline has. */
+/* Decode the base mesh from CONNECTIVITY and ORDER, and apply EDIT, which must be present. */
 int reel_read_edited_mesh(reel_call *call, reel_pool *pool, const reel_outline *outline,
                           reel_mesh_data *mesh);
 

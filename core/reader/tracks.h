@@ -23,11 +23,11 @@ typedef struct {
     meshreel_track info;
     uint32_t sharing;
     uint32_t n_coded;    /* coded columns */
-    uint32_t difference; /* REEL_BACKWARD to REEL_FORWARD, of positions; or 0 */
-    uint32_t size;       /* bytes of a number */
+    uint32_t difference; /* of positions, which predicts: REEL_BACKWARD to REEL_FORWARD, or 0 */
+    uint32_t size;       /* bytes per number */
     bool is_float, is_signed;
     double *placement; /* scale, and origin of each coded column */
-    double rate;
+    double rate;     /* predicted velocity over difference */
     reel_range rows; /* for REEL_OF_ROWS */
 } reel_track;
 

@@ -30,8 +30,8 @@ FRAMES_PER_REPORT = 256
 FACE_BYTES = 12
 
 TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20
-"""Segments with numbers of positions between these are decoded in parallel, as they are encoded
-(`codec.reel.encoding.segments`)."""
+"""Numbers of positions between which a segment is decoded in parallel with others; the encoder uses
+the same limits (`codec.reel.encoding.segments`)."""
 
 
 def decode(

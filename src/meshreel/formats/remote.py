@@ -86,7 +86,7 @@ def _folder(address: str) -> str:
 
 
 def _folder_name(address: str) -> str:
-    """Local name for that folder, which becomes the name of a sequence of frames."""
+    """Local name for the folder of an input; a sequence of frames is named after it."""
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 

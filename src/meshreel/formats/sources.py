@@ -93,7 +93,7 @@ def missing_source(path: AnyPath) -> str:
 
 
 def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
-    """Return the files of a source, and others that belong to them, as meshes of point caches.
+    """Return the files of a source and their companions, such as the mesh of a point cache.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ def differing_names(first: Surface, second: Surface) -> list[str]:
 
 
 def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
-    """Type and name of each attribute, kind of groups and hard edges, with values to compare."""
+    """Yield a key for each attribute, kind of groups and hard edges, with values to compare."""
     for attribute in surface.attributes:
         values = attribute.per_item()
         key = ("attribute", attribute.name)

@@ -116,7 +116,7 @@ class Conversion:
         self.figures.append(figures)
 
     def _input_bytes(self) -> int | None:
-        """Return the bytes of the inputs and of files that they refer to; None of one object."""
+        """Size of the inputs with the files that they reference; None if one object is read."""
         if self.reading.object is not None:
             return None
         files = {path.resolve() for path in self.inputs} | self.reading.referenced

@@ -71,7 +71,7 @@ MESH_SECTIONS = (
 """Sections that a segment may share with an earlier one."""
 
 LOOK_SECTIONS = (Section.MATERIAL, Section.IMAGE)
-"""Those that fit any mesh; writers store them after the others."""
+"""Surface sections that do not depend on the mesh; writers store them last."""
 
 
 class Laplacian(IntEnum):

@@ -221,7 +221,7 @@ def _extensions(json: JsonObject) -> set[str]:
 
 
 def _image_index(texture: JsonObject) -> int:
-    """Return the image of a texture: that of the core specification, or else of an extension."""
+    """Return the image index of a texture, from its core property or else from an extension."""
     sources = [texture, *map(texture.extension, IMAGE_EXTENSIONS)]
     for source in sources:
         if source is not None and (index := source.index("source", "images")) is not None:
@@ -387,7 +387,10 @@ class Materials:
         return pbr
 
     def _metallic_roughness(self, look: Material) -> Json | None:
-        """Return the single texture of both, if they share it or one of them has no effect."""
+        """Return the texture with metallic and roughness, if one texture can replace both.
+
+        It can if they share it, or if one of the two factors is 0.
+        """
         metallic, roughness = look.textures.get("metallic"), look.textures.get("roughness")
         texture = roughness or metallic
         if texture is None:

@@ -127,7 +127,7 @@ def _select_motion(
 
 
 def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int]]:
-    """Return the nodes where animating a property moves or shows a mesh, by path."""
+    """Return, by animated property, the nodes where it moves, shows or hides a mesh."""
     holders = {mesh.node for mesh in shown}
     above_carriers = set(nodes.with_ancestors({node for mesh in shown for node in mesh.carriers}))
     nodes_of_path = {"weights": holders, VISIBLE: set(nodes.with_ancestors(holders))}

@@ -92,7 +92,7 @@ class Words:
         return n_bytes // self._integer.itemsize
 
     def end_of_file(self, position: int) -> int:
-        """Return the first word of the file after the one with a position."""
+        """Return the end of the file that contains a position: the first word of the next file."""
         return next(start for start in self.starts if start > position)
 
     def is_padding(self, start: int) -> bool:
@@ -200,7 +200,7 @@ CONNECTIVITY = {
 """Number and width of the rows of each kind of element, in their order in the geometry."""
 
 N_SIZES, N_NUMBERING = 10, 16
-"""Words of the numbering section before the numbers, without and with those of parts."""
+"""Words in the header of the numbering section, without and with part numbers."""
 
 RIGID = 20
 """Material type of rigid shells, which have no results if material types are stored."""
@@ -424,7 +424,7 @@ class D3plotLayout:
         self._position += self.control["ialemat"]
 
     def _read_particle_flags(self) -> tuple[int, int, int]:
-        """Return words: of each SPH particle, and of airbags in the geometry and in each state."""
+        """Return numbers of words: per SPH particle, and of airbags in geometry and each state."""
         n_sph = 0
         if self.control["nmsph"]:
             flags = self.words.integers(self._position, int(self._next_integers(1)[0]))
@@ -639,7 +639,7 @@ def _read_control(words: Words) -> dict[str, int]:
     control = {name: numbers[at] if at < len(numbers) else 0 for name, at in CONTROL.items()}
     control["has_ten_nodes"] = int(control["nel8"] < 0)
     control["nel8"] = abs(control["nel8"])
-    # A negative number of integration points says that states have a table of what is deleted.
+    # A negative number of integration points means that states list deleted nodes or elements.
     points = control["maxint"]
     control["deletion"] = 0 if points >= 0 else 1 if points > -10_000 else 2
     control["maxint"] = abs(points) - 10_000 * (control["deletion"] == 2)

@@ -189,12 +189,12 @@ class CellSurface:
     volume_rows: npt.NDArray[np.int64] | None = None
     """int64 array. Rows of the cell data that belong to these cells. Default: all."""
     changes: tuple[str, ...] = ()
-    """What was changed in them, for notes."""
+    """Conversions of cell types, for notes."""
     unstored: tuple[str, ...] = ()
     """Types of cells that cannot be stored, if solids are reduced to their surface, for notes."""
 
     def note_interior(self, notes: Notes) -> None:
-        """Note what is not kept of cells: mostly the inside of solids, unless they all are."""
+        """Note converted cell types, and the inside of solids if only their surface is kept."""
         for change in self.changes:
             notes.changed("types of cells", change)
         if self.n_solids:
@@ -258,10 +258,11 @@ CONVERSIONS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
     (PIXEL, 9, (0, 1, 3, 2)),
     (VOXEL, 12, (0, 1, 3, 2, 4, 5, 7, 6)),
 )
-"""Types that are stored as another type: it, and the order of the points of each cell."""
+"""Types that are converted: the old type, the new one, and the order of its points in the old."""
 
 SPLIT_TYPES = (EMPTY, POLY_VERTEX, POLY_LINE, STRIP)
-"""Types of any number of points, where a stored cell begins at each point but the last ones."""
+"""Types with any number of points, which are split: a new cell begins at each point that enough
+points follow."""
 
 TYPE_NAMES = {
     0: "empty cell", 1: "point", 2: "poly-vertex", 3: "line", 4: "polyline", 5: "triangle",
@@ -327,9 +328,9 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
     -------
     Cells
     rows : int64 array of shape (N,)
-        The given cell of each of them.
+        The original cell of each new one.
     changes : tuple of str
-        What was changed, for notes.
+        Conversions of cell types, for notes.
     """
     if not np.isin(cells.types, [kind for kind, _, _ in CONVERSIONS]).any():
         return cells, np.arange(len(cells.types)), ()

@@ -222,7 +222,7 @@ def _smallest_texture(
 
 
 def _write_normals(image: Texels, motion: Motion, grid: TexelGrid, texel_type: TexelType) -> float:
-    """Write normals to the lower half of a texture; return the largest angle to those played."""
+    """Write normals to the lower half of a texture; return their largest error in degrees."""
     angle_deg = 0.0
     for frame, normals in enumerate(motion.normals()):
         texels = texel_type.texels(normal_values(normals))

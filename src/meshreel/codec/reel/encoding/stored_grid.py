@@ -1,4 +1,4 @@
-"""Grids on which positions lie: through the rounding of floats and text, or within a tolerance."""
+"""Find the grid of positions that were rounded, or that lie on one within a tolerance."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,10 +16,11 @@ MIN_STEP = 8
 """Smallest step of a grid, in tolerances; a finer step is just the last digit of text."""
 
 MAX_CELLS, MIN_GAIN = 64, 1.5
-"""Of a coarse grid: cells along a side of the box, and least ratio of its step to other steps."""
+"""Limits of a coarse grid: cells along a side of the bounding box, and the ratio of its step to
+twice the tolerance, the step without such a grid."""
 
 N_SAMPLED = 64
-"""Positions that select coarse grids, which all positions then verify."""
+"""Size of the sample that rules out most coarse grids; the rest are checked on all positions."""
 
 TEXT_DIGITS = range(4, 8)
 """Significant digits to which text may have rounded a float."""
