@@ -86,7 +86,8 @@ REEL_INLINE bool reel_equal_bytes(const uint8_t *a, const uint8_t *b, size_t siz
     return i == size;
 }
 
-/* Turn the counts in starts[1..n] into where each of n + 1 lists begins. */
+/* Turn the lengths of n lists, in starts[1..n], into their bounds: list i is starts[i] ..
+   starts[i + 1] - 1. */
 REEL_INLINE void reel_prefix_sum(int32_t *starts, int64_t n) {
     for (int64_t i = 0; i < n; i++) {
         starts[i + 1] += starts[i];

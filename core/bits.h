@@ -84,7 +84,7 @@ REEL_INLINE void reel_renormalize(reel_range_coder *coder) {
     coder->range <<= 32;
 }
 
-/* Code a bit that is 1 with probability ones / 65536, 0 < ones < 65536. */
+/* Code a bit that is 1 with a Q16 probability, 0 < probability < 65536. */
 REEL_INLINE int reel_code_bit(reel_range_coder *coder, uint32_t probability, int bit) {
     uint64_t bound = (coder->range >> 16) * probability;
     if (reel_is_encoder(coder)) {
@@ -139,20 +139,20 @@ REEL_INLINE uint32_t reel_code_raw(reel_range_coder *coder, int count, uint32_t 
    bytes in the final interval, without trailing zero bytes, which the decoder supplies. */
 REEL_INLINE int64_t reel_finish_encoder(reel_range_coder *coder) {
     uint64_t high = coder->low + (coder->range - 1); /* may wrap around, which carries once more */
-    uint64_t chosen = high;
+    uint64_t shortest = high;
     bool carried = high < coder->low;
-    for (int kept = 0; kept <= 64; kept += 8) { /* shortest number in low..high */
-        uint64_t mask = kept == 0 ? 0 : kept == 64 ? UINT64_MAX : ~(UINT64_MAX >> kept);
+    for (int n_bits = 0; n_bits <= 64; n_bits += 8) { /* highest bits that a candidate keeps */
+        uint64_t mask = n_bits == 0 ? 0 : n_bits == 64 ? UINT64_MAX : ~(UINT64_MAX >> n_bits);
         uint64_t candidate = high & mask;
         if (carried ? true : candidate >= coder->low) {
-            chosen = candidate;
+            shortest = candidate;
             break;
         }
     }
     if (carried) {
         reel_propagate_carry(coder);
     }
-    coder->low = chosen;
+    coder->low = shortest;
     reel_write_word(coder);
     coder->low <<= 32;
     reel_write_word(coder);
@@ -226,7 +226,7 @@ REEL_INLINE uint32_t reel_probability(const reel_model *model) {
 REEL_INLINE void reel_update_model(reel_model *model, int bit) {
     uint32_t rate = reel_adaptation_rates[model->count];
     uint32_t fast = rate > 65536U >> REEL_FAST_SHIFT ? rate : 65536U >> REEL_FAST_SHIFT;
-    uint32_t flip = bit ? 65535U : 0U; /* a 1 moves 65535 - p as a 0 moves p */
+    uint32_t flip = bit ? 65535U : 0U; /* for a 1, decrease the complement 65535 - p instead */
     uint32_t p = model->fast ^ flip, q = model->slow ^ flip;
     model->fast = (uint16_t)((p - (p * fast >> 16)) ^ flip);
     model->slow = (uint16_t)((q - (q * rate >> 16)) ^ flip);

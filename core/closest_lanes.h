@@ -31,7 +31,7 @@ TARGET REEL_INLINE VEC NAMED(clamped)(VEC v) {
     return SELECT(v < one, v, one);
 }
 
-/* A bit for each lane of a mask that is set. */
+/* Return the lanes of a mask as bits: bit i is 1 if lane i is set. */
 TARGET REEL_INLINE uint32_t NAMED(bits_of)(MASK mask) {
     uint32_t bits = 0;
     REEL_UNROLLED for (int lane = 0; lane < LANES; lane++) {
@@ -58,7 +58,7 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
     return bits;
 }
 
-/* Replace the closest point by that of a leaf, if it is closer, or as close in a lower face.
+/* Replace the closest point by that of a leaf if it is closer, or as close and of a lower face.
 
    The candidates are the closest points of the three edges, and that of the plane if it is inside.
    All of them are on the triangle: rounding errors of slivers yield no distance that is too
@@ -104,13 +104,13 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         s = SELECT(is_less, inside_s, s);
         t = SELECT(is_less, inside_t, t);
 
-        MASK counts = square <= nearest->square;
-        if (direction) { /* the length of `normal` is its inverse */
+        MASK is_candidate = square <= nearest->square;
+        if (direction) { /* product / |normal| >= 1, squared to avoid the root */
             VEC3 along = {(VEC){0} + direction[0], (VEC){0} + direction[1], (VEC){0} + direction[2]};
             VEC product = NAMED(dot)(normal, along);
-            counts &= (product > 0.0) & (product * product >= NAMED(dot)(normal, normal));
+            is_candidate &= (product > 0.0) & (product * product >= NAMED(dot)(normal, normal));
         }
-        uint32_t bits = NAMED(bits_of)(counts);
+        uint32_t bits = NAMED(bits_of)(is_candidate);
         for (; bits; bits &= bits - 1) {
             int lane = __builtin_ctz(bits);
             int64_t face = leaf->face[i + lane];
@@ -152,7 +152,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
         uint32_t bits =
             NAMED(near_boxes)(tree->levels[node.level] + node.number, point, bound, squares);
         int first = n_pending;
-        for (; bits; bits &= bits - 1) { /* the nearest one last */
+        for (; bits; bits &= bits - 1) { /* descending, so that the nearest one is popped first */
             int child = __builtin_ctz(bits), place = n_pending++;
             for (; place > first && pending[place - 1].square < squares[child]; place--) {
                 pending[place] = pending[place - 1];
@@ -164,7 +164,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
 }
 
 TARGET static void NAMED(search)(const search_job *job) {
-    nearest_point nearest = {.leaf = 0}; /* of the point before, which is near */
+    nearest_point nearest = {.leaf = 0}; /* of the previous point in `order`, which is nearby */
     for (int64_t i = 0; i < job->n_points; i++) {
         int64_t point = (int64_t)(job->order[i] & UINT32_MAX);
         NAMED(search_point)(job, point, &nearest);

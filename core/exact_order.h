@@ -170,11 +170,11 @@ REEL_INLINE int reel_find_near(reel_traversal *traversal, int32_t position, int 
     }
     if (n < max_near) {
         reel_walk_paths(traversal, position, false, keys, 0, max_near - n);
-        int more = reel_walk_paths(traversal, position, true, keys, 0, max_near - n);
-        for (int i = 0; i < more; i++) {
+        int n_distant = reel_walk_paths(traversal, position, true, keys, 0, max_near - n);
+        for (int i = 0; i < n_distant; i++) {
             result[n + i] = (int32_t)(keys[i] & INT32_MAX);
         }
-        n += more;
+        n += n_distant;
     }
     for (int32_t i = first; i < end; i++) {
         traversal->counts[graph->near[i]] = 0;

@@ -31,11 +31,13 @@ typedef struct {
     reel_model second[N_CLASSES][8];  /* second bit, by the length minus the predicted one */
     reel_model constant[4];           /* by the number of constant neighbors, of two */
     reel_model moved[N_VOTES + 1][4]; /* by the number of moved neighbors, and the last two rows */
+    /* by whether there is an earlier frame, the index of the candidate, and its votes */
     reel_model candidate[2][N_VOTES + 1][N_VOTES + 1];
+    /* by whether the previous row has special numbers, and how many of two neighbors have one */
     reel_model special[2][3];
     reel_model special_repeats;
     reel_model lag_repeats;
-    int32_t weights[N_INPUTS];
+    int32_t weights[N_INPUTS]; /* of the regression of sizes, Q16 */
     double temporal[TEMPORAL]; /* initial temporal weights of the filter */
     uint64_t last_special;
 } exact_models;
@@ -43,7 +45,7 @@ typedef struct {
 /* Size statistics of a column of the item; see exact_sizes.h. */
 typedef struct {
     int32_t fast, slow; /* running means of the sizes over about 4 and 16 rows, in sixteenths */
-    int32_t last;       /* size in the last row; of labels a running mean over 4, in sixteenths */
+    int32_t last;       /* size in the last row; for labels a running mean over about 4 rows */
     int32_t recent;     /* size relative to which the next one is predicted */
     int decade;         /* decade of the last number, for decimal floats */
 } column_state;
@@ -57,7 +59,8 @@ typedef struct {
     bool in_given_order;
 } exact_choices;
 
-/* What later items need of the coded ones. All arrays begin with the items in coding order. */
+/* Results of coded items from which later ones are predicted. The first dimension of each array is
+   the items, in coding order. */
 typedef struct {
     double *values;       /* items x frames x width: scaled values for prediction */
     int16_t *sizes;       /* items x frames x width: sizes of the differences */

@@ -22,10 +22,10 @@
 #define N_INPUTS 9              /* inputs of the regression */
 /* Zeros update the weights only if the predicted share exceeds this: a magnitude of 1/15. */
 #define MIN_LEARNED_SHARE 4096
-#define GROUP 64       /* positions of a pass that may be 0 together */
-#define N_ZERO_ROWS 16 /* number of latest rows in which a group was 0, capped */
-/* Each row updates `neighbor_mean` of every STRIDE-th position, the first STRIDE rows of all; a
-   power of 2. */
+#define GROUP 64       /* consecutive positions of a pass that one bit can code as all 0 */
+#define N_ZERO_ROWS 16 /* contexts by the number of latest rows in which a group was 0 */
+/* To save time, a row updates `neighbor_mean` only at every STRIDE-th position, except for the
+   first STRIDE rows. A power of 2. */
 #define STRIDE 4
 
 typedef struct {
@@ -51,7 +51,7 @@ typedef struct {
     int64_t n_positions, n_passes;
     const int64_t *pass_starts;
     const int32_t *columns;
-    int64_t *starts, *dependent_starts; /* where the neighbors begin, and the dependents */
+    int64_t *starts, *dependent_starts; /* of each position, in `near` and in `dependents` */
     /* Neighbors are at earlier positions; dependents are the later positions that have one as
        neighbor. */
     int32_t *near, *dependents;
@@ -67,7 +67,7 @@ typedef struct {
     /* Per group: number of latest rows in which it was 0, at most N_ZERO_ROWS - 1. */
     uint8_t *zero_rows;
     field_models *models;
-    int32_t weights[N_INPUTS];
+    int32_t weights[N_INPUTS]; /* of the regression, Q16 */
 } field_coder;
 
 /* Decaying sums of the magnitudes coded recently in this row, and of their means. */
@@ -129,9 +129,9 @@ REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, field_models *model
     int low = length - 2; /* bits below the second highest */
     uint32_t result = 2U | (uint32_t)reel_bit(coder, &models->upper[low][class], size >> low & 1U);
     while (low > 0) {
-        int here = low < 16 ? low : 16;
-        low -= here;
-        result = result << here | reel_code_raw(coder, here, size >> low);
+        int n_bits = low < 16 ? low : 16;
+        low -= n_bits;
+        result = result << n_bits | reel_code_raw(coder, n_bits, size >> low);
     }
     return result;
 }
@@ -180,6 +180,7 @@ REEL_INLINE int32_t code_nonzero(reel_range_coder *coder, field_coder *f, int64_
     return negative ? -(int32_t)size : (int32_t)size;
 }
 
+/* Inputs of the regression, logarithms in sixteenths of an octave; x_0 to x_8 in docs/format.md. */
 REEL_INLINE void find_inputs(const field_coder *f, int64_t position,
                              const recent_magnitudes *recent, int32_t inputs[N_INPUTS]) {
     const near_magnitudes *near_sums = &f->near_sums[position];
@@ -277,7 +278,7 @@ REEL_INLINE void add_row(int64_t n, const int16_t *restrict magnitudes, int32_t 
     }
 }
 
-/* Clear the neighbor magnitudes of the row. */
+/* Clear the neighbor magnitudes of positions first..last-1 for the next row. */
 REEL_INLINE void clear_near_sums(field_coder *f, int64_t first, int64_t last) {
     reel_zero(f->near_sums + first, (size_t)(last - first) * sizeof *f->near_sums);
 }
@@ -312,7 +313,7 @@ REEL_INLINE bool code_stays_zero(reel_range_coder *coder, field_coder *f, const 
     return !reel_bit(coder, model, nonzero != 0);
 }
 
-/* Code a row, which must be 0 when decoding. */
+/* Code a row. The decoder's `row` must be 0 before, since groups of zeros are skipped. */
 REEL_INLINE void code_row(reel_range_coder *coder, field_coder *f, int64_t number, int32_t *row) {
     recent_magnitudes recent = {.row = 256, .row_mean = 256};
     for (int64_t pass = 0; pass < f->n_passes; pass++) {

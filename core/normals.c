@@ -63,7 +63,7 @@ int64_t reel_normals(const void *positions, int64_t size, int64_t n_frames, int6
         }
     }
     for (int64_t frame = 0; frame < n_frames; frame++) {
-        const uint8_t *here = (const uint8_t *)positions + frame * n_verts * 3 * size;
+        const uint8_t *frame_positions = (const uint8_t *)positions + frame * n_verts * 3 * size;
         double *sums = normals + frame * n_items * 3;
         for (int64_t i = 0; i < 3 * n_items; i++) {
             sums[i] = 0.0;
@@ -71,7 +71,7 @@ int64_t reel_normals(const void *positions, int64_t size, int64_t n_frames, int6
         for (int64_t face = 0; face < n_faces; face++) {
             const int32_t *corners = faces + 3 * face;
             double vector[3];
-            area_vector(here, size, corners, vector);
+            area_vector(frame_positions, size, corners, vector);
             if (items) {
                 add_vector(sums + 3 * items[face], vector);
                 continue;

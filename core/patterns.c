@@ -1,9 +1,9 @@
 /* Lossless tables of numbers: each row is predicted from earlier rows, and the differences are
    coded as adaptive bits.
 
-   docs/format.md, "Patterns". Integers are coded as they are, floats as integers in the order of
-   their values. A row is predicted by the mean of parallelograms a + b - c of earlier rows, or by
-   one earlier row; or it repeats one of the last few rows. */
+   docs/format.md, "Patterns". Floats are mapped to integers in the order of their values. A row is
+   predicted by the mean of parallelograms a + b - c of earlier rows, or by one earlier row; or it
+   repeats one of the most recent distinct rows. */
 
 #include "integers.h"
 
@@ -25,13 +25,12 @@ typedef struct {
 } column_state;
 
 typedef struct {
-    pattern_model all;
+    pattern_model all; /* for all contexts; see reel_bit_in_context */
     pattern_model contexts[N_PREDICTORS][N_PAST_CLASSES];
     reel_model low[MAX_BITS];  /* by bit position: bits below the third */
     reel_model negative[3][3]; /* by the previous signs in the column and in the row */
-    reel_model
-        is_repeated[4]; /* by whether each of the last two rows was a repetition: is this one? */
-    reel_model which[RECENT];
+    reel_model is_repeated[4]; /* by whether each of the last two rows repeated a recent one */
+    reel_model which[RECENT];  /* bits of the index of the repeated row, by the higher bits */
     int64_t recent[RECENT];
     uint32_t hashes[RECENT]; /* hashes of the recent rows; the encoder compares them first */
     int n_recent;
@@ -107,11 +106,11 @@ static double float_of(const number_table *table, uint64_t bits) {
     return (double)result;
 }
 
-/* Bits of a value as a float of the table's type, or `otherwise` if out of range. */
-static uint64_t bits_of_float(const number_table *table, double value, uint64_t otherwise) {
+/* Bits of a value as a float of the table's type, or `fallback` if out of range. */
+static uint64_t bits_of_float(const number_table *table, double value, uint64_t fallback) {
     double largest = table->size == 8 ? 0x1.fffffffffffffp+1023 : 0x1.fffffep+127;
     if (!(value >= -largest && value <= largest)) { /* false for NaN, too */
-        return otherwise;
+        return fallback;
     }
     uint64_t bits = 0;
     if (table->size == 8) {
@@ -281,11 +280,12 @@ static void code_row(reel_range_coder *coder, pattern_models *models, column_sta
     int predictor = count == 0 ? 0 : triples[2] < 0 ? 1 : 2, previous_sign = 0;
     for (int64_t i = 0; i < table->width; i++) {
         int64_t index = row * table->width + i;
-        uint64_t from = to_ordered(table, predict_bits(table, i, triples, count));
-        uint64_t difference = (to_ordered(table, bits_at(table, index)) - from) & all_bits(table);
+        uint64_t predicted = to_ordered(table, predict_bits(table, i, triples, count));
+        uint64_t difference =
+            (to_ordered(table, bits_at(table, index)) - predicted) & all_bits(table);
         difference = code_number(coder, models, predictor, &columns[i], &previous_sign,
                                  8 * table->size, difference);
-        put_bits(table, index, from_ordered(table, (from + difference) & all_bits(table)));
+        put_bits(table, index, from_ordered(table, (predicted + difference) & all_bits(table)));
     }
 }
 

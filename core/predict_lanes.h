@@ -191,12 +191,12 @@ TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_
     for (int i = 0; i < size; i++) {
         FOR_VECS(p) offset[i][p] = b->mask[i][p] * (offset[i][p] - predicted[p]);
     }
-    int done = 0;
-    for (; done + ROWS <= size; done += ROWS) {
-        NAMED(add_rows)(b, done, ROWS, offset, before, gain);
+    int row = 0;
+    for (; row + ROWS <= size; row += ROWS) {
+        NAMED(add_rows)(b, row, ROWS, offset, before, gain);
     }
-    for (; done < size; done++) {
-        NAMED(add_rows)(b, done, 1, offset, before, gain);
+    for (; row < size; row++) {
+        NAMED(add_rows)(b, row, 1, offset, before, gain);
     }
     for (int i = 0; i < size; i++) {
         FOR_VECS(p) squares[p] += offset[i][p] * offset[i][p];

@@ -121,13 +121,13 @@ typedef struct {
 } reel_fields;
 
 #define REEL_MAX_JOINT 8   /* modes that are quantized jointly */
-#define REEL_MAGNITUDES 16 /* of their residuals, that are counted apart; the last is for larger ones */
+#define REEL_MAGNITUDES 16 /* counters of residual magnitudes; the last counts all larger ones */
 
 /* How the encoder quantizes. */
 typedef struct {
     int64_t first_shaped;  /* first level with noise shaping */
     double gain;           /* gain of noise shaping */
-    double rd_lambda;      /* squared steps that a bit is worth; 0 rounds to nearest */
+    double rd_lambda;      /* cost of a bit in squared quantization steps; 0 rounds to nearest */
     const double *targets; /* n_verts x n_modes, in quantization steps */
     double *counts;        /* n_modes x 2: zeros and ones so far; initially 0 */
     double *zones;         /* n_modes: scratch space */
@@ -173,8 +173,8 @@ REEL_API int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32
 REEL_API int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes,
                               int64_t n_reused, double finer, double *lengths);
 
-/* Quantize basis vectors `targets`, n_modes x n_columns x n_frames in steps, to integers. A bit is
-   worth `rd_lambda` squared steps; 0 rounds to nearest. REEL_INVALID if one is too large. */
+/* Quantize basis vectors `targets`, n_modes x n_columns x n_frames in steps, to integers. A bit
+   costs `rd_lambda` squared steps; 0 rounds to nearest. REEL_INVALID if one is too large. */
 REEL_API size_t reel_basis_encode_memory(int64_t n_frames);
 REEL_API int64_t reel_basis_encode(void *memory, size_t memory_size, const double *targets,
                                    int64_t n_modes, int64_t n_columns, int64_t n_frames,
@@ -197,7 +197,7 @@ REEL_API int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t ve
                            int64_t n_verts, void *packed, int64_t first, int64_t last);
 
 /* Reconstruct frames frames[0 .. n_requested - 1] of a block from packed fields. Products of fields
-   and basis vectors are summed in IEEE single or double, as `precision` was when packing.
+   and basis vectors are summed in IEEE single or double; `precision` must be that of reel_pack.
    Corrections, unless correction_starts is NULL: those of requested frame i are
    correction_starts[i] to correction_starts[i + 1] - 1, each at vertex corrected[k], ascending,
    with n_columns numbers of `offsets`. `placement` is the scale, and the origin of each column.
@@ -232,10 +232,10 @@ REEL_API int64_t reel_normals(const void *positions, int64_t size, int64_t n_fra
                               int64_t n_verts, const int32_t *faces, int64_t n_faces,
                               const int32_t *items, int64_t n_items, double *normals);
 
-/* Rotate normals by two numbers each, into 4 or 8 byte floats; those of length 0 stay. The inverse
-   finds the rotations from normals to given ones, REEL_INVALID at the first that cannot be reached:
-   only one of both has a length, or they are nearly opposite. Both return `count`. docs/format.md,
-   "Tracks". */
+/* Rotate normals by two numbers each, into 4 or 8 byte floats; those of length 0 do not change. The
+   inverse finds the rotations that map `normals` to `rotated`. It fails with REEL_INVALID at the
+   first pair without one: only one of the two is 0, or they are nearly opposite. Both return
+   `count`. docs/format.md, "Tracks". */
 int64_t reel_rotate_normals(const double *normals, const double *rotations, int64_t count,
                             int64_t size, void *rotated);
 REEL_API int64_t reel_find_rotations(const double *normals, const void *rotated, int64_t size,
@@ -277,7 +277,7 @@ REEL_API int64_t reel_time_order(void *memory, size_t memory_size, int64_t n_col
    encoder returns the faces as the decoder will restore them, in internal order and numbers, and
    the given vertex of each internal number; it writes at most 96 bytes for each face and 1024 more.
    `keep_order` keeps the order of faces and vertices, and takes more bytes. Unless `twins` is NULL,
-   both fill in the other half-edge at the edge of each internal half-edge, or itself.
+   both fill in the twin of each internal half-edge, which is itself at a boundary.
    docs/format.md, CONNECTIVITY. */
 REEL_API size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces);
 REEL_API size_t reel_connectivity_decode_memory(int64_t n_verts, int64_t n_faces);
@@ -293,7 +293,7 @@ REEL_API int64_t reel_connectivity_decode(void *memory, size_t memory_size, cons
 /* ---- Cells (cells.c): types of VTK, and the nodes of all cells, concatenated; at most 2^26 cells
    and 2^28 nodes. docs/format.md, CELLS.
 
-   Nodes of a cell of a type, 0 for an unknown one. */
+   Number of nodes of a cell type; 0 if the type is unknown. */
 REEL_API int64_t reel_cell_size(int64_t type);
 
 /* The polygons of the surface, in the order of cells, each a fan of triangles: their corners
@@ -384,9 +384,9 @@ REEL_API int64_t reel_triangulate(void *memory, size_t memory_size, const double
                                   const int32_t *corners, int32_t *triangles);
 
 /* Remove vertices of a triangle mesh while its surface stays near the given one (decimate.c), for
-   analysis: no stream depends on it. `vertices` are three coordinates each. `faces` and `wedges` are
-   n_faces triples, of vertices 0..n_verts-1 and of any numbers: corners of a vertex with different
-   ones have different attributes, and edges between them keep their place, as boundaries do. The
+   analysis: no stream depends on it. `vertices` are three coordinates each. `faces` and `wedges`
+   are n_faces triples. Faces refer to vertices 0..n_verts-1. Wedges are any numbers: corners of a
+   vertex with different wedges have different attributes; such seams are kept like boundaries. The
    root mean square distance over all faces is at most about max_rms, that around a vertex at most
    max_distance, as quadrics measure; edges that become longer are at most max_length. Returns the
    number of faces that remain, which replace the first ones; fails with REEL_INVALID at the first
@@ -397,9 +397,9 @@ REEL_API int64_t reel_decimate(void *memory, size_t memory_size, const double *v
                                double max_rms, double max_distance, double max_length);
 
 /* Codes of the rows that corners refer to (corner_rows.c). `triangles` are vertices 0..n_verts-1,
-   `twins` as above, and items[corner] of 0..n_items-1 is what has a row; NULL for the corner
-   itself. Sets for each item, in coding order, its number, its context and its code; returns their
-   number. Fails if a row is negative. */
+   `twins` as above, and items[corner] is the item, 0..n_items-1, that has a row; NULL: each corner
+   is an item. Sets for each item, in coding order, its number, its context and its code; returns
+   the number of items. Fails if a row is negative. */
 enum { REEL_CORNER_CONTEXTS = 9 };
 REEL_API size_t reel_corner_rows_memory(int64_t n_verts, int64_t n_items);
 REEL_API int64_t reel_corner_codes(void *memory, size_t memory_size, const int32_t *triangles,
@@ -425,9 +425,10 @@ REEL_API int64_t reel_predictors_find(void *memory, size_t memory_size, const in
 
 /* Integers on a surface (surface_integers.c): n_frames x n_rows x n_columns values within
    +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns and INT32_MAX rows in all;
-   `faces` and `twins` as above, which may join other rows. Writes at most 10 bytes for each value,
-   and 64 more; REEL_INVALID at the first value that exceeds the limit, or if a face has a row that
-   does not exist. Every row is read or written. The decoder needs less memory. */
+   `faces` and `twins` as above, but twins may have different rows. Writes at most 10 bytes for each
+   value, and 64 more; REEL_INVALID at the first value that exceeds the limit, or if a face has a
+   row that does not exist. Every row is read or written. `encodes` is 0 for the decoder, which
+   needs less memory. */
 #define REEL_MAX_SURFACE_VALUE (1 << 29)
 #define REEL_MAX_SURFACE_COLUMNS 16
 REEL_API size_t reel_surface_integers_memory(int64_t n_frames, int64_t n_rows, int64_t n_columns,
@@ -484,9 +485,10 @@ REEL_API int64_t reel_triangle_tree(void *memory, size_t memory_size, const doub
    faces of a tree, the face (the lowest of those whose computed distances are equal), three
    coordinates, and three barycentric ones. Any number of calls may share a tree.
 
-   Unless `directions` is NULL, it has three numbers for each point: faces count whose unit normals
-   have a product of at least 1 with them. Without a face within `reach`, which may be infinite, the
-   distance is infinite, the face -1, and the other numbers are 0. Returns n_points. */
+   Unless `directions` is NULL, it has a vector for each point, and only faces count whose unit
+   normal has a dot product of at least 1 with it. Without a face within `reach`, which may be
+   infinite, the distance is infinite, the face -1, and the other numbers are 0. Returns
+   n_points. */
 REEL_API size_t reel_closest_memory(int64_t n_points);
 REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t n_faces,
                               const double *points, const double *directions, double reach,
@@ -499,7 +501,7 @@ REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree
 typedef struct {
     void *(*allocate)(size_t size); /* called by several threads; returns NULL if it fails */
     void (*release)(void *memory);
-    uint64_t n_bytes; /* that the core holds */
+    uint64_t n_bytes; /* bytes that the core holds */
 } reel_host_memory;
 REEL_API void *reel_host_allocate(void *user, size_t size);
 REEL_API void reel_host_release(void *user, void *memory, size_t size);

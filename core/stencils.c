@@ -87,7 +87,7 @@ static int32_t append_unvisited(const reel_stencil_finder *finder, uint64_t mark
     for (int32_t i = 0; i < count; i++) {
         int32_t w = all->vertices[i];
         uint64_t visit = marks[w];
-        next[n_next] = w; /* kept if it is new */
+        next[n_next] = w; /* overwritten by the next vertex unless it is new */
         n_next += visit < mark;
         visit = visit > mark ? visit : mark;
         uint64_t belongs = (visit - mark) >> 32 == 0;
@@ -176,13 +176,13 @@ static void sort(const reel_stencil_finder *finder, int32_t count, int32_t *sort
 
 /* Keep the lowest `capacity` of `count` distinct numbers, ascending. */
 static void keep_lowest(const int32_t *numbers, int32_t count, int32_t *lowest, int32_t capacity) {
-    int32_t kept = 0;
+    int32_t n_lowest = 0;
     for (int32_t i = 0; i < count; i++) {
-        int32_t number = numbers[i], index = kept;
-        if (kept == capacity && lowest[capacity - 1] < number) {
+        int32_t number = numbers[i], index = n_lowest;
+        if (n_lowest == capacity && lowest[capacity - 1] < number) {
             continue;
         }
-        kept += kept < capacity;
+        n_lowest += n_lowest < capacity;
         index -= index == capacity;
         for (; index > 0 && lowest[index - 1] > number; index--) {
             lowest[index] = lowest[index - 1];

@@ -359,7 +359,7 @@ typedef struct meshreel_surface {
 } meshreel_surface;
 
 /* Decode polygons, attributes, groups, parts, materials and hard edges, and the mesh if necessary.
-   May be called like `meshreel_read_mesh`. */
+   Does nothing when called again. No other thread may use the file meanwhile. */
 MESHREEL_API int meshreel_read_surface(meshreel_file *file, meshreel_error *error);
 
 /* Return the surface; NULL before `meshreel_read_surface`. Owned by the file. */

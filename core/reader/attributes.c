@@ -341,7 +341,7 @@ static void divide(const meshreel_attribute *result, const int32_t *integers, ui
 /* How the numbers of a table are stored. */
 typedef struct {
     uint8_t form, predictor;
-    float step, origins[MAX_WIDTH]; /* of an own grid */
+    float step, origins[MAX_WIDTH]; /* of OWN_GRID */
 } number_layout;
 
 static bool is_form(const meshreel_attribute *result, uint8_t form) {
@@ -384,7 +384,7 @@ static int read_number_layout(reel_call *call, reel_range *left, const meshreel_
     return MESHREEL_OK;
 }
 
-/* Each product and each sum is rounded to single precision. */
+/* Multiply by the step and add the origin, each rounded to single precision on every machine. */
 static void place_on_grid(const meshreel_attribute *result, const int32_t *integers,
                           const number_layout *layout, float *values) {
     uint64_t count = (uint64_t)result->n_rows * result->width;

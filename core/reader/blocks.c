@@ -4,10 +4,11 @@
 
 #include "cell_mesh.h"
 
-/* Modes that a preview includes at least, if only with their mean over the block. */
+/* Least number of modes that a preview decodes; those that do not move keep their mean over the
+   block. */
 #define N_PREVIEW_MODES 16
-#define MIN_SHARED 512 /* vertices of a level that are worth several threads */
-#define MAX_TASK 16384
+#define MIN_SHARED 512 /* vertices from which a level is split among threads */
+#define MAX_TASK 16384 /* vertices per task */
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
 #define BATCH 16     /* vertices that the predictor processes at once */
 #define N_AXES 3
@@ -100,7 +101,7 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
     return reel_append(&decoder->file->host, failed, &decoder->pool, &pool);
 }
 
-/* Parse the group of a track, whose items are known. */
+/* Parse the group of a track, whose items must have been found. */
 static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t track,
                       uint64_t block, reel_group *group) {
     const reel_outline *outline = &decoder->file->outline;
@@ -239,17 +240,17 @@ static int64_t vertices_per_task(int64_t n_verts, int64_t n_threads) {
 
 /* Predict fields level by level, large levels on several threads. */
 static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
-    int64_t n_threads = reel_threads(call), done = 0;
+    int64_t n_threads = reel_threads(call), n_done = 0;
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
         if (n_threads > 1 && end - first >= MIN_SHARED) {
-            run_tasks(call, &(level_tasks){mesh, fields, done, first, mesh->n_verts});
+            run_tasks(call, &(level_tasks){mesh, fields, n_done, first, mesh->n_verts});
             run_tasks(call, &(level_tasks){mesh, fields, first, end,
                                            vertices_per_task(end - first, n_threads)});
-            done = end;
+            n_done = end;
         }
     }
-    run_tasks(call, &(level_tasks){mesh, fields, done, mesh->n_verts, mesh->n_verts});
+    run_tasks(call, &(level_tasks){mesh, fields, n_done, mesh->n_verts, mesh->n_verts});
 }
 
 /* Concatenate the first fields of the key block and those of a block, item by item. */
@@ -348,17 +349,18 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
         state->previous.fields = (reel_block_fields){.block = REEL_NO_BLOCK};
     }
     if (state->key.block != key_block) {
-        reel_group of_key;
+        reel_group key_group;
         release_fields(call, &state->key);
-        int failed = read_group(call, decoder, track, key_block, &of_key);
-        if (!failed && (of_key.reference || of_key.stencil_size != group->stencil_size)) {
+        int failed = read_group(call, decoder, track, key_block, &key_group);
+        if (!failed && (key_group.reference || key_group.stencil_size != group->stencil_size)) {
             failed =
                 corrupt(call, decoder, block, track,
                         "a block refers to a block that is not a key block, or has other stencils");
         }
         failed = failed ? failed
-                        : decode_fields(call, state->mesh, key_block, &of_key, definition->n_coded,
-                                        of_key.n_modes, NULL, NULL, &state->key);
+                        : decode_fields(call, state->mesh, key_block, &key_group,
+                                        definition->n_coded, key_group.n_modes, NULL, NULL,
+                                        &state->key);
         if (failed) {
             release_fields(call, &state->key);
             return failed;
@@ -547,7 +549,7 @@ static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track
         size = sizeof(int32_t);
     }
     reel_graph *graph = &state->items.graph;
-    if (!graph->starts) { /* as positions on the surface need none */
+    if (!graph->starts) { /* no block needed it before: positions on the surface do not */
         REEL_TRY(reel_find_vertex_graph(call, &decoder->pool, &decoder->file->outline,
                                         &decoder->file->mesh, graph));
     }
@@ -593,8 +595,8 @@ static void release_block(reel_call *call, reel_loaded_block *loaded) {
     *loaded = (reel_loaded_block){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
 }
 
-/* Whether a block is loaded, with its fields if they are needed: another block may have taken them
-   as its key. */
+/* Whether a block is loaded, with its fields if they are needed: `find_key` may have moved them to
+   `key`, and released them since. */
 static bool is_loaded(const reel_track_state *state, uint64_t block, uint64_t n_moving) {
     const reel_loaded_block *current = &state->current;
     return current->block == block && current->n_moving == n_moving &&

@@ -188,8 +188,8 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
                : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
 }
 
-/* Forms of positions on a grid: none, so that they are lossless, exact values, or integers on the
-   surface; and flags of a step in single precision, and of one frame, which all repeat. */
+/* Forms of the section VALUES: exact values without a grid; integers on a grid, as exact values or
+   along the surface. Flags: the step has single precision; all frames equal the only one stored. */
 enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE, GRID_STILL = 8 };
 
 /* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */

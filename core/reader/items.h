@@ -9,10 +9,11 @@
 
 typedef struct {
     reel_graph graph;
-    const int32_t *order;    /* item of each value before sharing, or NULL: its own */
-    const int32_t *inverse;  /* value of each item, likewise */
-    const int32_t *value_of; /* value of each output item, or NULL: its own */
-    const int32_t *vertex;   /* output vertex that each value's normal belongs to; NULL: its own */
+    /* NULL in the first four: the same number. */
+    const int32_t *order;    /* item of each value, before values are shared */
+    const int32_t *inverse;  /* value of each item */
+    const int32_t *value_of; /* value of each output item */
+    const int32_t *vertex;   /* output vertex that each value's normal belongs to */
     const int32_t *polygon;  /* polygon of each triangle, for values of faces */
 } reel_items;
 

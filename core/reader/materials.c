@@ -14,7 +14,7 @@
 #define RGB 7U
 #define RGBA 15U
 
-/* Replace those of `count` default numbers that the file stores. */
+/* Overwrite the defaults in `numbers`, of length `count`, with the numbers that the file stores. */
 static int read_numbers(reel_call *call, reel_range *left, unsigned count, double *numbers) {
     uint64_t at = left->at, present;
     REEL_TRY(reel_read_varint(call, left, &present));

@@ -2,17 +2,16 @@
 
 #include "polygons.h"
 
-/* Whether the corners of all faces yield the number of triangles; `above` are their counts less
-   3. */
-static bool fits_triangles(const reel_outline *outline, const int32_t *above) {
-    int64_t left = (int64_t)(outline->n_faces - outline->n_polygons);
+/* Whether all polygons together have the number of triangles; a polygon has 1 + extra[i]. */
+static bool fits_triangles(const reel_outline *outline, const int32_t *extra) {
+    int64_t n_left = (int64_t)(outline->n_faces - outline->n_polygons);
     for (uint64_t i = 0; i < outline->n_polygons; i++) {
-        if (above[i] < 0 || above[i] > left) {
+        if (extra[i] < 0 || extra[i] > n_left) {
             return false;
         }
-        left -= above[i];
+        n_left -= extra[i];
     }
-    return left == 0;
+    return n_left == 0;
 }
 
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -29,15 +28,15 @@ int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *o
                     "there are more polygons than triangles");
     const reel_chunk *mark = call->scratch.last;
     int64_t length = (int64_t)n_polygons;
-    int32_t table = 0, *above;
-    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &above));
-    REEL_CORRUPT_IF(!fits_triangles(outline, above), payload.at,
+    int32_t table = 0, *extra;
+    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &extra));
+    REEL_CORRUPT_IF(!fits_triangles(outline, extra), payload.at,
                     "the corners of polygons do not fit the number of triangles");
     if (n_polygons < outline->n_faces) { /* otherwise all are triangles */
         uint32_t *sizes = reel_pool_allocate(call, pool, n_polygons, sizeof *sizes);
         REEL_NEED(sizes);
         for (uint64_t i = 0; i < n_polygons; i++) {
-            sizes[i] = 3U + (uint32_t)above[i];
+            sizes[i] = 3U + (uint32_t)extra[i];
         }
         faces->sizes = sizes;
     }

@@ -16,7 +16,7 @@ static int cut_off(reel_call *call, uint64_t at) {
     return reel_fail(call, MESHREEL_TRUNCATED, at, "a section ends inside a number or a text");
 }
 
-/* Fail because a section ends behind `limit`: the end of the file, or of the bytes that the index
+/* Fail because a section exceeds `limit`: the end of the file, or of the bytes that the index
    lists. */
 static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
     REEL_CORRUPT_IF(limit < call->source->size, at,
@@ -131,11 +131,11 @@ int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
     crc_tables tables;
     uint32_t sum = ~0U, expected;
     compute_tables(&tables);
-    for (uint64_t done = 0; done < length;) {
-        size_t size = length - done < PIECE ? (size_t)(length - done) : PIECE;
-        REEL_TRY(reel_read(call, at + done, piece, size));
+    for (uint64_t n_read = 0; n_read < length;) {
+        size_t size = length - n_read < PIECE ? (size_t)(length - n_read) : PIECE;
+        REEL_TRY(reel_read(call, at + n_read, piece, size));
         sum = update_crc(&tables, sum, piece, size);
-        done += size;
+        n_read += size;
     }
     REEL_TRY(reel_read(call, at + length, &expected, sizeof expected));
     REEL_CORRUPT_IF(expected != ~sum, at, "a checksum does not match; fetch the file again");
@@ -221,16 +221,16 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
     for (int64_t i = 0; i < n_rows; i++) {
         count += (uint64_t)lengths[i];
     }
-    size_t needed = reel_integers_memory(n_tables);
+    size_t memory_size = reel_integers_memory(n_tables);
     *values = reel_scratch(call, count, sizeof **values);
     const reel_chunk *mark = call->scratch.last;
-    void *memory = reel_scratch(call, needed, 1);
+    void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     REEL_NEED(*values && memory);
     REEL_TRY(reel_view(call, coded, &bytes));
     REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
                     "integers end with a zero byte");
-    int64_t result = reel_integers_decode(memory, needed, bytes, (size_t)coded.length, lengths,
+    int64_t result = reel_integers_decode(memory, memory_size, bytes, (size_t)coded.length, lengths,
                                           tables, n_rows, n_tables, *values);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, coded.at, "integers are damaged");
