@@ -440,17 +440,17 @@ static void visit_sides(cell_walk *walk, const new_cell *cell, int32_t number) {
 /* ---- Cells */
 
 /* Code the type of a cell: that of the previous cell, or its index. */
-static const reel_cell_type *code_type(cell_walk *walk, const uint8_t *given) {
+static const reel_cell_type *code_type(cell_walk *walk, const uint8_t *given_type) {
     const reel_cell_type *last = &reel_cell_types[0];
     if (walk->n_done) {
         last = reel_find_cell_type(walk->types[walk->n_done - 1]);
     }
     if (reel_bit(&walk->coder, &walk->models->same_type[last->shape],
-                 given && *given == last->code)) {
+                 given_type && *given_type == last->code)) {
         return last;
     }
     int index = 0;
-    while (given && reel_cell_types[index].code != *given) {
+    while (given_type && reel_cell_types[index].code != *given_type) {
         index++;
     }
     index = (int)reel_code_raw(&walk->coder, 5, (uint32_t)index);
@@ -631,7 +631,8 @@ static void list_cells(cell_walk *walk) {
     int32_t last[REEL_N_CELL_TYPES][MAX_NODES] = {{0}};
     bool writes = reel_is_encoder(&walk->coder);
     for (; walk->n_done < walk->n_cells && !walk->failed; walk->n_done++) {
-        const int32_t *given = writes ? walk->given.nodes + walk->given.starts[walk->n_done] : NULL;
+        const int32_t *given_nodes =
+            writes ? walk->given.nodes + walk->given.starts[walk->n_done] : NULL;
         const reel_cell_type *type =
             code_type(walk, writes ? &walk->given.types[walk->n_done] : NULL);
         int64_t start = walk->starts[walk->n_done], step = 0;
@@ -644,10 +645,10 @@ static void list_cells(cell_walk *walk) {
         for (int i = 0; i < n; i++) {
             reel_integer_model *model =
                 i ? &walk->models->step[type->shape][context] : &walk->models->first[type->shape];
-            int64_t more = given ? given[i] - previous[i] - step : 0;
-            more = reel_code_integer(&walk->coder, model, (int32_t)more);
-            context = more != 0;
-            step += more;
+            int64_t residual = given_nodes ? given_nodes[i] - previous[i] - step : 0;
+            residual = reel_code_integer(&walk->coder, model, (int32_t)residual);
+            context = residual != 0;
+            step += residual;
             int64_t node = previous[i] + step;
             if (node < 0 || node >= walk->n_verts) {
                 walk->failed = true;

@@ -241,9 +241,9 @@ static void sift(const reel_cell_list *cells, int32_t *sides, int64_t at, int64_
         if (!is_before(cells, sides[at], sides[child], &is_same)) {
             return;
         }
-        int32_t moved = sides[at];
+        int32_t parent_side = sides[at];
         sides[at] = sides[child];
-        sides[child] = moved;
+        sides[child] = parent_side;
     }
 }
 
@@ -252,9 +252,9 @@ static void sort_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
         sift(cells, sides, i, n);
     }
     for (int64_t last = n - 1; last > 0; last--) {
-        int32_t moved = sides[0];
+        int32_t greatest = sides[0];
         sides[0] = sides[last];
-        sides[last] = moved;
+        sides[last] = greatest;
         sift(cells, sides, 0, last);
     }
 }

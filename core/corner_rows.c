@@ -50,9 +50,9 @@ static int examine_side(const corner_walk *walk, int32_t side, int32_t corner, i
     }
     int32_t after = corner_after(twin);
     bool is_start = walk->triangles[twin] == walk->triangles[corner];
-    int32_t there = row_at(walk, is_start ? after : twin), here = row_at(walk, other);
+    int32_t neighbor_row = row_at(walk, is_start ? after : twin), other_row = row_at(walk, other);
     *row = row_at(walk, is_start ? twin : after);
-    return here == NONE ? OPEN : here == there ? SAME : SEAM;
+    return other_row == NONE ? OPEN : other_row == neighbor_row ? SAME : SEAM;
 }
 
 static candidate_list find_candidates(const corner_walk *walk, int32_t corner) {

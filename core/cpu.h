@@ -75,11 +75,11 @@ REEL_INLINE int reel_find_vector_width(void) {
 /* Doubles in the widest vectors that the processor has and whose registers the system saves. Found
    once: in a virtual machine, `cpuid` takes about 10 microseconds. */
 REEL_INLINE int reel_vector_width(void) {
-    static int known; /* 0: not yet; all threads find the same */
-    int width = __atomic_load_n(&known, __ATOMIC_RELAXED);
+    static int cached_width; /* 0: not yet; all threads find the same */
+    int width = __atomic_load_n(&cached_width, __ATOMIC_RELAXED);
     if (!width) {
         width = reel_find_vector_width();
-        __atomic_store_n(&known, width, __ATOMIC_RELAXED);
+        __atomic_store_n(&cached_width, width, __ATOMIC_RELAXED);
     }
     return width;
 }

@@ -199,19 +199,19 @@ static int32_t new_wedge(const decimation *of, int32_t removed, int32_t kept, in
 
 /* Whether a triangle faces as before, and is no sliver unless it was, and has no long sides unless
    it had, if its corner moves. */
-static bool is_similar(const decimation *of, const double *corner, const double *moved,
+static bool is_similar(const decimation *of, const double *corner, const double *new_corner,
                        const double *a, const double *b) {
     double before[3], now[3], sides[3][3];
     normal_of(corner, a, b, before);
-    normal_of(moved, a, b, now);
+    normal_of(new_corner, a, b, now);
     double cosine = dot(before, now), was = dot(before, before), is = dot(now, now);
     if (!(cosine > 0 && cosine * cosine > MIN_COSINE * MIN_COSINE * was * is)) {
         return false;
     }
     double longest[2];
     for (int k = 0; k < 2; k++) {
-        subtract(a, k ? moved : corner, sides[0]);
-        subtract(b, k ? moved : corner, sides[1]);
+        subtract(a, k ? new_corner : corner, sides[0]);
+        subtract(b, k ? new_corner : corner, sides[1]);
         subtract(b, a, sides[2]);
         longest[k] = 0;
         for (int i = 0; i < 3; i++) {

@@ -115,21 +115,22 @@ static int near_items(const item_state *state, int32_t last, int32_t next, int32
     const reel_item_graph *graph = state->graph;
     int n = 0;
     for (int64_t i = graph->starts[last]; i < graph->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
-        int32_t here = graph->near[i];
+        int32_t neighbor = graph->near[i];
         int place = n;
-        if (here == next || !reel_ranks_has(&state->uncoded, here)) {
+        if (neighbor == next || !reel_ranks_has(&state->uncoded, neighbor)) {
             continue;
         }
-        while (place > 0 && state->open.time_of[result[place - 1]] > state->open.time_of[here]) {
+        while (place > 0 &&
+               state->open.time_of[result[place - 1]] > state->open.time_of[neighbor]) {
             place--;
         }
-        if (place > 0 && result[place - 1] == here) {
+        if (place > 0 && result[place - 1] == neighbor) {
             continue;
         }
         for (int j = n++; j > place; j--) {
             result[j] = result[j - 1];
         }
-        result[place] = here;
+        result[place] = neighbor;
     }
     return n;
 }
@@ -213,14 +214,14 @@ static void mark_item_coded(item_state *state, int32_t item) {
         reel_ranks_change(&open->times, open->time_of[item], -1);
     }
     for (int64_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
-        int32_t here = graph->near[i], time = open->time_of[here];
-        if (!reel_ranks_has(&state->uncoded, here)) {
+        int32_t neighbor = graph->near[i], time = open->time_of[neighbor];
+        if (!reel_ranks_has(&state->uncoded, neighbor)) {
             continue;
         }
         if (time < 0) {
-            open_item(open, here, item);
+            open_item(open, neighbor, item);
         } else if (time < first_time) { /* otherwise this item opened it: a repeated edge */
-            move_to_front(open, here);
+            move_to_front(open, neighbor);
         }
     }
     open->next_front[item] = first_time;

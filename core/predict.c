@@ -116,8 +116,8 @@ static int32_t cheapest_magnitude(double magnitude, double weight, double rd_lam
     double least = weight * magnitude * magnitude + rd_lambda * bits[0];
     for (; q <= nearest; q++) {
         double error = magnitude - q;
-        double needed = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
-        double cost = weight * error * error + rd_lambda * needed;
+        double n_bits = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
+        double cost = weight * error * error + rd_lambda * n_bits;
         if (cost < least) {
             least = cost;
             best = q;

@@ -155,28 +155,28 @@ static void join(reel_surface *surface, int32_t side, int32_t other) {
 /* Set the twins of all given half-edges, and close boundary edges with additional faces. */
 static void close_surface(reel_surface *surface, const int32_t *pair) {
     int32_t n_sides = (int32_t)(3 * surface->n_faces), next = n_sides;
-    for (int32_t given = 0; given < n_sides; given++) {
-        if (surface->flat[given / 3]) {
-            surface->twin[given] = NONE;
+    for (int32_t given_side = 0; given_side < n_sides; given_side++) {
+        if (surface->flat[given_side / 3]) {
+            surface->twin[given_side] = NONE;
             continue;
         }
-        int32_t side = flipped_side(surface, given);
-        if (pair[given] == NONE) {
+        int32_t side = flipped_side(surface, given_side);
+        if (pair[given_side] == NONE) {
             join(surface, side, next);
             next += 3;
         } else {
-            surface->twin[side] = flipped_side(surface, pair[given]);
+            surface->twin[side] = flipped_side(surface, pair[given_side]);
         }
     }
     surface->n_closing = (next - n_sides) / 3;
-    for (int32_t added = n_sides; added < next; added += 3) {
+    for (int32_t closing_side = n_sides; closing_side < next; closing_side += 3) {
         /* Its corners are b, a, cap, behind the half-edge a to b. Rotate around a to the next
            boundary edge. */
-        int32_t side = reel_side_before(surface->twin[added]);
+        int32_t side = reel_side_before(surface->twin[closing_side]);
         while (surface->twin[side] < n_sides) {
             side = reel_side_before(surface->twin[side]);
         }
-        join(surface, added + 1, surface->twin[side] + 2);
+        join(surface, closing_side + 1, surface->twin[side] + 2);
     }
 }
 

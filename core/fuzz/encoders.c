@@ -318,23 +318,23 @@ void fuzz_polygons(void) {
     }
     int64_t n_corners = 3 * (n - 2 * n_polygons), result;
     int32_t *triangles = fuzz_allocate(n_corners, sizeof *triangles);
-    int32_t *found = fuzz_allocate(n_corners, sizeof *found);
+    int32_t *triangle_corners = fuzz_allocate(n_corners, sizeof *triangle_corners);
     result = reel_triangulate(FUZZ_MEMORY(reel_triangulate_memory(max_size)), positions, sizes,
                               n_polygons, max_size, corners, triangles);
     FUZZ_CHECK(result >= 0 && result <= n_polygons);
     fuzz_hash(triangles, n_corners, sizeof *triangles);
     size_t size = reel_triangle_corners_memory(max_size);
     result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, max_size,
-                                   found);
+                                   triangle_corners);
     FUZZ_CHECK(result == n);
     for (int64_t i = 0; i < n_corners; i++) {
-        FUZZ_CHECK(triangles[i] == corners[found[i]]);
+        FUZZ_CHECK(triangles[i] == corners[triangle_corners[i]]);
     }
     triangles[fuzz_below(n_corners)] = (int32_t)fuzz_below(n_verts);
     result = reel_triangle_corners(FUZZ_MEMORY(size), triangles, sizes, n_polygons, max_size,
-                                   found);
+                                   triangle_corners);
     fuzz_check_code(result);
-    fuzz_hash(found, result < 0 ? 0 : n_corners, sizeof *found);
+    fuzz_hash(triangle_corners, result < 0 ? 0 : n_corners, sizeof *triangle_corners);
 }
 
 /* ---- numbers over time on a graph ---- */

@@ -106,19 +106,19 @@ fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
 
 fuzz_bytes fuzz_mutate(fuzz_bytes from) {
     int64_t kind = fuzz_below(4), size = (int64_t)from.size;
-    int64_t kept = kind == 1 ? fuzz_below(size + 1) : size;
-    int64_t more = kind == 2 ? fuzz_below(40) : 0;
-    fuzz_bytes result = {fuzz_allocate(kept + more, 1), (size_t)(kept + more)};
-    if (kept) {
-        memcpy(result.bytes, from.bytes, (size_t)kept);
+    int64_t n_kept = kind == 1 ? fuzz_below(size + 1) : size;
+    int64_t n_added = kind == 2 ? fuzz_below(40) : 0;
+    fuzz_bytes result = {fuzz_allocate(n_kept + n_added, 1), (size_t)(n_kept + n_added)};
+    if (n_kept) {
+        memcpy(result.bytes, from.bytes, (size_t)n_kept);
     }
-    int64_t changes = kind == 3 ? kept : 1 + fuzz_below(4);
-    for (int64_t i = 0; kept && i < changes; i++) {
-        int64_t place = kind == 3 ? i : fuzz_below(kept);
+    int64_t changes = kind == 3 ? n_kept : 1 + fuzz_below(4);
+    for (int64_t i = 0; n_kept && i < changes; i++) {
+        int64_t place = kind == 3 ? i : fuzz_below(n_kept);
         result.bytes[place] = (uint8_t)fuzz_next();
     }
-    for (int64_t i = 0; i < more; i++) {
-        result.bytes[kept + i] = (uint8_t)fuzz_next();
+    for (int64_t i = 0; i < n_added; i++) {
+        result.bytes[n_kept + i] = (uint8_t)fuzz_next();
     }
     return result;
 }

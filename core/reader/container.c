@@ -129,11 +129,11 @@ static int read_fields(reel_call *call, reel_pool *pool, reel_range *left, reel_
 static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) {
     uint8_t head[HEAD_BYTES] = {0};
     uint64_t size = call->source->size;
-    size_t here = size < HEAD_BYTES ? (size_t)size : HEAD_BYTES;
-    REEL_TRY(reel_read(call, 0, head, here));
-    REEL_CORRUPT_IF(!reel_equal_bytes(head, magic, here < sizeof magic ? here : sizeof magic), 0,
-                    "not a .reel stream");
-    if (here == HEAD_BYTES && head[8] != VERSION) {
+    size_t n_head = size < HEAD_BYTES ? (size_t)size : HEAD_BYTES;
+    REEL_TRY(reel_read(call, 0, head, n_head));
+    REEL_CORRUPT_IF(!reel_equal_bytes(head, magic, n_head < sizeof magic ? n_head : sizeof magic),
+                    0, "not a .reel stream");
+    if (n_head == HEAD_BYTES && head[8] != VERSION) {
         return reel_fail(
             call, MESHREEL_UNSUPPORTED, 8,
             head[8] >= EXPERIMENTAL
@@ -142,7 +142,7 @@ static int read_header(reel_call *call, reel_pool *pool, reel_outline *outline) 
                 ? "the format is older than the first release; encode the original again"
                 : "the format version is not 3; update meshreel");
     }
-    reel_range left = {here, size - here};
+    reel_range left = {n_head, size - n_head};
     int failed = read_fields(call, pool, &left, outline);
     if (failed == MESHREEL_TRUNCATED) {
         return reel_fail(call, MESHREEL_TRUNCATED, size, "the file ends inside its header");

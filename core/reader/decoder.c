@@ -221,23 +221,23 @@ int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, u
                     (!values && count), "the frames do not exist, or a pointer is NULL");
     REEL_INVALID_IF((uintptr_t)values % to.output_bytes, "values are not aligned to their number type");
     reel_call call = begin_call(decoder);
-    uint64_t done = 0;
+    uint64_t n_decoded = 0;
     int failed = MESHREEL_OK;
-    while (done < count && !failed) {
-        uint64_t frame = first + done;
+    while (n_decoded < count && !failed) {
+        uint64_t frame = first + n_decoded;
         uint32_t block = meshreel_block_of_frame(decoder->file, (uint32_t)frame);
         uint64_t within = frame - outline->blocks[block].first;
         uint64_t n = outline->blocks[block].n_frames - within;
-        n = n < count - done ? n : count - done;
+        n = n < count - n_decoded ? n : count - n_decoded;
         failed = reel_load(&call, decoder, track, block, n_modes);
         if (!failed) {
             to.value_of = decoder->tracks[track].items.value_of;
             to.n_values = decoder->tracks[track].items.graph.n_items;
             failed = decode_to(&call, decoder, track, within, n, &to,
-                               (uint8_t *)values + done * to.frame_stride);
+                               (uint8_t *)values + n_decoded * to.frame_stride);
         }
         reel_drop_scratch(&call, NULL);
-        done += n;
+        n_decoded += n;
     }
     return reel_end_call(&call, failed, error);
 }

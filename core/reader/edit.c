@@ -95,9 +95,9 @@ static void number_vertices(const reel_mesh_data *base, const item_map *verts,
                             reel_mesh_data *mesh) {
     int32_t next = 0;
     for (uint64_t i = 0; i < verts->n_base; i++) {
-        int32_t kept = verts->to_new[base->to_output[i]];
-        if (kept >= 0) {
-            mesh->to_output[next++] = kept;
+        int32_t new_vertex = verts->to_new[base->to_output[i]];
+        if (new_vertex >= 0) {
+            mesh->to_output[next++] = new_vertex;
         }
     }
     for (uint64_t i = 0; i < verts->n_new; i++) {
