@@ -87,8 +87,8 @@ def _reader(
         if not (is_finite := np.isfinite(values).all(axis=(1, 2))).all():
             frame = start + int(np.argmin(is_finite))
             raise InvalidInputError(f"a displacement of frame {frame} is not finite")
-        moved = segment.read(start, stop).astype(np.float64) + factor * values
-        return moved.astype(segment.dtype)
+        displaced = segment.read(start, stop).astype(np.float64) + factor * values
+        return displaced.astype(segment.dtype)
 
     return read
 

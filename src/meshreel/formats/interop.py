@@ -88,17 +88,17 @@ def from_trimesh(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
 
     parts = []
     for (_, _, has_colors), run in groupby(meshes, constant):
-        several = list(run)
-        vertices = np.stack([np.asarray(mesh.vertices) for mesh in several])
+        group = list(run)
+        vertices = np.stack([np.asarray(mesh.vertices) for mesh in group])
         surface, tracks = Surface(), {}
         if has_colors:
-            colors = np.stack([np.asarray(mesh.visual.vertex_colors) for mesh in several])
+            colors = np.stack([np.asarray(mesh.visual.vertex_colors) for mesh in group])
             if (colors == colors[0]).all():
                 color = Attribute("color", Kind.COLOR, Domain.VERTEX, colors[0])
                 surface = Surface(attributes=(color,))
             else:
                 tracks = {"color": Track(colors, Domain.VERTEX, TrackKind.COLOR)}
-        faces = np.asarray(several[0].faces)
+        faces = np.asarray(group[0].faces)
         parts.append(MeshSequence(vertices, faces, fps, surface=surface, tracks=tracks))
     return concatenate(parts)
 

@@ -96,15 +96,15 @@ def is_pattern(output: AnyPath) -> bool:
     return NUMBER_FIELD.search(Path(output).name) is not None
 
 
-def numbering(output: AnyPath, wanted: range, start_number: int | None) -> int | None:
+def numbering(output: AnyPath, frames: range, start_number: int | None) -> int | None:
     """Return the number of the first file: `start_number`, or for a pattern that of its frame.
 
     Parameters
     ----------
-    wanted : range
+    frames : range
         Frame numbers.
     """
-    return wanted.start if start_number is None and is_pattern(output) else start_number
+    return frames.start if start_number is None and is_pattern(output) else start_number
 
 
 def _check_folder(

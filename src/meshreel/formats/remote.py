@@ -43,15 +43,15 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
     StoreError
         If a file does not exist or cannot be reached.
     """
-    several = [source] if isinstance(source, str | os.PathLike) else list(source)
-    if not any(map(is_remote, several)):
+    sources = [source] if isinstance(source, str | os.PathLike) else list(source)
+    if not any(map(is_remote, sources)):
         yield source
         return
-    if not all(map(is_remote, several)):
+    if not all(map(is_remote, sources)):
         raise InvalidInputError(
             "some frames are remote and some are local files; use only one kind"
         )
-    addresses = [os.fspath(address) for address in several]
+    addresses = [os.fspath(address) for address in sources]
     place = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
     folder = place / _folder_name(addresses[0])
     try:

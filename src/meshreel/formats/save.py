@@ -124,7 +124,7 @@ def save(
 
 def save_part(
     sequence: "AnySource",
-    wanted: range,
+    frames: range,
     output: AnyPath,
     *,
     overwrite: bool = False,
@@ -139,7 +139,7 @@ def save_part(
 
     Parameters
     ----------
-    wanted : range
+    frames : range
         Consecutive frame numbers; the start time is adjusted.
     start_number : int, optional
         Number of the first file of a pattern; default the number of its frame.
@@ -159,14 +159,14 @@ def save_part(
         sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
-    stream = SegmentedStream(sequence, wanted, progress=progress, notes=notes, figures=figures)
+    stream = SegmentedStream(sequence, frames, progress=progress, notes=notes, figures=figures)
     stream = stream.changed(partial(_with_supported_tracks, output))
     paths = _checked_paths(
         output,
-        len(wanted),
+        len(frames),
         n_segments=stream.n_segments,
         overwrite=overwrite,
-        start_number=numbering(output, wanted, start_number),
+        start_number=numbering(output, frames, start_number),
         inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
     )

@@ -129,11 +129,11 @@ def _note_segments(
         options.notes.add(NoteKind.SEGMENTS, "faces", text)
 
 
-def _describe_match(given: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:
+def _describe_match(unmatched: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:
     n_added = sum(len(segment.faces) * segment.n_frames for segment in matched)
-    n_added -= sum(len(segment.faces) * segment.n_frames for segment in given)
+    n_added -= sum(len(segment.faces) * segment.n_frames for segment in unmatched)
     added = f"; {counted(n_added, 'face')} that add no area complete them" if n_added else ""
     return (
-        f"matched {counted(len(given), 'segment')} that differ only in the order of vertices and "
-        f"faces, which leaves {counted(len(matched), 'segment')}{added}"
+        f"matched {counted(len(unmatched), 'segment')} that differ only in the order of vertices "
+        f"and faces, which leaves {counted(len(matched), 'segment')}{added}"
     )

@@ -425,8 +425,8 @@ class _PartWriter:
             name, kind = self._new_name("group", groups.name), ("String", "String", 1)
             self._params[groups.name] = self._param(name, Domain.FACE, kind, is_indexed=True)
         labels = [clean(label, IN_TEXTS) for label in groups.labels]
-        for label, written in zip(groups.labels, labels, strict=True):
-            note_name("label", label, written, ".abc", self._notes)
+        for label, cleaned in zip(groups.labels, labels, strict=True):
+            note_name("label", label, cleaned, ".abc", self._notes)
         none = len(groups.labels)  # the index of the empty text at the end
         numbers = np.where(groups.numbers < 0, none, groups.numbers)
         sample = _param_sample("String", "String", Domain.FACE, [*labels, ""], numbers)
@@ -583,18 +583,18 @@ def check_free_space(path: Path, stream: SegmentedStream) -> None:
     InvalidInputError
         If there is less space than the file may need.
     """
-    needed = sum(map(_max_file_bytes, stream.meshes()))
+    max_bytes = sum(map(_max_file_bytes, stream.meshes()))
     try:
         if hasattr(os, "posix_fallocate"):
             with tempfile.TemporaryFile(dir=path.parent) as trial:
-                os.posix_fallocate(trial.fileno(), 0, needed)
-        is_free, reason = shutil.disk_usage(path.parent).free >= needed, "the disk is too full"
+                os.posix_fallocate(trial.fileno(), 0, max_bytes)
+        is_free, reason = shutil.disk_usage(path.parent).free >= max_bytes, "the disk is too full"
     except OSError as error:
         is_free, reason = False, str(error.strerror)
     if not is_free:
         raise InvalidInputError(
-            f"{path.name} needs up to {needed} bytes as an Alembic file, but there is not enough "
-            f"space ({reason}); write it to another disk"
+            f"{path.name} needs up to {max_bytes} bytes as an Alembic file, but there is not "
+            f"enough space ({reason}); write it to another disk"
         )
 
 

@@ -204,13 +204,13 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
     if options.dataset is None and (dataset := find_dataset(root, POSITIONS)) is not None:
         return dataset
     names = _candidates(root)
-    wanted = names
+    matches = names
     if options.dataset is not None:
         if (dataset := find_dataset(root, options.dataset)) is not None:
             return dataset
-        wanted = [name for name in names if f"/{name}".endswith(f"/{options.dataset.strip('/')}")]
-    if len(wanted) == 1:
-        return require_dataset(root, wanted[0])
+        matches = [name for name in names if f"/{name}".endswith(f"/{options.dataset.strip('/')}")]
+    if len(matches) == 1:
+        return require_dataset(root, matches[0])
     if not names:
         raise FormatError(
             "has no dataset of positions: float32 or float64, of shape (T, V, 3) or (V, 3, T)"

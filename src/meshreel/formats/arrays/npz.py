@@ -221,10 +221,10 @@ def read_arrays(
                 "name the array of positions with ",
                 Keyword("dataset"),
             )
-    wanted = [name for name in dict.fromkeys(names) if RESERVED_NAMES.fullmatch(name)]
-    if with_positions and positions not in wanted:
-        wanted.append(positions)
-    return read_members(path, wanted)
+    members = [name for name in dict.fromkeys(names) if RESERVED_NAMES.fullmatch(name)]
+    if with_positions and positions not in members:
+        members.append(positions)
+    return read_members(path, members)
 
 
 FORMATS = (

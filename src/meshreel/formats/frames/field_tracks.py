@@ -120,8 +120,8 @@ def _track(
     fields = [frame[key] for frame in frames if key in frame]
     widths = sorted({field.n_columns for field in fields})
     if len(widths) > 1:
-        several = " or ".join(map(str, widths))
-        notes.left_out(f"{key[1]!r}, which has {several} components in different frames")
+        widths_text = " or ".join(map(str, widths))
+        notes.left_out(f"{key[1]!r}, which has {widths_text} components in different frames")
         return None
     if not 1 <= widths[0] <= MAX_COLUMNS or any(
         field.dtype not in NUMBER_TYPES for field in fields

@@ -109,7 +109,7 @@ class SegmentedStream:
 
     Parameters
     ----------
-    wanted : range, optional
+    selection : range, optional
         Consecutive frame numbers; the times are adjusted. Default: all.
     progress : Progress, default silent
         Called after every frame.
@@ -137,21 +137,21 @@ class SegmentedStream:
     def __init__(
         self,
         sequence: "AnySource",
-        wanted: range | None = None,
+        selection: range | None = None,
         *,
         progress: Progress = silent,
         notes: Notes | None = None,
         figures: dict[str, Any] | None = None,
     ) -> None:
-        wanted = range(sequence.n_frames) if wanted is None else wanted
+        selection = range(sequence.n_frames) if selection is None else selection
         self._sequence: Any = sequence
-        self._parts = tuple(frames_by_segment(self._sequence.starts, wanted))
+        self._parts = tuple(frames_by_segment(self._sequence.starts, selection))
         sizes = (len(frames) for _, frames in self._parts)
         self.starts: tuple[int, ...] = (0, *accumulate(sizes))
         self.name: str = sequence.name
-        self.timing: Timing = sequence.timing.part(wanted)
+        self.timing: Timing = sequence.timing.part(selection)
         self.n_segments: int = len(self._parts)
-        self.n_frames: int = len(wanted)
+        self.n_frames: int = len(selection)
         self.progress = progress
         self.wants_notes: bool = notes is not None
         self.notes: Notes = notes if notes is not None else Notes()

@@ -96,10 +96,10 @@ class StoredFrames(Timed):
         InvalidInputError
             If faces, surface or tracks do not fit.
         """
-        if given := MESH & changes.keys():
+        if changed_names := MESH & changes.keys():
             mesh = {name: changes.pop(name, getattr(self, name)) for name in MESH}
             readers = _mesh_readers(self.n_frames, self.n_verts, **mesh)
-            changes |= {name: readers[name] for name in map("read_{}".format, given)}
+            changes |= {name: readers[name] for name in map("read_{}".format, changed_names)}
         return replace(self, **changes)
 
     def changed(self, change: Callable[[Surface], Surface]) -> "StoredFrames":

@@ -120,7 +120,7 @@ class Clips:
             ]
         )
 
-    def select(self, wanted: str | int | None, notes: Notes) -> Clip | None:
+    def select(self, animation: str | int | None, notes: Notes) -> Clip | None:
         """Return an animation by name or index, or by default the first that moves a mesh.
 
         Parameters
@@ -139,9 +139,9 @@ class Clips:
         FormatError
             If the requested animation is malformed.
         """
-        if wanted is None:
+        if animation is None:
             return self._first_moving(notes)
-        number = self._index(wanted)
+        number = self._index(animation)
         clip = self._read(number)
         if not clip.curves:
             notes.result(f"the animation {self.names[number]} moves no mesh; read a single frame")
@@ -190,21 +190,21 @@ class Clips:
             notes.result(f"the {subject} no mesh; read a single frame")
         return selected
 
-    def _index(self, wanted: str | int) -> int:
+    def _index(self, animation: str | int) -> int:
         """Return the index of an animation by name or index."""
-        if wanted in self.names:
-            return self.names.index(str(wanted))
-        if isinstance(wanted, int) or wanted.isdecimal():
-            number = int(wanted)
+        if animation in self.names:
+            return self.names.index(str(animation))
+        if isinstance(animation, int) or animation.isdecimal():
+            number = int(animation)
             if 0 <= number < len(self.names):
                 return number
         if not self.names:
             raise InvalidInputError(
-                f"has no animation {wanted!r}; it contains no animations; omit ",
+                f"has no animation {animation!r}; it contains no animations; omit ",
                 Keyword("animation"),
             )
         raise InvalidInputError(
-            f"has no animation {wanted!r}; it contains {listed(self.names, MAX_LISTED)}; choose "
+            f"has no animation {animation!r}; it contains {listed(self.names, MAX_LISTED)}; choose "
             f"one of these names, or an index from 0 to {len(self.names) - 1}"
         )
 

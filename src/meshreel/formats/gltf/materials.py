@@ -441,13 +441,13 @@ class Materials:
         if texture.uv not in self._uv_indices:
             self._notes.left_out(f"{label}: there are no UVs {texture.uv!r}")
             return None
-        written: Json = {"source": self._image(texture.image)}
+        texture_json: Json = {"source": self._image(texture.image)}
         if extension := EXTENSION_OF.get(image.mime_type):
             self.required.add(extension)
-            written = {"extensions": {extension: written}}
+            texture_json = {"extensions": {extension: texture_json}}
         if sampler := self._sampler(texture, label):
-            written["sampler"] = self._item("samplers", sampler)
-        texture_info: Json = {"index": self._item("textures", written)}
+            texture_json["sampler"] = self._item("samplers", sampler)
+        texture_info: Json = {"index": self._item("textures", texture_json)}
         if number := self._uv_indices[texture.uv]:
             texture_info["texCoord"] = number
         if texture.is_placed:

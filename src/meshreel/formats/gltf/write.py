@@ -311,8 +311,8 @@ def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     document = scene.document()
     size_bytes = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
     sizes = scene.sizes_in_file(size_bytes)
-    shown = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
-    stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {shown}")
+    sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
+    stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {sizes_text}")
     scene.note_compression()
 
 

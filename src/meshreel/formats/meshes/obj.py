@@ -109,7 +109,7 @@ def _mesh(lines: _Lines) -> PolygonMesh:
         lines.counts,
         np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
         place=lambda face: all_lines.place(face_lines[face]),
-        given=lambda corner: indices[corner],
+        file_index=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
 
@@ -158,9 +158,9 @@ def _rows(
     lines: _Lines, row_lines: Integers, n_slashes: int
 ) -> tuple[Integers, npt.NDArray[np.bool_]]:
     """Row that each corner refers to after `n_slashes` slashes, and whether it exists."""
-    written, has_one = lines.all.integers_after_slash(lines.corners, n_slashes)
-    rows = np.where(written < 0, lines.n_above(row_lines) + written, written - 1)
-    return rows, has_one & (rows >= 0) & (rows < len(row_lines))
+    indices, has_index = lines.all.integers_after_slash(lines.corners, n_slashes)
+    rows = np.where(indices < 0, lines.n_above(row_lines) + indices, indices - 1)
+    return rows, has_index & (rows >= 0) & (rows < len(row_lines))
 
 
 def _texture_coordinates(lines: _Lines) -> Attribute | None:

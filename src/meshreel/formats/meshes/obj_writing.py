@@ -259,26 +259,26 @@ def select_tracks(
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
     attributes = {TrackKind.UV: uv, TrackKind.COLOR: colors}
-    used = {kind for kind, attribute in attributes.items() if attribute is not None}
-    written: dict[TrackKind, str] = {}
+    used_kinds = {kind for kind, attribute in attributes.items() if attribute is not None}
+    name_of_kind: dict[TrackKind, str] = {}
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
         if not _is_supported(track):
             missing.setdefault(UNSUPPORTED, []).append(name)
-        elif track.kind in used:
+        elif track.kind in used_kinds:
             missing.setdefault(TOO_MANY, []).append(name)
         else:
-            used.add(track.kind)
-            written[track.kind] = name
+            used_kinds.add(track.kind)
+            name_of_kind[track.kind] = name
             note_name("track", name, READ_AS[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
                 notes.unwritten(name, f"alpha of track {name!r} left out: .obj does not store it")
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
-    units = {name: tracks[name].unit for name in written.values()}
+    units = {name: tracks[name].unit for name in name_of_kind.values()}
     note_unwritten_units(units, ".obj", notes)
-    return written
+    return name_of_kind
 
 
 def _is_supported(track: TrackSource) -> bool:

@@ -202,8 +202,8 @@ def _walk_row(element: PlyElement, body: PlyBody, start: int) -> tuple[dict[str,
     return offsets, at - start
 
 
-def _check_fits(element: PlyElement, needed: int, left: int) -> None:
-    if needed > left:
+def _check_fits(element: PlyElement, n_bytes: int, n_left: int) -> None:
+    if n_bytes > n_left:
         raise FormatError(
             f"element {element.name!r} with {element.n_rows} rows is longer than the rest of the "
             "file; it is truncated or its header is wrong"

@@ -204,8 +204,8 @@ def select_tracks(
     notes : Notes
         Receives sentences on tracks that are left out, renamed, converted, or lose their unit.
     """
-    used = {(attribute.domain, _attribute_key(attribute)) for attribute in attributes}
-    written: list[PlyTrack] = []
+    used_keys = {(attribute.domain, _attribute_key(attribute)) for attribute in attributes}
+    ply_tracks: list[PlyTrack] = []
     missing: dict[str, list[str]] = {}
     for name, track in tracks.items():
         properties, dtype = _properties(name, track), _written_type(track)
@@ -215,20 +215,20 @@ def select_tracks(
             continue
         is_scalar = len(properties) == 1
         key = properties[0] if is_scalar else READ_AS[track.kind]
-        while is_scalar and (track.domain, key) in used:
+        while is_scalar and (track.domain, key) in used_keys:
             key += "_"
-        if (track.domain, key) in used:
+        if (track.domain, key) in used_keys:
             missing.setdefault(TOO_MANY, []).append(name)
             continue
-        used.add((track.domain, key))
-        written.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
+        used_keys.add((track.domain, key))
+        ply_tracks.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
         note_name("track", name, key, ".ply", notes)
         note_track_type(name, track.dtype, dtype, notes)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".ply", notes, reason)
-    units = {track.name: tracks[track.name].unit for track in written}
+    units = {track.name: tracks[track.name].unit for track in ply_tracks}
     note_unwritten_units(units, ".ply", notes)
-    return written
+    return ply_tracks
 
 
 def _attribute_key(attribute: Attribute) -> str:

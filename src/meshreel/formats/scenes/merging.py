@@ -83,8 +83,8 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
         return merge_surfaces([mesh.name for mesh in meshes], surfaces, frames, notes)
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
-        wanted = times[frames.start : frames.stop]
-        places = [neighbors_of_times(mesh.times_s, wanted) for mesh in meshes]
+        frame_times_s = times[frames.start : frames.stop]
+        places = [neighbors_of_times(mesh.times_s, frame_times_s) for mesh in meshes]
         return merge_tracks(meshes, places, notes)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}

@@ -253,22 +253,22 @@ class _SceneRun:
         return vertices
 
 
-def _named(meshes: Sequence[SceneMesh], wanted: str) -> SceneMesh:
-    matches = [mesh for mesh in meshes if mesh.name == wanted]
+def _named(meshes: Sequence[SceneMesh], name: str) -> SceneMesh:
+    matches = [mesh for mesh in meshes if mesh.name == name]
     matches = matches or [
-        mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{wanted.strip('/')}")
+        mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{name.strip('/')}")
     ]
     # The name of a parent node, such as a transform, selects the only mesh below it.
-    matches = matches or [mesh for mesh in meshes if _is_below(mesh.name, wanted)]
+    matches = matches or [mesh for mesh in meshes if _is_below(mesh.name, name)]
     if len(matches) != 1:
         which = "no mesh" if not matches else f"{counted(len(matches), 'mesh')}"
-        raise InvalidInputError(f"has {which} named {wanted!r}; it holds {_listed(meshes)}")
+        raise InvalidInputError(f"has {which} named {name!r}; it holds {_listed(meshes)}")
     return matches[0]
 
 
-def _is_below(name: str, wanted: str) -> bool:
+def _is_below(name: str, node_path: str) -> bool:
     """Whether a node above the mesh has this path, or a path that ends with it."""
-    above, part = f"/{name.strip('/')}".rpartition("/")[0], wanted.strip("/")
+    above, part = f"/{name.strip('/')}".rpartition("/")[0], node_path.strip("/")
     return not part or f"/{part}/" in f"{above}/"
 
 

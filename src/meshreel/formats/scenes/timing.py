@@ -100,9 +100,9 @@ Places = tuple[Integers, Integers, Floats]
 """`Neighbors` of several times, as arrays of shape (T,)."""
 
 
-def neighbors_of_times(times_s: Floats, wanted: Floats) -> Places:
+def neighbors_of_times(times_s: Floats, requested_s: Floats) -> Places:
     """Return the `neighbors` of at least one time as arrays of shape (T,)."""
-    places = [neighbors(times_s, time) for time in wanted.tolist()]
+    places = [neighbors(times_s, time) for time in requested_s.tolist()]
     before, after, shares = map(np.array, zip(*places, strict=True))
     return before, after, shares
 

@@ -52,10 +52,11 @@ def transform_normals(values: Values, matrix: Floats) -> Values:
     with np.errstate(all="ignore"):
         before = values.astype(np.float64)
         after = before @ np.linalg.pinv(linear).T
-        lengths, wanted = (
+        after_lengths, before_lengths = (
             np.linalg.norm(vectors, axis=1, keepdims=True) for vectors in (after, before)
         )
-        normals: Values = (after * np.where(lengths > 0, wanted / lengths, 1)).astype(values.dtype)
+        scales = np.where(after_lengths > 0, before_lengths / after_lengths, 1)
+        normals: Values = (after * scales).astype(values.dtype)
     return normals
 
 

@@ -345,8 +345,8 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
         is_reordered = list(order) != sorted(order)
         if n_changed := len(changed := n_parts[is_kind & (is_reordered | (n_parts != 1))]):
             number = f"{changed.sum()} of " if changed.sum() != n_changed else ""
-            given = f"{counted(n_changed, 'cell')} of {_type_text(kind)}"
-            changes.append(f"{given} became {number}{_type_text(new)}")
+            cells_text = f"{counted(n_changed, 'cell')} of {_type_text(kind)}"
+            changes.append(f"{cells_text} became {number}{_type_text(new)}")
     rows = np.repeat(np.arange(len(types)), n_parts)
     part = np.arange(len(rows)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
     starts = np.cumsum(cells.counts) - cells.counts
@@ -415,10 +415,10 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     is_solid = is_solid_cell[owners]
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
-    shown = np.sort(
+    surface_faces = np.sort(
         np.concatenate([np.flatnonzero(~is_solid), _boundary_faces(counts, corners, is_solid)])
     )
-    order = shown[np.argsort(owners[shown], kind="stable")]
+    order = surface_faces[np.argsort(owners[surface_faces], kind="stable")]
     first = np.cumsum(counts) - counts
     corners = corners[ragged_indices(first[order], counts[order])]
     points: npt.NDArray[np.int64] | slice = slice(None)
@@ -441,8 +441,8 @@ def used_points(surface: CellSurface) -> CellSurface:
     if not isinstance(surface.points, slice):
         return surface
     volume = surface.volume
-    used = surface.corners if volume is None else volume.nodes
-    points = np.unique(used).astype(np.int64)
+    point_indices = surface.corners if volume is None else volume.nodes
+    points = np.unique(point_indices).astype(np.int64)
     corners = np.searchsorted(points, surface.corners).astype(np.int32)
     if volume is not None:
         volume = replace(volume, nodes=np.searchsorted(points, volume.nodes).astype(np.int32))
@@ -471,10 +471,10 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
         raise FormatError(
             f"contains cells of unsupported {_type_text(kind)}; export a surface instead"
         )
-    needed = 1 + max(max(face) for face in faces)
-    if (counts < needed).any():
+    min_points = 1 + max(max(face) for face in faces)
+    if (counts < min_points).any():
         raise FormatError(
-            f"a cell of type {kind} has {counted(counts.min(), 'point')}; it needs {needed}"
+            f"a cell of type {kind} has {counted(counts.min(), 'point')}; it needs {min_points}"
         )
     rows = [(cells.points[first[:, None] + np.array(face)], len(face)) for face in faces]
     sizes = np.tile([size for _, size in rows], len(cell_numbers))

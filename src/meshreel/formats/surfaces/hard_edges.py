@@ -174,10 +174,10 @@ def _notes_on(meshes: Collection[HardEdges]) -> Iterator[Note]:
 
 def _units(normals: npt.NDArray[np.floating]) -> Floats:
     """Normalize normals; undefined ones become 0."""
-    given = np.asarray(normals, np.float64)
-    lengths = np.linalg.norm(np.nan_to_num(given), axis=1, keepdims=True)
-    is_known = np.isfinite(given).all(axis=1, keepdims=True) & (lengths > 0)
-    return np.asarray(np.divide(given, lengths, out=np.zeros_like(given), where=is_known))
+    vectors = np.asarray(normals, np.float64)
+    lengths = np.linalg.norm(np.nan_to_num(vectors), axis=1, keepdims=True)
+    is_known = np.isfinite(vectors).all(axis=1, keepdims=True) & (lengths > 0)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=is_known))
 
 
 def _differences(

@@ -66,10 +66,10 @@ def image_names(images: Sequence[Image]) -> list[str]:
     for image in images:
         stem = NOT_PORTABLE.sub("_", image.name)[:MAX_LENGTH] or "image"
         extension = next((key for key, mime in EXTENSIONS.items() if mime == image.mime_type), "")
-        name, wanted = stem + extension, (stem + extension).lower()
+        name, lower_name = stem + extension, (stem + extension).lower()
         while name.lower() in used:
-            counts[wanted] = counts.get(wanted, 1) + 1
-            name = f"{stem}_{counts[wanted]}{extension}"
+            counts[lower_name] = counts.get(lower_name, 1) + 1
+            name = f"{stem}_{counts[lower_name]}{extension}"
         used.add(name.lower())
         names.append(name)
     return names

@@ -79,7 +79,7 @@ def polygon_mesh(
     corners: Integers,
     *,
     place: Callable[[int], str] = "face {}".format,
-    given: Callable[[int], Any] | None = None,
+    file_index: Callable[[int], Any] | None = None,
     allowed: str = "",
 ) -> PolygonMesh:
     """Return a `PolygonMesh` after validating corner counts and vertex indices.
@@ -90,7 +90,7 @@ def polygon_mesh(
         As in `PolygonMesh`, but of any integer type and unchecked.
     place : function of a face number
         Describes the location of a face for messages.
-    given : function of a corner number, optional
+    file_index : function of a corner number, optional
         Returns the index as written in the file, if it differs from `corners`.
     allowed : str, optional
         Describes the valid indices; default "0..V-1".
@@ -118,7 +118,7 @@ def polygon_mesh(
         corner = int(np.argmax(outside))
         face = int(np.searchsorted(np.cumsum(counts), corner, side="right"))
         raise FormatError(
-            f"{place(face)}: uses vertex {given(corner) if given else corners[corner]}; "
+            f"{place(face)}: uses vertex {file_index(corner) if file_index else corners[corner]}; "
             f"indices must be in {allowed or f'0..{len(vertices) - 1}'}"
         )
     return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))

@@ -202,9 +202,9 @@ class TokenLines:
         bad = (i for i, word in enumerate(words) if not _is_number(word))
         return self._not_a(int(tokens[next(bad, 0)]), "a number")
 
-    def _not_a(self, token: int, wanted: str) -> FormatError:
+    def _not_a(self, token: int, expected: str) -> FormatError:
         place, word = self.place_of_word(token), self.word(token)
-        return FormatError(f"{place}: expected {wanted}; got {word!r}")
+        return FormatError(f"{place}: expected {expected}; got {word!r}")
 
 
 def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:

@@ -225,5 +225,5 @@ def _visibility(prim: Any) -> list[bool]:
         if imageable := geometry.Imageable(prim):
             codes |= {*attribute_codes(imageable.GetVisibilityAttr())}
         prim = prim.GetParent()
-    shown = geometry.Tokens.inherited
-    return [mesh.ComputeVisibility(code) == shown for code in sorted(codes) or [0.0]]
+    inherited = geometry.Tokens.inherited
+    return [mesh.ComputeVisibility(code) == inherited for code in sorted(codes) or [0.0]]

@@ -528,7 +528,7 @@ def _note_type(name: str, track: TrackSource, type_name: str, notes: Notes) -> N
     is_widened = track.dtype.str[1:] in ("i1", "i2", "u2")
     is_scaled = track.dtype == np.uint8 and type_name.startswith("color")
     if is_widened or is_scaled or (track.dtype == np.float64 and is_float):
-        written = "int32" if is_widened else "float32"
+        stored_type = "int32" if is_widened else "float32"
         notes.changed(
-            f"track {name!r} is written as {written}, not {track.dtype}, a type that USD lacks"
+            f"track {name!r} is written as {stored_type}, not {track.dtype}, a type that USD lacks"
         )
