@@ -391,14 +391,14 @@ class ReelStream(IterableDataset[Window]):
                 sequence, windows = following
                 opened.append((sequence, rng.permutation(windows).tolist()))
                 following = next(blocks, None)
-                chosen = len(opened) - 1  # decoded now, so that its memory counts
+                block_index = len(opened) - 1  # decoded now, so that its memory counts
             else:
-                chosen = int(rng.integers(len(opened)))
-            sequence, firsts = opened[chosen]
+                block_index = int(rng.integers(len(opened)))
+            sequence, firsts = opened[block_index]
             first = firsts.pop()
             yield self.dataset.at(sequence, first)
             if not firsts:
-                del opened[chosen]
+                del opened[block_index]
                 self.dataset._release(sequence, first)
 
 
@@ -513,16 +513,16 @@ def _sequences(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], tracks: Sequence[str]
 ) -> Iterator[SequenceEntry]:
     """Yield the segments of all files; raises InvalidInputError if there are none."""
-    given = [paths] if isinstance(paths, str | os.PathLike) else paths
-    if not isinstance(given, Iterable):
-        raise InvalidInputError(f"paths takes a path, or several; got {given!r}")
-    given = [os.fspath(path) if isinstance(path, os.PathLike) else path for path in given]
-    if not all(isinstance(path, str) for path in given):
-        raise InvalidInputError(f"paths takes paths as strings or pathlib.Path; got {given!r}")
-    files = [file for path in given for file in _files(path)]
+    inputs = [paths] if isinstance(paths, str | os.PathLike) else paths
+    if not isinstance(inputs, Iterable):
+        raise InvalidInputError(f"paths takes a path, or several; got {inputs!r}")
+    inputs = [os.fspath(path) if isinstance(path, os.PathLike) else path for path in inputs]
+    if not all(isinstance(path, str) for path in inputs):
+        raise InvalidInputError(f"paths takes paths as strings or pathlib.Path; got {inputs!r}")
+    files = [file for path in inputs for file in _files(path)]
     if not files:
         raise InvalidInputError(
-            f"there is no .reel file in {', '.join(map(repr, given)) or 'an empty list of paths'}"
+            f"there is no .reel file in {', '.join(map(repr, inputs)) or 'an empty list of paths'}"
         )
     for path in files:
         with open_reel(path) as file:

@@ -29,7 +29,7 @@ class Encoded:
 
 
 def encode_and_measure(
-    given: MeshSequence,
+    original: MeshSequence,
     config: EncoderConfig,
     tracks: TrackTargets | None,
     notes: Notes,
@@ -45,8 +45,8 @@ def encode_and_measure(
     notes : Notes
         Receives notes on changes, and on what the stream omits.
     """
-    sequence = without_reordering(given, config.order)
-    notes += filter(None, [joined_note(given, sequence)])
+    sequence = without_reordering(original, config.order)
+    notes += filter(None, [joined_note(original, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
     achieved = measure_stream(sequence, data, with_normals=True, progress=progress)

@@ -77,13 +77,13 @@ def measure_stream(
             segment: FrameSource = segment,
         ) -> Iterator[Vertices]:
             for start, frames in reel.pieces():
-                given = frames if internal is None else frames[:, internal]
-                for index in range(len(given)):
+                reordered = frames if internal is None else frames[:, internal]
+                for index in range(len(reordered)):
                     if first + start + index in sampled:
                         original = segment.read(start + index, start + index + 1)
-                        pair = original, given[index : index + 1]
+                        pair = original, reordered[index : index + 1]
                         angles.append(normal_angles(*pair, segment.faces).mean_deg)
-                yield given
+                yield reordered
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
         progress("measuring", Count(first_frame, n_frames, "frames"))
@@ -98,7 +98,7 @@ def measure_stream(
     return Achieved(
         of_positions.kg_error_percent,
         of_positions.max_error_percent,
-        {name: joined_errors(several) for name, several in tracks.items()},
+        {name: joined_errors(track_errors) for name, track_errors in tracks.items()},
         sum(angles) / len(angles) if angles else None,
         len(angles),
     )
@@ -143,6 +143,6 @@ def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
     return [_largest_uv_error(uv, uv_hat) for uv, uv_hat in pairs if is_quantized(uv)]
 
 
-def _largest_uv_error(given: Attribute, decoded: Attribute) -> float:
-    errors = decoded.per_item().astype(np.float64) - given.per_item()
+def _largest_uv_error(original: Attribute, decoded: Attribute) -> float:
+    errors = decoded.per_item().astype(np.float64) - original.per_item()
     return float(np.abs(errors[np.isfinite(errors)]).max(initial=0))

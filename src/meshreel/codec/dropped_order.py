@@ -99,14 +99,14 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         for name, track in loaded.tracks.items()
         if track.domain in numbers  # others need the order
     }
-    given = original.surface
+    original_surface = original.surface
     surface = PLAIN
     if Domain.FACE in numbers:
         faces = original.faces
-    if given.cells is not None:
+    if original_surface.cells is not None:
         faces, surface = (
             original.faces,
-            replace(PLAIN, cells=given.cells, face_sizes=given.face_sizes),
+            replace(PLAIN, cells=original_surface.cells, face_sizes=original_surface.face_sizes),
         )
     return loaded.replace(
         vertices=loaded.vertices[:, vertices], faces=faces, surface=surface, tracks=tracks

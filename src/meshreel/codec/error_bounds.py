@@ -42,12 +42,12 @@ class ErrorBound:
         return f"{self.amount:g} {'model units' if self.is_length else '%'}"
 
 
-def bound_of(given: float | str, unit: str | None = None, option: str = "max_error") -> ErrorBound:
+def bound_of(bound: float | str, unit: str | None = None, option: str = "max_error") -> ErrorBound:
     """Parse an error bound.
 
     Parameters
     ----------
-    given : float, or str
+    bound : float, or str
         Percent of the diagonal of the bounding box of all frames: 0.1, "0.1", "0.1%". Model units:
         "0.5u". A length: "0.5mm", in any of `METERS`.
     unit : str, optional
@@ -62,50 +62,50 @@ def bound_of(given: float | str, unit: str | None = None, option: str = "max_err
         If it is none of these or not above 0, a length lacks the unit of the model, or a unit is
         given with a bound that is not a length.
     """
-    if not isinstance(given, str):
-        return _checked(given, "", given, unit, option)
-    match = _BOUND.fullmatch(given.strip().lower())
+    if not isinstance(bound, str):
+        return _checked(bound, "", bound, unit, option)
+    match = _BOUND.fullmatch(bound.strip().lower())
     if not match:
         raise InvalidInputError(
             Keyword(option),
             f" takes percent of the diagonal (0.1 or 0.1%), model units (0.5u) or a "
-            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {given!r}",
+            f"length ({', '.join(f'0.5{name}' for name in METERS)}); got {bound!r}",
         )
-    return _checked(float(match[1]), match[2], given, unit, option)
+    return _checked(float(match[1]), match[2], bound, unit, option)
 
 
 def _checked(
-    amount: float, written: str, given: float | str, unit: str | None, option: str
+    amount: float, suffix: str, bound: float | str, unit: str | None, option: str
 ) -> ErrorBound:
     if not 0 < amount < float("inf"):
-        raise InvalidInputError(Keyword(option), f" must be above 0; got {given}")
+        raise InvalidInputError(Keyword(option), f" must be above 0; got {bound}")
     if unit is not None and unit not in METERS:
         raise InvalidInputError(Keyword("unit"), f" is one of {', '.join(METERS)}; got {unit!r}")
-    if written in METERS:
+    if suffix in METERS:
         return ErrorBound(
-            amount * METERS[written] / METERS[_required_unit(unit, given, option)], is_length=True
+            amount * METERS[suffix] / METERS[_required_unit(unit, bound, option)], is_length=True
         )
-    if written not in ("", "%", MODEL_UNITS):
+    if suffix not in ("", "%", MODEL_UNITS):
         raise InvalidInputError(
             Keyword(option),
-            f" has no unit {written!r}; use %, {MODEL_UNITS} (model units), "
-            f"{', '.join(METERS)}; got {given!r}",
+            f" has no unit {suffix!r}; use %, {MODEL_UNITS} (model units), "
+            f"{', '.join(METERS)}; got {bound!r}",
         )
     if unit is not None:
         raise InvalidInputError(
             Keyword("unit"),
-            f" has no effect on {given}, which is not a length; omit it, or give ",
+            f" has no effect on {bound}, which is not a length; omit it, or give ",
             Keyword(option),
             " in mm, cm, m, km, in or ft",
         )
-    return ErrorBound(amount, is_length=written == MODEL_UNITS)
+    return ErrorBound(amount, is_length=suffix == MODEL_UNITS)
 
 
-def _required_unit(unit: str | None, given: float | str, option: str) -> str:
+def _required_unit(unit: str | None, bound: float | str, option: str) -> str:
     if unit is None:
         raise InvalidInputError(
             Keyword(option),
-            f" {given} is a length, but the model has no length unit; give it with ",
+            f" {bound} is a length, but the model has no length unit; give it with ",
             Keyword("unit"),
             f" ({', '.join(METERS)}), or use model units as in 0.5{MODEL_UNITS}",
         )

@@ -197,9 +197,9 @@ class StreamInfo:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
         change = change_text(self.raw_size_bytes, self.size_bytes)
-        several = f" in {len(self.segments)} segments" if len(self.segments) > 1 else ""
+        segments_text = f" in {len(self.segments)} segments" if len(self.segments) > 1 else ""
         return (
-            f"<StreamInfo{name}: {counted(self.n_frames, 'frame')}{several}, "
+            f"<StreamInfo{name}: {counted(self.n_frames, 'frame')}{segments_text}, "
             f"{counted(self.n_verts, 'vertex')}, {counted(self.n_faces, 'face')}, "
             f"{self.fps:g} fps, {self.vertex_type}; {self.method}, "
             f"{self.size_bytes} bytes, {change}, {self.rate_bpvf:.3g} bpvf{cut}>"

@@ -26,12 +26,12 @@ UNITS |= {f"{prefix}iB": 1024**power for power, prefix in enumerate("KMGT", star
 _SIZE = re.compile(r"((?:\d+\.?\d*|\.\d+)(?:e\+?\d{1,3})?)\s*([a-zA-Z]*)")
 
 
-def bytes_of(given: float | str, name: str) -> float:
+def bytes_of(size: float | str, name: str) -> float:
     """Parse a size.
 
     Parameters
     ----------
-    given : float, or str
+    size : float, or str
         A number of bytes, or text such as "100kB", "1 MiB" or "1e6".
     name : str
         Name of the option, for error messages.
@@ -41,21 +41,21 @@ def bytes_of(given: float | str, name: str) -> float:
     InvalidInputError
         If it is not a size, or not above 0.
     """
-    if not isinstance(given, str):
-        return _checked(given, given, name)
-    match = _SIZE.fullmatch(given.strip())
+    if not isinstance(size, str):
+        return _checked(size, size, name)
+    match = _SIZE.fullmatch(size.strip())
     factors = {unit.lower(): factor for unit, factor in UNITS.items()}
     if not match or match[2].lower() not in factors:
         raise InvalidInputError(
             Keyword(name),
-            f" takes a size such as 100kB or 1GiB, or a number of bytes; got {given!r}",
+            f" takes a size such as 100kB or 1GiB, or a number of bytes; got {size!r}",
         )
-    return _checked(float(match[1]) * factors[match[2].lower()], given, name)
+    return _checked(float(match[1]) * factors[match[2].lower()], size, name)
 
 
-def _checked(size_bytes: float, given: float | str, name: str) -> float:
+def _checked(size_bytes: float, size: float | str, name: str) -> float:
     if not 0 < size_bytes < float("inf"):
-        raise InvalidInputError(Keyword(name), f" must be above 0; got {given}")
+        raise InvalidInputError(Keyword(name), f" must be above 0; got {size}")
     return size_bytes
 
 
@@ -79,8 +79,8 @@ class MemoryLimit:
 
     def require_mesh(self, n_verts: int, n_faces: int) -> None:
         """Raise MemoryLimitError if decoding a mesh of this size exceeds the limit."""
-        needed = BYTES_OF_VERTEX * n_verts + BYTES_OF_FACE * n_faces
-        self.require(needed, f"a mesh of {n_verts} vertices and {n_faces} faces")
+        n_bytes = BYTES_OF_VERTEX * n_verts + BYTES_OF_FACE * n_faces
+        self.require(n_bytes, f"a mesh of {n_verts} vertices and {n_faces} faces")
 
 
 def memory_limit(memory: float | str | None) -> MemoryLimit:

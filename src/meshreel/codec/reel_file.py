@@ -299,17 +299,17 @@ class ReelFile(Timed):
         """
         if not isinstance(index, slice):
             return frame_of(self.segments, self.starts, index)
-        wanted = frame_range(index, self.n_frames)
+        selected = frame_range(index, self.n_frames)
         parts, held_bytes = [], 0
-        for number, frames in frames_by_segment(self.starts, wanted):
+        for number, frames in frames_by_segment(self.starts, selected):
             segment = self.segments[number]
             segment._opened.require_frames(frames)
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
-            what = f"frames {wanted.start}:{wanted.stop} of {self!r}"
+            what = f"frames {selected.start}:{selected.stop} of {self!r}"
             self._limit.require(held_bytes + frames_bytes, what)
             parts.append(frames_of(segment, frames))
             held_bytes += parts[-1].raw_size_bytes
-        return MeshSequence.of_segments(parts, self.name, self.timing.part(wanted))
+        return MeshSequence.of_segments(parts, self.name, self.timing.part(selected))
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
         """Decode positions of several frames, such as the windows of a batch.

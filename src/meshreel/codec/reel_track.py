@@ -63,8 +63,8 @@ class DecodedValues:
                 f"frames {start}:{stop} are not in the file; it has frames 0:{len(self)}"
             )
         owner = f"track {header.name!r}" if self._number else f"{opened.n_verts} vertices"
-        needed = (stop - start) * header.frame_bytes
-        opened.limit.require(needed, f"frames {start}:{stop} of {owner}")
+        n_bytes = (stop - start) * header.frame_bytes
+        opened.limit.require(n_bytes, f"frames {start}:{stop} of {owner}")
         if start < stop:  # a damaged block raises before memory is allocated
             self._frames.load(opened.file.block_of_frame(start), self._number)
         values = np.empty((stop - start, *self.shape[1:]), header.dtype)

@@ -69,14 +69,14 @@ def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequenc
     return MeshSequence.of_segments(joined, sequence.name, sequence.timing)
 
 
-def joined_note(given: MeshSequence, joined: MeshSequence) -> Note | None:
+def joined_note(original: MeshSequence, joined: MeshSequence) -> Note | None:
     """Return a note on segments that `without_reordering` joined; None if it joined none."""
-    n_given, n_joined = given.n_segments, joined.n_segments
-    if n_given == n_joined:
+    n_original, n_joined = original.n_segments, joined.n_segments
+    if n_original == n_joined:
         return None
     text = (
-        f"joined {n_given} segments to {n_joined}, as only the order of their vertices and faces "
-        "differs, which is not kept"
+        f"joined {n_original} segments to {n_joined}, as only the order of their vertices and "
+        "faces differs, which is not kept"
     )
     return Note(NoteKind.SEGMENTS, "joined segments", text=text)
 

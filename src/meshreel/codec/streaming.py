@@ -295,9 +295,9 @@ class Encoder:
         mesh = (
             repr(faces) if isinstance(faces, Cells) else counted(len(np.atleast_1d(faces)), "face")
         )
-        several = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
+        segments_text = f" in {self.n_segments} segments" if self.n_segments > 1 else ""
         return (
-            f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{several} pushed, "
+            f"<Encoder{name}, {state}: {counted(self.n_frames, 'frame')}{segments_text} pushed, "
             f"{counted(self.size_bytes, 'byte')} written, "
             f"{mesh}, {self._timing.fps:g} fps>"
         )

@@ -53,11 +53,11 @@ def target_of(**numbers: float | str | None) -> Target:
     InvalidInputError
         If several targets have a value.
     """
-    given = {name: value for name, value in numbers.items() if value is not None}
-    if len(given) > 1:
-        first, second, *_ = map(Keyword, given)
+    requested = {name: value for name, value in numbers.items() if value is not None}
+    if len(requested) > 1:
+        first, second, *_ = map(Keyword, requested)
         raise InvalidInputError(first, " and ", second, " exclude each other; give one")
-    for name, value in given.items():
+    for name, value in requested.items():
         if TargetKind(name) is TargetKind.MAX_ERROR:
             bound = bound_of(value)
             return Target(TargetKind.MAX_ERROR, bound.amount, bound.is_length)

@@ -161,12 +161,12 @@ def default_bound(track: TrackSource, percent: float | None = None) -> TrackBoun
     return TrackBound(Measure.SHARE, percent)
 
 
-def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBound:
+def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBound:
     """Parse the bound of a track.
 
     Parameters
     ----------
-    given : float, or str
+    bound : float, or str
         In units of the track: 500, "500", "=500", "500Pa", or "0.5kPa", which is converted. "0.1%"
         of its range; "0.5deg" for normals; "8bit" for colors; "exact"; "drop".
     name : str
@@ -177,30 +177,30 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
     InvalidInputError
         If it is none of these, or does not suit the track.
     """
-    text = str(given).strip()
+    text = str(bound).strip()
     words = {"exact": EXACT, "drop": DROP}
     if text.lower() in words:
         return words[text.lower()]
     match = _BOUND.fullmatch(text)
     if not match:
-        raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {given!r}")
+        raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {bound!r}")
     amount, unit = float(match[1]), match[2].strip()
     if track.dtype.kind != "f":
         raise InvalidInputError(
-            f"track {name!r} has integers, which are lossless; use exact or drop, not {given!r}"
+            f"track {name!r} has integers, which are lossless; use exact or drop, not {bound!r}"
         )
     if not 0 < amount < math.inf:
-        raise InvalidInputError(f"track {name!r}: a bound must be above 0; got {given!r}")
+        raise InvalidInputError(f"track {name!r}: a bound must be above 0; got {bound!r}")
     if unit == "deg" and track.kind is TrackKind.NORMAL:
         if amount > MAX_ANGLE_DEG:
             raise InvalidInputError(
-                f"track {name!r}: bounds of normals are at most {MAX_ANGLE_DEG:g}deg; got {given!r}"
+                f"track {name!r}: bounds of normals are at most {MAX_ANGLE_DEG:g}deg; got {bound!r}"
             )
         return TrackBound(Measure.ANGLE, amount)
     if unit == "bit" and track.kind is TrackKind.COLOR:
         if not 1 <= amount <= MAX_BITS:
             raise InvalidInputError(
-                f"track {name!r}: colors take 1bit to {MAX_BITS}bit, or exact; got {given!r}"
+                f"track {name!r}: colors take 1bit to {MAX_BITS}bit, or exact; got {bound!r}"
             )
         return TrackBound(Measure.NUMBER, 0.5 / (2.0**amount - 1.0))
     if unit == "%" and track.kind is not TrackKind.NORMAL:
@@ -208,7 +208,7 @@ def bound_of_track(given: float | str, name: str, track: TrackSource) -> TrackBo
     ratio = 1.0 if unit in ("", track.unit) else unit_ratio(unit, track.unit)
     if ratio is not None and track.kind is not TrackKind.NORMAL:
         return TrackBound(Measure.UNITS, amount * ratio)
-    raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {given!r}")
+    raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {bound!r}")
 
 
 def _allowed(track: TrackSource) -> str:

@@ -293,10 +293,10 @@ def note_name(what: str, name: str, called: str, extension: str, notes: Notes) -
         notes.changed(name, text)
 
 
-def note_track_type(name: str, given: object, written: object, notes: Notes) -> None:
+def note_track_type(name: str, dtype: object, stored_dtype: object, notes: Notes) -> None:
     """Add a note, once, if the values of a track are converted to another type."""
-    if given != written:
-        text = f"track {name!r} is written as {written}, not {given}"
+    if dtype != stored_dtype:
+        text = f"track {name!r} is written as {stored_dtype}, not {dtype}"
         notes.changed(name, text)
 
 

@@ -239,8 +239,8 @@ class MeshSequence(Timed):
             If there is no segment, or their times do not fit: see `Timing.joined`.
         """
         parts: list[FrameSource] = []
-        given = list(segments)
-        for segment in given:
+        inputs = list(segments)
+        for segment in inputs:
             parts += segment.segments if isinstance(segment, MeshSequence) else [segment]
         if not parts:
             raise InvalidInputError("a sequence needs at least one segment; got none")
@@ -248,7 +248,7 @@ class MeshSequence(Timed):
         name = first.name if name is None else name
         if timing is None:
             timing = Timing.joined(
-                [segment.timing for segment in given], [segment.n_frames for segment in given]
+                [segment.timing for segment in inputs], [segment.n_frames for segment in inputs]
             )
         if len(parts) == 1 and (name, timing) != (first.name, first.timing):
             first = _replaced(first, {"name": name, "timing": timing})
@@ -423,10 +423,10 @@ class MeshSequence(Timed):
     def part(self, frames: range) -> "MeshSequence":
         """Return consecutive frames; segments that are cut are loaded, with their tracks."""
         parts: list[FrameSource] = []
-        for number, wanted in frames_by_segment(self.starts, frames):
+        for number, own_frames in frames_by_segment(self.starts, frames):
             segment = self.segments[number]
-            is_whole = len(wanted) == segment.n_frames
-            parts.append(segment if is_whole else frames_of(segment, wanted))
+            is_whole = len(own_frames) == segment.n_frames
+            parts.append(segment if is_whole else frames_of(segment, own_frames))
         return MeshSequence.of_segments(parts, self.name, self.timing.part(frames))
 
     _repr_html_ = notebook_html
@@ -524,17 +524,17 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
     return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
 
 
-def frames_of(segment: Any, wanted: range) -> MeshSequence:
+def frames_of(segment: Any, frames: range) -> MeshSequence:
     """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks."""
     # Positions of sequences in memory are finite already.
-    vertices = segment.read(wanted.start, wanted.stop)
+    vertices = segment.read(frames.start, frames.stop)
     return MeshSequence.of_finite(
         vertices if isinstance(segment, MeshSequence) else validate_vertices(vertices),
         segment.faces,
         segment.name,
-        segment.timing.part(wanted),
+        segment.timing.part(frames),
         segment.surface,
-        {name: read_track(track, wanted) for name, track in segment.tracks.items()},
+        {name: read_track(track, frames) for name, track in segment.tracks.items()},
     )
 
 

@@ -223,8 +223,8 @@ def _checked(times_s: Any, n_frames: int | None) -> Floats:
     except (TypeError, ValueError):
         raise InvalidInputError("times must be numbers, in seconds") from None
     if times.ndim != 1 or not len(times) or n_frames not in (None, len(times)):
-        wanted = "(T,)" if n_frames is None else f"({n_frames},)"
-        raise InvalidInputError(f"times must have shape {wanted}; got {times.shape}")
+        shape = "(T,)" if n_frames is None else f"({n_frames},)"
+        raise InvalidInputError(f"times must have shape {shape}; got {times.shape}")
     times = times + 0.0  # -0 becomes 0
     if not np.isfinite(times).all():
         raise InvalidInputError(f"time {int(np.argmin(np.isfinite(times)))} is not finite")

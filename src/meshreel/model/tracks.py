@@ -426,10 +426,10 @@ def check_kind(kind: TrackKind, n_columns: int, dtype: np.dtype[Any]) -> None:
     """Raise `InvalidInputError` if a kind does not allow this number of columns or number type."""
     allowed = COLUMNS_OF[kind]
     if n_columns not in allowed:
-        several = " or ".join(map(str, allowed))
+        counts_text = " or ".join(map(str, allowed))
         raise InvalidInputError(
             f"values of the kind {kind} have {counted(allowed[0], 'number')}"
-            + (f" ({several})" if len(allowed) > 1 else "")
+            + (f" ({counts_text})" if len(allowed) > 1 else "")
             + f"; got {n_columns}"
         )
     needs_floats = kind in (TrackKind.NORMAL, TrackKind.VELOCITY, TrackKind.UV)

@@ -66,10 +66,10 @@ def stored_block(opened: OpenStream, number: int) -> StoredBlock:
         raise CorruptStreamError(
             f"a block of {n_frames} frames has {n_modes} modes; 1 to {max_modes} are allowed"
         )
-    needed = MODE_BYTES * n_modes * (n_verts + 3 * n_frames)
-    needed += 3 * n_frames * n_verts * opened.dtype.itemsize
+    n_bytes = MODE_BYTES * n_modes * (n_verts + 3 * n_frames)
+    n_bytes += 3 * n_frames * n_verts * opened.dtype.itemsize
     what = f"block {number} of {n_frames} frames, {n_verts} vertices and {n_modes} modes"
-    opened.limit.require(needed, what)
+    opened.limit.require(n_bytes, what)
     return StoredBlock(place.first_frame, n_frames, n_modes, sections)
 
 

@@ -54,10 +54,10 @@ class DecodedBlock:
 
         # Products of matrices round by their shape: the same frames are always computed together.
         def fill(start: int) -> None:
-            together = slice(start, min(start + n_together, self.n_frames))
-            wanted = slice(max(start, first), min(together.stop, last))
-            matrices = self.frames_of(together)[:, wanted.start - start : wanted.stop - start]
-            out[wanted.start - first : wanted.stop - first] = from_matrices(
+            chunk = slice(start, min(start + n_together, self.n_frames))
+            requested = slice(max(start, first), min(chunk.stop, last))
+            matrices = self.frames_of(chunk)[:, requested.start - start : requested.stop - start]
+            out[requested.start - first : requested.stop - first] = from_matrices(
                 matrices, self.frame, out.dtype
             )
 

@@ -83,8 +83,8 @@ class PaperBlockDecoder:
             if self._n_modes is not None:
                 block = block.truncated(self._n_modes)
             if block.basis is None:  # the factors of the sparse solver may be dense, too
-                needed = DENSE_BYTES * self._opened.n_verts**2
-                self._opened.limit.require(needed, "the graph Fourier basis")
+                n_bytes = DENSE_BYTES * self._opened.n_verts**2
+                self._opened.limit.require(n_bytes, "the graph Fourier basis")
             # Decoded first: it rejects a wrong number of isolated vertices, before the synthesis,
             # whose time depends on that number.
             exact = self.exact(stored)

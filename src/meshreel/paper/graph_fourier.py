@@ -72,17 +72,17 @@ def graph_fourier_basis(
     """
     n_verts = laplacian.shape[0]
     _check_range(n_verts, n_modes)
-    needed, allowed = basis_bytes(n_verts, n_modes), memory_limit(memory).limit_bytes
-    if needed > allowed:
+    n_bytes, limit_bytes = basis_bytes(n_verts, n_modes), memory_limit(memory).limit_bytes
+    if n_bytes > limit_bytes:
         raise InvalidInputError(
-            f"{_frequencies_text(n_verts, n_modes)} take {size_text(needed)} of memory, and "
-            f"{size_text(allowed)} are allowed; allow more with ",
+            f"{_frequencies_text(n_verts, n_modes)} take {size_text(n_bytes)} of memory, and "
+            f"{size_text(limit_bytes)} are allowed; allow more with ",
             Keyword("memory"),
             ", or use fewer (",
             Keyword("n_modes"),
             ")",
         )
-    stage = f"decomposing {counted(n_modes, 'graph frequency')} with {size_text(needed)}"
+    stage = f"decomposing {counted(n_modes, 'graph frequency')} with {size_text(n_bytes)}"
     if progress is not silent and _work(n_verts, n_modes) > MAX_WORK:
         progress(stage, 0.0)
         seconds = estimated_seconds(laplacian, n_modes)

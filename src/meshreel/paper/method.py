@@ -67,11 +67,11 @@ def _code_blocks(
     source: Source, coder: PaperBlockCoder, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
     """Yield the number of frames and the sections of each block."""
-    done, n_frames = 0, source.sequence.n_frames
+    n_coded, n_frames = 0, source.sequence.n_frames
     for vertices in source.blocks():
-        progress("encoding", Count(done, n_frames, "frames"))
+        progress("encoding", Count(n_coded, n_frames, "frames"))
         yield len(vertices), coder.code(vertices)
-        done += len(vertices)
+        n_coded += len(vertices)
     progress("encoding", Count(n_frames, n_frames, "frames"))
 
 

@@ -47,10 +47,10 @@ def anchors_of(config: PaperOptions) -> float | Sequence[int]:
 
 def anchor_bits(config: PaperOptions) -> int:
     """Bits of the largest position of an anchor, or of its largest coefficient."""
-    chosen, variant = choices(config), variant_named(config.method)
-    if chosen.anchor_bits is not None:
-        return chosen.anchor_bits
-    if variant.decoding is not Decoding.ANCHORED or chosen.anchor_values == "coefficients":
+    paper_choices, variant = choices(config), variant_named(config.method)
+    if paper_choices.anchor_bits is not None:
+        return paper_choices.anchor_bits
+    if variant.decoding is not Decoding.ANCHORED or paper_choices.anchor_values == "coefficients":
         return FINE_BITS
     bits = bits_of(config)
     largest = max(bits) if isinstance(bits, Sequence) else bits
@@ -77,9 +77,9 @@ def check(config: PaperOptions) -> None:
             Keyword("n_modes"),
         )
     _check_bits(config, variant)
-    chosen = choices(config)
-    reasons = ineffective_choices(config, chosen)
-    for name in chosen.changed:
+    paper_choices = choices(config)
+    reasons = ineffective_choices(config, paper_choices)
+    for name in paper_choices.changed:
         if name in reasons:
             raise InvalidInputError(f"choice {name} has no effect: {reasons[name]}; omit it")
     has_anchors = isinstance(config.anchors, Sequence) or bool(config.anchors)
@@ -90,7 +90,7 @@ def check(config: PaperOptions) -> None:
         )
 
 
-def ineffective_choices(config: PaperOptions, chosen: PaperChoices) -> dict[str, str]:
+def ineffective_choices(config: PaperOptions, paper_choices: PaperChoices) -> dict[str, str]:
     """Choices that have no effect on streams of these options, and why."""
     variant, reasons = variant_named(config.method), dict[str, str]()
     if variant.decoding is not Decoding.ANCHORED:
@@ -113,7 +113,7 @@ def ineffective_choices(config: PaperOptions, chosen: PaperChoices) -> dict[str,
         reasons["quantize"] = "deltas of all frames have one step; give one number of bits"
     if isinstance(config.anchors, Sequence):
         reasons["anchor_set"] = "anchors lists the vertices"
-    if chosen.anchor_set != "random" or isinstance(config.anchors, Sequence):
+    if paper_choices.anchor_set != "random" or isinstance(config.anchors, Sequence):
         reasons["anchor_seed"] = "it is the seed of anchor_set=random"
     return reasons
 

@@ -186,10 +186,10 @@ class PaperStream:
         if n_modes is not None:
             COUNT.check(n_modes, Keyword("n_modes"))
         vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
-        done = 0
+        n_done = 0
         for block in self.blocks:
-            self._decoded(block, n_modes).fill(vertices[done : done + block.n_frames], 0)
-            done += block.n_frames
+            self._decoded(block, n_modes).fill(vertices[n_done : n_done + block.n_frames], 0)
+            n_done += block.n_frames
         if not np.isfinite(vertices).all():
             raise CorruptStreamError(
                 "the blocks reconstruct to positions that are not finite; the stream is damaged"

@@ -158,9 +158,9 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
             continue
         local = registered.key - registered.first
         key = registration.frames.normalized(segment.read(local, local + 1)[0])
-        made = made_uv(key.astype(np.float32), segment.faces, size)
+        new_uv = made_uv(key.astype(np.float32), segment.faces, size)
         whole = frames_of(segment, range(segment.n_frames))
-        segments[number] = whole.replace(surface=_with_uv(segment.surface, made))
+        segments[number] = whole.replace(surface=_with_uv(segment.surface, new_uv))
         n_made += 1
     with_uvs = MeshSequence.of_segments(
         segments, registration.sequence.name, registration.sequence.timing
@@ -199,7 +199,7 @@ def bake(
         If there are fewer images than frames.
     """
     starts = {segment.first for segment in registration.segments}
-    given = iter(images)
+    image_iterator = iter(images)
     *firsts, n_frames = sequence.starts
     for index, first in enumerate(firsts):
         segment, atlas = sequence.segments[index], None
@@ -207,7 +207,7 @@ def bake(
             atlas = Atlas.of_corners(_corners(segment.surface.of_kind(Kind.UV)[0]), size)
         for local in range(segment.n_frames):
             number = first + local
-            image = next(given, None)
+            image = next(image_iterator, None)
             if image is None:
                 raise InvalidInputError(f"there is no texture image for frame {number}")
             if atlas is None:
@@ -280,5 +280,5 @@ def made_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
 
 def _with_uv(surface: Surface, uv: Singles) -> Surface:
     attributes = [attribute for attribute in surface.attributes if attribute.kind is not Kind.UV]
-    made = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
-    return replace(surface.without_materials(), attributes=(made, *attributes))
+    uv_attribute = Attribute("uv", Kind.UV, Domain.CORNER, uv[:0]).indexed(uv)
+    return replace(surface.without_materials(), attributes=(uv_attribute, *attributes))

@@ -135,8 +135,8 @@ def _joined(
     key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
 ) -> KeyMesh:
     """Return the key joined with a decimated patch along its boundary, if possible."""
-    given = KeyMesh.of_mesh(patch)
-    patch, own = decimated_key(given, patch.faces.astype(np.int64), tolerance).mesh, key.mesh
+    patch_key = KeyMesh.of_mesh(patch)
+    patch, own = decimated_key(patch_key, patch.faces.astype(np.int64), tolerance).mesh, key.mesh
     nearest, is_merged = _at_boundary(own, patch, edge)
     if not is_merged.any():
         return key
@@ -167,7 +167,7 @@ def _mean_edge(mesh: TriangleMesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
-def _moved_back(points: Floats, rest: Floats, anchors: Indices, seen: Sighting) -> Floats:
+def _moved_back(points: Floats, rest: Floats, anchors: Indices, sighting: Sighting) -> Floats:
     """Return points of a frame in the pose of the key, as anchors near them move.
 
     Parameters
@@ -177,12 +177,12 @@ def _moved_back(points: Floats, rest: Floats, anchors: Indices, seen: Sighting) 
     anchors : int64 array of shape (A,)
         Numbers of vertices of the key.
     """
-    places = seen.mesh.vertices[anchors]
+    places = sighting.mesh.vertices[anchors]
     distances, near = k_d_tree(places).query(points, np.arange(1, 1 + min(N_ANCHORS, len(anchors))))
     weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # at an anchor, it alone counts
     weights /= weights.sum(axis=1, keepdims=True)
     arms = points[:, None] - places[near]
-    moved = rest[anchors][near] + np.einsum("nkji,nkj->nki", seen.turns[anchors][near], arms)
+    moved = rest[anchors][near] + np.einsum("nkji,nkj->nki", sighting.turns[anchors][near], arms)
     return np.asarray(np.einsum("nk,nki->ni", weights, moved))
 
 

@@ -120,9 +120,9 @@ class Folds:
         """Return vectors of shape (V, 3), replaced by means of their neighbors where they move."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
         rows, averaged = self._laplacian[moves], vectors.copy()
-        held = HOLD * sparse.identity(rows.shape[0])
+        damping = HOLD * sparse.identity(rows.shape[0])
         right = HOLD * vectors[moves] - rows[:, ~moves] @ vectors[~moves]
-        averaged[moves] = linalg.spsolve((rows[:, moves] + held).tocsc(), right)
+        averaged[moves] = linalg.spsolve((rows[:, moves] + damping).tocsc(), right)
         return averaged
 
     def opened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:

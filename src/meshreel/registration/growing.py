@@ -303,17 +303,18 @@ def _longest(
 ) -> Segment:
     """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
     whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
-    given = whole if wedges is None else decimated_key(whole, wedges, tolerance)
+    initial_key = whole if wedges is None else decimated_key(whole, wedges, tolerance)
     first, completing, again = (
         partial(report, stage)
         for stage in (REGISTERING, "completing a mesh", "registering a refined mesh")
     )
-    key_mesh = _completed(frames, key, given, run, whole.mesh, tolerance, completing)
+    key_mesh = _completed(frames, key, initial_key, run, whole.mesh, tolerance, completing)
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
-    if key_mesh is not given and segment.reasons:  # what was added may not belong to the surface
-        other = _grow(frames, key, given, f"{key}_given", run, tolerance, store, first)
+    # What was added may not belong to the surface.
+    if key_mesh is not initial_key and segment.reasons:
+        other = _grow(frames, key, initial_key, f"{key}_given", run, tolerance, store, first)
         segment = max(segment, other, key=lambda choice: choice.n_frames)
-    if segment.key_mesh is not given or not segment.may_lack_vertices:
+    if segment.key_mesh is not initial_key or not segment.may_lack_vertices:
         return segment
     refined = whole.refined(MAX_SAGITTA * tolerance.length)
     if _bits_per_frame(refined, len(run)) > MAX_BITS_OF_REFINED * segment.bits_per_frame:
@@ -344,8 +345,8 @@ def _completed(
     n_seen = count(1)
 
     def look(numbers: range) -> None:
-        for seen in follower.sightings(map(frames.mesh, numbers)):
-            patches[numbers] += seen.patches(mesh.vertices, tolerance)
+        for sighting in follower.sightings(map(frames.mesh, numbers)):
+            patches[numbers] += sighting.patches(mesh.vertices, tolerance)
             report(next(n_seen))
 
     in_threads(look, ways)
@@ -546,7 +547,7 @@ class Follower:
         """
         mesh, n_opposing = fit.mesh, len(self._folds.find(fit.mesh, target, min_turn=0.0))
         for _ in range(MAX_REPAIRS):
-            given = mesh
+            previous = mesh
             for repair in (self._folds.opened, self._folds.flattened):
                 if not n_opposing:
                     break
@@ -557,7 +558,7 @@ class Follower:
                 mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
                 if n_left < n_opposing:
                     fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
-            if mesh is given:
+            if mesh is previous:
                 break
         fit.n_folded = len(self._folds.find(fit.mesh, target))
 

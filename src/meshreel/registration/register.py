@@ -217,9 +217,11 @@ class Registration:
     @property
     def key_vertices(self) -> tuple[int, int]:
         """Vertices of all keys, and of their cleaned frames."""
-        kept = (len(segment.key_mesh.mesh.vertices) for segment in self.segments)
-        given = (len(self.frames.cleaned(segment.key).vertices) for segment in self.segments)
-        return sum(kept), sum(given)
+        key_counts = (len(segment.key_mesh.mesh.vertices) for segment in self.segments)
+        cleaned_counts = (
+            len(self.frames.cleaned(segment.key).vertices) for segment in self.segments
+        )
+        return sum(key_counts), sum(cleaned_counts)
 
     def notes(self) -> Iterator[Note]:
         """Yield notes on the result, what was removed, and the first cuts."""
@@ -328,8 +330,8 @@ def register(
     QUALITIES.check(quality, Keyword("quality"))
     if sequence.n_segments == 1:
         same = f"all {sequence.n_frames} frames have the same faces"
-        given = same if sequence.n_frames > 1 else "there is only one frame"
-        raise InvalidInputError(f"{given}; nothing can be registered; use meshreel encode")
+        reason = same if sequence.n_frames > 1 else "there is only one frame"
+        raise InvalidInputError(f"{reason}; nothing can be registered; use meshreel encode")
     if keep_holes and any(SCANNED in _names(frame) for frame in sequence.segments):
         raise InvalidInputError(
             f"the frames have values called {SCANNED!r}, which is the name of the track of ",
@@ -449,8 +451,8 @@ def _sequences(
             yield _frame(raw, number)
         first = segment.numbers.stop
         key = _frame(raw, segment.key)
-        given = (_raw_frame(raw, frames, number) for number in segment.numbers)
-        tracks = transferred_tracks(given, map(frames.normalized, segment.positions))
+        raw_frames = (_raw_frame(raw, frames, number) for number in segment.numbers)
+        tracks = transferred_tracks(raw_frames, map(frames.normalized, segment.positions))
         surface = _kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
         faces, numbers = segment.key_mesh.mesh.faces, segment.numbers
         if holes is not None:
@@ -525,9 +527,9 @@ def _changes(
         )
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
-    kept = set.intersection(*(set(segment.tracks) for segment in registered.segments))
-    given = {n for n, track in tracks_of_all(raw).items() if track.kind is not TrackKind.UV}
-    if names := sorted(given - kept):
+    registered_names = set.intersection(*(set(segment.tracks) for segment in registered.segments))
+    raw_names = {n for n, track in tracks_of_all(raw).items() if track.kind is not TrackKind.UV}
+    if names := sorted(raw_names - registered_names):
         yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
     if any(segment.surface.hard_edges is not None for segment in raw.segments):
         yield "left out hard edges of registered frames"

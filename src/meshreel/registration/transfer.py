@@ -117,18 +117,18 @@ def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) 
     """
     transferred: list[dict[str, Track]] = []
     for frame, points in zip(frames, positions, strict=True):
-        given = transferable(frame.frame)
+        candidates = transferable(frame.frame)
         if transferred:
-            given = {
-                name: given[name]
+            candidates = {
+                name: candidates[name]
                 for name, track in transferred[-1].items()
-                if _fits(track, given.get(name))
+                if _fits(track, candidates.get(name))
             }
-        if not given:
+        if not candidates:
             return {}
         places = frame.closest(points)
         transferred.append(
-            {name: _at_places(frame.frame, track, places) for name, track in given.items()}
+            {name: _at_places(frame.frame, track, places) for name, track in candidates.items()}
         )
     return concatenate_tracks(
         [{name: tracks[name] for name in transferred[-1]} for tracks in transferred]

@@ -58,9 +58,9 @@ class Command(click.Command):
         except click.UsageError as error:
             error.ctx = error.ctx or ctx  # the parser does not set it
             if isinstance(error, click.NoSuchOption):
-                meant = _flag_of_synonym(error.option_name)
-                if any(meant in param.opts for param in self.params):
-                    message = f"{error.message} Did you mean {meant!r}?"
+                suggestion = _flag_of_synonym(error.option_name)
+                if any(suggestion in param.opts for param in self.params):
+                    message = f"{error.message} Did you mean {suggestion!r}?"
                     raise click.UsageError(message, ctx) from None
             raise
 
@@ -120,9 +120,9 @@ def _flag_of_synonym(option_name: str) -> str:
     return next((option.flag for option in all_options() if name in option.synonyms), "")
 
 
-def _show_all(ctx: click.Context, _param: click.Parameter, given: bool) -> None:
+def _show_all(ctx: click.Context, _param: click.Parameter, shows_all: bool) -> None:
     """Print the help with all options, and exit."""
-    if given and not ctx.resilient_parsing:
+    if shows_all and not ctx.resilient_parsing:
         ctx.meta[HELP_ALL] = True
         click.echo(ctx.get_help(), color=ctx.color)
         ctx.exit()

@@ -98,7 +98,7 @@ class Conversion:
             figures |= written_figures([Path(output)], sequence, len(frames))
             self.figures.append({**figures, **stream.figures()})
             return
-        written = save_part(
+        paths = save_part(
             sequence, frames, output,
             overwrite=self.force, start_number=self._number(output, frames, first),
             inputs=self.inputs, options=self.options, progress=self.progress, notes=self.notes,
@@ -107,12 +107,12 @@ class Conversion:
         if "rig" in figures:
             rig = figures["rig"]
             sizes = size_as_morph_targets(
-                sequence, frames, written[0], self.options, rig, self.progress
+                sequence, frames, paths[0], self.options, rig, self.progress
             )
             if self.options.origin is None:
                 sizes |= size_as_stream(sequence.part(frames), rig, self.progress)
             figures["alternatives_bytes"] = sizes
-        figures |= written_figures(written, sequence, len(frames))
+        figures |= written_figures(paths, sequence, len(frames))
         self.figures.append(figures)
 
     def _input_bytes(self) -> int | None:

@@ -108,7 +108,7 @@ def decode_command(
         ):
             numbers = chosen_frames(selection, reel.n_frames, notes)
             figures: dict[str, Any] = {}
-            written = save_part(
+            paths = save_part(
                 reel,
                 numbers,
                 output,
@@ -122,12 +122,12 @@ def decode_command(
             )
             if "rig" in figures:
                 sizes = size_as_morph_targets(
-                    reel, numbers, written[0], options, figures["rig"], progress
+                    reel, numbers, paths[0], options, figures["rig"], progress
                 )
                 if len(numbers) == reel.n_frames:
                     sizes[".reel (input)"] = reel.size_bytes
                 figures["alternatives_bytes"] = sizes
-            figures |= written_figures(written, reel, len(numbers))
+            figures |= written_figures(paths, reel, len(numbers))
     if not reel.is_whole:
         notes.result(f"{source} is truncated: these are the frames of its complete blocks")
     print_notes(notes)

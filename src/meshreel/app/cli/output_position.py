@@ -56,8 +56,8 @@ def _refuse_argument(output: click.Parameter, ctx: click.Context, words: Sequenc
         is_output = extension == expected and (is_new or (differs and expected != ""))
     if is_output:
         flag = min(output.opts, key=len)
-        shown = shlex.join(inputs[:1]) + (" ..." if len(inputs) > 1 else "")
-        line = " ".join(filter(None, [ctx.command_path, shown, flag, shlex.quote(last)]))
+        first_input = shlex.join(inputs[:1]) + (" ..." if len(inputs) > 1 else "")
+        line = " ".join(filter(None, [ctx.command_path, first_input, flag, shlex.quote(last)]))
         raise click.UsageError(f"the output is given with {flag}: {line}", ctx)
 
 

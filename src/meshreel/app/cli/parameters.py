@@ -153,7 +153,7 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
         help_text += f" [default: {option.default_text}]"
     is_list = get_origin(option.types[0]) is tuple
     kind = str if is_list or len(option.types) > 1 else option.types[0]
-    made = ClickOption(
+    parameter = ClickOption(
         [option.name, *option.flag.split()],
         type=None if kind is bool else _click_type(kind, option),
         is_flag=kind is bool,
@@ -166,8 +166,8 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
         shell_complete=_completing(option.names) if option.names else None,
         **({} if required else {"default": option.default}),
     )
-    made.panel, made.is_rare = option.group, is_rare
-    return made
+    parameter.panel, parameter.is_rare = option.group, is_rare
+    return parameter
 
 
 def _value_type(annotation: Any) -> Any:

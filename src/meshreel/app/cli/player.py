@@ -87,8 +87,8 @@ def _check_is_encoded(source: Path) -> None:
 
     from meshreel.app.cli.read_options import output_stem, refuse_other_formats
 
-    given, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
-    refuse_other_formats(source, f"encode it first: meshreel encode {given} -o {output}")
+    quoted_source, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
+    refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")
 
 
 def _check_options_of_original(original: str | None, reading: "ReadOptions") -> None:

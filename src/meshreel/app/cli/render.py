@@ -171,16 +171,16 @@ def render_command(
     notes = reading.notes
     with shown_progress() as progress:
         reading = replace(reading, progress=progress)
-        shown = open_for_encoding(source, None, supported_only(reading, source))
+        sequence = open_for_encoding(source, None, supported_only(reading, source))
         reference = None
         if original:
             reference = open_for_encoding(original, None, supported_only(reading, original))
-        numbers = frame_numbers(frames, shown.n_frames, notes)
-        scene = Scene(shown, reference, heatmap, background=color, track=look, cut=plane)
-        if output.suffix.lower() != ".png" and shown.timing.times is not None:
+        numbers = frame_numbers(frames, sequence.n_frames, notes)
+        scene = Scene(sequence, reference, heatmap, background=color, track=look, cut=plane)
+        if output.suffix.lower() != ".png" and sequence.timing.times is not None:
             text = (
-                f"frame times are uneven; the film has {shown.fps:g} pictures per second, each of "
-                "the frame that is due"
+                f"frame times are uneven; the film has {sequence.fps:g} pictures per second, each "
+                "of the frame that is due"
             )
             notes.changed("frame times", text)
         parsed_view = parse_view(view, up or guess_up(scene.framed.extent))

@@ -238,9 +238,10 @@ class StoredMeshes:
 
     def __init__(self) -> None:
         self._prefixes: dict[bytes, int] = {}
-        """Segments by the first sections that they store."""
+        """Segment that stores a sequence of leading sections, by their digest."""
         self._looks: dict[bytes, tuple[int, int]] = {}
-        """Segments by the materials and images that they store, and the number of those before."""
+        """Segment that stores materials and images, by their digest, and how many of its sections
+        precede them."""
 
     def share(self, number: int, header: Header, leading: Sections) -> list[tuple[Section, bytes]]:
         """Return the leading sections of a segment, with a reference if that takes fewer bytes.
@@ -265,9 +266,9 @@ class StoredMeshes:
         look = own[n_before:]
         earlier = self._looks.get(_digest_of(look)) if look else None
         if earlier:
-            there, n_before_there = earlier
-            own, more = _without(own, n_before, len(look), number - there, n_before_there)
-            ranges += more
+            source, n_before_look = earlier
+            own, look_ranges = _without(own, n_before, len(look), number - source, n_before_look)
+            ranges += look_ranges
         if is_new:
             for digest in digests[: len(own)]:
                 self._prefixes.setdefault(digest, number)
@@ -286,7 +287,7 @@ def _without(
     distance: int,
     n_skipped: int = 0,
 ) -> tuple[list[tuple[Section, bytes]], bytes]:
-    """Return the sections without some, and the range of a REFERENCE to them.
+    """Return the sections without the shared ones, and the range of a REFERENCE to the latter.
 
     All sections and no range if that takes fewer bytes.
     """

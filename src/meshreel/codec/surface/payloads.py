@@ -176,17 +176,17 @@ def surface_of_internal_cells(
     return replace(surface, face_sizes=None, attributes=attributes, cells=cells)
 
 
-def order_notes(surfaces: Iterable[Surface], kept: str, *, is_chosen: bool) -> list[Note]:
+def order_notes(surfaces: Iterable[Surface], order_names: str, *, is_chosen: bool) -> list[Note]:
     """Describe what a stream omits of the surfaces of its segments because of the orders it keeps.
 
     Parameters
     ----------
-    kept : str
+    order_names : str
         The orders that its segments keep, as in `StreamInfo`.
     is_chosen : bool
         Whether the user has chosen the order, one for all segments.
     """
-    orders = [Order[name] for name in kept.upper().split(", ")]
+    orders = [Order[name] for name in order_names.upper().split(", ")]
     if not is_chosen:
         if Order.DROP not in orders:
             return []

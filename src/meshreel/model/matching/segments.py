@@ -103,8 +103,8 @@ def _join(run: list[Corners]) -> MeshSequence | None:
     frames = [member.segment.vertices[0] for member in run]
     vertices, faces = joined_vertices(at.reshape(len(run), -1), values.ravel(), frames)
     positions = [member.segment.vertices[:, own] for member, own in zip(run, vertices, strict=True)]
-    for several, lacks in zip(positions, is_missing, strict=True):
-        if not _adds_nothing(several, faces[lacks], faces[~lacks]):
+    for own_positions, lacks in zip(positions, is_missing, strict=True):
+        if not _adds_nothing(own_positions, faces[lacks], faces[~lacks]):
             return None
     return _assembled(run, positions, vertices, faces, corners)
 

@@ -119,10 +119,10 @@ def _vertex_of_corner(own: Integers, vertices: list[Integers], candidates: list[
         Joined vertices with the value of the corner.
     """
     for vertex in candidates:
-        there = vertices[vertex]
-        is_known = (own != NONE) & (there != NONE)
-        if is_known.any() and (own == there)[is_known].all():
-            vertices[vertex] = np.where(there == NONE, own, there)
+        joined = vertices[vertex]
+        is_known = (own != NONE) & (joined != NONE)
+        if is_known.any() and (own == joined)[is_known].all():
+            vertices[vertex] = np.where(joined == NONE, own, joined)
             return vertex
     candidates.append(len(vertices))
     vertices.append(own.copy())

@@ -155,8 +155,8 @@ def _coded(
     coder: PositionCoder, blocks: Iterator[Vertices], n_together: int
 ) -> Iterator[CodedBlock]:
     """Yield frames and sections of each block, encoding several in parallel."""
-    while several := list(islice(blocks, n_together)):
-        yield from _in_parallel(coder, several)
+    while group := list(islice(blocks, n_together)):
+        yield from _in_parallel(coder, group)
 
 
 def _in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
@@ -173,12 +173,12 @@ def _with_progress(
     blocks: Iterator[CodedBlock], n_frames: int, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
     """Yield the blocks, and report the number of encoded frames."""
-    done = 0
-    progress("encoding", Count(done, n_frames, "frames"))
+    n_done = 0
+    progress("encoding", Count(n_done, n_frames, "frames"))
     for n_coded, sections in blocks:
         yield n_coded, sections
-        done += n_coded
-        progress("encoding", Count(done, n_frames, "frames"))
+        n_done += n_coded
+        progress("encoding", Count(n_done, n_frames, "frames"))
 
 
 class LivePositionCoder:

@@ -53,18 +53,18 @@ def encode_segments(
     assert isinstance(config, ReelOptions)  # the options of this method
     if config.target.kind in JOINT_TARGETS:
         encode = partial(whole.encode, step=_common_step(sources, progress))
-    total, done = sum(source.n_frames for source in sources), 0
+    total, n_done = sum(source.n_frames for source in sources), 0
 
     def encode_one(source: Source) -> tuple[bytes, int]:
         if _n_positions(source) <= SMALL_POSITIONS:
             return encode(source, silent), source.n_frames
-        return encode(source, _after(progress, done, total)), source.n_frames
+        return encode(source, _after(progress, n_done, total)), source.n_frames
 
-    progress("encoding", Count(done, total, "frames"))
+    progress("encoding", Count(n_done, total, "frames"))
     for stream, n_frames in results_in_order(encode_one, sources, _is_parallel):
         yield stream
-        done += n_frames
-        progress("encoding", Count(done, total, "frames"))
+        n_done += n_frames
+        progress("encoding", Count(n_done, total, "frames"))
 
 
 def _is_parallel(source: Source) -> bool:
@@ -86,8 +86,8 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     config = sources[0].config
     assert isinstance(config, ReelOptions)  # the options of this method
     numbers = count(1)
-    needed = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
-    fits = config.memory_bytes is None or needed <= config.memory_bytes / 2
+    n_bytes = whole.CACHED_POSITION_BYTES * sum(map(_n_positions, sources))
+    fits = config.memory_bytes is None or n_bytes <= config.memory_bytes / 2
     cached = list(_searches(sources)) if fits else None
 
     def measure(step: float) -> float:

@@ -221,10 +221,10 @@ def filled(values: Values, is_missing: npt.NDArray[np.bool_], origin: Sequence[f
     result = values.copy()
     times = np.arange(len(values))
     for item, column in np.argwhere(is_missing.any(axis=0)):
-        here = is_missing[:, item, column]
-        known = result[~here, item, column]
-        result[here, item, column] = (
-            np.interp(times[here], times[~here], known) if len(known) else origin[column]
+        is_gap = is_missing[:, item, column]
+        known = result[~is_gap, item, column]
+        result[is_gap, item, column] = (
+            np.interp(times[is_gap], times[~is_gap], known) if len(known) else origin[column]
         )
     return result
 

@@ -340,11 +340,11 @@ class RateSearch:
         self, blocks: Iterator[tuple[int, Sections]]
     ) -> Iterator[tuple[int, Sections]]:
         """Yield the blocks, and report the number of encoded frames."""
-        done = 0
+        n_done = 0
         for n_coded, sections in blocks:
             yield n_coded, sections
-            done += n_coded
-            self._report(done)
+            n_done += n_coded
+            self._report(n_done)
 
     def _report(self, n_done: int) -> None:
         """Report encoded frames; a search never reports completion, because trials may follow."""
