@@ -4,7 +4,8 @@
 
 #define CELLS_AND_VERTICES 3
 
-/* Find the faces of cells in some order. */
+/* Extract the surface of cells, in their order: triangles, corners of each polygon, and its cell.
+ */
 static int find_surface(reel_call *call, const reel_outline *outline, const uint8_t *types,
                         const int32_t *nodes, int32_t *triangles, int32_t *sizes, int32_t *owners) {
     int64_t n_polygons = 0, n_cells = (int64_t)outline->n_cells;

@@ -39,12 +39,13 @@ MAX_CUT_FRAMES = 512
 """Maximum number of frames of a block of a cut sequence."""
 
 PROCESS_BYTES, BYTES_PER_FRAME, BYTES_PER_PAIR = 110e6, 2e5, 200.0
-"""Memory of the program, of a frame (its pieces in threads), and of a pair of frames (their
-correlation). Measured, like the following: docs/benchmarks.md, "Large meshes"."""
+"""Memory of the process, of a frame that threads process in pieces, and of an entry of the
+autocorrelation of frames. All constants of this estimate are measured: docs/benchmarks.md, "Large
+meshes"."""
 
 BYTES_PER_VERTEX, BYTES_PER_MODE, BYTES_PER_COMPARED_MODE, MAX_MODES = 1500.0, 10.0, 50.0, 150
-"""Memory of a vertex, and of a mode at a vertex, which is more if a block is also tried with reused
-modes. MAX_MODES is the number assumed for long blocks."""
+"""Memory of a vertex, and of a mode at a vertex without and with a trial that reuses the modes of a
+key block. MAX_MODES is the number of modes assumed for long blocks."""
 
 BYTES_PER_CACHED, MAX_CACHED = 52.0, 2.8e6
 """Memory of the cached coordinates of a position, and the largest number of cached positions."""

@@ -93,7 +93,7 @@ class Records:
         return {key: value for key, _, value in pairs}
 
     def all(self, read: Callable[[], Item]) -> list[Item]:
-        """Return the items up to the end, each read by a function."""
+        """Call a function that reads one item until the end; return the items."""
         items = []
         while not self.is_at_end:
             items.append(read())
