@@ -26,7 +26,7 @@ class KeyMesh:
     weights : float64 array of shape (M, 3, 3)
         Barycentric coordinates of the corners in these faces.
     n_added : int
-        Faces from other frames; their corners are at the nearest places.
+        Faces from other frames, the last; their corners are at the nearest places.
     """
 
     mesh: TriangleMesh
@@ -40,6 +40,11 @@ class KeyMesh:
         n_faces = len(mesh.faces)
         parents = np.repeat(np.arange(n_faces)[:, None], 3, axis=1)
         return cls(mesh, parents, np.tile(np.eye(3), (n_faces, 1, 1)))
+
+    @property
+    def added_area(self) -> float:
+        """Area of the faces from other frames."""
+        return float(self.mesh.areas[len(self.mesh.faces) - self.n_added :].sum())
 
     @property
     def is_refined(self) -> bool:

@@ -255,6 +255,32 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     assert len(grown) == n_grown
 
 
+@pytest.mark.parametrize(("n_added", "n_grown"), [(0, 1), (1, 1), (3200, 2)])
+def test_a_key_is_registered_again_only_without_large_additions(
+    plane, n_added, n_grown, monkeypatch
+):
+    """Nor is it refined, because its frame does not lack vertices."""
+    spiked, grown = with_spike(plane), []
+
+    def grow(frames, key, key_mesh, name, *_):
+        grown.append(name)
+        positions = np.zeros((10, len(key_mesh.mesh.vertices), 3))
+        return Segment(0, key, positions, key_mesh, (), 0, ((10, "lost"),), may_lack_vertices=True)
+
+    monkeypatch.setattr(growing, "_grow", grow)
+    larger = KeyMesh.of_mesh(TriangleMesh(*square(0.0, 43)))  # 1.1 times as many vertices
+    monkeypatch.setattr(KeyMesh, "refined", lambda self, _: larger)
+
+    def completed(frames, key, key_mesh, *_):
+        return replace(key_mesh, n_added=n_added) if n_added else key_mesh
+
+    monkeypatch.setattr(growing, "_completed", completed)
+    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
+    frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
+    growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
+    assert grown == ["0", "0_given"][:n_grown]
+
+
 @pytest.mark.slow
 def test_a_key_whose_completion_ends_earlier_stays_as_given():
     """Only the last frame of a capsule has its upper third: the other frames lack too much of it.
