@@ -44,7 +44,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.extent import Extent
 from meshreel.model.geometry.normals import unit
-from meshreel.registration.register import register
+from meshreel.registration.register import Registration, register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 from meshreel.studies.rate_distortion import bd_rate, rate_at_error
@@ -74,13 +74,13 @@ def chosen(sequence: MeshSequence, numbers: Iterable[int]) -> MeshSequence:
     return as_segments([sequence[number] for number in numbers])
 
 
-def remeshed(frames: Sequence[MeshFrame]) -> list[MeshFrame]:
-    """Return each frame with a new mesh of the same surface."""
+def remeshed(frames: Sequence[MeshFrame], edges: tuple[float, float] = LENGTHS) -> list[MeshFrame]:
+    """Return each frame with a new mesh of the same surface; `edges` are in mean lengths."""
     first, rng = frames[0], np.random.default_rng(1)
     corners = first.vertices[first.faces].astype(np.float64)
     mean = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
     options = {"iterations": 4, "featuredeg": 60}
-    lengths = [mean * rng.uniform(*LENGTHS) for _ in frames]
+    lengths = [mean * rng.uniform(*edges) for _ in frames]
     return [
         filtered(frame, "meshing_isotropic_explicit_remeshing", targetlen=length, **options)
         for frame, length in zip(frames, lengths, strict=True)
@@ -223,10 +223,25 @@ def differences(curves: Mapping[str, Sequence[Row]]) -> Iterator[str]:
             bd_rate([measure(row) for row in rows], [measure(row) for row in first])
             for measure in (lambda row: (row[0], rms(row[1])), lambda row: (row[0], row[3]))
         )
-        yield (
-            f"{tune}: {by_psnr.percent:+.1f} % of the bits at equal PSNR, "
-            f"{by_angle.percent:+.1f} % at equal angle"
+        at_psnr, at_angle = (
+            "no common errors" if rate.percent is None else f"{rate.percent:+.1f} % of the bits"
+            for rate in (by_psnr, by_angle)
         )
+        yield f"{tune}: at equal PSNR {at_psnr}, at equal angle {at_angle}"
+
+
+def summary(registered: Registration, seconds: float) -> str:
+    """Return the segments of a registration, its processor time and its distances."""
+    raw, sequence = registered.raw, registered.sequence
+    n_verts = float(np.mean([segment.n_verts for segment in raw.segments]))
+    segments = ", ".join(f"{each.n_frames} x {each.n_verts}" for each in sequence.segments)
+    per_frame = seconds / raw.n_frames
+    return (
+        f"{raw.n_frames} frames of {n_verts:.0f} vertices: frames and vertices of segments "
+        f"{segments}; {per_frame:.2f} processor seconds per frame, "
+        f"{1e4 * per_frame / n_verts:.2f} per 10,000 vertices; {registered.distances}; "
+        f"{registered.distances.n_folded} folded faces"
+    )
 
 
 def main() -> None:
@@ -263,15 +278,12 @@ def main() -> None:
             )
         )
     measured, extent = range(0, n_frames, arguments.every), raw.extent
-
-    registered, times = timed_once(partial(register, raw, bound_of(arguments.tolerance)))
-    seconds = times.processor / raw.n_frames
-    n_verts = np.mean([segment.n_verts for segment in raw.segments])
-    sizes = [segment.n_frames for segment in registered.sequence.segments]
-    print(f"{raw.n_frames} frames of {n_verts:.0f} vertices: segments of "
-          f"{sizes} frames, {seconds:.2f} processor seconds per frame, "
-          f"{1e4 * seconds / n_verts:.2f} per 10,000 vertices; registered: "
-          f"{registered.distances}; {registered.distances.n_folded} folded faces")  # fmt: skip
+    results: dict[float, MeshSequence] = {}
+    for quality in arguments.quality:
+        registering = partial(register, raw, bound_of(arguments.tolerance), quality=quality)
+        registered, times = timed_once(registering)
+        results[quality] = registered.sequence
+        print(f"quality {quality:g}: {summary(registered, times.processor)}")
     print_row = start_table(*HEADER)
 
     def show(name: str, kilobits: float, db: float, d2: float, degrees: float) -> None:
@@ -279,13 +291,12 @@ def main() -> None:
         print_row(name, *rate, f"{db:.2f}", f"{d2:.2f}", f"{degrees:.2f}")
 
     targets = chosen(raw, measured)
-    show(
-        "registered, not coded", 0, *errors(targets, chosen(registered.sequence, measured), extent)
-    )
     curves: dict[str, list[Row]] = {tune: [] for tune in arguments.tune}
-    for quality in arguments.quality:
+    for quality, sequence in results.items():
+        measures = errors(targets, chosen(sequence, measured), extent)
+        show(f"registered for quality {quality:g}, not coded", 0, *measures)
         for tune, rows in curves.items():
-            data = meshreel.encode(registered.sequence, quality=quality, order="drop", tune=tune)
+            data = meshreel.encode(sequence, quality=quality, order="drop", tune=tune)
             decoded = chosen(meshreel.decode(data), measured)
             rows.append((len(data) * 8e-3 / n_frames, *errors(targets, decoded, extent)))
             show(f"{tune}, quality {quality:g}", *rows[-1])

@@ -112,7 +112,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--frames", type=int, default=24)
     parser.add_argument("--tolerance", default="0.2%")
-    parser.add_argument("--quality", type=float, default=70)
+    parser.add_argument("--quality", type=float, default=80)
     parser.add_argument("--cut", action="store_true")
     parser.add_argument("--remesh", action="store_true")
     arguments = parser.parse_args()
@@ -123,7 +123,8 @@ def main() -> None:
     parts = [raw]
     if arguments.cut:
         parts = [raw[: raw.n_frames // 2], raw[raw.n_frames // 2 :]]
-    results = [register(part, bound_of(arguments.tolerance)) for part in parts]
+    tolerance = bound_of(arguments.tolerance)
+    results = [register(part, tolerance, quality=arguments.quality) for part in parts]
     registered = meshreel.concatenate([result.sequence for result in results])
     stream = meshreel.encode(registered, quality=arguments.quality, order="keep")
     decoded = meshreel.decode(stream)

@@ -26,6 +26,8 @@ from meshreel.registration.tracking import ATTEMPTS
 from meshreel.studies.timing import timed_once
 from registration import as_segments, chosen, errors, frames_of, remeshed
 
+QUALITY = 70
+
 
 def rows_of_nothing(*_: Any) -> Rows:
     """Return no equations, in place of those of one direction."""
@@ -100,9 +102,9 @@ def main() -> None:
         print_row = start_table("", *header)
         for name, changes in VARIANTS.items():
             with changed(changes):
-                work = partial(register, raw, bound_of(arguments.tolerance))
+                work = partial(register, raw, bound_of(arguments.tolerance), quality=QUALITY)
                 registered, seconds = timed_once(work)
-            data = meshreel.encode(registered.sequence, quality=70, order="drop")
+            data = meshreel.encode(registered.sequence, quality=QUALITY, order="drop")
             decoded, measured = meshreel.decode(data), range(0, n_frames, 4)
             coded, *_ = errors(chosen(raw, measured), chosen(decoded, measured), raw.extent)
             distances, n_segments = registered.distances, registered.sequence.n_segments

@@ -46,6 +46,7 @@ N_VIEWS = 8
 PICTURE_PX = 600
 SUPERSAMPLE = 4
 BACKGROUND = 255.0
+QUALITY = 80
 
 
 Picture = tuple[Floats, npt.NDArray[np.int64]]
@@ -228,7 +229,7 @@ def main() -> None:
             frame = frame_of(raw, number)
             for name, image in raw_textures(frame, known, rest, box, arguments.side):
                 image.save(folder / f"{name}_{number:04d}.png")
-        registration = register(raw, bound_of(arguments.tolerance))
+        registration = register(raw, bound_of(arguments.tolerance), quality=QUALITY)
         for name in PATTERNS:
             measure(raw, registration, name, folder, arguments)
 
@@ -248,7 +249,7 @@ def measure(
         for name in ("baked_%04d.png", "baked.mp4")
     ]
     textured = jobs[0].prepared(registration, notes)
-    data = meshreel.encode(textured.sequence, quality=70, order="drop")
+    data = meshreel.encode(textured.sequence, quality=QUALITY, order="drop")
     decoded = meshreel.decode(data)
     lengths = [segment.n_frames for segment in textured.sequence.segments]
     print(f"{pattern}: {raw.n_frames} frames; segments of {lengths} frames; {textured.distances}; "

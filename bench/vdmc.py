@@ -134,9 +134,10 @@ def main() -> None:
         for name, _, config in (text.partition("=") for text in arguments.config):
             figures = code_vdmc(name, Path(config), raw, arguments, Path(folder))
             print_row(f"V-DMC, {name}", *figures)
-    registration, registering = timed_once(partial(register, raw, bound_of(arguments.tolerance)))
-    encode = partial(meshreel.encode, registration.sequence, order="drop", tune="surface")
+    tolerance = bound_of(arguments.tolerance)
     for quality in arguments.quality:
+        registration, registering = timed_once(partial(register, raw, tolerance, quality=quality))
+        encode = partial(meshreel.encode, registration.sequence, order="drop", tune="surface")
         data, encoding = timed_once(partial(encode, quality=quality))
         seconds = registering.processor + encoding.processor
         figures = cells(len(data), "", raw, meshreel.decode(data), seconds)
