@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Singles
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
@@ -29,10 +28,9 @@ from meshreel.formats.frames.stored_frames import (
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
-from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.notes import ASSUMED_FPS, Notes, written_times
-from meshreel.model.sequence import Faces, FrameSource
+from meshreel.model.sequence import Faces, FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
 from meshreel.runtime.counting import counted
@@ -80,7 +78,7 @@ def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     )
     with path.open("wb") as file:
         file.write(header)
-        for frame in _single_precision(stream, "PC2"):
+        for frame in single_precision(stream):
             file.write(frame.astype("<f4", copy=False).tobytes())
 
 
@@ -151,7 +149,7 @@ def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     _note_times(times, stream)
     with path.open("wb") as file:
         file.write(MDD_HEADER.pack(stream.n_frames, stream.n_verts) + times.tobytes())
-        for frame in _single_precision(stream, "MDD"):
+        for frame in single_precision(stream):
             file.write(frame.astype(">f4").tobytes())
 
 
@@ -238,17 +236,29 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
         )
 
 
-def _single_precision(stream: FrameStream, format_name: str) -> Iterator[Singles]:
+def single_precision(stream: FrameStream) -> Iterator[Vertices]:
     """Yield each frame in float32; a note reports the rounding error, if any.
 
     Raises
     ------
     InvalidInputError
-        If a frame exceeds float32.
+        If a frame exceeds float32; the message names it.
     """
-    rounding = Rounding(stream.first, format_name, has_transform=False)
-    yield from map(rounding.add, stream.frames())
-    rounding.note(stream.notes)
+    max_error = 0.0
+    for index, frame in enumerate(stream.frames()):
+        with np.errstate(over="ignore", under="ignore"):
+            rounded: Vertices = frame.astype(np.float32, copy=False)
+        if rounded is not frame:
+            if not np.isfinite(rounded).all():
+                raise InvalidInputError(
+                    f"frame {index} has coordinates up to {np.abs(frame).max():g}; point caches "
+                    "store float32, up to 3.4e38; scale the model down"
+                )
+            max_error = max(max_error, float(np.abs(rounded - frame).max()))
+        yield rounded
+    if max_error > 0:
+        text = f"positions were rounded to float32, by up to {max_error:.3g}"
+        stream.notes.changed("positions", text)
 
 
 def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:

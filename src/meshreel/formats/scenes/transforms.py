@@ -79,8 +79,6 @@ class Rounding:
         Positions of the first frame.
     program : str
         Name of the format, for messages.
-    has_transform : bool, default True
-        Whether the format has a transform for the translation.
 
     Attributes
     ----------
@@ -90,14 +88,13 @@ class Rounding:
         Largest rounding error of a coordinate so far.
     """
 
-    def __init__(self, first: Vertices, program: str, *, has_transform: bool = True) -> None:
+    def __init__(self, first: Vertices, program: str) -> None:
         self._program = program
         narrowing = Narrowing()
         narrowing.add(first)
         low, high = first.min(axis=0), first.max(axis=0)
         middle = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
-        is_shifted = has_transform and not narrowing.is_harmless
-        self.shift = middle if is_shifted else np.zeros(3)
+        self.shift = np.zeros(3) if narrowing.is_harmless else middle
         self.max_error = 0.0
 
     def add(self, frame: Vertices) -> Singles:
