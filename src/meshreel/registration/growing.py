@@ -65,9 +65,8 @@ MAX_SAGITTA = 0.7
 """Largest sagitta of the edges of a refined key (`KeyMesh.refined`), in tolerances."""
 
 MIN_REFINEMENT = 1.2
-"""Smallest ratio of the vertices of a refined key and of the raw frame: otherwise the raw frame does
-not lack vertices, and its undecimated mesh followed no more frames (four captures, 0.1 and 0.2 %).
-"""
+"""Smallest ratio of the vertices of a refined key and of the raw frame. Below, the frame does not
+lack vertices, and its undecimated mesh followed no more frames (four captures, 0.1 and 0.2 %)."""
 
 MAX_ERROR_TO_COMPLETE = 3.0
 """Largest error, in tolerances, of a mesh where a frame has surface, for it to be completed."""
