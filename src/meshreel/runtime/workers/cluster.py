@@ -5,17 +5,23 @@ allowed-failures`` times. Calls wait for a cluster without workers, by default w
 ``distributed.scheduler.no-workers-timeout`` sets one.
 """
 
-from collections.abc import Iterator
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
+from weakref import WeakSet
 
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.threads import limit_cores
 
 CONNECT_TIMEOUT_S = 10.0
 """Seconds to wait for the connection to a scheduler."""
+
+MAX_CALLS = 4096
+"""Maximum number of calls whose results are waited for at a time."""
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -64,9 +70,35 @@ def cluster_executor(address: str) -> Iterator[tuple[Executor, int]]:
                 f"the Dask workers at {address} cannot import meshreel ({error}); install the "
                 "same version there"
             ) from None
-        executor = client.get_executor(pure=False)
+        n_threads = sum(client.nthreads().values())
+        executor = _ClusterExecutor(client)
         try:
-            yield executor, sum(client.nthreads().values())
+            yield executor, n_threads
         except BaseException:
-            executor.shutdown(wait=False)
+            executor.cancel()
             raise
+        finally:
+            executor.shutdown()
+
+
+class _ClusterExecutor(ThreadPoolExecutor):
+    """Runs calls on a cluster; a thread of this process waits for the result of each.
+
+    Dask's own executor never completes a call whose result was lost with its worker if the next
+    worker dies, too (distributed 2026.8, `cfexecutor._cascade_future`).
+    """
+
+    def __init__(self, client: Any) -> None:
+        super().__init__(MAX_CALLS, "meshreel-cluster")
+        self._client = client
+        self._calls: WeakSet[Any] = WeakSet()
+
+    def submit(self, function: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Submit a call to the cluster; raises RuntimeError after shutdown."""
+        call = self._client.submit(function, *args, **kwargs, pure=False)
+        self._calls.add(call)
+        return super().submit(call.result)
+
+    def cancel(self) -> None:
+        """Cancel all calls that are not done."""
+        self._client.cancel([call for call in self._calls if not call.done()])

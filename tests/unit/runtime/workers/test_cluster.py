@@ -73,6 +73,16 @@ def test_other_calls_succeed_when_a_call_kills_its_workers(executor):
     assert [executor.submit(square, number).result(60) for number in (5, 6)] == [25, 36]
 
 
+def test_a_call_whose_result_is_lost_fails(executor, monkeypatch):
+    """Dask reports it when the result is fetched, after the call is done."""
+
+    async def lost(*_, **__):
+        raise distributed.KilledWorker("square", None, 2)
+
+    monkeypatch.setattr(distributed.Client, "_gather", lost)
+    assert worker_died(executor.submit(square, 2).exception(60))
+
+
 def test_context_closes_immediately_while_calls_run_and_wait(cluster):
     """Two calls run and two wait; Dask chooses the order, because it steals work."""
 
