@@ -86,7 +86,7 @@ def _folder(address: str) -> str:
 
 
 def _folder_name(address: str) -> str:
-    """Local name for the folder of an input; a sequence of frames is named after it."""
+    """Return the local name of the folder of an input, which also names a sequence of frames."""
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 
