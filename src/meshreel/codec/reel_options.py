@@ -9,6 +9,7 @@ from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
 from meshreel.codec.error_bounds import METERS, bound_of
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.method_names import LOSSLESS
+from meshreel.codec.methods import method_named
 from meshreel.codec.option import Option, Range
 from meshreel.codec.targets import (
     ABOVE_ZERO,
@@ -205,16 +206,10 @@ class ReelOptions(EncoderConfig):
                 " or ",
                 Keyword("size"),
             )
-        if self.method == "grid" and kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
-            raise InvalidInputError(
-                "method grid rounds positions to a grid; set ",
-                Keyword("max_error"),
-                " or ",
-                Keyword("step"),
-            )
         if self.lossless:
             self._make_lossless()
         object.__setattr__(self, "lossless", self.method == LOSSLESS)
+        method_named(self.method).check(self)
 
     def _check_bound(self) -> None:
         """Replace the text of `bound`; raise if it is no percentage or there is another target."""

@@ -8,7 +8,9 @@ from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
+from meshreel.codec.targets import TargetKind
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.files import FrameDecoder
 from meshreel.model.extent import extent_of
@@ -25,7 +27,7 @@ class ReelMethod:
     name = "reel"
 
     def check(self, config: EncoderConfig) -> None:
-        """Accept all options, which `ReelOptions` has checked."""
+        """Accept all options that `ReelOptions` accepts."""
 
     def encode(self, sources: Sequence[Source], progress: Progress) -> Iterator[bytes]:
         """Yield the stream of each segment; raises as `whole.encode` and `encode_segments`."""
@@ -99,6 +101,17 @@ class GridMethod(LosslessMethod):
     """The method `grid`: positions rounded to a grid, then lossless."""
 
     name = "grid"
+
+    def check(self, config: EncoderConfig) -> None:
+        """Raise InvalidInputError if no error bound or step determines the grid."""
+        assert isinstance(config, ReelOptions)
+        if config.target.kind not in (TargetKind.MAX_ERROR, TargetKind.STEP):
+            raise InvalidInputError(
+                "method grid rounds positions to a grid; set ",
+                Keyword("max_error"),
+                " or ",
+                Keyword("step"),
+            )
 
     def _encode(self, source: Source, progress: Progress) -> bytes:
         from meshreel.codec.reel.encoding import grid_positions
