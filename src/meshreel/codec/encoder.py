@@ -118,9 +118,10 @@ def encode_with(
     InvalidInputError
         If the mesh is too large for the method, or no stream meets the target.
     """
-    if sequence.n_segments > 1:
+    segment, *others = sequence.segments
+    if others:
         return encode_segments(config, sequence, attributes, tracks, progress)
-    surface = select(sequence.surface, attributes)
+    surface = select(segment.surface, attributes)
     if surface.cells is not None and config.positions_only:
         raise InvalidInputError(
             f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
@@ -128,8 +129,8 @@ def encode_with(
     if config.uv_bits is not None:
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
-    bounds = kept_bounds(config, sequence.tracks, tracks)
-    source = Source(sequence.segments[0], config, surface, bounds)
+    bounds = kept_bounds(config, segment.tracks, tracks)
+    source = Source(segment, config, surface, bounds)
     return next(method_named(config.method).encode([source], progress))
 
 

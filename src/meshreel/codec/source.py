@@ -79,7 +79,8 @@ class CodedMesh:
     @property
     def links(self) -> Faces:
         """Graph of internal vertices as triangles, of shape (n, 3): faces, or edges of cells."""
-        return self._connectivity.links
+        links = self._connectivity.cell_links
+        return self._connectivity.internal_faces if links is None else links
 
     @property
     def sides(self) -> tuple[Faces, npt.NDArray[np.int32]]:

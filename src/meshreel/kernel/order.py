@@ -69,20 +69,13 @@ def number_by_use(faces: AnyIntegers) -> tuple[npt.NDArray[np.int64], npt.NDArra
     return by_use, numbers
 
 
-def encode_order(
-    faces: AnyIntegers,
-    twins: AnyIntegers | None,
-    corners: AnyIntegers | None,
-    sequence: AnyIntegers,
-) -> bytes:
+def encode_order(faces: AnyIntegers, corners: AnyIntegers | None, sequence: AnyIntegers) -> bytes:
     """Encode the original order of vertices, and optionally of faces.
 
     Parameters
     ----------
     faces : integer array of shape (M, 3)
         The mesh that the decoder knows.
-    twins : integer array of shape (3 M,), or None
-        The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
     corners : integer array of shape (M,), or None
         ``3 i + k`` for each face in the original order: the i-th known face, from its corner k.
         None to encode only the order of vertices.
@@ -96,10 +89,11 @@ def encode_order(
     """
     n_verts, n_faces = len(sequence), len(faces)
     _check_count(n_faces)
+    twins = None if corners is None else opposite_sides(faces, n_verts)
     return encoded(
         "reel_order_encode",
         int32s(faces),
-        None if twins is None else int32s(twins),
+        twins,
         n_verts,
         n_faces,
         int(corners is not None),

@@ -45,11 +45,11 @@ def test_plain_reader_computes_the_same_orders(name, is_mixed):
     if is_mixed:
         corners, sequence = rng.permutation(corners), rng.permutation(n_verts)
         corners += rng.integers(-1, 2, n_faces)
-    alone = NamedBits(BitStream(encode_order(faces, None, None, sequence)))
+    alone = NamedBits(BitStream(encode_order(faces, None, sequence)))
     around = neighbors_in_order(n_verts, faces.tolist())
     assert read_items(alone, "vertices", n_verts, around) == sequence.tolist()
     twins = twin_sides(faces, n_verts)
-    both = NamedBits(BitStream(encode_order(faces, twins, corners, sequence)))
+    both = NamedBits(BitStream(encode_order(faces, corners, sequence)))
     order = FaceOrder(both, n_faces, twins.tolist()).read()
     assert order == corners.tolist()
     listed = [[int(faces[c // 3, (c + k) % 3]) for k in range(3)] for c in order]

@@ -58,11 +58,6 @@ class CodedConnectivity:
     returns them.
     """
 
-    @property
-    def links(self) -> npt.NDArray[np.int32]:
-        """Graph of internal vertices as triangles, of shape (n, 3): faces, or edges of cells."""
-        return self.internal_faces if self.cell_links is None else self.cell_links
-
     def given_faces(self, faces: Faces) -> Integers:
         """Return the number of each internal face in the given ones, of shape (M,)."""
         internal = inverse_permutation(self.internal_to_given)[faces]

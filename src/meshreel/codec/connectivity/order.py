@@ -37,8 +37,7 @@ def encode_order(
     n_verts = len(internal_to_given)
     sequence = inverse_permutation(internal_to_given)
     if not keep_faces:
-        return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, None, sequence)
+        return bytes([VERTICES_ONLY]) + order.encode_order(internal_faces, None, sequence)
     corners = matching_corners(sequence[faces], internal_faces, n_verts)
-    twins = order.opposite_sides(internal_faces, n_verts)
-    coded = order.encode_order(internal_faces, twins, corners, sequence)
+    coded = order.encode_order(internal_faces, corners, sequence)
     return bytes([VERTICES_AND_FACES]) + coded

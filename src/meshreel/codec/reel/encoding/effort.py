@@ -74,10 +74,12 @@ def finest_step(n_columns: int = 3) -> float:
     return 0.5 * math.sqrt(n_columns) / LARGEST_INTEGER
 
 
-def checked_step(step: float, finest: float) -> float:
-    """Return the step; raise InvalidInputError if it is too fine."""
-    if step < finest:
-        raise InvalidInputError(
-            f"step {step:g} is too fine for this sequence; at least {finest:.2g} is allowed"
-        )
+FINEST_STEP = finest_step()
+"""That of positions, in diagonals."""
+
+
+def checked_step(step: float) -> float:
+    """Return the step of positions; raise InvalidInputError if it is too fine."""
+    if step < FINEST_STEP:
+        raise InvalidInputError(f"step {step:g} is too fine; at least {FINEST_STEP:.2g} is allowed")
     return step

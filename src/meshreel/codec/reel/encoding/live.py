@@ -22,7 +22,7 @@ from meshreel.codec.reel.encoding.block_coder import (
     coder_of,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.codec.reel.encoding.effort import finest_step
+from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import live_track_coders
 from meshreel.codec.reel.encoding.visibility import error_scale, steps_of_quality
@@ -70,18 +70,13 @@ class FirstBlock:
         """Number type of the positions."""
         return self.vertices.dtype
 
-    @property
-    def finest_step(self) -> float:
-        """Finest step that the stream can represent."""
-        return finest_step()
-
     @cached_property
     def _frames(self) -> BlockFrames:
         return self.coder.frames(self.vertices)
 
     def size_bytes(self, step: float, bound: float) -> float:
         """Return the bytes of the block for a step, with corrections that keep a bound."""
-        coded = self.coder.with_step(max(self.finest_step, step), bound).code(self._frames)
+        coded = self.coder.with_step(max(FINEST_STEP, step), bound).code(self._frames)
         return float(sum(len(payload) for _, payload in coded.sections))
 
     def measured(self, step: float) -> float:

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from meshreel.codec.reel.encoding.corrections import check_error_bound
-from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND, checked_step
+from meshreel.codec.reel.encoding.effort import FINEST_STEP, STEPS_OF_BOUND, checked_step
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.reel.encoding.surface_errors import SLIDING_STEP
 from meshreel.codec.reel_options import ReelOptions, Tune
@@ -41,10 +41,6 @@ class RateModel(Protocol):
     def dtype(self) -> np.dtype[np.floating]:
         """Number type of the positions."""
 
-    @property
-    def finest_step(self) -> float:
-        """Finest step that the stream can represent."""
-
     def step_of_quality(self, quality: float) -> float:
         """Return the step of a quality; see `visibility`."""
 
@@ -72,15 +68,15 @@ def step_for_target(
     """
     target = config.target
     if target.kind is TargetKind.STEP:
-        return checked_step(target.value, model.finest_step), None
+        return checked_step(target.value), None
     if target.kind is TargetKind.QUALITY:
         step = model.step_of_quality(target.value)
         step *= SLIDING_STEP if config.tune == Tune.SURFACE.value else 1.0
-        return max(model.finest_step, step), None
+        return max(FINEST_STEP, step), None
     if target.kind is TargetKind.MAX_ERROR:
         bound = checked_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
-        return max(model.finest_step, step), bound
+        return max(FINEST_STEP, step), bound
     start = FIRST_STEP * model.own_diagonal
     return step_within_limit(config, model.measured, start, has_tracks=has_tracks), None
 

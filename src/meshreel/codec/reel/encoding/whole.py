@@ -15,7 +15,7 @@ from meshreel.codec.reel.encoding.block_coder import (
     coder_of,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
-from meshreel.codec.reel.encoding.effort import finest_step
+from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import (
     encode_frame,
@@ -139,8 +139,6 @@ class RateSearch:
     ----------
     dtype : dtype
         Number type of the positions.
-    finest_step : float
-        Finest step that the stream can represent.
     """
 
     def __init__(self, source: Source, progress: Progress) -> None:
@@ -155,7 +153,6 @@ class RateSearch:
         self._errors: dict[float, float] = {}
         self._steps: dict[float, Steps] = {}
         self._best: tuple[float, list[tuple[int, Sections]]] | None = None
-        self.finest_step: float = finest_step()
 
     @cached_property
     def _coder(self) -> FieldBlockCoder:
@@ -175,7 +172,7 @@ class RateSearch:
         """Return the steps of a quality, in model units."""
         if quality not in self._steps:
             pieces = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
-            blocks = (piece.read_given() for piece in pieces)
+            blocks = map(Piece.read_given, pieces)
             size = self.own_diagonal * self.diagonal
             faces = self._source.mesh.given_faces
             self._steps[quality] = steps_of_quality(quality, faces, blocks, size)
@@ -248,7 +245,7 @@ class RateSearch:
         """
         if self._target.kind in (TargetKind.KG, TargetKind.MAX_ERROR):
             step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
-        return max(step, self.finest_step)
+        return max(step, FINEST_STEP)
 
     def _error(self, step: float) -> float:
         """Return the KG error for a step, without entropy coding.
