@@ -74,8 +74,8 @@ def with_tables(text: str) -> str:
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    first, *others = ("| " + " | ".join(line) + " |" for line in (header, *rows))
+    return "\n".join([first, "|" + "---|" * len(header), *others])
 
 
 def source(name: str, text: str, commit: str = "commit") -> str:
@@ -142,7 +142,7 @@ def seconds() -> str:
             beside = printed.get(one["label"]) if one["label"] != "gft" else None
             rows.append(
                 (
-                    f"{name} ({sequence['n_verts']} x {sequence['n_frames']})",
+                    name,
                     f"`{one['label']}`",
                     significant(one["encode_processor_s"]),
                     significant(one["decode_processor_s"]),
@@ -162,12 +162,11 @@ def _decomposed_each(
     name: str, sequence: dict[str, Any], printed: Any
 ) -> Iterable[tuple[str, ...]]:
     """Rows of `gft` with a decomposition for each frame, extrapolated: 5 % and all frequencies."""
-    shape = f"{name} ({sequence['n_verts']} x {sequence['n_frames']})"
     graph = next(one for one in sequence["variants"] if one["label"] == "gft")
     few, full = sequence["decompositions"], sequence["full_decomposition"]
     n_more = sequence["n_frames"] - 1
     yield (
-        shape,
+        name,
         f"`gft`, {few['n_modes']} frequencies, decomposed for each frame *",
         *(
             f"{graph[f'{part}{clock}_s'] + n_more * few[f'{each}seconds_each']:.0f}"
@@ -183,7 +182,7 @@ def _decomposed_each(
         cells = [
             printed_beside(wall, getattr(printed, part, None), 2) for part in ("encode", "decode")
         ]
-        yield shape, "`gft`, all frequencies, decomposed for each frame *", *[processor] * 2, *cells
+        yield name, "`gft`, all frequencies, decomposed for each frame *", *[processor] * 2, *cells
 
 
 def anchors() -> str:
