@@ -402,25 +402,6 @@ def corpus_bounds() -> str:
 
 
 OTHER_LAPLACIANS = ("combinatorial", "cotangent")
-ANCHOR_SHARES = {"0 (one each component)": 0, "1 %": 2, "3 %": 3}
-"""The shares in the table, and their places among those of `stored_results.choice_figures`."""
-
-
-def anchor_shares() -> str:
-    """KG error and rate for shares of anchors, as positions and as coefficients."""
-    rows = [
-        (
-            one["name"],
-            kind,
-            *(
-                f"{significant(each['kg_error_percent'])} ({each['rate_bpvf']:.3f})"
-                for each in map(one["anchors"][kind].__getitem__, ANCHOR_SHARES.values())
-            ),
-        )
-        for one in results("choices")["sequences"]
-        for kind in KINDS_OF_ANCHORS
-    ]
-    return source("choices", table(("sequence", "anchors as", *ANCHOR_SHARES), rows))
 
 
 def _bd_text(
@@ -446,7 +427,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "comparison": comparison,
     "bd-rates": bd_rates,
     "laplacians": laplacians,
-    "anchor-shares": anchor_shares,
     "corpus-bounds": corpus_bounds,
     **{name: corpus_table(make) for name, make in CORPUS_TABLES.items()},
 }
