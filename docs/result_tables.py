@@ -240,7 +240,7 @@ def claim_rows() -> str:
 def faithful(claim: str) -> str:
     """The verdict of the ledger on a claim, which says whether the paper makes it."""
     is_ours = claim.startswith(OPEN_QUESTIONS)
-    return "faithful; a question that the paper leaves open" if is_ours else "faithful"
+    return "faithful; a question of ours" if is_ours else "faithful"
 
 
 def entropy() -> str:

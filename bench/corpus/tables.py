@@ -14,8 +14,8 @@ Row = Mapping[str, Any]
 """A sequence in docs/results/corpus.json."""
 
 PEERS = ("draco", "meshopt", "sz3", "zfp")
-PERCENTILES = (5, 25, 50, 75, 95)
-N_WORST = 10
+PERCENTILES = (5, 50, 95)
+N_WORST = 5
 POSITION_BYTES = 12
 """Of a vertex in float32; speeds count these bytes."""
 HEADER_BYTES = 120
@@ -154,7 +154,7 @@ def worst_table(rows: Sequence[Row]) -> Table:
         values.sort(key=lambda pair: sign * pair[0])
         cells.append([f"{name}: {significant(value)}" for value, name in values[:N_WORST]])
     body = tuple((str(i + 1), *line) for i, line in enumerate(zip(*cells, strict=True)))
-    return Table("The ten worst at quality 80", ("", *columns), body)
+    return Table("The worst at quality 80", ("", *columns), body)
 
 
 def losses_table(rows: Sequence[Row]) -> Table:
