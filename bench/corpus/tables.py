@@ -172,16 +172,6 @@ def losses_table(rows: Sequence[Row]) -> Table:
     return Table("Other codecs are smaller", header, tuple(body))
 
 
-def failures_table(rows: Sequence[Row]) -> Table:
-    """Sequences that were not read or measured, with the message."""
-    body = tuple(
-        (row["repo"], f"`{row['path']}`", row["refused"].replace("|", "/"))
-        for row in rows
-        if "refused" in row
-    )
-    return Table("Not measured", ("repository", "file", "message"), body)
-
-
 def n_broken(rows: Sequence[Row]) -> tuple[int, int]:
     """Error bounds that were not met, and all error bounds."""
     bounds = [
@@ -206,15 +196,13 @@ def losses_of(row: Row) -> list[tuple[str, str, int, int]]:
 def reason_of(row: Row) -> str:
     """Why another codec is smaller, by the properties in `measure.features`."""
     losses, found = losses_of(row), row["features"]
-    by_lzma = {peer for _, peer, _, _ in losses} == {"meshopt"}
     reasons = []
     if max(mine - other for _, _, mine, other in losses) <= HEADER_BYTES:
         reasons.append("small file: headers")
     if row["n_frames"] > row["n_segments"] and found["resting"] > 0.5:
         reasons.append(f"{found['resting']:.0%} of the vertices rest")
     if found["repeated"] > 0.5:
-        what = "LZMA repeats" if by_lzma else "there are repeated"
-        reasons.append(f"{what} parts or regular spacing ({found['repeated']:.0%} of the sides)")
+        reasons.append(f"repeated parts or spacing ({found['repeated']:.0%})")
     elif found["distinct"] < 0.4:
         reasons.append(f"few distinct coordinates ({found['distinct']:.0%})")
     return "; ".join(reasons) or "not explained"
@@ -297,5 +285,4 @@ TABLES: dict[str, Callable[[Sequence[Row]], Table]] = {
     "corpus-peers": peers_table,
     "corpus-worst": worst_table,
     "corpus-losses": losses_table,
-    "corpus-failures": failures_table,
 }
