@@ -172,5 +172,5 @@ def test_hard_edges_are_those_that_blender_splits_normals_at(blender, tmp_path, 
     edges = reel.surface.hard_edges
     assert (0 if edges is None else len(edges)) == n_hard
     if n_hard == 4:
-        heights = reel[0][edges][..., 1]  # y is up in the file
+        heights = reel.vertices[0, edges, 1]  # y is up in the file
         assert (heights > 0).all()

@@ -84,10 +84,11 @@ def steps_of_quality(
     frames, variances, n_frames = [], [], 0
     for block in blocks:
         n_frames, n_verts = max(n_frames, len(block)), block.shape[1]
-        frames.append(block[evenly_spaced(len(block), N_FRAMES)] / np.float64(model_size))
+        frames.append(block[evenly_spaced(len(block), N_FRAMES)].astype(np.float64) / model_size)
         times = evenly_spaced(len(block), MAX_FRAMES)
         vertices = evenly_spaced(n_verts, MAX_VERTICES)
-        variances.append(_variances(block[np.ix_(times, vertices)] / np.float64(model_size)))
+        sampled = block[np.ix_(times, vertices)].astype(np.float64)
+        variances.append(_variances(sampled / model_size))
     surface = SampledSurface(faces, np.concatenate(frames))
     # A grid rounds three coordinates, and coincident vertices equally, so seams do not matter.
     grid = 2.0 * surface.allowed_error(1) * error_scale(quality) * model_size
