@@ -1,6 +1,6 @@
-/* Decimation of triangle meshes by edge collapses, the cheapest first. Costs are those of quadrics
-   (M. Garland, P. S. Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997). A vertex
-   moves to a neighbor, so that the vertices that remain keep their attributes. */
+/* Decimation of triangle meshes by edge collapses, the cheapest first, at the cost of quadrics:
+   M. Garland, P. S. Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997. A vertex
+   moves to a neighbor, so that the remaining vertices keep their attributes. */
 
 #include "base.h"
 
@@ -12,25 +12,25 @@
 
 typedef struct {
     const double *points;
-    int32_t *faces, *wedges; /* of three corners; the first vertex of a removed face is NONE */
-    int32_t *first, *next;   /* corner of a vertex; the next corner of the same vertex */
+    int32_t *faces, *wedges; /* three per face; the first vertex of a removed face is NONE */
+    int32_t *first, *next;   /* first corner of a vertex; next corner of the same vertex */
     double *quadrics, *areas, *errors;
     int32_t *stamps, stamp;
     int32_t *heap, *places, n_heap; /* vertices by the cost of their best collapse */
-    int32_t *targets;               /* the neighbor to which each would move */
+    int32_t *targets;               /* neighbor that each vertex would move to */
     double *costs;
     double max_square, max_length; /* squared */
 } decimation;
 
-/* The neighbors of a vertex: with each, the number of common faces, whether the edge is a boundary
-   or a seam between wedges, and the wedges of both vertices in the first face. */
+/* The neighbors of a vertex. For each: the number of common faces, whether the edge is a feature (a
+   boundary or a seam between wedges), and the wedges of both vertices in the first face. */
 typedef struct {
     int32_t n, n_features;
     bool is_fixed;
     int32_t vertices[MAX_NEIGHBORS], counts[MAX_NEIGHBORS];
-    int32_t own[MAX_NEIGHBORS], other[MAX_NEIGHBORS];
+    int32_t wedges[MAX_NEIGHBORS], neighbor_wedges[MAX_NEIGHBORS];
     bool is_feature[MAX_NEIGHBORS];
-} ring;
+} vertex_ring;
 
 static void subtract(const double *a, const double *b, double *result) {
     for (int i = 0; i < 3; i++) {
@@ -56,61 +56,69 @@ static void normal_of(const double *a, const double *b, const double *c, double 
     cross(first, second, normal);
 }
 
-static const double *point_of(const decimation *of, int32_t vertex) {
-    return of->points + 3 * (int64_t)vertex;
+static const double *point_of(const decimation *state, int32_t vertex) {
+    return state->points + 3 * (int64_t)vertex;
 }
 
-static void add_neighbor(ring *around, int32_t vertex, int32_t own, int32_t other) {
+static double *quadric_of(const decimation *state, int32_t vertex) {
+    return state->quadrics + TERMS * (int64_t)vertex;
+}
+
+static void add_neighbor(vertex_ring *ring, int32_t vertex, int32_t wedge,
+                         int32_t neighbor_wedge) {
     int32_t i = 0;
-    while (i < around->n && around->vertices[i] != vertex) {
+    while (i < ring->n && ring->vertices[i] != vertex) {
         i++;
     }
     if (i == MAX_NEIGHBORS) {
-        around->is_fixed = true;
-    } else if (i == around->n) {
-        around->vertices[i] = vertex;
-        around->counts[i] = 1;
-        around->own[i] = own;
-        around->other[i] = other;
-        around->is_feature[i] = true;
-        around->n++;
+        ring->is_fixed = true;
+    } else if (i == ring->n) {
+        ring->vertices[i] = vertex;
+        ring->counts[i] = 1;
+        ring->wedges[i] = wedge;
+        ring->neighbor_wedges[i] = neighbor_wedge;
+        ring->is_feature[i] = true;
+        ring->n++;
     } else {
-        around->counts[i]++;
-        around->is_fixed |= around->counts[i] > 2;
-        around->is_feature[i] = own != around->own[i] || other != around->other[i];
+        ring->counts[i]++;
+        ring->is_fixed |= ring->counts[i] > 2;
+        ring->is_feature[i] =
+            wedge != ring->wedges[i] || neighbor_wedge != ring->neighbor_wedges[i];
     }
 }
 
-/* The next corner of a vertex in a face that is left, from this one on. */
-static int32_t corner_from(const decimation *of, int32_t corner) {
-    while (corner != NONE && of->faces[corner / 3 * 3] == NONE) {
-        corner = of->next[corner];
+/* The first corner in the list of a vertex, starting with this one, whose face remains. */
+static int32_t corner_from(const decimation *state, int32_t corner) {
+    while (corner != NONE && state->faces[corner / 3 * 3] == NONE) {
+        corner = state->next[corner];
     }
     return corner;
 }
 
-#define EACH_CORNER(of, vertex, corner)                                   \
-    for (int32_t corner = corner_from(of, (of)->first[vertex]); corner != NONE; \
-         corner = corner_from(of, (of)->next[corner]))
+#define EACH_CORNER(state, vertex, corner)                                            \
+    for (int32_t corner = corner_from(state, (state)->first[vertex]); corner != NONE; \
+         corner = corner_from(state, (state)->next[corner]))
 
-static int32_t after(int32_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
+static int32_t next_corner(int32_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; }
 
-static void find_ring(const decimation *of, int32_t vertex, ring *around) {
-    around->n = around->n_features = 0;
-    around->is_fixed = false;
-    EACH_CORNER(of, vertex, corner) {
-        for (int32_t at = after(corner); at != corner; at = after(at)) {
-            around->is_fixed |= of->faces[at] == vertex;
-            add_neighbor(around, of->faces[at], of->wedges[corner], of->wedges[at]);
+static int32_t previous_corner(int32_t corner) { return next_corner(next_corner(corner)); }
+
+static void find_ring(const decimation *state, int32_t vertex, vertex_ring *ring) {
+    ring->n = ring->n_features = 0;
+    ring->is_fixed = false;
+    EACH_CORNER(state, vertex, corner) {
+        for (int32_t at = next_corner(corner); at != corner; at = next_corner(at)) {
+            ring->is_fixed |= state->faces[at] == vertex;
+            add_neighbor(ring, state->faces[at], state->wedges[corner], state->wedges[at]);
         }
     }
-    for (int32_t i = 0; i < around->n; i++) {
-        around->n_features += around->is_feature[i];
+    for (int32_t i = 0; i < ring->n; i++) {
+        ring->n_features += ring->is_feature[i];
     }
 }
 
-/* Squared distances times area, of a quadric at a point. */
-static double error_at(const double *quadric, const double *p) {
+/* Sum of the squared distances of a point from the planes of a quadric, times their weights. */
+static double evaluate_quadric(const double *quadric, const double *p) {
     double x = p[0], y = p[1], z = p[2];
     double terms[TERMS] = {x * x, y * y, z * z, x * y, y * z, z * x, x, y, z, 1.0};
     double sum = 0.0;
@@ -120,92 +128,96 @@ static double error_at(const double *quadric, const double *p) {
     return sum > 0 ? sum : 0.0;
 }
 
-static void add_plane(decimation *of, int32_t vertex, const double *normal, double offset,
+static void add_plane(decimation *state, int32_t vertex, const double *normal, double offset,
                       double weight) {
     double a = normal[0], b = normal[1], c = normal[2], d = offset;
     double terms[TERMS] = {a * a,     b * b,     c * c,     2 * a * b, 2 * b * c,
                            2 * c * a, 2 * a * d, 2 * b * d, 2 * c * d, d * d};
     for (int i = 0; i < TERMS; i++) {
-        of->quadrics[TERMS * (int64_t)vertex + i] += weight * terms[i];
+        quadric_of(state, vertex)[i] += weight * terms[i];
     }
-    of->areas[vertex] += weight;
+    state->areas[vertex] += weight;
 }
 
-/* Add the plane through the corners' points with a normal of any length. */
-static void add_planes(decimation *of, const int32_t *vertices, int n, const double *normal,
+/* Add the plane through some vertices, with a normal of any length, to their quadrics. */
+static void add_planes(decimation *state, const int32_t *vertices, int n, const double *normal,
                        double weight) {
     double length = __builtin_sqrt(dot(normal, normal)), direction[3];
     if (length > 0) {
         for (int i = 0; i < 3; i++) {
             direction[i] = normal[i] / length;
         }
-        double offset = -dot(direction, point_of(of, vertices[0]));
+        double offset = -dot(direction, point_of(state, vertices[0]));
         for (int i = 0; i < n; i++) {
-            add_plane(of, vertices[i], direction, offset, weight);
+            add_plane(state, vertices[i], direction, offset, weight);
         }
     }
 }
 
-/* Set the quadrics: planes of faces, and those through boundaries and seams, across the faces.
-   Returns the area of all faces. */
-static double set_quadrics(decimation *of, int32_t n_verts, int32_t n_faces) {
+/* Set the quadrics: planes of faces, and planes through boundaries and seams, perpendicular to the
+   faces. Returns the area of all faces. */
+static double set_quadrics(decimation *state, int32_t n_verts, int32_t n_faces) {
     double area = 0.0, normal[3], across[3], side[3];
-    ring around;
+    vertex_ring ring;
     for (int32_t face = 0; face < n_faces; face++) {
-        const int32_t *corners = of->faces + 3 * (int64_t)face;
-        normal_of(point_of(of, corners[0]), point_of(of, corners[1]), point_of(of, corners[2]),
-                  normal);
-        double part = __builtin_sqrt(dot(normal, normal)) / 2;
-        add_planes(of, corners, 3, normal, part / 3);
-        area += part;
+        const int32_t *corners = state->faces + 3 * (int64_t)face;
+        normal_of(point_of(state, corners[0]), point_of(state, corners[1]),
+                  point_of(state, corners[2]), normal);
+        double face_area = __builtin_sqrt(dot(normal, normal)) / 2;
+        add_planes(state, corners, 3, normal, face_area / 3);
+        area += face_area;
     }
     for (int32_t vertex = 0; vertex < n_verts; vertex++) {
-        find_ring(of, vertex, &around);
-        EACH_CORNER(of, vertex, corner) { /* of each side the face that is on its left */
-            int32_t end = of->faces[after(corner)], i = 0;
-            while (i < around.n && around.vertices[i] != end) {
+        find_ring(state, vertex, &ring);
+        EACH_CORNER(state, vertex, corner) { /* each half-edge belongs to one face */
+            int32_t end = state->faces[next_corner(corner)], i = 0;
+            while (i < ring.n && ring.vertices[i] != end) {
                 i++;
             }
-            if (i < around.n && around.is_feature[i]) {
-                int32_t last = of->faces[after(after(corner))], ends[2] = {vertex, end};
-                normal_of(point_of(of, vertex), point_of(of, end), point_of(of, last), normal);
-                subtract(point_of(of, end), point_of(of, vertex), side);
+            if (i < ring.n && ring.is_feature[i]) {
+                int32_t last = state->faces[previous_corner(corner)], ends[2] = {vertex, end};
+                const double *a = point_of(state, vertex), *b = point_of(state, end);
+                normal_of(a, b, point_of(state, last), normal);
+                subtract(b, a, side);
                 cross(side, normal, across);
-                add_planes(of, ends, 2, across, dot(side, side) / 2);
+                add_planes(state, ends, 2, across, dot(side, side) / 2);
             }
         }
     }
     for (int32_t vertex = 0; vertex < n_verts; vertex++) {
-        of->errors[vertex] = error_at(of->quadrics + TERMS * (int64_t)vertex, point_of(of, vertex));
+        state->errors[vertex] =
+            evaluate_quadric(quadric_of(state, vertex), point_of(state, vertex));
     }
     return area;
 }
 
-/* The wedge that replaces one of a removed vertex, or NONE. */
-static int32_t new_wedge(const decimation *of, int32_t removed, int32_t kept, int32_t wedge) {
+/* The wedge of the target that replaces a wedge of the removed vertex; NONE if ambiguous. */
+static int32_t new_wedge(const decimation *state, int32_t removed, int32_t target, int32_t wedge) {
     int32_t result = NONE;
-    EACH_CORNER(of, removed, corner) {
-        int32_t at = after(corner);
-        at = of->faces[at] == kept ? at : after(at);
-        if (of->faces[at] == kept && of->wedges[corner] == wedge) {
-            if (result != NONE && result != of->wedges[at]) {
+    EACH_CORNER(state, removed, corner) {
+        int32_t at = next_corner(corner);
+        at = state->faces[at] == target ? at : next_corner(at);
+        if (state->faces[at] == target && state->wedges[corner] == wedge) {
+            if (result != NONE && result != state->wedges[at]) {
                 return NONE;
             }
-            result = of->wedges[at];
+            result = state->wedges[at];
         }
     }
     return result;
 }
 
-/* Whether a triangle faces as before, and is no sliver unless it was, and has no long sides unless
-   it had, if its corner moves. */
-static bool is_similar(const decimation *of, const double *corner, const double *new_corner,
+/* Whether a triangle stays similar when a corner moves: its normal hardly turns, and it becomes
+   neither a sliver nor longer than allowed, unless it was before. */
+static bool is_similar(const decimation *state, const double *corner, const double *new_corner,
                        const double *a, const double *b) {
     double before[3], now[3], sides[3][3];
     normal_of(corner, a, b, before);
     normal_of(new_corner, a, b, now);
-    double cosine = dot(before, now), was = dot(before, before), is = dot(now, now);
-    if (!(cosine > 0 && cosine * cosine > MIN_COSINE * MIN_COSINE * was * is)) {
+    double product = dot(before, now), square_before = dot(before, before);
+    double square_now = dot(now, now);
+    if (!(product > 0 &&
+          product * product > MIN_COSINE * MIN_COSINE * square_before * square_now)) {
         return false;
     }
     double longest[2];
@@ -219,17 +231,19 @@ static bool is_similar(const decimation *of, const double *corner, const double 
             longest[k] = square > longest[k] ? square : longest[k];
         }
     }
-    if (longest[1] > of->max_length && longest[1] > longest[0]) {
+    if (longest[1] > state->max_length && longest[1] > longest[0]) {
         return false;
     }
-    double height = is / (longest[1] * longest[1]), height_before = was / (longest[0] * longest[0]);
+    double height = square_now / (longest[1] * longest[1]);
+    double height_before = square_before / (longest[0] * longest[0]);
     return height >= MIN_HEIGHT * MIN_HEIGHT || height >= height_before;
 }
 
-/* Whether a face of these vertices exists. */
-static bool has_face(const decimation *of, int32_t vertex, int32_t a, int32_t b) {
-    EACH_CORNER(of, vertex, corner) {
-        int32_t first = of->faces[after(corner)], second = of->faces[after(after(corner))];
+/* Whether there is a face with these vertices. */
+static bool has_face(const decimation *state, int32_t vertex, int32_t a, int32_t b) {
+    EACH_CORNER(state, vertex, corner) {
+        int32_t first = state->faces[next_corner(corner)];
+        int32_t second = state->faces[previous_corner(corner)];
         if ((first == a && second == b) || (first == b && second == a)) {
             return true;
         }
@@ -238,33 +252,35 @@ static bool has_face(const decimation *of, int32_t vertex, int32_t a, int32_t b)
 }
 
 /* Whether a collapse keeps the topology, the normals, and the wedges. */
-static bool is_valid(decimation *of, int32_t removed, const ring *around, int32_t i) {
-    int32_t kept = around->vertices[i], n_common = 0;
-    int32_t mark = of->stamp += 2; /* of neighbors; those of both have the next number */
-    for (int32_t k = 0; k < around->n; k++) {
-        of->stamps[around->vertices[k]] = mark;
+static bool is_valid_collapse(decimation *state, int32_t removed, const vertex_ring *ring,
+                              int32_t i) {
+    int32_t target = ring->vertices[i], n_common = 0;
+    int32_t mark = state->stamp += 2; /* of neighbors of `removed`; the common ones get mark + 1 */
+    for (int32_t k = 0; k < ring->n; k++) {
+        state->stamps[ring->vertices[k]] = mark;
     }
-    EACH_CORNER(of, kept, corner) {
-        for (int32_t at = after(corner); at != corner; at = after(at)) {
-            if (of->stamps[of->faces[at]] == mark) {
-                of->stamps[of->faces[at]]++;
+    EACH_CORNER(state, target, corner) {
+        for (int32_t at = next_corner(corner); at != corner; at = next_corner(at)) {
+            if (state->stamps[state->faces[at]] == mark) {
+                state->stamps[state->faces[at]]++;
                 n_common++;
             }
         }
     }
-    if (n_common != around->counts[i]) {
+    if (n_common != ring->counts[i]) {
         return false;
     }
-    EACH_CORNER(of, removed, corner) {
-        int32_t a = of->faces[after(corner)], b = of->faces[after(after(corner))];
-        if (a == kept || b == kept) {
+    EACH_CORNER(state, removed, corner) {
+        int32_t a = state->faces[next_corner(corner)];
+        int32_t b = state->faces[previous_corner(corner)];
+        if (a == target || b == target) {
             continue;
         }
-        bool are_common = of->stamps[a] == mark + 1 && of->stamps[b] == mark + 1;
-        if ((are_common && has_face(of, kept, a, b)) ||
-            new_wedge(of, removed, kept, of->wedges[corner]) == NONE ||
-            !is_similar(of, point_of(of, removed), point_of(of, kept), point_of(of, a),
-                        point_of(of, b))) {
+        bool are_common = state->stamps[a] == mark + 1 && state->stamps[b] == mark + 1;
+        if ((are_common && has_face(state, target, a, b)) ||
+            new_wedge(state, removed, target, state->wedges[corner]) == NONE ||
+            !is_similar(state, point_of(state, removed), point_of(state, target),
+                        point_of(state, a), point_of(state, b))) {
             return false;
         }
     }
@@ -272,113 +288,120 @@ static bool is_valid(decimation *of, int32_t removed, const ring *around, int32_
 }
 
 /* Find the cheapest collapse of a vertex; its target is NONE if there is none. */
-static void find_best(decimation *of, int32_t vertex) {
-    ring around;
-    find_ring(of, vertex, &around);
-    of->targets[vertex] = NONE;
-    if (around.is_fixed || (around.n_features != 0 && around.n_features != 2)) {
+static void find_best_collapse(decimation *state, int32_t vertex) {
+    vertex_ring ring;
+    find_ring(state, vertex, &ring);
+    state->targets[vertex] = NONE;
+    if (ring.is_fixed || (ring.n_features != 0 && ring.n_features != 2)) {
         return;
     }
-    const double *own = of->quadrics + TERMS * (int64_t)vertex;
-    for (int32_t i = 0; i < around.n; i++) {
-        int32_t kept = around.vertices[i];
-        const double *other = of->quadrics + TERMS * (int64_t)kept, *at = point_of(of, kept);
-        double error = error_at(own, at) + error_at(other, at);
-        double cost = error - of->errors[vertex] - of->errors[kept];
-        bool is_near = error <= of->max_square * (of->areas[vertex] + of->areas[kept]);
-        bool is_cheaper = of->targets[vertex] == NONE || cost < of->costs[vertex];
-        if ((around.n_features == 0 || around.is_feature[i]) && is_near && is_cheaper &&
-            is_valid(of, vertex, &around, i)) {
-            of->targets[vertex] = kept;
-            of->costs[vertex] = cost > 0 ? cost : 0.0;
+    for (int32_t i = 0; i < ring.n; i++) {
+        int32_t target = ring.vertices[i];
+        const double *point = point_of(state, target);
+        double error = evaluate_quadric(quadric_of(state, vertex), point) +
+                       evaluate_quadric(quadric_of(state, target), point);
+        double cost = error - state->errors[vertex] - state->errors[target];
+        bool is_near = error <= state->max_square * (state->areas[vertex] + state->areas[target]);
+        bool is_cheaper = state->targets[vertex] == NONE || cost < state->costs[vertex];
+        if ((ring.n_features == 0 || ring.is_feature[i]) && is_near && is_cheaper &&
+            is_valid_collapse(state, vertex, &ring, i)) {
+            state->targets[vertex] = target;
+            state->costs[vertex] = cost > 0 ? cost : 0.0;
         }
     }
 }
 
-/* Whether the collapse of one vertex comes before that of another. */
-static bool precedes(const decimation *of, int32_t a, int32_t b) {
-    return of->costs[a] < of->costs[b] || (of->costs[a] == of->costs[b] && a < b);
+/* Whether the collapse of vertex `a` comes before that of `b`. */
+static bool precedes(const decimation *state, int32_t a, int32_t b) {
+    return state->costs[a] < state->costs[b] || (state->costs[a] == state->costs[b] && a < b);
 }
 
-static void put(decimation *of, int32_t place, int32_t vertex) {
-    of->heap[place] = vertex;
-    of->places[vertex] = place;
+static void heap_set(decimation *state, int32_t place, int32_t vertex) {
+    state->heap[place] = vertex;
+    state->places[vertex] = place;
 }
 
-/* Move the vertex at a place of the heap to where it belongs. */
-static void settle(decimation *of, int32_t place) {
-    int32_t vertex = of->heap[place];
-    while (place > 0 && precedes(of, vertex, of->heap[(place - 1) / 2])) {
-        put(of, place, of->heap[(place - 1) / 2]);
+/* Restore the order of the heap after a change at one place. */
+static void heap_sift(decimation *state, int32_t place) {
+    int32_t vertex = state->heap[place];
+    while (place > 0 && precedes(state, vertex, state->heap[(place - 1) / 2])) {
+        heap_set(state, place, state->heap[(place - 1) / 2]);
         place = (place - 1) / 2;
     }
-    for (int32_t child; (child = 2 * place + 1) < of->n_heap; place = child) {
-        if (child + 1 < of->n_heap && precedes(of, of->heap[child + 1], of->heap[child])) {
+    for (int32_t child; (child = 2 * place + 1) < state->n_heap; place = child) {
+        if (child + 1 < state->n_heap &&
+            precedes(state, state->heap[child + 1], state->heap[child])) {
             child++;
         }
-        if (!precedes(of, of->heap[child], vertex)) {
+        if (!precedes(state, state->heap[child], vertex)) {
             break;
         }
-        put(of, place, of->heap[child]);
+        heap_set(state, place, state->heap[child]);
     }
-    put(of, place, vertex);
+    heap_set(state, place, vertex);
 }
 
-/* Take a vertex out of the heap, if it is in it. */
-static void take(decimation *of, int32_t vertex) {
-    int32_t place = of->places[vertex], last = of->n_heap - 1;
+/* Remove a vertex from the heap, if the heap contains it. */
+static void heap_remove(decimation *state, int32_t vertex) {
+    int32_t place = state->places[vertex], last = state->n_heap - 1;
     if (place != NONE) {
-        of->places[vertex] = NONE;
-        of->n_heap = last;
+        state->places[vertex] = NONE;
+        state->n_heap = last;
         if (place < last) {
-            put(of, place, of->heap[last]);
-            settle(of, place);
+            heap_set(state, place, state->heap[last]);
+            heap_sift(state, place);
         }
     }
 }
 
-/* Find the cheapest collapse of a vertex again. */
-static void update(decimation *of, int32_t vertex) {
-    take(of, vertex);
-    find_best(of, vertex);
-    if (of->targets[vertex] != NONE) {
-        put(of, of->n_heap++, vertex);
-        settle(of, of->n_heap - 1);
+/* Find the cheapest collapse of a vertex after changes around it. */
+static void update_collapse(decimation *state, int32_t vertex) {
+    heap_remove(state, vertex);
+    find_best_collapse(state, vertex);
+    if (state->targets[vertex] != NONE) {
+        heap_set(state, state->n_heap++, vertex);
+        heap_sift(state, state->n_heap - 1);
     }
 }
 
-static void collapse(decimation *of, int32_t removed) {
-    int32_t kept = of->targets[removed], moved = NONE;
-    double *quadric = of->quadrics + TERMS * (int64_t)kept;
-    EACH_CORNER(of, removed, corner) { /* wedges first: `new_wedge` needs the faces that vanish */
-        int32_t wedge = new_wedge(of, removed, kept, of->wedges[corner]);
-        if (of->faces[after(corner)] != kept && of->faces[after(after(corner))] != kept) {
-            of->wedges[corner] = wedge;
+/* Whether a vertex is at one of the two other corners of a face. */
+static bool is_at_other_corner(const decimation *state, int32_t corner, int32_t vertex) {
+    return state->faces[next_corner(corner)] == vertex ||
+           state->faces[previous_corner(corner)] == vertex;
+}
+
+/* Move the corners of a vertex to its target, and remove the faces that both belong to. */
+static void collapse(decimation *state, int32_t removed) {
+    int32_t target = state->targets[removed], moved_corners = NONE;
+    EACH_CORNER(state, removed, corner) { /* first, since `new_wedge` needs the removed faces */
+        int32_t wedge = new_wedge(state, removed, target, state->wedges[corner]);
+        if (!is_at_other_corner(state, corner, target)) {
+            state->wedges[corner] = wedge;
         }
     }
-    for (int32_t corner = corner_from(of, of->first[removed]), next; corner != NONE;
+    for (int32_t corner = corner_from(state, state->first[removed]), next; corner != NONE;
          corner = next) {
-        next = corner_from(of, of->next[corner]);
-        if (of->faces[after(corner)] == kept || of->faces[after(after(corner))] == kept) {
-            of->faces[corner / 3 * 3] = NONE;
+        next = corner_from(state, state->next[corner]);
+        if (is_at_other_corner(state, corner, target)) {
+            state->faces[corner / 3 * 3] = NONE;
         } else {
-            of->faces[corner] = kept;
-            of->next[corner] = moved;
-            moved = corner;
+            state->faces[corner] = target;
+            state->next[corner] = moved_corners;
+            moved_corners = corner;
         }
     }
-    of->first[removed] = NONE;
-    while (moved != NONE) {
-        int32_t next = of->next[moved];
-        of->next[moved] = of->first[kept];
-        of->first[kept] = moved;
-        moved = next;
+    state->first[removed] = NONE;
+    while (moved_corners != NONE) {
+        int32_t next = state->next[moved_corners];
+        state->next[moved_corners] = state->first[target];
+        state->first[target] = moved_corners;
+        moved_corners = next;
     }
     for (int i = 0; i < TERMS; i++) {
-        quadric[i] += of->quadrics[TERMS * (int64_t)removed + i];
+        quadric_of(state, target)[i] += quadric_of(state, removed)[i];
     }
-    of->areas[kept] += of->areas[removed];
-    of->errors[kept] = error_at(quadric, point_of(of, kept));
+    state->areas[target] += state->areas[removed];
+    state->errors[target] = evaluate_quadric(quadric_of(state, target), point_of(state, target));
 }
 
 static decimation allocate(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
@@ -397,6 +420,58 @@ static decimation allocate(reel_arena *arena, int64_t n_verts, int64_t n_faces) 
     };
 }
 
+/* List the corners of each vertex; returns the first face with an invalid vertex, or NONE. */
+static int32_t list_corners(decimation *state, int32_t n_verts, int32_t n_faces) {
+    for (int32_t vertex = 0; vertex < n_verts; vertex++) {
+        state->first[vertex] = NONE;
+    }
+    for (int32_t corner = 3 * n_faces; corner-- > 0;) {
+        int32_t vertex = state->faces[corner];
+        if (vertex < 0 || vertex >= n_verts) {
+            return corner / 3;
+        }
+        state->next[corner] = state->first[vertex];
+        state->first[vertex] = corner;
+    }
+    return NONE;
+}
+
+/* Collapse vertices, the cheapest first, while the sum of the costs is within the budget. */
+static void collapse_all(decimation *state, double budget) {
+    vertex_ring ring;
+    while (state->n_heap && state->costs[state->heap[0]] <= budget) {
+        int32_t vertex = state->heap[0], target = state->targets[vertex];
+        double cost = state->costs[vertex];
+        update_collapse(state, vertex); /* the neighbors of its target may have changed */
+        if (state->targets[vertex] != target || state->costs[vertex] != cost) {
+            continue;
+        }
+        heap_remove(state, vertex);
+        collapse(state, vertex);
+        budget -= cost;
+        find_ring(state, target, &ring);
+        update_collapse(state, target);
+        for (int32_t i = 0; i < ring.n; i++) {
+            update_collapse(state, ring.vertices[i]);
+        }
+    }
+}
+
+/* Move the remaining faces and their wedges to the front; returns their number. */
+static int64_t compact_faces(int32_t *faces, int32_t *wedges, int64_t n_faces) {
+    int64_t n_remaining = 0;
+    for (int64_t face = 0; face < n_faces; face++) {
+        if (faces[3 * face] != NONE) {
+            for (int k = 0; k < 3; k++) {
+                faces[3 * n_remaining + k] = faces[3 * face + k];
+                wedges[3 * n_remaining + k] = wedges[3 * face + k];
+            }
+            n_remaining++;
+        }
+    }
+    return n_remaining;
+}
+
 size_t reel_decimate_memory(int64_t n_verts, int64_t n_faces) {
     reel_arena arena = REEL_MEASURE;
     allocate(&arena, n_verts, n_faces);
@@ -407,59 +482,27 @@ int64_t reel_decimate(void *memory, size_t memory_size, const double *vertices, 
                       int32_t *faces, int32_t *wedges, int64_t n_faces, double max_rms,
                       double max_distance, double max_length) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    decimation of = allocate(&arena, n_verts, n_faces);
+    decimation state = allocate(&arena, n_verts, n_faces);
     if (arena.failed || n_faces > INT32_MAX / 3 || n_verts > INT32_MAX) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    of.points = vertices;
-    of.faces = faces;
-    of.wedges = wedges;
-    of.max_square = max_distance * max_distance;
-    of.max_length = max_length * max_length;
-    reel_zero(of.quadrics, (size_t)n_verts * TERMS * sizeof *of.quadrics);
-    reel_zero(of.areas, (size_t)n_verts * sizeof *of.areas);
-    reel_zero(of.stamps, (size_t)n_verts * sizeof *of.stamps);
+    state.points = vertices;
+    state.faces = faces;
+    state.wedges = wedges;
+    state.max_square = max_distance * max_distance;
+    state.max_length = max_length * max_length;
+    reel_zero(state.quadrics, (size_t)n_verts * TERMS * sizeof *state.quadrics);
+    reel_zero(state.areas, (size_t)n_verts * sizeof *state.areas);
+    reel_zero(state.stamps, (size_t)n_verts * sizeof *state.stamps);
+    int32_t invalid_face = list_corners(&state, (int32_t)n_verts, (int32_t)n_faces);
+    if (invalid_face != NONE) {
+        return reel_failure(REEL_INVALID, (uint64_t)invalid_face);
+    }
+    double budget = max_rms * max_rms * set_quadrics(&state, (int32_t)n_verts, (int32_t)n_faces);
     for (int32_t vertex = 0; vertex < n_verts; vertex++) {
-        of.first[vertex] = of.places[vertex] = NONE;
+        state.places[vertex] = NONE;
+        update_collapse(&state, vertex);
     }
-    for (int32_t corner = 3 * (int32_t)n_faces; corner-- > 0;) {
-        int32_t vertex = faces[corner];
-        if (vertex < 0 || vertex >= n_verts) {
-            return reel_failure(REEL_INVALID, (uint64_t)corner / 3);
-        }
-        of.next[corner] = of.first[vertex];
-        of.first[vertex] = corner;
-    }
-    double budget = max_rms * max_rms * set_quadrics(&of, (int32_t)n_verts, (int32_t)n_faces);
-    for (int32_t vertex = 0; vertex < n_verts; vertex++) {
-        update(&of, vertex);
-    }
-    ring around;
-    while (of.n_heap && of.costs[of.heap[0]] <= budget) {
-        int32_t vertex = of.heap[0], kept = of.targets[vertex];
-        double cost = of.costs[vertex];
-        update(&of, vertex); /* its neighbor may have other neighbors by now */
-        if (of.targets[vertex] != kept || of.costs[vertex] != cost) {
-            continue;
-        }
-        take(&of, vertex);
-        collapse(&of, vertex);
-        budget -= cost;
-        find_ring(&of, kept, &around);
-        update(&of, kept);
-        for (int32_t i = 0; i < around.n; i++) {
-            update(&of, around.vertices[i]);
-        }
-    }
-    int64_t n_left = 0;
-    for (int64_t face = 0; face < n_faces; face++) {
-        if (faces[3 * face] != NONE) {
-            for (int k = 0; k < 3; k++) {
-                faces[3 * n_left + k] = faces[3 * face + k];
-                wedges[3 * n_left + k] = wedges[3 * face + k];
-            }
-            n_left++;
-        }
-    }
-    return n_left;
+    collapse_all(&state, budget);
+    return compact_faces(faces, wedges, n_faces);
 }
