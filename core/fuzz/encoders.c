@@ -1,4 +1,4 @@
-/* Fuzz targets: encoders, whose output the decoder must restore. streams.c reaches all other code of
+/* Fuzz targets: encoders, whose input the decoder must restore. streams.c reaches all other code of
    the decoder. */
 
 #include "fuzz.h"
@@ -53,19 +53,19 @@ void fuzz_connectivity(void) {
     fuzz_mesh mesh = fuzz_make_mesh(fuzz_one_in(30) ? 400 : 60);
     int64_t n = 3 * mesh.n_faces, capacity = 96 * mesh.n_faces + 1024;
     int32_t *faces = fuzz_allocate(n, sizeof *faces), *twins = fuzz_allocate(n, sizeof *twins);
-    int32_t *given = fuzz_allocate(mesh.n_verts, sizeof *given);
+    int32_t *order = fuzz_allocate(mesh.n_verts, sizeof *order);
     int32_t *decoded = fuzz_allocate(n, sizeof *decoded);
     int32_t *decoded_twins = fuzz_allocate(n, sizeof *decoded_twins);
     uint8_t *out = fuzz_allocate(capacity, 1);
     size_t size = reel_connectivity_encode_memory(mesh.n_verts, mesh.n_faces);
     int64_t length = reel_connectivity_encode(FUZZ_MEMORY(size), mesh.faces, mesh.n_faces,
-                                              mesh.n_verts, fuzz_one_in(6), faces, twins, given,
+                                              mesh.n_verts, fuzz_one_in(6), faces, twins, order,
                                               out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, length);
     FUZZ_CHECK(decode_faces(&mesh, bytes, decoded, decoded_twins) >= 0);
     FUZZ_CHECK(!memcmp(decoded, faces, (size_t)n * sizeof *faces));
     FUZZ_CHECK(!memcmp(decoded_twins, twins, (size_t)n * sizeof *twins));
-    fuzz_hash(given, mesh.n_verts, sizeof *given);
+    fuzz_hash(order, mesh.n_verts, sizeof *order);
     if (decode_faces(&mesh, fuzz_mutate(bytes), decoded, decoded_twins) >= 0) {
         fuzz_hash(decoded, n, sizeof *decoded);
         fuzz_hash(decoded_twins, n, sizeof *decoded_twins);
@@ -235,7 +235,7 @@ void fuzz_basis_encode(void) {
     }
     uint8_t *rests = any_rests(n_frames);
     if (rests && fuzz_one_in(20)) {
-        rests[0] = 1; /* must be rejected, like 9 bits */
+        rests[0] = 1; /* invalid, like 9 bits */
     }
     int64_t result =
         reel_basis_encode(FUZZ_MEMORY(reel_basis_encode_memory(n_frames)), targets, n_modes,
@@ -386,7 +386,7 @@ void fuzz_exact(void) {
             put_number(values + i * size, size, type, kind);
         }
     }
-    uint8_t *given = fuzz_copy(values, count, (size_t)size);
+    uint8_t *original = fuzz_copy(values, count, (size_t)size);
     size_t memory_size = reel_exact_memory(n_frames, n_items, width);
     int64_t capacity = count * size + 16;
     uint8_t *out = fuzz_allocate(capacity, 1);
@@ -394,17 +394,17 @@ void fuzz_exact(void) {
         reel_exact_encode(FUZZ_MEMORY(memory_size), values, n_frames, n_items, width, size, type,
                           starts, near, out, (size_t)capacity);
     fuzz_bytes bytes = fuzz_written(out, result);
-    FUZZ_CHECK(!memcmp(values, given, (size_t)(count * size)));
+    FUZZ_CHECK(!memcmp(values, original, (size_t)(count * size)));
     for (int i = 0; i < 4; i++) {
         fuzz_bytes from = i ? fuzz_mutate(bytes) : bytes;
-        uint8_t *back = fuzz_allocate(count, (size_t)size);
-        result = reel_exact_decode(FUZZ_MEMORY(memory_size), from.bytes, from.size, back, n_frames,
-                                   n_items, width, size, type, starts, near);
+        uint8_t *decoded = fuzz_allocate(count, (size_t)size);
+        result = reel_exact_decode(FUZZ_MEMORY(memory_size), from.bytes, from.size, decoded,
+                                   n_frames, n_items, width, size, type, starts, near);
         fuzz_check_code(result);
         FUZZ_CHECK(i || result == (int64_t)bytes.size);
-        FUZZ_CHECK(i || !memcmp(back, given, (size_t)(count * size)));
+        FUZZ_CHECK(i || !memcmp(decoded, original, (size_t)(count * size)));
         if (result >= 0) {
-            fuzz_hash(back, count, (size_t)size);
+            fuzz_hash(decoded, count, (size_t)size);
         }
     }
 }

@@ -31,7 +31,7 @@ typedef struct {
 
 /* ---- stored streams ---- */
 
-/* Remove some bytes from those left, at most all, and return them. */
+/* Remove and return the next bytes, fewer at the end. */
 static fuzz_bytes take(fuzz_bytes *left, uint64_t size) {
     fuzz_bytes result = {left->bytes, size < left->size ? (size_t)size : left->size};
     *left = (fuzz_bytes){left->bytes + result.size, left->size - result.size};
@@ -83,14 +83,14 @@ static stream *split(fuzz_bytes file) {
     return s;
 }
 
-/* The stored streams with a section of each id: some are rare. */
+/* Stored streams by the ids of their sections, so that streams with rare sections are drawn too. */
 static struct {
     fuzz_bytes files[MAX_FILES];
     int64_t n;
 } with_id[256];
 
 static void load_files(void) {
-    glob_t paths; /* sorted: runs can be repeated */
+    glob_t paths; /* sorted, so that runs are reproducible */
     FUZZ_CHECK(!glob(REEL_FUZZ_STREAMS "/*/*.reel", 0, NULL, &paths));
     FUZZ_CHECK(paths.gl_pathc <= MAX_FILES);
     for (size_t i = 0; i < paths.gl_pathc; i++) {
@@ -117,7 +117,7 @@ static uint8_t any_id(void) {
     return id;
 }
 
-/* Split a stream with a section with this id, if there is any. */
+/* Return a random stream, split, that has a section with this id if any stream has. */
 static stream *any_stream(uint8_t id) {
     id = with_id[id].n ? id : any_id();
     return split(with_id[id].files[fuzz_below(with_id[id].n)]);
@@ -152,7 +152,7 @@ static void put_checksum(fuzz_bytes *to, size_t from) {
     put(to, &sum, sizeof sum);
 }
 
-/* Write a stream, half of them without INDEX, and END with the place of INDEX. */
+/* Write a stream with the place of INDEX in END; in half of all streams, omit INDEX. */
 static fuzz_bytes join(const stream *s) {
     fuzz_bytes out = {fuzz_allocate(CAPACITY, 1), 0};
     bool keeps_index = fuzz_one_in(2);
@@ -189,8 +189,8 @@ static fuzz_bytes change(fuzz_bytes from, fuzz_bytes donor) {
     fuzz_bytes result = {fuzz_allocate(CAPACITY, 1), 0}, left = from;
     int64_t size = (int64_t)from.size, kind = fuzz_below(8);
     int64_t span = size > LEADING_BYTES && fuzz_one_in(2) ? LEADING_BYTES : size + 1;
-    fuzz_bytes kept = take(&left, (uint64_t)fuzz_below(span));
-    put(&result, kept.bytes, kept.size);
+    fuzz_bytes prefix = take(&left, (uint64_t)fuzz_below(span));
+    put(&result, prefix.bytes, prefix.size);
     if (kind == 0) {
         return fuzz_mutate(from);
     }
@@ -223,7 +223,7 @@ static fuzz_bytes change(fuzz_bytes from, fuzz_bytes donor) {
     return (fuzz_bytes){fuzz_copy(result.bytes, (int64_t)result.size, 1), result.size};
 }
 
-/* Return the number of a section of the stream, with this id if there is any. */
+/* Return the index of a random section of the stream, with this id if there is any. */
 static int64_t any_section(const stream *s, uint8_t id) {
     int64_t n = s->n_sections, first = fuzz_below(n);
     for (int64_t i = 0; i < n; i++) {
@@ -236,34 +236,34 @@ static int64_t any_section(const stream *s, uint8_t id) {
 
 static void change_stream(stream *s, uint8_t id) {
     int64_t n = s->n_sections, i = any_section(s, id);
-    section *here = &s->sections[i], *other = &s->sections[fuzz_below(n)], old = *here;
-    const stream *from = fuzz_one_in(2) ? s : any_stream(here->id);
-    section donor = from->sections[any_section(from, here->id)];
+    section *target = &s->sections[i], *other = &s->sections[fuzz_below(n)], old = *target;
+    const stream *from = fuzz_one_in(2) ? s : any_stream(target->id);
+    section donor = from->sections[any_section(from, target->id)];
     switch (fuzz_below(16)) {
     case 0:
         s->fields = change(s->fields, donor.payload);
         break;
     case 1:
         s->n_sections -= n > 1;
-        memmove(here, here + 1, (size_t)(n - 1 - i) * sizeof *here);
+        memmove(target, target + 1, (size_t)(n - 1 - i) * sizeof *target);
         break;
     case 2:
         s->n_sections++;
-        memmove(here + 1, here, (size_t)(n - i) * sizeof *here);
-        *here = fuzz_one_in(2) ? donor : here[1];
+        memmove(target + 1, target, (size_t)(n - i) * sizeof *target);
+        *target = fuzz_one_in(2) ? donor : target[1];
         break;
     case 3:
-        *here = *other;
+        *target = *other;
         *other = old;
         break;
     case 4:
-        here->id = fuzz_one_in(2) ? other->id : (uint8_t)fuzz_next();
+        target->id = fuzz_one_in(2) ? other->id : (uint8_t)fuzz_next();
         break;
     case 5:
-        here->payload = donor.payload;
+        target->payload = donor.payload;
         break;
     default:
-        here->payload = change(here->payload, donor.payload);
+        target->payload = change(target->payload, donor.payload);
     }
 }
 
