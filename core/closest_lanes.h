@@ -12,7 +12,7 @@ typedef struct {
 #define LOAD(rows, i) \
     ((VEC3){*(const VEC *)&(rows)[0][i], *(const VEC *)&(rows)[1][i], *(const VEC *)&(rows)[2][i]})
 #define SELECT(mask, a, b) ((VEC)(((mask) & (MASK)(a)) | (~(mask) & (MASK)(b))))
-#define POSITIVE(v) ((VEC)((MASK)(v) & ((v) > 0.0))) /* or 0 */
+#define POSITIVE_PART(v) ((VEC)((MASK)(v) & ((v) > 0.0))) /* max(v, 0) */
 
 TARGET REEL_INLINE VEC NAMED(dot)(VEC3 a, VEC3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
@@ -20,14 +20,14 @@ TARGET REEL_INLINE VEC3 NAMED(cross)(VEC3 a, VEC3 b) {
     return (VEC3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/* a - factor b */
-TARGET REEL_INLINE VEC3 NAMED(minus)(VEC3 a, VEC factor, VEC3 b) {
+/* a - factor * b */
+TARGET REEL_INLINE VEC3 NAMED(subtract)(VEC3 a, VEC factor, VEC3 b) {
     return (VEC3){a.x - factor * b.x, a.y - factor * b.y, a.z - factor * b.z};
 }
 
-TARGET REEL_INLINE VEC NAMED(clamped)(VEC v) {
+TARGET REEL_INLINE VEC NAMED(clamp_to_unit)(VEC v) {
     const VEC one = (VEC){0} + 1.0;
-    v = POSITIVE(v);
+    v = POSITIVE_PART(v);
     return SELECT(v < one, v, one);
 }
 
@@ -40,7 +40,8 @@ TARGET REEL_INLINE uint32_t NAMED(bits_of)(MASK mask) {
     return bits;
 }
 
-/* Squared distances of a point from the boxes of a node; returns a bit for each below the bound. */
+/* Compute the squared distances of a point from the boxes of a node; returns a bit for each that is
+   below the bound. */
 TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *point, double bound,
                                               double *squares) {
     const MASK not_sign = (MASK){0} + INT64_MAX;
@@ -50,7 +51,7 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
         VEC x = (VEC)((MASK)(point[0] - center.x) & not_sign) - half.x;
         VEC y = (VEC)((MASK)(point[1] - center.y) & not_sign) - half.y;
         VEC z = (VEC)((MASK)(point[2] - center.z) & not_sign) - half.z;
-        VEC3 gap = {POSITIVE(x), POSITIVE(y), POSITIVE(z)};
+        VEC3 gap = {POSITIVE_PART(x), POSITIVE_PART(y), POSITIVE_PART(z)};
         VEC square = NAMED(dot)(gap, gap);
         *(VEC *)&squares[i] = square;
         bits |= NAMED(bits_of)(square < bound) << i;
@@ -58,11 +59,11 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
     return bits;
 }
 
-/* Replace the closest point by that of a leaf if it is closer, or as close and of a lower face.
+/* Replace the nearest point by that of a leaf if it is closer, or as close and on a lower face.
 
-   The candidates are the closest points of the three edges, and that of the plane if it is inside.
-   All of them are on the triangle: rounding errors of slivers yield no distance that is too
-   small. */
+   The candidates are the closest points of the three edges, and the projection onto the plane if it
+   is inside. All of them are on the triangle, so that rounding errors of slivers cannot make a
+   distance too small. */
 TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t number, const double *point,
                                            const double *direction, nearest_point *nearest) {
     const triangles *leaf = leaves + number;
@@ -73,30 +74,30 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         VEC3 offset = {point[0] - origin.x, point[1] - origin.y, point[2] - origin.z};
         VEC3 third = {second.x - first.x, second.y - first.y, second.z - first.z};
         VEC3 end = {offset.x - first.x, offset.y - first.y, offset.z - first.z};
-        VEC on_first = NAMED(clamped)(NAMED(dot)(offset, first) * inverses.x);
-        VEC on_second = NAMED(clamped)(NAMED(dot)(offset, second) * inverses.y);
-        VEC on_third = NAMED(clamped)(NAMED(dot)(end, third) * inverses.z);
+        VEC on_first = NAMED(clamp_to_unit)(NAMED(dot)(offset, first) * inverses.x);
+        VEC on_second = NAMED(clamp_to_unit)(NAMED(dot)(offset, second) * inverses.y);
+        VEC on_third = NAMED(clamp_to_unit)(NAMED(dot)(end, third) * inverses.z);
         VEC inside_s = NAMED(dot)(normal, NAMED(cross)(offset, second));
         VEC inside_t = NAMED(dot)(normal, NAMED(cross)(first, offset));
 
-        VEC3 rest = NAMED(minus)(offset, on_first, first);
+        VEC3 rest = NAMED(subtract)(offset, on_first, first);
         VEC square = NAMED(dot)(rest, rest), s = on_first, t = {0};
 
-        rest = NAMED(minus)(offset, on_second, second);
+        rest = NAMED(subtract)(offset, on_second, second);
         VEC other = NAMED(dot)(rest, rest);
         MASK is_less = other < square;
         square = SELECT(is_less, other, square);
         s = (VEC)((MASK)s & ~is_less);
         t = SELECT(is_less, on_second, t);
 
-        rest = NAMED(minus)(end, on_third, third);
+        rest = NAMED(subtract)(end, on_third, third);
         other = NAMED(dot)(rest, rest);
         is_less = other < square;
         square = SELECT(is_less, other, square);
         s = SELECT(is_less, 1.0 - on_third, s);
         t = SELECT(is_less, on_third, t);
 
-        rest = NAMED(minus)(NAMED(minus)(offset, inside_s, first), inside_t, second);
+        rest = NAMED(subtract)(NAMED(subtract)(offset, inside_s, first), inside_t, second);
         other = NAMED(dot)(rest, rest);
         is_less = (other < square) & (inside_s >= 0.0) & (inside_t >= 0.0) &
                   (inside_s + inside_t <= 1.0);
@@ -122,8 +123,8 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
     }
 }
 
-/* Find the closest point of a point; the search starts in the leaf `nearest->leaf`. Without a face in
-   reach, `nearest->face` is INT64_MAX. */
+/* Find the point of the surface nearest to a point; the search starts in the leaf `nearest->leaf`.
+   Without a face in reach, `nearest->face` is INT64_MAX. */
 TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t number,
                                             nearest_point *nearest) {
     const triangle_tree *tree = &job->tree;
@@ -152,7 +153,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
         uint32_t bits =
             NAMED(near_boxes)(tree->levels[node.level] + node.number, point, bound, squares);
         int first = n_pending;
-        for (; bits; bits &= bits - 1) { /* descending, so that the nearest one is popped first */
+        for (; bits; bits &= bits - 1) { /* descending, so that the nearest box is popped first */
             int child = __builtin_ctz(bits), place = n_pending++;
             for (; place > first && pending[place - 1].square < squares[child]; place--) {
                 pending[place] = pending[place - 1];
@@ -164,7 +165,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
 }
 
 TARGET static void NAMED(search)(const search_job *job) {
-    nearest_point nearest = {.leaf = 0}; /* of the previous point in `order`, which is nearby */
+    nearest_point nearest = {.leaf = 0}; /* later of the previous point, which is nearby */
     for (int64_t i = 0; i < job->n_points; i++) {
         int64_t point = (int64_t)(job->order[i] & UINT32_MAX);
         NAMED(search_point)(job, point, &nearest);
@@ -177,5 +178,5 @@ TARGET static void NAMED(search)(const search_job *job) {
 #undef MASK
 #undef LOAD
 #undef SELECT
-#undef POSITIVE
+#undef POSITIVE_PART
 #undef LANES

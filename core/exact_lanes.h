@@ -1,7 +1,7 @@
 /* Prediction and coding of numbers, on vectors of LANES doubles: see cpu.h and exact_items.c.
 
-   Rows of the filter are padded to INPUTS numbers with zeros. Nothing is summed across lanes but
-   sums of products, in a fixed order.
+   Rows of the filter are padded to INPUTS numbers with zeros. Only sums of
+   products are summed across lanes, in a fixed order.
 
      VEC            LANES doubles; a row has N_VECS of them
      FOR_VECS(k)    loop over the vectors of a row
@@ -50,7 +50,7 @@ TARGET REEL_INLINE bool NAMED(update_filter)(motion_filter *filter, double error
     if (!(spread > 0 && spread < 1e100 && error * error < 1e100)) {
         return false;
     }
-    double by = 1.0 / spread, step = error * by;
+    double scale = 1.0 / spread, step = error * scale;
     VEC gains[N_VECS];
     FOR_VECS(k) {
         gains[k] = ((const VEC *)filter->gains)[k];
@@ -58,7 +58,7 @@ TARGET REEL_INLINE bool NAMED(update_filter)(motion_filter *filter, double error
     }
     for (int j = 0; j < INPUTS; j++) {
         VEC *row = (VEC *)(filter->covariance + INPUTS * j);
-        double gain = filter->gains[j] * by;
+        double gain = filter->gains[j] * scale;
         FOR_VECS(k) { row[k] -= gains[k] * gain; }
     }
     return true;
@@ -81,7 +81,7 @@ TARGET REEL_INLINE void NAMED(inflate_covariance)(motion_filter *filter, int n_i
 /* Initialize the weights from the positions of the neighbors at frame 0. */
 TARGET static void NAMED(update_from_positions)(exact_coder *coder, int64_t col, double mean,
                                                 double value) {
-    static const double none[TEMPORAL] = {0};
+    static const double zeros[TEMPORAL] = {0};
     int64_t stride = coder->n_frames * coder->width;
     double positions[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
     for (int i = 0; i < coder->item.n_near; i++) {
@@ -90,7 +90,7 @@ TARGET static void NAMED(update_from_positions)(exact_coder *coder, int64_t col,
     double squares = NAMED(filter_sum)(positions, positions, 0, NULL);
     double sum = NAMED(filter_sum)(coder->filter.weights, positions, 0, NULL);
     double spread =
-        NAMED(find_gains)(coder, positions, none) + 0.2 * (squares / coder->item.n_near);
+        NAMED(find_gains)(coder, positions, zeros) + 0.2 * (squares / coder->item.n_near);
     NAMED(update_filter)(&coder->filter, (value - mean) - sum, spread + coder->numbers.rounding);
 }
 

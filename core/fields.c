@@ -153,10 +153,10 @@ REEL_INLINE int code_sign(reel_range_coder *coder, field_coder *f, int64_t posit
     reel_model *model =
         &f->models->sign_differs[reel_bit_length((uint32_t)(vote < 0 ? -vote : vote))];
     negative = reel_bit(coder, model, negative ^ expected) ^ expected;
-    int16_t own = negative ? -16 : 16;
+    int16_t step = negative ? -16 : 16;
     for (int64_t i = 0; i < n; i += SIGN_LANES) { /* unchanged where a sign is 0 */
         vec8s *agreed = (vec8s *)(agreement + i), sign = *(vec8s *)(signs + i);
-        *agreed += own * sign - ((*agreed >> 3) & -(sign & 1));
+        *agreed += step * sign - ((*agreed >> 3) & -(sign & 1));
     }
     return negative;
 }
@@ -211,7 +211,7 @@ REEL_INLINE int predict_magnitude(const int32_t *weights, int32_t bias, const in
 }
 
 /* Gradient step of the weights towards the coded magnitude: for a geometric distribution of mean m,
-   the slope of its log-likelihood is (magnitude - m) / (1 + m). */
+   the derivative of its log-likelihood is (magnitude - m) / (1 + m). */
 REEL_INLINE void update_weights(int32_t *weights, int32_t *bias, const int32_t *inputs,
                                 int32_t share, int32_t magnitude) {
     int32_t gain = magnitude * (65536 - share);

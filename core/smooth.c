@@ -1,8 +1,8 @@
 /* Smooth fields: what connectivity alone predicts about the variation of fields over a mesh.
 
-   docs/format.md, "Smooth fields". Random signs are diffused over the graph of a resolution. All is
-   IEEE single, in the specified order of operations, with nothing fused, so that encoder and
-   decoder on any machine compute the same bits. */
+   docs/format.md, "Smooth fields". Random signs are diffused over the graph of a resolution. All
+   arithmetic is IEEE single precision in the specified order, without fused operations, so that
+   encoder and decoder compute the same bits on any machine. */
 
 #include "smooth.h"
 #include "cpu.h"
@@ -60,7 +60,7 @@ reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near)
 }
 
 /* Random signs of all fields: bit f of a vertex is set for +1, and clear for -1. */
-static void scatter_signs(uint16_t *signs, int32_t n) {
+static void fill_signs(uint16_t *signs, int32_t n) {
     for (int32_t v = 0; v < n; v++) {
         uint32_t bits = 0;
         for (uint32_t field = 0; field < FIELDS; field++) {
@@ -87,7 +87,7 @@ static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
 }
 
 void reel_smooth(const reel_smoother *smoother, const reel_graph *graph, float *rows) {
-    scatter_signs(smoother->signs, graph->n);
+    fill_signs(smoother->signs, graph->n);
     write_neighbor_rows(smoother->near, graph);
     const float *fields = REEL_WIDEST(smoother->lanes, diffuse, smoother, graph);
     reel_copy(rows, fields, (size_t)graph->n * FIELDS * sizeof *rows);

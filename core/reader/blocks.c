@@ -4,10 +4,9 @@
 
 #include "cell_mesh.h"
 
-/* Least number of modes that a preview decodes; those that do not move keep their mean over the
-   block. */
-#define N_PREVIEW_MODES 16
-#define MIN_SHARED 512 /* vertices from which a level is split among threads */
+/* Minimum number of modes that a preview decodes; static ones keep their mean over the block. */
+#define MIN_PREVIEW_MODES 16
+#define MIN_SHARED 512 /* minimum vertices of a level that is split among threads */
 #define MAX_TASK 16384 /* vertices per task */
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
 #define BATCH 16     /* vertices that the predictor processes at once */
@@ -238,7 +237,7 @@ static int64_t vertices_per_task(int64_t n_verts, int64_t n_threads) {
     return result < MAX_TASK ? result : MAX_TASK;
 }
 
-/* Predict fields level by level, large levels on several threads. */
+/* Predict fields level by level, splitting large levels among threads. */
 static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
     int64_t n_threads = reel_threads(call), n_done = 0;
     for (int64_t level = 0; level < mesh->n_levels; level++) {
@@ -253,7 +252,7 @@ static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *f
     run_tasks(call, &(level_tasks){mesh, fields, n_done, mesh->n_verts, mesh->n_verts});
 }
 
-/* Concatenate the first fields of the key block and those of a block, item by item. */
+/* Concatenate, for each item, the reused fields of the key block and the new ones. */
 static void concatenate_fields(const reel_block_fields *key, uint64_t n_reused,
                                const double *new_values, uint64_t n_new, uint64_t n_items,
                                double *values) {
@@ -450,7 +449,7 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
     reel_track_state *state = &decoder->tracks[track];
     const reel_group *group = &state->current.group;
     uint64_t n_modes = group->n_modes,
-             n_read = n_moving > N_PREVIEW_MODES ? n_moving : N_PREVIEW_MODES;
+             n_read = n_moving > MIN_PREVIEW_MODES ? n_moving : MIN_PREVIEW_MODES;
     uint32_t n_columns = decoder->file->tracks[track].n_coded;
     if (n_moving && !group->reference && n_read < n_modes) {
         n_modes = n_read;

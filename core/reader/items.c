@@ -27,12 +27,12 @@ typedef struct {
     uint64_t n_rows;
 } corner_rows;
 
-/* List corners by internal vertex, ascending: those of v are listed[starts[v]..starts[v + 1]). */
+/* List corners by internal vertex, ascending: those of v are corners[starts[v]..starts[v + 1]). */
 static int list_corners(reel_call *call, const int32_t *vertices, const int32_t *to_internal,
-                        uint64_t n_corners, uint64_t n_verts, int32_t **starts, int32_t **listed) {
+                        uint64_t n_corners, uint64_t n_verts, int32_t **starts, int32_t **corners) {
     *starts = reel_scratch(call, n_verts + 2, sizeof **starts);
-    *listed = reel_scratch(call, n_corners, sizeof **listed);
-    REEL_NEED(*starts && *listed);
+    *corners = reel_scratch(call, n_corners, sizeof **corners);
+    REEL_NEED(*starts && *corners);
     int32_t *next = *starts + 1; /* after filling, next[v] is the end of v */
     reel_zero(*starts, (n_verts + 2) * sizeof **starts);
     for (uint64_t i = 0; i < n_corners; i++) {
@@ -40,7 +40,7 @@ static int list_corners(reel_call *call, const int32_t *vertices, const int32_t 
     }
     reel_prefix_sum(next, (int64_t)n_verts);
     for (uint64_t i = 0; i < n_corners; i++) {
-        (*listed)[next[to_internal[vertices[i]]]++] = (int32_t)i;
+        (*corners)[next[to_internal[vertices[i]]]++] = (int32_t)i;
     }
     return MESHREEL_OK;
 }
@@ -72,7 +72,7 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
                      corner_rows *rows) {
     uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
     reel_range left = track->rows;
-    int32_t *starts, *listed, *has_seam;
+    int32_t *starts, *sorted_corners, *has_seam;
     REEL_TRY(reel_read_varint(call, &left, &n_codes));
     if (n_codes > n_corners) {
         return damaged_rows(call, track, "the row codes of corners exceed the number of corners");
@@ -80,14 +80,15 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
     const int64_t lengths[] = {(int64_t)n_verts, (int64_t)n_codes};
     const int32_t tables[] = {0, 1};
     REEL_TRY(reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam));
-    REEL_TRY(list_corners(call, vertices, to_internal, n_corners, n_verts, &starts, &listed));
+    REEL_TRY(list_corners(call, vertices, to_internal, n_corners, n_verts, &starts,
+                          &sorted_corners));
     rows->of_corners = reel_pool_allocate(call, pool, n_corners, sizeof *rows->of_corners);
     rows->n_rows = n_verts;
     REEL_NEED(rows->of_corners);
     const int32_t *codes = has_seam + n_verts;
     int64_t n_read = 0;
     for (uint64_t v = 0; v < n_verts; v++) {
-        const int32_t *corners = listed + starts[v];
+        const int32_t *corners = sorted_corners + starts[v];
         int64_t count = starts[v + 1] - starts[v], used = 0;
         if (has_seam[v] != 0 && has_seam[v] != 1) {
             return damaged_rows(call, track,

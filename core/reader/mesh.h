@@ -1,4 +1,4 @@
-/* What the blocks of a file share: triangles, vertex order, and adjacency. */
+/* Data shared by the blocks of a file: triangles, vertex order, and adjacency. */
 
 #ifndef REEL_READER_MESH_H
 #define REEL_READER_MESH_H
@@ -29,7 +29,7 @@ typedef struct {
 int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
                              reel_mesh_data *mesh);
 
-/* Whether blocks of positions may be on a grid, whose single frames need twins. */
+/* Whether positions may be on a grid; decoding a single frame on a grid needs twins. */
 REEL_INLINE bool reel_may_be_on_grid(const reel_outline *outline) {
     return outline->method == REEL_METHOD_LOSSLESS || outline->method == REEL_METHOD_GRID;
 }

@@ -8,7 +8,7 @@
 #include "names.h"
 
 #define LABEL_BYTES 1 /* minimum bytes of a label */
-#define PART_BYTES 3
+#define PART_BYTES 3  /* minimum bytes of a part */
 #define MAX_ITEMS INT32_MAX
 
 /* Read the number of items that follow, each of at least `bytes_each` bytes. */
@@ -61,16 +61,16 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
 
 static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_t *n_verts,
                      uint64_t *n_faces, meshreel_part *result) {
-    uint64_t at = left->at, own_verts, own_faces;
-    REEL_TRY(reel_read_varint(call, left, &own_verts));
-    REEL_TRY(reel_read_varint(call, left, &own_faces));
+    uint64_t at = left->at, part_verts, part_faces;
+    REEL_TRY(reel_read_varint(call, left, &part_verts));
+    REEL_TRY(reel_read_varint(call, left, &part_faces));
     REEL_TRY(reel_read_text(call, pool, left, &result->name));
-    REEL_CORRUPT_IF(own_verts > *n_verts || own_faces > *n_faces, at,
+    REEL_CORRUPT_IF(part_verts > *n_verts || part_faces > *n_faces, at,
                     "parts have more vertices or faces than the mesh");
-    result->n_verts = (uint32_t)own_verts;
-    result->n_faces = (uint32_t)own_faces;
-    *n_verts -= own_verts;
-    *n_faces -= own_faces;
+    result->n_verts = (uint32_t)part_verts;
+    result->n_faces = (uint32_t)part_faces;
+    *n_verts -= part_verts;
+    *n_faces -= part_faces;
     return MESHREEL_OK;
 }
 
