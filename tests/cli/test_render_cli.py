@@ -25,32 +25,32 @@ def flag(tmp_path_factory):
     return folder
 
 
-def inked(path):
+def foreground_of(path):
     with Image.open(path) as image:
         return (np.asarray(image.convert("RGB")) != 255).any(axis=2)
 
 
 @pytest.mark.slow
 def test_render_draws_a_contact_sheet_by_default(flag, tmp_path):
-    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
-    assert made["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]
-    picture = inked(tmp_path / "a.png")
-    assert list(picture.shape[::-1]) == made["size_px"]
+    info = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png")
+    assert info["frames"] == [0, 2, 3, 5, 6, 8, 9, 11]
+    picture = foreground_of(tmp_path / "a.png")
+    assert list(picture.shape[::-1]) == info["size_px"]
     assert 0.3 < picture.mean() < 0.9
 
 
 @pytest.mark.slow
 def test_render_fills_the_picture_with_a_single_frame(flag, tmp_path):
     options = ["--frames", 7, "--size", "320x240", "--view", "front", "--background", "#ffffff"]
-    made = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png", *options)
-    assert (made["frames"], made["size_px"]) == ([7], [320, 240])
-    assert 0.3 < inked(tmp_path / "a.png").mean() < 0.9
+    info = run_json("render", flag / "flag.reel", "-o", tmp_path / "a.png", *options)
+    assert (info["frames"], info["size_px"]) == ([7], [320, 240])
+    assert 0.3 < foreground_of(tmp_path / "a.png").mean() < 0.9
 
 
 def test_render_writes_a_film_at_the_given_rate(flag, tmp_path):
     options = ["--frames", "1:6", "--size", "120x90", "--fps", 20]
-    made = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
-    assert (made["n_pictures"], made["fps"]) == (5, 20)
+    info = run_json("render", flag / "flag.npz", "-o", tmp_path / "a.gif", *options)
+    assert (info["n_pictures"], info["fps"]) == (5, 20)
     with Image.open(tmp_path / "a.gif") as image:
         assert image.size == (120, 90)
         assert len(list(ImageSequence.Iterator(image))) == 5
@@ -114,18 +114,20 @@ def warm(flag):
 @pytest.mark.slow
 def test_render_colors_the_mesh_by_a_track(warm, tmp_path):
     options = ["--track", "speed", "--component", "y", "--range", "5%:95%", "--frames", 6, *SMALL]
-    made = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
+    info = run_json("render", warm / "warm.reel", "-o", tmp_path / "a.png", *options)
     run_json("render", warm / "warm.reel", "-o", tmp_path / "plain.png", *SMALL, "--frames", 6)
-    assert made["frames"] == [6]
-    vivid = []
+    assert info["frames"] == [6]
+    vivid_shares = []
     for name in ("a.png", "plain.png"):
         with Image.open(tmp_path / name) as image:
-            vivid.append((np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60).mean())
-    assert vivid[0] > 0.2 > vivid[1]
+            vivid_shares.append(
+                (np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60).mean()
+            )
+    assert vivid_shares[0] > 0.2 > vivid_shares[1]
 
 
 @pytest.mark.slow
-def test_films_of_uneven_times_say_what_they_show(warm, tmp_path):
+def test_film_of_uneven_times_notes_its_rate(warm, tmp_path):
     sequence = meshreel.load(warm / "warm.npz")[:4].replace(times=[0, 1, 2, 2.5])
     meshreel.save(sequence, tmp_path / "uneven.npz")
     result = run_json("render", tmp_path / "uneven.npz", "-o", tmp_path / "a.gif", *SMALL)
@@ -185,13 +187,13 @@ def test_render_draws_frames_whose_faces_change(capture, tmp_path, source):
     for frame in (1, 2):
         options = ["--frames", frame, *SMALL, "--view", "top", "--up", "z"]
         run_json("render", capture / source, "-o", tmp_path / f"{frame}.png", *options)
-        views.append(inked(tmp_path / f"{frame}.png"))
+        views.append(foreground_of(tmp_path / f"{frame}.png"))
     assert 0.35 < views[0].sum() / views[1].sum() < 0.65
 
 
 def test_render_films_frames_whose_faces_change(capture, tmp_path):
-    made = run_json("render", capture / "keep.reel", "-o", tmp_path / "a.gif", "--size", "120x90")
-    assert (made["n_pictures"], made["fps"]) == (6, 10)
+    info = run_json("render", capture / "keep.reel", "-o", tmp_path / "a.gif", "--size", "120x90")
+    assert (info["n_pictures"], info["fps"]) == (6, 10)
     with Image.open(tmp_path / "a.gif") as image:
         assert len(list(ImageSequence.Iterator(image))) == 6
 

@@ -30,7 +30,9 @@ def main(archive, reel):
 
     addon_utils.disable(NAME)
     assert not hasattr(bpy.types.Object, "meshreel")
-    assert not [one for one in bpy.app.handlers.frame_change_pre if "meshreel" in one.__module__]
+    assert not [
+        handler for handler in bpy.app.handlers.frame_change_pre if "meshreel" in handler.__module__
+    ]
     print("validated, installed, exported, imported, disabled")
 
 

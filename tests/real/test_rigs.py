@@ -1,4 +1,4 @@
-"""Rigs of real animations meet their bounds in few bytes."""
+"""Rigs of real animations meet their error bounds, and are small."""
 
 import pytest
 
@@ -7,7 +7,7 @@ import meshreel
 pytestmark = pytest.mark.real
 
 
-def test_walk_is_a_small_rig(data, tmp_path):
+def test_rig_of_a_walk_meets_its_bounds_in_60_kb(data, tmp_path):
     walk, path = meshreel.load(data / "cesium_man.npz"), tmp_path / "walk.glb"
     meshreel.save(walk, path, rig=True, normals=False)
     quality = meshreel.compare(walk, meshreel.load(path))
@@ -16,7 +16,7 @@ def test_walk_is_a_small_rig(data, tmp_path):
     assert path.stat().st_size <= 60_000
 
 
-def test_many_components_have_bones_of_their_own(data):
+def test_rig_of_many_components_needs_no_morph_targets(data):
     chicken = meshreel.load(data / "chicken.npz")
     rig = meshreel.rig(meshreel.MeshSequence(chicken.vertices[::20], chicken.faces), kg=1)
     assert rig.n_targets == 0

@@ -11,7 +11,7 @@ from meshreel.kernel.library import call
 def decode_fields(data, n_rows, n_columns, passes=None, n_wanted=None):
     """Return integers of shape (rows, columns) that `encode_fields` wrote with the same passes.
 
-    Only the first `n_wanted` rows, if fewer.
+    With `n_wanted`, return at most that many rows, the first ones.
     """
     if passes is None:
         passes = coding_order(np.empty((n_columns, 0), np.int32), np.array([0, n_columns]))
@@ -35,6 +35,8 @@ def decode_values(mesh, residuals, size, n_learned, key=None):
     """
     resolutions = resolutions_of(mesh.faces.tolist(), mesh.n_verts, size)
     order = [vertex.number for resolution in resolutions for vertex in resolution]
-    known = [] if key is None else [dict(zip(order, one, strict=True)) for one in key.T.tolist()]
+    known = (
+        [] if key is None else [dict(zip(order, field, strict=True)) for field in key.T.tolist()]
+    )
     fields = predict_fields(resolutions, residuals.tolist(), size, n_learned, known)
     return np.array([[field[v] for field in fields] for v in order])

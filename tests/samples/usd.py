@@ -17,12 +17,12 @@ interpolation = "constant"
 
 
 def mesh(more="", *, points=POINTS, faces=QUAD, name="m"):
-    """Return a mesh with further lines."""
+    """Return the text of a mesh, with further lines."""
     return f'def Mesh "{name}" {{\n{points}\n{faces}\n{more}\n}}\n'
 
 
 def stage(folder, body, header="", name="a.usda"):
-    """Write a stage; return its file."""
+    """Write a stage; return its path."""
     path = folder / name
     path.write_text(f"#usda 1.0\n(\n{header}\n)\n{body}")
     return path

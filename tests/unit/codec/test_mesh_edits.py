@@ -1,4 +1,4 @@
-"""Meshes as edits of other ones."""
+"""Meshes stored as edits of other meshes."""
 
 from unittest.mock import patch
 
@@ -43,7 +43,7 @@ def round_trip(*meshes, **options):
 
 
 def sections_of(data, segment):
-    return [one.id for one in OpenStream(data, segment=segment).leading]
+    return [section.id for section in OpenStream(data, segment=segment).leading]
 
 
 def test_dropped_faces_are_listed_as_runs():
@@ -103,9 +103,9 @@ def test_edited_meshes_share_connectivity_and_order(options):
     alone = meshreel.encode(sequence.segments[1], order="keep", **options)
     mesh_sections = (Section.CONNECTIVITY, Section.ORDER)
     leading = OpenStream(alone).leading
-    stored = sum(one.payload_bytes for one in leading if one.id in mesh_sections)
-    own = meshreel.encode(sequence.segments[0], order="keep", **options)
-    assert len(data) < len(own) + len(alone) - stored / 2
+    stored = sum(section.payload_bytes for section in leading if section.id in mesh_sections)
+    base = meshreel.encode(sequence.segments[0], order="keep", **options)
+    assert len(data) < len(base) + len(alone) - stored / 2
     if "lossless" in options:
         np.testing.assert_array_equal(decoded.segments[1].vertices, sequence.segments[1].vertices)
 
@@ -139,10 +139,10 @@ def test_a_segment_alone_has_the_base_and_the_edit():
 
 @pytest.mark.slow
 @given(st.data())
-def test_any_edit_round_trips(draw):
-    faces, n_verts = draw.draw(st.sampled_from(edits()))
-    rng = np.random.default_rng(draw.draw(st.integers(0, 10**6)))
-    kept = faces[rng.random(len(faces)) < draw.draw(st.sampled_from([0.6, 0.9, 0.99, 1.0]))]
+def test_any_edit_round_trips(data):
+    faces, n_verts = data.draw(st.sampled_from(edits()))
+    rng = np.random.default_rng(data.draw(st.integers(0, 10**6)))
+    kept = faces[rng.random(len(faces)) < data.draw(st.sampled_from([0.6, 0.9, 0.99, 1.0]))]
     start, length = rng.integers(0, n_verts), int(rng.integers(-3, 4))
     if length >= 0:
         kept, count = np.where(kept >= start, kept + length, kept), n_verts + length
@@ -154,7 +154,7 @@ def test_any_edit_round_trips(draw):
     at = int(rng.integers(0, len(kept) + 1))
     changed = np.concatenate([kept[:at], new, kept[at:]])
     if len(changed):
-        small = draw.draw(st.sampled_from([0, 100]))  # any edit, from either search
+        small = data.draw(st.sampled_from([0, 100]))  # any edit, from either search
         with (
             patch.object(mesh_edits, "SMALL_BYTES_PER_FACE", small),
             patch.object(mesh_edits, "MAX_SIZE", 100),

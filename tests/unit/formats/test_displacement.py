@@ -1,4 +1,4 @@
-"""Meshes that a vector result moves."""
+"""Meshes moved by a track of displacements."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,12 @@ from samples.meshes import quad_sheet, waving_grid
 
 
 def still(n_frames=3, **tracks):
-    """a sheet that does not move, with tracks; most by default a displacement upwards."""
+    """Return a static sheet with tracks: by default an upward displacement, and its height."""
     grid = waving_grid(n_frames)
     rest = np.repeat(grid.vertices[:1], n_frames, axis=0)
-    moves = np.zeros((n_frames, grid.n_verts, 3), np.float32)
-    moves[:, :, 2] = np.arange(n_frames)[:, None]
-    tracks = tracks or {"displacement": moves, "heat": moves[:, :, 2]}
+    displacement = np.zeros((n_frames, grid.n_verts, 3), np.float32)
+    displacement[:, :, 2] = np.arange(n_frames)[:, None]
+    tracks = tracks or {"displacement": displacement, "heat": displacement[:, :, 2]}
     return grid.replace(vertices=rest, tracks=tracks)
 
 
@@ -27,7 +27,7 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize(("choice", "factor"), [("displacement", 1), ("displacement:-2.5", -2.5)])
-def test_a_track_moves_the_vertices_and_is_not_kept(path, read, choice, factor):
+def test_a_track_moves_the_vertices_and_is_dropped(path, read, choice, factor):
     rest, moved = load(path), read(path, displace=choice)
     expected = rest.vertices + factor * rest.tracks["displacement"].values
     np.testing.assert_allclose(moved.read(0, 3), expected, atol=1e-6)
@@ -78,7 +78,7 @@ def test_no_note_without_a_likely_displacement(tmp_path, case, notes):
         ("displacement:much", "a factor other than 0, NAME:FACTOR; got displacement:much"),
     ],
 )
-def test_other_choices_are_refused(path, choice, message):
+def test_invalid_choices_are_refused(path, choice, message):
     with pytest.raises(InvalidInputError, match=message):
         load(path, displace=choice)
 

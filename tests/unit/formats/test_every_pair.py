@@ -15,8 +15,8 @@ from meshreel.formats.save import save
 from samples.costs import slow_but
 from samples.meshes import assert_same_surface, quad_sheet
 
-WRITTEN = [one for one in FORMATS.values() if is_written(one)]
-EXTENSIONS = [one.extension for one in WRITTEN]
+WRITABLE = [kind for kind in FORMATS.values() if is_written(kind)]
+EXTENSIONS = [kind.extension for kind in WRITABLE]
 APPROXIMATE = {".glb", ".gltf", ".reel"}
 TRIANGLES = {".glb", ".gltf", ".stl"}
 TIMELESS = {".pc2"}
@@ -27,7 +27,7 @@ ERROR = 1e-3
 
 
 def target_of(folder, extension):
-    """A path for a whole sequence with this extension, or a pattern for its frames."""
+    """Return a path with this extension for a sequence, or a pattern for its frames."""
     is_whole = isinstance(FORMATS[extension], SequenceFormat)
     return folder / (f"walk{extension}" if is_whole else f"walk_%02d{extension}")
 
@@ -36,14 +36,14 @@ def source_of(target):
     return str(target).replace("%02d", "*")
 
 
-def written(sequence, folder, extension):
+def save_and_load(sequence, folder, extension):
     extra = getattr(FORMATS[extension], "extra", None)
     if extra is not None and not extra.is_installed:
         pytest.skip(f"{extension} needs {extra.library}, which is not installed")
     folder.mkdir(exist_ok=True)
     target = target_of(folder, extension)
-    allowed = 50 * ERROR if extension in APPROXIMATE else None
-    save(sequence, target, options=WriteOptions(max_error=allowed))
+    max_error = 50 * ERROR if extension in APPROXIMATE else None
+    save(sequence, target, options=WriteOptions(max_error=max_error))
     fps = (
         24 if extension in TIMELESS or not isinstance(FORMATS[extension], SequenceFormat) else None
     )
@@ -51,14 +51,16 @@ def written(sequence, folder, extension):
 
 
 @pytest.fixture(scope="module")
-def given(tmp_path_factory):
-    """The same sheet after a round trip through each format."""
-    made = {}
+def converted(tmp_path_factory):
+    """Returns the same sheet after a round trip through a format."""
+    sequences = {}
 
     def get(extension):
-        if extension not in made:
-            made[extension] = written(quad_sheet(), tmp_path_factory.mktemp("given"), extension)
-        return made[extension]
+        if extension not in sequences:
+            sequences[extension] = save_and_load(
+                quad_sheet(), tmp_path_factory.mktemp("converted"), extension
+            )
+        return sequences[extension]
 
     return get
 
@@ -71,14 +73,16 @@ def given(tmp_path_factory):
         list(itertools.product(EXTENSIONS, repeat=2)),
     ),
 )
-def test_positions_and_polygons_survive_every_conversion(source, target, given, tmp_path):
-    expected = given(source)
-    result = written(expected, tmp_path / "out", target)
+def test_positions_and_polygons_survive_every_conversion(source, target, converted, tmp_path):
+    expected = converted(source)
+    result = save_and_load(expected, tmp_path / "out", target)
     assert result.n_frames == expected.n_frames == 6
     assert result.fps == expected.fps == 24
     if target == ".stl":  # welding reorders vertices by first use in triangles
-        every = [sorted(map(tuple, one.vertices[2])) for one in (result, expected)]
-        assert every[0] == every[1]
+        positions, expected_positions = (
+            sorted(map(tuple, sequence.vertices[2])) for sequence in (result, expected)
+        )
+        assert positions == expected_positions
         return
     if target in TRIANGLES:
         assert_same_triangles(result, expected)
@@ -89,35 +93,38 @@ def test_positions_and_polygons_survive_every_conversion(source, target, given, 
     else:
         np.testing.assert_array_equal(result.vertices, expected.vertices)
     np.testing.assert_array_equal(result.faces, expected.faces)
-    sizes, expected_sizes = (one.surface.sizes(len(one.faces)) for one in (result, expected))
+    sizes, expected_sizes = (
+        sequence.surface.sizes(len(sequence.faces)) for sequence in (result, expected)
+    )
     np.testing.assert_array_equal(sizes, expected_sizes)
 
 
-def assert_same_triangles(found, expected):
+def assert_same_triangles(result, expected):
     """Assert equal vertex trajectories and triangles, up to the order of vertices."""
     tolerance = 20 * ERROR * np.linalg.norm(np.ptp(expected.vertices, axis=(0, 1)))
-    distances, match = cKDTree(expected.vertices[0]).query(found.vertices[0])
+    distances, match = cKDTree(expected.vertices[0]).query(result.vertices[0])
     assert distances.max() < tolerance
     assert sorted(match) == list(range(expected.n_verts))
-    assert np.abs(found.vertices - expected.vertices[:, match]).max() < tolerance
+    assert np.abs(result.vertices - expected.vertices[:, match]).max() < tolerance
     triangles, expected_triangles = (
-        sorted(map(tuple, np.sort(faces, axis=1))) for faces in (match[found.faces], expected.faces)
+        sorted(map(tuple, np.sort(faces, axis=1)))
+        for faces in (match[result.faces], expected.faces)
     )
     assert triangles == expected_triangles
 
 
-@pytest.mark.parametrize("extension", [one.extension for one in WRITTEN])
-def test_stream_preserves_what_a_format_stores(extension, given):
-    expected = given(extension)
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_stream_preserves_what_a_format_stores(extension, converted):
+    expected = converted(extension)
     decoded = meshreel.decode(meshreel.encode(expected, max_error=0.01))
     np.testing.assert_array_equal(decoded.faces, expected.faces)
     assert_same_surface(decoded.surface, expected.surface)
     assert (decoded.fps, decoded.start_s) == (expected.fps, expected.start_s)
 
 
-@pytest.mark.parametrize("extension", sorted({one.extension for one in WRITTEN} - WITHOUT_UV))
-def test_texture_coordinates_survive_conversions(extension, given):
-    (uv, *_) = given(extension).surface.of_kind(meshreel.Kind.UV)
+@pytest.mark.parametrize("extension", sorted({*EXTENSIONS} - WITHOUT_UV))
+def test_texture_coordinates_survive_conversions(extension, converted):
+    (uv, *_) = converted(extension).surface.of_kind(meshreel.Kind.UV)
     expected = quad_sheet().surface.attributes[0].per_item()
     items = uv.per_item()
     if extension in TRIANGLES:
@@ -152,7 +159,7 @@ def test_every_format_stores_the_area_of_a_concave_polygon(l_shape, name):
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])
-def test_streams_keep_the_area_of_a_concave_polygon(l_shape, order):
+def test_streams_preserve_the_area_of_a_concave_polygon(l_shape, order):
     decoded = meshreel.decode(meshreel.encode(meshreel.load(l_shape), order=order, lossless=True))
     assert area(decoded) == pytest.approx(4)
 

@@ -116,7 +116,7 @@ def test_float64_positions_that_are_not_exact_are_rounded_with_a_note(
     np.testing.assert_array_equal(returned.vertices, rounded)
     furthest = np.abs(rounded - sequence.vertices).max()
     note = f"positions were rounded to float32, by up to {furthest:.3g}"
-    assert [each for each in notes if "rounded" in each] == ([] if is_exact else [note])
+    assert [text for text in notes if "rounded" in text] == ([] if is_exact else [note])
 
 
 @pytest.mark.parametrize(

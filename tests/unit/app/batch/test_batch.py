@@ -47,18 +47,18 @@ def run(inputs, out, options=OPTIONS, **arguments):
     return run_batch(plan_batch(inputs, out, options, **arguments), InlineExecutor())
 
 
-def facts(out):
+def records_in(out):
     return json.loads((out / MANIFEST_NAME).read_text())["inputs"]
 
 
-def files(out):
+def files_in(out):
     return {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
 
 
 def test_run_writes_the_streams_of_encode_to_the_same_subfolders(inputs, out):
     report = run(inputs, out)
     assert report.summary == "0 up to date, 2 encoded, 0 failed"
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+    assert files_in(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
     for name, stream in (("walk.npz", "walk.reel"), ("a/cloth", "a/cloth.reel")):
         expected = meshreel.encode(meshreel.load(inputs / name), quality=60)
         assert (out / stream).read_bytes() == expected
@@ -66,7 +66,7 @@ def test_run_writes_the_streams_of_encode_to_the_same_subfolders(inputs, out):
 
 def test_manifest_contains_the_figures_of_compare_and_info(inputs, out):
     run(inputs, out)
-    results = facts(out)["walk.npz"]
+    results = records_in(out)["walk.npz"]
     quality = meshreel.compare(meshreel.load(inputs / "walk.npz"), meshreel.load(out / "walk.reel"))
     stream = meshreel.info((out / "walk.reel").read_bytes())
     assert results["state"] == "done"
@@ -93,7 +93,7 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     options = EncodeOptions(config, reading, tracks={"heat": "1%", "cold": 1.0})
     report = run(tmp_path / "in", out, options)
     assert report.summary == "0 up to date, 1 encoded, 0 failed"
-    results = facts(out)["scan"]
+    results = records_in(out)["scan"]
     decoded = meshreel.decode(out / "scan.reel")
     assert [segment.n_frames for segment in decoded.segments] == [3, 2]
     assert [[a.name for a in segment.surface.attributes] for segment in decoded.segments] == [
@@ -112,25 +112,25 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     assert missing.startswith("has no attribute or group 'none such'; ")
 
 
-@pytest.mark.parametrize(("bits", "noted"), [("uv", False), ("none", True)])
-def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits, noted):
+@pytest.mark.parametrize(("bits", "is_noted"), [("uv", False), ("none", True)])
+def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits, is_noted):
     folder = tmp_path / "in" / "scan"
     folder.mkdir(parents=True)
     meshreel.save(waving_grid(1), folder / "a.ply")
     meshreel.save(quad_sheet(1), folder / "b.ply")
     config = config_of(quality=60, uv_bits=8)
     run(tmp_path / "in", out, EncodeOptions(config, ReadOptions(attributes=bits)))
-    results = facts(out)["scan"]
+    results = records_in(out)["scan"]
     assert results["state"] == "done"
-    assert (results["uv_error"] is None) == noted
-    assert ("has no texture coordinates for uv_bits to quantize" in results["notes"]) == noted
+    assert (results["uv_error"] is None) == is_noted
+    assert ("has no texture coordinates for uv_bits to quantize" in results["notes"]) == is_noted
 
 
 @pytest.mark.slow
 def test_manifest_lists_non_default_options(inputs, out):
     run(inputs, out, EncodeOptions(config_of(kg=0.5, order="drop"), ReadOptions(fps=12.0)))
-    assert facts(out)["walk.npz"]["options"] == {"kg": 0.5, "order": "drop", "fps": 12.0}
-    assert facts(out)["walk.npz"]["kg_error_percent"] <= 0.5
+    assert records_in(out)["walk.npz"]["options"] == {"kg": 0.5, "order": "drop", "fps": 12.0}
+    assert records_in(out)["walk.npz"]["kg_error_percent"] <= 0.5
     assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12
 
 
@@ -159,8 +159,8 @@ def cut_output(inputs, out):
     (out / "walk.reel").write_bytes((out / "walk.reel").read_bytes()[:-1])
 
 
-def marks(state):
-    """A change of the state of an input in the manifest."""
+def mark_input(state):
+    """Return a function that sets the state of walk.npz in the manifest."""
 
     def mark(inputs, out):
         head, name, tail = (out / MANIFEST_NAME).read_text().partition('"walk.npz"')
@@ -172,7 +172,14 @@ def marks(state):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
-    [change_input, touch_input, remove_output, cut_output, marks("failed"), marks("pending")],
+    [
+        change_input,
+        touch_input,
+        remove_output,
+        cut_output,
+        mark_input("failed"),
+        mark_input("pending"),
+    ],
 )
 def test_second_run_encodes_only_changed_inputs(inputs, out, change):
     run(inputs, out)
@@ -201,10 +208,10 @@ def test_failing_input_is_reported_and_does_not_stop_the_others(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     report = run(inputs, out)
     assert report.summary == "0 up to date, 2 encoded, 1 failed"
-    assert facts(out)["bad.npz"]["state"] == "failed"
-    assert facts(out)["bad.npz"]["error"].startswith("is not a numpy archive")
-    assert facts(out)["bad.npz"]["size_bytes"] is None
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
+    assert records_in(out)["bad.npz"]["state"] == "failed"
+    assert records_in(out)["bad.npz"]["error"].startswith("is not a numpy archive")
+    assert records_in(out)["bad.npz"]["size_bytes"] is None
+    assert files_in(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel"}
 
 
 def test_earlier_stream_is_kept_when_its_input_fails(inputs, out):
@@ -276,18 +283,18 @@ def test_record_of_a_removed_input_is_kept(inputs, out):
     run(inputs, out)
     (inputs / "walk.npz").unlink()
     assert run(inputs, out).summary == "1 up to date, 0 encoded, 0 failed"
-    assert facts(out)["walk.npz"]["state"] == "done"
+    assert records_in(out)["walk.npz"]["state"] == "done"
 
 
 def test_manifest_is_complete_after_each_input(inputs, out, monkeypatch):
     monkeypatch.setattr("meshreel.app.batch.run.QUICK_S", math.inf)
     seen = []
 
-    def look(stage, fraction):
-        seen.append(sorted(record["state"] for record in facts(out).values()))
+    def record_states(stage, fraction):
+        seen.append(sorted(record["state"] for record in records_in(out).values()))
 
     plan = plan_batch(inputs, out, OPTIONS)
-    run_batch(plan, InlineExecutor(), progress=look)
+    run_batch(plan, InlineExecutor(), progress=record_states)
     assert seen == [["pending", "pending"], ["done", "pending"], ["done", "done"]]
 
 
@@ -297,11 +304,11 @@ def test_slow_writes_of_the_manifest_take_a_tenth_of_the_time(inputs, out, monke
     clock, seen, write = itertools.count(), [], Manifest.write
     monkeypatch.setattr("meshreel.app.batch.run.monotonic", lambda: float(next(clock)))
 
-    def counted(manifest):
+    def write_and_record(manifest):
         seen.append([record.state for record in manifest.records.values()])
         write(manifest)
 
-    monkeypatch.setattr(Manifest, "write", counted)
+    monkeypatch.setattr(Manifest, "write", write_and_record)
     assert run(inputs, out).summary == "0 up to date, 3 encoded, 0 failed"
     assert [states.count("done") for states in seen] == [0, 1, 3]
     assert json.loads((out / MANIFEST_NAME).read_text())["summary"]["done"] == 3
@@ -315,7 +322,7 @@ def test_finished_inputs_are_kept_when_the_run_is_stopped(inputs, out):
     plan = plan_batch(inputs, out, OPTIONS)
     with pytest.raises(KeyboardInterrupt):
         run_batch(plan, InlineExecutor(), progress=stop)
-    assert sorted(record["state"] for record in facts(out).values()) == ["done", "pending"]
+    assert sorted(record["state"] for record in records_in(out).values()) == ["done", "pending"]
     assert run(inputs, out).summary == "1 up to date, 1 encoded, 0 failed"
 
 
@@ -344,7 +351,7 @@ def test_output_folder_may_be_the_input_folder(inputs):
     assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
 
 
-def check_deaths(inputs, out, executor, monkeypatch):
+def check_deadly_inputs(inputs, out, executor, monkeypatch):
     """One input kills its worker once and is encoded; another always, and only it fails."""
     monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
     for name in ("deadly", "dies_once"):
@@ -353,19 +360,19 @@ def check_deaths(inputs, out, executor, monkeypatch):
     assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
     assert set(report.failed) == {"deadly.npz"}
     assert "died" in report.failed["deadly.npz"].error
-    assert files(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
+    assert files_in(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
 
 
 @pytest.mark.slow
 def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
     with ProcessExecutor(2) as executor:
-        check_deaths(inputs, out, executor, monkeypatch)
+        check_deadly_inputs(inputs, out, executor, monkeypatch)
 
 
 @pytest.fixture
 def cluster():
     pytest.importorskip("distributed", reason="the extra [dask] is not installed")
-    with local_cluster(2) as made, cluster_executor(made.scheduler_address) as (executor, _):
+    with local_cluster(2) as nodes, cluster_executor(nodes.scheduler_address) as (executor, _):
         yield executor
 
 
@@ -373,7 +380,7 @@ def cluster():
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monkeypatch, cluster):
-    check_deaths(inputs, out, cluster, monkeypatch)
+    check_deadly_inputs(inputs, out, cluster, monkeypatch)
 
 
 class TightExecutor(InlineExecutor):
@@ -439,8 +446,10 @@ def test_manifest_sums_its_records(inputs, out):
     (inputs / "bad.npz").write_bytes(b"no archive")
     run(inputs, out)
     parsed = json.loads((out / MANIFEST_NAME).read_text())
-    done = [one for one in parsed["inputs"].values() if one["state"] == "done"]
+    records = [record for record in parsed["inputs"].values() if record["state"] == "done"]
     assert parsed["summary"]["done"] == 2
     assert parsed["summary"]["failed"] == 1
-    assert parsed["summary"]["size_bytes"] == sum(one["size_bytes"] for one in done)
-    assert parsed["summary"]["max_error_percent"] == max(one["max_error_percent"] for one in done)
+    assert parsed["summary"]["size_bytes"] == sum(record["size_bytes"] for record in records)
+    assert parsed["summary"]["max_error_percent"] == max(
+        record["max_error_percent"] for record in records
+    )

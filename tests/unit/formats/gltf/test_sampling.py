@@ -1,4 +1,4 @@
-"""Times at which glTF animations are sampled, and meshes that are shown in turn."""
+"""Sample times of glTF animations, and meshes that are visible in turn."""
 
 import json
 
@@ -19,7 +19,7 @@ def float32(times):
     return np.unique(np.asarray(times, np.float32)).astype(np.float64)
 
 
-def sampled(keys, fps=0.0, *, is_curved=True):
+def sample(keys, fps=0.0, *, is_curved=True):
     notes = Notes()
     return sample_times(float32(keys), fps, is_curved=is_curved, notes=notes), notes
 
@@ -27,7 +27,7 @@ def sampled(keys, fps=0.0, *, is_curved=True):
 @pytest.mark.parametrize("fps", [12, 24, 25, 30000 / 1001, 60, 240])
 @pytest.mark.parametrize("start", [0, 1, 100, 86_400])
 def test_rate_of_even_keys_is_exact(fps, start):
-    result, notes = sampled((start + np.arange(50)) / fps)
+    result, notes = sample((start + np.arange(50)) / fps)
     assert (result.fps, notes) == (pytest.approx(fps, rel=1e-12), [])
     np.testing.assert_array_equal(result.times_s, (start + np.arange(50)) / result.fps)
 
@@ -37,32 +37,32 @@ def test_rate_of_even_keys_is_exact(fps, start):
     [([0, 5, 7, 30], 24), ([0, 2, 3, 4, 6], 24), ([0, 2, 5, 20], 24), ([10, 13, 17], 60)],
 )
 def test_rate_of_keys_with_gaps_is_the_common_one(frames, fps):
-    result, notes = sampled(np.array(frames) / fps)
+    result, notes = sample(np.array(frames) / fps)
     assert (result.fps, notes) == (fps, [])
     assert len(result.times_s) == frames[-1] - frames[0] + 1
 
 
 @pytest.mark.parametrize("keys", [[0, 0.1, 0.31, 0.97], [0, 0.999, 1, 2], [0, 1e-4, 5]])
 def test_rate_of_irregular_keys_is_thirty_and_noted(keys):
-    result, [note, *_] = sampled(keys)
+    result, [note, *_] = sample(keys)
     assert result.fps == 30
     assert "not evenly spaced; sampled at 30 frames per second" in note
 
 
 def test_rate_of_sparse_keys_on_a_curve_is_thirty_and_noted():
-    result, [note] = sampled([0, 0.25, 0.5])
+    result, [note] = sample([0, 0.25, 0.5])
     assert (result.fps, len(result.times_s)) == (30, 16)
     assert "at 4 per second with curved motion between them" in note
 
 
 def test_rate_of_sparse_keys_on_a_line_is_that_of_the_keys():
-    result, notes = sampled([0, 0.25, 0.5], is_curved=False)
+    result, notes = sample([0, 0.25, 0.5], is_curved=False)
     assert (result.fps, len(result.times_s), notes) == (4, 3, [])
 
 
 @pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8)])
 def test_times_span_the_keys_at_a_requested_rate(fps, n_frames):
-    result, notes = sampled([2, 2.3, 3], fps)
+    result, notes = sample([2, 2.3, 3], fps)
     assert (result.fps, notes) == (fps, [])
     np.testing.assert_allclose(result.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
 
@@ -77,7 +77,7 @@ def test_times_span_the_keys_at_a_requested_rate(fps, n_frames):
     ],
 )
 def test_last_frame_shows_the_last_key_between_two_frames(end, fps, n_frames, last):
-    result, [note] = sampled([2, 2 + end / 3, 2 + end], fps)
+    result, [note] = sample([2, 2 + end / 3, 2 + end], fps)
     np.testing.assert_allclose(result.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
     assert result.curve_times_s[-1] == float32([2 + end])[0]
     assert f"the last frame, {last}" in note
@@ -86,27 +86,27 @@ def test_last_frame_shows_the_last_key_between_two_frames(end, fps, n_frames, la
 
 @pytest.mark.parametrize("end", [0.25, 2_000.0003])
 def test_last_frame_snaps_to_the_last_key(end):
-    result, _ = sampled([0, 0.1, end], 40)
+    result, _ = sample([0, 0.1, end], 40)
     assert result.curve_times_s[-1] == float32([end])[0]
     assert abs(result.times_s[-1] - end) <= 0.05 / 40
 
 
 def test_curve_times_snap_to_rounded_keys():
     keys = float32(np.arange(1, 49) / 24)
-    result, _ = sampled(keys)
+    result, _ = sample(keys)
     np.testing.assert_array_equal(result.curve_times_s, keys)
     np.testing.assert_array_equal(result.times_s, np.arange(1, 49) / 24)
 
 
 def test_single_key_gives_one_frame():
-    result, notes = sampled([1.5])
+    result, notes = sample([1.5])
     assert (result.times_s.tolist(), result.fps, notes) == ([1.5], 0, [])
 
 
 @pytest.mark.parametrize(("end", "fps"), [(1e30, 0), (1e5, 0), (10, 1e9), (3.4e38, 24)])
 def test_sampling_rejects_too_many_frames(end, fps):
     with pytest.raises(FormatError, match=r"the limit is 100000; choose a lower rate"):
-        sampled([0, 0.1, end], fps)
+        sample([0, 0.1, end], fps)
 
 
 @pytest.mark.parametrize("keys", [[1.0], [1.0, 1.0 + 1e-7]])
@@ -173,7 +173,7 @@ def test_curve_has_the_later_value_of_two_keys_at_one_time():
 def test_slerp_rotates_at_constant_speed(degrees):
     weights = np.linspace(0, 1, 11)[:, np.newaxis]
     ends = np.tile(rotation(0), (11, 1)), np.tile(rotation(degrees), (11, 1))
-    expected = np.array([rotation(degrees * one) for one in weights[:, 0]])
+    expected = np.array([rotation(degrees * weight) for weight in weights[:, 0]])
     np.testing.assert_allclose(slerp(*ends, weights), expected, rtol=0, atol=2e-12)
 
 
@@ -205,7 +205,7 @@ def pointer_target(node, end=f"extensions/{VISIBILITY}/visible"):
     return {"path": "pointer", "extensions": {POINTER: pointer}}
 
 
-def show(file, node, shown, by, keys=SWITCH_TIMES):
+def animate_visibility(file, node, shown, by, keys=SWITCH_TIMES):
     """Animate whether a node is shown, by "visible" or "scale"."""
     if by == "scale":
         file.animate(node, "scale", keys, [[scale] * 3 for scale in shown], "STEP")
@@ -217,21 +217,21 @@ def show(file, node, shown, by, keys=SWITCH_TIMES):
     file.json["nodes"][node]["extensions"] = {VISIBILITY: {"visible": bool(shown[0])}}
 
 
-def switching(by, shown):
+def switching_file(by, shown):
     """Return a file with nodes of a triangle and squares that are shown at some `SWITCH_TIMES`."""
     file = Gltf()
     file.json["extensionsUsed"] = file.json["extensionsRequired"] = [VISIBILITY, POINTER]
     for name, values in shown.items():
         points = CORNERS[:3] if name == "tri" else CORNERS
         node = file.node(mesh=file.mesh(points, FACES[name]), name=name)
-        show(file, node, values, by)
+        animate_visibility(file, node, values, by)
     return file
 
 
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_meshes_shown_in_turn_are_segments(tmp_path, by):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 0, 0], "back": [0, 0, 0, 1, 1]}
-    loaded = meshreel.load(switching(by, shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching_file(by, shown).save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 3, 5)
     assert loaded.fps == 4
     for segment, faces in zip(loaded.segments, FACES.values(), strict=True):
@@ -244,23 +244,23 @@ def test_meshes_shown_in_turn_are_segments(tmp_path, by):
 @pytest.mark.parametrize("by", ["visible", "scale"])
 def test_a_mesh_that_returns_is_a_further_segment(tmp_path, by):
     shown = {"tri": [1, 0, 0, 1, 1], "quad": [0, 1, 1, 0, 0]}
-    loaded = meshreel.load(switching(by, shown).save(tmp_path / "a.gltf"))
+    loaded = meshreel.load(switching_file(by, shown).save(tmp_path / "a.gltf"))
     assert loaded.starts == (0, 1, 3, 5)
     assert (loaded.n_segments, loaded.n_meshes) == (3, 2)
 
 
 def test_nodes_shown_together_are_parts_of_a_segment(tmp_path):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1], "back": [0, 0, 1, 1, 1]}
-    loaded = meshreel.load(switching("visible", shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching_file("visible", shown).save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 5)
     assert [part.name for part in loaded.segments[1].surface.parts] == ["/quad", "/back"]
 
 
 def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
-    file = switching("visible", {"tri": [1, 1, 0, 0, 0]})
+    file = switching_file("visible", {"tri": [1, 1, 0, 0, 0]})
     child = file.node(mesh=file.mesh(CORNERS, FACES["quad"]), name="quad", is_root=False)
     parent = file.node(children=[child], name="group")
-    show(file, parent, [0, 0, 1, 1, 1], "visible")
+    animate_visibility(file, parent, [0, 0, 1, 1, 1], "visible")
     loaded = meshreel.load(file.save(tmp_path / "a.glb"))
     assert loaded.starts == (0, 2, 5)
     assert loaded.segments[1].n_verts == 4
@@ -268,12 +268,12 @@ def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
 
 def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path):
     shown = {"tri": [0, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 0]}
-    loaded = meshreel.load(switching("visible", shown).save(tmp_path / "a.glb"))
+    loaded = meshreel.load(switching_file("visible", shown).save(tmp_path / "a.glb"))
     assert (loaded.starts, loaded.start_s) == ((0, 1, 3), 0.25)
 
 
 def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
-    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    file = switching_file("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     for node in (0, 1):
         file.animate(node, "translation", [0, 1], [[0, 0, 0], [4, 0, 0]])
     loaded = meshreel.load(file.save(tmp_path / "a.glb"), fps=4)
@@ -298,7 +298,7 @@ def test_transforms_are_read_from_pointers(tmp_path):
     ],
 )
 def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown, notes):
-    path = switching("visible", shown).save(tmp_path / "a.glb")
+    path = switching_file("visible", shown).save(tmp_path / "a.glb")
     with pytest.raises(InvalidInputError, match="2 meshes"):
         meshreel.load(path)
     loaded = meshreel.load(path, merge=True, notes=notes)
@@ -308,7 +308,7 @@ def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown, n
 
 def test_a_selected_mesh_is_read_alone(tmp_path, notes):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]}
-    path = switching("visible", shown).save(tmp_path / "a.glb")
+    path = switching_file("visible", shown).save(tmp_path / "a.glb")
     assert meshreel.load(path, object="quad", notes=notes).n_verts == 4
     assert "left out: changes of the visibility of /tri, /quad" in notes
 
@@ -328,14 +328,14 @@ def test_hidden_meshes_are_left_out_with_a_note(tmp_path, notes):
 
 
 def test_visibility_must_step(tmp_path):
-    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    file = switching_file("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     file.json["animations"][0]["samplers"][0]["interpolation"] = "LINEAR"
     with pytest.raises(FormatError, match="STEP, as visibility is not a number"):
         meshreel.load(file.save(tmp_path / "a.glb"), animation=0)
 
 
 def test_pointers_to_missing_nodes_and_other_properties(tmp_path, notes):
-    file = switching("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
+    file = switching_file("visible", {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]})
     file.animate(0, "scale", SWITCH_TIMES, [[1, 1, 1]] * 5)
     other = {"pointer": "/materials/0/pbrMetallicRoughness/baseColorFactor"}
     channel = file.json["animations"][0]["channels"][-1]
@@ -347,17 +347,17 @@ def test_pointers_to_missing_nodes_and_other_properties(tmp_path, notes):
         meshreel.load(file.save(tmp_path / "b.glb"), animation=0)
 
 
-def changing():
+def changing_grids():
     grids = [waving_grid(3, 5, 6), waving_grid(1, 4, 5), waving_grid(2, 5, 6)]
     return meshreel.concatenate(grids)
 
 
 @pytest.mark.parametrize("keeps_extras", [True, False])
 def test_segments_survive_writing_and_reading(tmp_path, keeps_extras):
-    sequence = changing()
+    sequence = changing_grids()
     options = WriteOptions(max_error=0.01)
     meshreel.save(sequence, tmp_path / "a.gltf", options=options)
-    if not keeps_extras:  # as files of other programs
+    if not keeps_extras:  # like files of other programs
         document = json.loads((tmp_path / "a.gltf").read_text())
         removed = [node.pop("extras") for node in document["nodes"] if "extras" in node]
         assert len(removed) == 3

@@ -1,4 +1,4 @@
-"""The option skip_bad leaves out meshes that cannot be read."""
+"""The option skip_bad, which skips meshes that cannot be read."""
 
 import json
 from dataclasses import replace
@@ -28,27 +28,27 @@ double3 xformOp:translate.timeSamples = { 0: (0, 0, 0), 1e30: (1, 0, 0) }
 uniform token[] xformOpOrder = ["xformOp:translate"]"""
 
 
-def triangle(corner=2, moved=0.0):
-    vertices = np.array([[moved, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+def triangle(corner=2, x=0.0):
+    vertices = np.array([[x, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     return PolygonMesh(vertices, np.array([3]), np.array([0, 1, corner], np.int32))
 
 
-def fails(frame):
+def fail_to_read(frame):
     raise FormatError("its points are damaged")
 
 
-def misfit(frame):
+def surface_of_five_vertices(frame):
     values = np.zeros((5, 1), np.float32)
     return Surface(None, (Attribute("a", Kind.OTHER, Domain.VERTEX, values),))
 
 
 GOOD = SceneMesh("/good", np.arange(2.0), lambda frame: triangle())
 BAD = {
-    "its points are damaged": SceneMesh("/bad", np.arange(2.0), fails),
+    "its points are damaged": SceneMesh("/bad", np.arange(2.0), fail_to_read),
     "every position must be finite": SceneMesh(
         "/bad", np.arange(2.0), lambda frame: triangle(2, [0, np.nan][frame])
     ),
-    "needs 3": SceneMesh("/bad", np.zeros(1), lambda frame: triangle(), misfit),
+    "needs 3": SceneMesh("/bad", np.zeros(1), lambda frame: triangle(), surface_of_five_vertices),
 }
 
 
@@ -72,16 +72,16 @@ def test_file_without_readable_meshes_is_an_error():
 
 
 def test_surface_of_a_readable_mesh_is_read_once():
-    asked = []
-    mesh = replace(GOOD, surface=lambda frame: asked.append(frame) or Surface())
+    read_frames = []
+    mesh = replace(GOOD, surface=lambda frame: read_frames.append(frame) or Surface())
     result = readable_meshes([mesh], ReadOptions())
     result[0].surface(0)
-    assert asked == [0]
+    assert read_frames == [0]
 
 
 def test_deferred_error_is_raised_when_a_frame_is_read():
     with pytest.raises(FormatError, match="its points are damaged"):
-        read_or_defer_error("/bad", lambda: fails(0)).frame(0)
+        read_or_defer_error("/bad", lambda: fail_to_read(0)).frame(0)
 
 
 @pytest.fixture
@@ -102,11 +102,11 @@ def usd_file(tmp_path):
 
 def test_skip_bad_merges_the_readable_meshes(usd_file, notes):
     opened = load(usd_file, merge=True, skip_bad=True, notes=notes)
-    parts = [[part.name for part in one.surface.parts] for one in opened.segments]
+    parts = [[part.name for part in segment.surface.parts] for segment in opened.segments]
     assert parts == 2 * [["/good", "/late"]]
-    said = next(note for note in notes if "cannot be read" in note)
+    note = next(note for note in notes if "cannot be read" in note)
     for name in ("/bad (mesh /bad, face 0: uses vertex 7", "/far (has"):
-        assert name in said
+        assert name in note
 
 
 def test_selected_mesh_is_read_despite_unreadable_ones(usd_file):
@@ -121,7 +121,7 @@ def test_skip_bad_keeps_changing_faces_for_segments(usd_file):
     assert load(usd_file, merge=True, skip_bad=True).starts == (0, 1, 2)
 
 
-def test_skip_bad_works_for_gltf(tmp_path, notes):
+def test_skip_bad_skips_the_damaged_mesh_of_a_gltf(tmp_path, notes):
     meshreel.save(two_sheets(), tmp_path / "a.gltf")
     text = json.loads((tmp_path / "a.gltf").read_text())
     text["meshes"][0]["primitives"][0]["indices"] = 0  # the accessor of its positions
@@ -136,7 +136,7 @@ def test_skip_bad_works_for_gltf(tmp_path, notes):
 
 @pytest.mark.parametrize("name", ["a.npz", "a.obj", "a.reel"])
 @pytest.mark.parametrize("option", ["skip_bad", "allow_outside"])
-def test_skip_bad_is_rejected_for_single_mesh_formats(tmp_path, name, option):
+def test_options_of_scenes_are_rejected_for_single_mesh_formats(tmp_path, name, option):
     meshreel.save(waving_grid(1), tmp_path / name)
     with pytest.raises(InvalidInputError, match=f"^{option} has no effect on a"):
         load(tmp_path / name, **{option: True})

@@ -73,9 +73,9 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name,
     [parts] = loaded.surface.groups
     assert parts.labels == ("lower block", "upper block", "skin")
     assert np.bincount(parts.numbers).tolist() == [5, 5, 2]  # the cubes share a face
-    [of_cells] = loaded.surface.attributes
-    assert (of_cells.name, of_cells.domain) == ("part", "cell")
-    assert np.bincount(of_cells.values[:, 0]).tolist() == [1, 1, 2]
+    [cell_attribute] = loaded.surface.attributes
+    assert (cell_attribute.name, cell_attribute.domain) == ("part", "cell")
+    assert np.bincount(cell_attribute.values[:, 0]).tolist() == [1, 1, 2]
     assert "left out: elements without faces: beams" in notes
 
 
@@ -395,7 +395,7 @@ def test_inspection_counts_all_files(tmp_path):
     path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
     write_family(tmp_path / "d3plotaa", sheet(5), [[state(1, sheet(5).nodes)]])
     result = inspect_source(path, ReadOptions())
-    size = sum(one.stat().st_size for one in tmp_path.iterdir())
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert (result.n_files, result.size_bytes, result.meshes[0].n_segments) == (4, size, 2)
     assert len(files_of_source(path)) == 4
 
@@ -407,6 +407,6 @@ def test_deleted_elements_survive_encoding(tmp_path):
     loaded = load(path)
     data = meshreel.encode(loaded, max_error="0.001u")
     for number, segment in enumerate(loaded.segments):
-        back = meshreel.decode(data, segment=number)
-        assert abs(positions_of(segment) - back.vertices).max() <= 0.001
-        assert segment.surface.groups[0].labels == back.surface.groups[0].labels
+        decoded = meshreel.decode(data, segment=number)
+        assert abs(positions_of(segment) - decoded.vertices).max() <= 0.001
+        assert segment.surface.groups[0].labels == decoded.surface.groups[0].labels

@@ -1,4 +1,4 @@
-"""Files of volume cells: what they return, and what VTK's own readers find in them."""
+"""Volume cells written to VTK files, read back, and read by VTK's own readers."""
 
 import numpy as np
 import pytest
@@ -35,66 +35,66 @@ def all_types():
     return MeshSequence(waving(points, 2), cells=mixed_cells(80, 60), fps=10)
 
 
-def saved_and_loaded(sequence, folder, name):
+def save_and_load(sequence, folder, name):
     save(sequence, folder / name)
     return load(str(folder / name).replace("%d", "*"))
 
 
-def assert_same_cells(found, expected):
-    assert found.surface.cells.types.tolist() == expected.surface.cells.types.tolist()
-    assert found.surface.cells.nodes.tolist() == expected.surface.cells.nodes.tolist()
-    np.testing.assert_array_equal(found.faces, expected.faces)
-    np.testing.assert_array_equal(found.vertices, expected.vertices)
+def assert_same_cells(loaded, expected):
+    assert loaded.surface.cells.types.tolist() == expected.surface.cells.types.tolist()
+    assert loaded.surface.cells.nodes.tolist() == expected.surface.cells.nodes.tolist()
+    np.testing.assert_array_equal(loaded.faces, expected.faces)
+    np.testing.assert_array_equal(loaded.vertices, expected.vertices)
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_files_return_cells_values_and_times(tmp_path, name):
     sequence = block()
-    found = saved_and_loaded(sequence, tmp_path, name)
-    assert_same_cells(found, sequence)
-    for track, given in sequence.tracks.items():
-        assert found.tracks[track].domain == given.domain
-        np.testing.assert_array_equal(found.tracks[track].values, given.values)
+    loaded = save_and_load(sequence, tmp_path, name)
+    assert_same_cells(loaded, sequence)
+    for key, track in sequence.tracks.items():
+        assert loaded.tracks[key].domain == track.domain
+        np.testing.assert_array_equal(loaded.tracks[key].values, track.values)
     if name != "a_%d.vtu":
-        assert found.times.tolist() == TIMES
+        assert loaded.times.tolist() == TIMES
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_files_return_cells_of_all_types(tmp_path, name):
     sequence = all_types()
-    assert_same_cells(saved_and_loaded(sequence, tmp_path, name), sequence)
+    assert_same_cells(save_and_load(sequence, tmp_path, name), sequence)
 
 
 @pytest.mark.parametrize(
-    ("name", "reader"),
+    ("name", "reader_class"),
     [("a_%d.vtu", vtkXMLUnstructuredGridReader), ("a.vtkhdf", vtkHDFReader)],
 )
-def test_vtk_reads_the_same_cells_and_values(tmp_path, name, reader):
-    sequence, made = block(), reader()
+def test_vtk_reads_the_same_cells_and_values(tmp_path, name, reader_class):
+    sequence, reader = block(), reader_class()
     path, *_ = save(sequence, tmp_path / name)
-    made.SetFileName(str(path))
-    made.UpdateInformation()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
     for number, time in enumerate(TIMES if "%d" not in name else TIMES[:1]):
-        made.UpdateTimeStep(time)
-        found = made.GetOutputDataObject(0)
-        assert found.GetClassName() == "vtkUnstructuredGrid"
-        points = vtk_to_numpy(found.GetPoints().GetData())
+        reader.UpdateTimeStep(time)
+        mesh = reader.GetOutputDataObject(0)
+        assert mesh.GetClassName() == "vtkUnstructuredGrid"
+        points = vtk_to_numpy(mesh.GetPoints().GetData())
         np.testing.assert_array_equal(points, sequence.vertices[number])
-        nodes = vtk_to_numpy(found.GetCells().GetConnectivityArray())
+        nodes = vtk_to_numpy(mesh.GetCells().GetConnectivityArray())
         assert nodes.tolist() == sequence.surface.cells.nodes.tolist()
-        assert {found.GetCellType(i) for i in range(found.GetNumberOfCells())} == {12}
-        stress = vtk_to_numpy(found.GetCellData().GetArray("stress"))
+        assert {mesh.GetCellType(i) for i in range(mesh.GetNumberOfCells())} == {12}
+        stress = vtk_to_numpy(mesh.GetCellData().GetArray("stress"))
         np.testing.assert_array_equal(stress, sequence.tracks["stress"][number])
-        heat = vtk_to_numpy(found.GetPointData().GetArray("heat"))
+        heat = vtk_to_numpy(mesh.GetPointData().GetArray("heat"))
         np.testing.assert_array_equal(heat, sequence.tracks["heat"][number][:, 0])
 
 
 def test_voxels_and_pixels_become_hexahedra_and_quads(tmp_path, notes):
     cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
     mesh = grid(cube, [(11, range(8)), (8, [0, 1, 2, 3])])
-    found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
-    assert found.surface.cells.types.tolist() == [12, 9]
-    assert found.surface.cells.nodes.tolist() == [0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 2]
+    loaded = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
+    assert loaded.surface.cells.types.tolist() == [12, 9]
+    assert loaded.surface.cells.nodes.tolist() == [0, 1, 3, 2, 4, 5, 7, 6, 0, 1, 3, 2]
     assert notes == [
         "1 cell of type 8 (pixel) became type 9 (quad)",
         "1 cell of type 11 (voxel) became type 12 (hexahedron)",
@@ -129,16 +129,16 @@ NODES = np.random.default_rng(3).random((12, 3))
         ((0, []), [], [], "0 (empty cell) became 0 of type 1 (point)"),
     ],
 )
-def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes, note, notes):
+def test_cells_of_variable_size_are_split_next_to_solids(tmp_path, cell, types, nodes, note, notes):
     mesh = with_values(NODES, [TETRAHEDRON, cell, (10, [8, 9, 10, 11])])
     path = write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu")
-    found = load(path, notes=notes)
-    assert found.surface.cells.types.tolist() == [10, *types, 10]
-    assert found.surface.cells.nodes.tolist() == [*range(4), *nodes, *range(8, 12)]
-    values = found.tracks["number"]
+    loaded = load(path, notes=notes)
+    assert loaded.surface.cells.types.tolist() == [10, *types, 10]
+    assert loaded.surface.cells.nodes.tolist() == [*range(4), *nodes, *range(8, 12)]
+    values = loaded.tracks["number"]
     assert values.domain == "cell"
     assert values.values.ravel().tolist() == [0.5, *[1.5] * len(types), 2.5]
-    np.testing.assert_array_equal(found.vertices[0], NODES)
+    np.testing.assert_array_equal(loaded.vertices[0], NODES)
     assert notes == ([f"1 cell of type {note}"] if note else [])
 
 
@@ -153,13 +153,13 @@ def test_cells_of_any_size_are_split_beside_solids(tmp_path, cell, types, nodes,
 )
 def test_cells_that_cannot_be_stored_reduce_solids_to_their_surface(tmp_path, cell, name, notes):
     mesh = grid(NODES, [TETRAHEDRON, cell])
-    found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
-    assert found.surface.cells is None
+    loaded = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
+    assert loaded.surface.cells is None
     solids = "2 solid cells" if cell[0] == 71 else "1 solid cell"
-    lost = len(NODES) - found.n_verts
+    n_interior = len(NODES) - loaded.n_verts
     assert (
-        f"left out: the inside of {solids}, with {lost} nodes that no face has; cells of type "
-        f"{name} cannot be stored"
+        f"left out: the inside of {solids}, with {n_interior} nodes that no face has; cells of "
+        f"type {name} cannot be stored"
     ) in notes
 
 
@@ -172,7 +172,7 @@ def test_values_of_faces_are_left_out_with_cells(tmp_path, notes):
 
 
 @pytest.mark.parametrize("extension", [".ply", ".glb", ".vtp"])
-def test_formats_of_surfaces_say_that_cells_are_left_out(tmp_path, extension, notes):
+def test_surface_formats_note_that_cells_are_left_out(tmp_path, extension, notes):
     if extension == ".ply":
         extension = "_%d.ply"
     save(block(), tmp_path / f"a{extension}".replace(".vtp", "_%d.vtp"), notes=notes)
