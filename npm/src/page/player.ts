@@ -1,4 +1,4 @@
-// Playback: loads what the page shows in addition to the picture of <reel-player>.
+// Playback on the page: loads heat map, original and track of the frame that <reel-player> shows.
 
 import { partsOf, type PlayerParts, type ReelPlayerElement } from "../player/element.js";
 import { isDamageError } from "../three/block_cache.js";
@@ -19,7 +19,7 @@ export interface PlayerState {
   perFrameRange: boolean;
 }
 
-/** Controls playback of the page. */
+/** Controls playback on the page. */
 export class Player {
   /** Called when anything in `state()` may have changed. */
   onChange: () => void = () => {};
@@ -155,7 +155,7 @@ export class Player {
     return (1000 * nDrawn) / (performance.now() - started);
   }
 
-  /** Another frame is shown. */
+  /** Called when another frame is shown. */
   private update(): void {
     if (!this.isPlaying) return this.redraw();
     this.extras.prefetch(this.frame, this.mesh.speed);

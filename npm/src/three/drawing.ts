@@ -1,4 +1,4 @@
-// The static part of what is drawn: vertices, triangles, groups and attributes.
+// Static geometry to draw: vertices, triangles, groups and attributes.
 
 import type { Surface } from "../types.js";
 import type { Split } from "./corners.js";
@@ -16,7 +16,7 @@ export interface IndexRange {
 
 /** The drawn geometry of a surface. */
 export interface Drawing extends DrawnVertices {
-  /** Triangles are sorted by material; empty if there are no materials. */
+  /** One range per material, as triangles are sorted by material; empty without materials. */
   readonly groups: readonly IndexRange[];
   /** Triangle of the file of each drawn triangle; null if the order is the same. */
   readonly order: Uint32Array | null;
@@ -29,7 +29,7 @@ export interface Drawing extends DrawnVertices {
 /**
  * Create the drawn geometry of a surface with `nVerts` vertices.
  *
- * @param split - split vertices so that each belongs to one face or corner; `items` has which
+ * @param split - split vertices so that each belongs to one face or corner, which `items` lists
  */
 export function createDrawing(
   surface: Surface,

@@ -90,8 +90,8 @@ void main() {
   shown = vec4(baseColor().a * (1.0 - gl_FragCoord.z));
 }`;
 
-// What metals reflect: a neutral studio, brighter at the top, with two area lights; angles in degrees. A
-// rough surface blurs it, and for light that is scattered its roughness is 1.
+// The environment that metals reflect: a neutral studio, brighter at the top, with two area lights; angles
+// in degrees. Roughness blurs it; diffuse light uses roughness 1.
 const STUDIO = `
 float coverage(float away, float halfSize, float blur) {
   return clamp((halfSize + blur - away) / (2.0 * blur), 0.0, min(halfSize / blur, 1.0));

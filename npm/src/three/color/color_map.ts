@@ -35,7 +35,7 @@ const N_ROWS = 64;
 /** Colors of a map: red, green and blue in sRGB, 0..255. */
 export type Colors = readonly (readonly [number, number, number])[];
 
-/** Return the colors of a map. @throws InvalidInputError if it is no name or list of colors. */
+/** Return the colors of a map. @throws InvalidInputError if it is neither a name nor a list of colors. */
 export function resolveColorMap(map: ColorMap): Colors {
   const isName = typeof map === "string";
   const colors = isName ? MAPS[map]?.split(" ").map((hex) => parseInt(hex, 16)) : map;
