@@ -12,8 +12,8 @@ from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_TURN = np.radians(30)
-"""Smallest angle by which two neighbors that face each other bend more than in the key if they fold
-over: a crease of the key that bends a little more is no fold."""
+"""Angle by which two neighbors must bend more than in the key to count as a fold: a crease of the
+key may bend a little more."""
 
 FLATTENING_ROUNDS = 12
 RESTORING_ROUNDS = 12
@@ -25,9 +25,9 @@ RESTORINGS_PER_RING = 2
 OPENINGS_PER_RING = 4
 """Rounds after which one more ring of vertices around the remaining folds moves too."""
 
-HOLD = 1e-6
-"""Weight of the current position of a vertex that is flattened or restored; it makes the equations
-solvable for components of which all vertices move."""
+POSITION_WEIGHT = 1e-6
+"""Weight of the current position of a moving vertex when flattening or restoring; it makes the
+equations solvable for components whose vertices all move."""
 
 MIN_AREA = 0.1
 """Smallest area of a face that opening accepts, as seen along the normal of the surface, relative
@@ -37,8 +37,8 @@ AREA_WEIGHT = 2.0
 DISTANCE_WEIGHT = 0.3
 SMOOTHNESS = 0.1
 DAMPING = 0.1
-"""Weights of smaller areas, of distances to the surface, of the Laplacian of the change, and of the
-change."""
+"""Weights of areas below `MIN_AREA`, of distances to the surface, of the Laplacian of the step, and
+of the step itself."""
 
 
 class Folds:
@@ -81,7 +81,7 @@ class Folds:
         is_deep = closest.distances > self._max_depth
         return np.asarray(faces[opposes & ~(is_deep & target.encloses(centers, closest))])
 
-    def flattened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
+    def flatten(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with the vertices of folds at the means of their neighbors.
 
         That unfolds a patch whose boundary is convex (W. T. Tutte, "How to Draw a Graph", 1963),
@@ -91,11 +91,11 @@ class Folds:
             folded = self.find(mesh, target, min_turn=0.0)
             if not len(folded):
                 break
-            moves = _vertices_around(mesh, folded, number // FLATTENINGS_PER_RING)
-            mesh = TriangleMesh(self._averaged(mesh.vertices, moves), mesh.faces)
+            is_moving = _vertices_around(mesh, folded, number // FLATTENINGS_PER_RING)
+            mesh = TriangleMesh(self._average(mesh.vertices, is_moving), mesh.faces)
         return mesh
 
-    def restored(self, mesh: TriangleMesh, target: TriangleMesh, rest: Floats) -> TriangleMesh:
+    def restore(self, mesh: TriangleMesh, target: TriangleMesh, rest: Floats) -> TriangleMesh:
         """Return the mesh with its shape at rest where it folds; few folds remain.
 
         The displacement from rest is averaged around folds. That keeps small parts of the key
@@ -111,38 +111,38 @@ class Folds:
             folded = self.find(mesh, target)
             if not len(folded):
                 break
-            moves = _vertices_around(mesh, folded, 1 + number // RESTORINGS_PER_RING)
-            displacements = self._averaged(mesh.vertices - rest, moves)
+            is_moving = _vertices_around(mesh, folded, 1 + number // RESTORINGS_PER_RING)
+            displacements = self._average(mesh.vertices - rest, is_moving)
             mesh = TriangleMesh(rest + displacements, mesh.faces)
         return mesh
 
-    def _averaged(self, vectors: Floats, moves: npt.NDArray[np.bool_]) -> Floats:
+    def _average(self, vectors: Floats, is_moving: npt.NDArray[np.bool_]) -> Floats:
         """Return vectors of shape (V, 3), replaced by means of their neighbors where they move."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        rows, averaged = self._laplacian[moves], vectors.copy()
-        damping = HOLD * sparse.identity(rows.shape[0])
-        right = HOLD * vectors[moves] - rows[:, ~moves] @ vectors[~moves]
-        averaged[moves] = linalg.spsolve((rows[:, moves] + damping).tocsc(), right)
+        rows, averaged = self._laplacian[is_moving], vectors.copy()
+        damping = POSITION_WEIGHT * sparse.identity(rows.shape[0])
+        rhs = POSITION_WEIGHT * vectors[is_moving] - rows[:, ~is_moving] @ vectors[~is_moving]
+        averaged[is_moving] = linalg.spsolve((rows[:, is_moving] + damping).tocsc(), rhs)
         return averaged
 
-    def opened(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
+    def open(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with folds turned until they agree with the surface; some may remain.
 
         The vertices stay near the surface, also at creases; but where it is rough, new folds may
-        arise, which `flattened` removes.
+        arise, which `flatten` removes.
         """
         for number in range(OPENING_ROUNDS):
             folded = self.find(mesh, target, min_turn=0.0)
             if not len(folded):
                 break
-            moves = _vertices_around(mesh, folded, 1 + number // OPENINGS_PER_RING)
+            is_moving = _vertices_around(mesh, folded, 1 + number // OPENINGS_PER_RING)
             positions = mesh.vertices.copy()
-            positions[moves] += self._opening_step(mesh, target, moves)
+            positions[is_moving] += self._opening_step(mesh, target, is_moving)
             mesh = TriangleMesh(positions, mesh.faces)
         return mesh
 
     def _opening_step(
-        self, mesh: TriangleMesh, target: TriangleMesh, moves: npt.NDArray[np.bool_]
+        self, mesh: TriangleMesh, target: TriangleMesh, is_moving: npt.NDArray[np.bool_]
     ) -> Floats:
         """Return a Gauss-Newton step of the vertices that move, of shape (N, 3).
 
@@ -150,30 +150,40 @@ class Folds:
         of the surface.
         """
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        moving, own = np.flatnonzero(moves[mesh.faces].any(axis=1)), np.flatnonzero(moves)
-        faces, corners = mesh.faces[moving], mesh.vertices[mesh.faces[moving]]
+        moving_faces = np.flatnonzero(is_moving[mesh.faces].any(axis=1))
+        moving_verts = np.flatnonzero(is_moving)
+        faces = mesh.faces[moving_faces]
+        corners = mesh.vertices[faces]
         middles = corners.mean(axis=1)
         normals, heights = _planes(target, middles)
         across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         gradients = 0.5 * np.cross(normals[:, None], across)
-        missing = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
-        areas = _mean_areas_around(mesh)[moving]
-        missing += MIN_AREA * areas
-        small = missing > 0
-        scale = AREA_WEIGHT / np.sqrt(areas[small])
-        directions, own_heights = _planes(target, mesh.vertices[own])
+        missing_areas = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
+        areas = _mean_areas_around(mesh)[moving_faces]
+        missing_areas += MIN_AREA * areas
+        is_small = missing_areas > 0
+        scale = AREA_WEIGHT / np.sqrt(areas[is_small])
+        vertex_normals, vertex_heights = _planes(target, mesh.vertices[moving_verts])
         rows = [
-            _rows(faces[small], scale[:, None, None] * gradients[small], moves),
-            _rows(faces, np.repeat(DISTANCE_WEIGHT / 3 * normals[:, None], 3, axis=1), moves),
-            _rows(own[:, None], DISTANCE_WEIGHT * directions[:, None], moves),
+            _jacobian_rows(faces[is_small], scale[:, None, None] * gradients[is_small], is_moving),
+            _jacobian_rows(
+                faces, np.repeat(DISTANCE_WEIGHT / 3 * normals[:, None], 3, axis=1), is_moving
+            ),
+            _jacobian_rows(
+                moving_verts[:, None], DISTANCE_WEIGHT * vertex_normals[:, None], is_moving
+            ),
         ]
-        residuals = scale * missing[small], DISTANCE_WEIGHT * heights, DISTANCE_WEIGHT * own_heights
+        residuals = (
+            scale * missing_areas[is_small],
+            DISTANCE_WEIGHT * heights,
+            DISTANCE_WEIGHT * vertex_heights,
+        )
         jacobian = sparse.vstack(rows)
-        laplacian = SMOOTHNESS * self._laplacian[moves][:, moves]
-        smoothness = laplacian.T @ laplacian + DAMPING * sparse.identity(len(own))
-        normal = jacobian.T @ jacobian + sparse.kron(smoothness, np.eye(3))
-        right = jacobian.T @ np.concatenate(residuals)
-        return np.asarray(linalg.spsolve(normal.tocsc(), right)).reshape(-1, 3)
+        laplacian = SMOOTHNESS * self._laplacian[is_moving][:, is_moving]
+        smoothness = laplacian.T @ laplacian + DAMPING * sparse.identity(len(moving_verts))
+        normal_matrix = jacobian.T @ jacobian + sparse.kron(smoothness, np.eye(3))
+        rhs = jacobian.T @ np.concatenate(residuals)
+        return np.asarray(linalg.spsolve(normal_matrix.tocsc(), rhs)).reshape(-1, 3)
 
 
 def _vertices_around(mesh: TriangleMesh, faces: Indices, n_rings: int) -> npt.NDArray[np.bool_]:
@@ -198,7 +208,9 @@ def _mean_areas_around(mesh: TriangleMesh) -> Floats:
     return np.asarray((3 * mesh.vertex_areas / np.maximum(counts, 1))[mesh.faces].mean(axis=1))
 
 
-def _rows(vertices: Faces | Indices, values: Floats, moves: npt.NDArray[np.bool_]) -> Any:
+def _jacobian_rows(
+    vertices: Faces | Indices, values: Floats, is_moving: npt.NDArray[np.bool_]
+) -> Any:
     """Return derivatives with respect to the positions of the vertices that move, as a matrix.
 
     Parameters
@@ -206,12 +218,12 @@ def _rows(vertices: Faces | Indices, values: Floats, moves: npt.NDArray[np.bool_
     vertices : integer array of shape (N, K)
     values : float64 array of shape (N, K, 3)
         Derivatives of N numbers with respect to the positions of their K vertices.
-    moves : bool array of shape (V,)
+    is_moving : bool array of shape (V,)
     """
     sparse = REGISTER_SCIPY.load("sparse")
     n_rows, n_verts, _ = values.shape
     columns = 3 * vertices[:, :, None].astype(np.int64) + np.arange(3)
     ends = np.arange(0, 3 * n_verts * n_rows + 1, 3 * n_verts)
-    shape = n_rows, 3 * len(moves)
+    shape = n_rows, 3 * len(is_moving)
     rows = sparse.csr_matrix((values.ravel(), columns.ravel(), ends), shape)
-    return rows[:, np.flatnonzero(np.repeat(moves, 3))]
+    return rows[:, np.flatnonzero(np.repeat(is_moving, 3))]

@@ -536,7 +536,7 @@ class Follower:
             if self._meets(errors) or self._loses(errors) or not is_best:
                 break
         if 1 < self._excess(nearest().errors) < MAX_ERROR_TO_OPEN:
-            opened = self._folds.opened(nearest().mesh, target)
+            opened = self._folds.open(nearest().mesh, target)
             if opened is not nearest().mesh:
                 fit_again(opened, SMOOTHNESS_OF_OPENED)
         return nearest()
@@ -550,7 +550,7 @@ class Follower:
         mesh, n_opposing = fit.mesh, len(self._folds.find(fit.mesh, target, min_turn=0.0))
         for _ in range(MAX_REPAIRS):
             previous = mesh
-            for repair in (self._folds.opened, self._folds.flattened):
+            for repair in (self._folds.open, self._folds.flatten):
                 if not n_opposing:
                     break
                 repaired = repair(mesh, target)
@@ -568,7 +568,7 @@ class Follower:
         """Restore the shape of the key at folds, unless the tolerance is then exceeded."""
         if not fit.n_folded:
             return
-        mesh = self._folds.restored(fit.mesh, target, fit.posed.bare)
+        mesh = self._folds.restore(fit.mesh, target, fit.posed.bare)
         errors, folded = check(mesh, target, self._tolerance), self._folds.find(mesh, target)
         if len(folded) < fit.n_folded and self._meets(errors):
             fit.mesh, fit.errors, fit.n_folded = mesh, errors, len(folded)

@@ -24,7 +24,7 @@ def test_a_patch_drawn_across_its_neighbors_is_folded_and_flattened(plane):
     folded = with_moved_vertices(plane, is_patch, [0.2, 0.0, 0.0])
     folds = Folds(plane)
     assert len(folds.find(folded, plane)) == 10
-    flattened = folds.flattened(folded, plane)
+    flattened = folds.flatten(folded, plane)
     assert len(folds.find(flattened, plane)) == 0
     is_far = np.abs(plane.vertices[:, :2] - 0.5).max(axis=1) > 0.45
     assert np.array_equal(flattened.vertices[is_far], plane.vertices[is_far])
@@ -39,7 +39,7 @@ def test_opening_unfolds_along_a_crease_that_flattening_leaves(plane):
     folds = Folds(creased)
     assert len(folds.find(folded, creased)) == 10
     distances = []
-    for repair in (folds.flattened, folds.opened):
+    for repair in (folds.flatten, folds.open):
         mesh = repair(folded, creased)
         assert len(folds.find(mesh, creased)) == 0
         distances.append(creased.closest(mesh.vertices).distances.max())
@@ -62,7 +62,7 @@ def test_restoring_keeps_a_part_of_the_key_that_the_surface_lacks():
     surface = TriangleMesh(offsets, plane.faces)
     folded = np.unique(key.faces[folds.find(pressed, surface)])
     assert len(folded) > 20
-    restored = folds.restored(pressed, surface, key.vertices)
+    restored = folds.restore(pressed, surface, key.vertices)
     assert len(folds.find(restored, surface)) == 0
     was, now = (np.abs(one.vertices - key.vertices)[folded].max() for one in (pressed, restored))
     assert now < 0.1 * was
@@ -77,14 +77,14 @@ def test_a_component_may_unfold_as_a_whole(plane):
     folded.vertices[3] = [0.2, 0.2, 0.02]
     folds = Folds(key)
     assert len(folds.find(folded, plane)) == 1
-    assert np.isfinite(folds.flattened(folded, plane).vertices).all()
-    assert len(folds.find(folds.opened(folded, plane), plane)) == 0
+    assert np.isfinite(folds.flatten(folded, plane).vertices).all()
+    assert len(folds.find(folds.open(folded, plane), plane)) == 0
 
 
 def test_a_mesh_without_folds_stays(plane):
     folds = Folds(plane)
-    assert folds.flattened(plane, plane) is folds.opened(plane, plane) is plane
-    assert folds.restored(plane, plane, np.zeros_like(plane.vertices)) is plane
+    assert folds.flatten(plane, plane) is folds.open(plane, plane) is plane
+    assert folds.restore(plane, plane, np.zeros_like(plane.vertices)) is plane
 
 
 def test_neighbors_that_oppose_in_the_key_are_not_folded(plane):

@@ -63,7 +63,7 @@ def test_folds_at_a_crease_are_opened_within_the_tolerance(plane):
     folds, errors = Folds(creased), measure(folded, creased, TOLERANCE)
     assert len(folds.find(folded, creased)) > 0
     assert not errors.exceeds(TOLERANCE)
-    assert measure(folds.flattened(folded, creased), creased, TOLERANCE).exceeds(TOLERANCE)
+    assert measure(folds.flatten(folded, creased), creased, TOLERANCE).exceeds(TOLERANCE)
     follower = Follower(creased, TOLERANCE)
     pose, posed = follower.tracker.track(follower.tracker.start(), creased)
     fit = Fit(pose, posed, folded, errors, n_steps=1)
@@ -184,7 +184,7 @@ def test_a_frame_that_folds_keep_from_the_tolerance_is_followed(plane, monkeypat
     posed = replace(follower.tracker.track(state, plane)[1], positions=positions)
     monkeypatch.setattr(follower.tracker, "track", lambda *_: (state.pose, posed))
     assert not follower._attempted(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
-    monkeypatch.setattr(Folds, "opened", lambda self, mesh, target: mesh)
+    monkeypatch.setattr(Folds, "open", lambda self, mesh, target: mesh)
     assert follower._attempted(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
 
 
