@@ -203,7 +203,7 @@ def compare_surfaces(
     if original.n_frames != decoded.n_frames:
         raise InvalidInputError(
             f"the original has {counted(original.n_frames, 'frame')} and the decoded "
-            f"{decoded.n_frames}; only sequences of as many frames can be compared"
+            f"{decoded.n_frames}; only sequences with equal numbers of frames can be compared"
         )
     space = _space_of(original, decoded)
     n_frames = original.n_frames

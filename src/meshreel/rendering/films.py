@@ -16,7 +16,7 @@ from meshreel.rendering.shots import (
     draw_shots,
     frame_labels,
     framing_of,
-    scene_words,
+    scene_annotations,
     spread_frames,
 )
 from meshreel.rendering.views import View
@@ -96,10 +96,12 @@ def film(
     fps = scene.sequence.fps or UNKNOWN_FPS
     scales = scene.scales(numbers, progress)
     labels = [frame_labels(scene, number)[0] for number in numbers]
-    words = scene_words(scene, scales, labels)
+    annotations = scene_annotations(scene, scales, labels)
     sample = scene.frames(spread_frames(numbers, ASPECT_FRAMES))
     framing = framing_of(view, sample, is_followed=is_followed)
-    layout = plan_sheet(words, len(words.titles), framing.aspect(sample), size, max_size)
+    layout = plan_sheet(
+        annotations, len(annotations.titles), framing.aspect(sample), size, max_size
+    )
     cameras = framing.cameras(scene.frames(numbers), *layout.view_size)
     shots = list(zip(numbers, cameras, strict=True))
     times = scene.sequence.timing.times
@@ -108,4 +110,4 @@ def film(
         fps = timing.fps or fps
         due = (timing.start_s + (np.arange(len(numbers)) + DUE_TOLERANCE) / fps).tolist()
         shots = [shots[timing.frame_at(time, len(shots))] for time in due]
-    return Film(scene, scales, Sheet(layout, words, scene.background), shots, fps)
+    return Film(scene, scales, Sheet(layout, annotations, scene.background), shots, fps)

@@ -82,7 +82,7 @@ NO_SCALES = Scales()
 
 @dataclass(frozen=True, eq=False)
 class MeshLook:
-    """What the frames of a segment share."""
+    """Faces, colors and shading that the frames of a segment share."""
 
     faces: Faces
     surface: Surface
@@ -110,7 +110,7 @@ class Moment:
     field: Field | None
     """Error of the decoded positions; None without such a heat map."""
     shown: list[npt.NDArray[np.bool_] | None]
-    """list of bool arrays of shape (M,). The triangles to draw; None if all are."""
+    """list of bool arrays of shape (M,). Whether to draw each triangle; None to draw all."""
 
 
 class Scene:
@@ -119,7 +119,7 @@ class Scene:
     Parameters
     ----------
     original : FrameSource or MeshSequence, optional
-        With as many frames.
+        With the same number of frames.
     heat : str, optional
         One of `HEAT_NAMES`; needs the original. "distance" is that of vertices if all frames have
         the same vertices and triangles, else from decoded vertices to the original surface; the
@@ -213,14 +213,14 @@ class Scene:
         return self._heat_text.unit if self.heat else ""
 
     @property
-    def framed(self) -> MeshSequence:
-        """The sequence that the camera frames: the original if there is one."""
+    def framed_sequence(self) -> MeshSequence:
+        """The sequence that determines the camera: the original if there is one."""
         return self.original if self.original is not None else self.sequence
 
     def frames(self, numbers: Sequence[int]) -> "ChosenFrames":
         """Return the positions that the camera frames: with a cut, those of the kept cells."""
         faces_of = None if self._cut is None else lambda segment: self._looks[0](segment).faces
-        return ChosenFrames(self.framed, numbers, faces_of)
+        return ChosenFrames(self.framed_sequence, numbers, faces_of)
 
     def read(self, number: int) -> Moment:
         """Read a frame of each sequence."""
@@ -305,7 +305,7 @@ class Scene:
         if scales.heat is not None:
             heat, look = colorize(self._heat(moment), 0.0, scales.heat.high), moment.looks[-1]
             if self.track is not None and self.heat == TRACK_HEAT:
-                heat = self._of_items(self.track, heat, look)
+                heat = self._drawable_colors(self.track, heat, look)
             views.append((moment.positions[-1], look, moment.shown[-1], heat, GLOW))
         return [
             render(
@@ -327,12 +327,12 @@ class Scene:
         self, track: TrackColors, moment: Moment, scale: TrackScale | None
     ) -> list[npt.ArrayLike]:
         return [
-            self._of_items(track, track.colors(values, scale), look)
+            self._drawable_colors(track, track.colors(values, scale), look)
             for values, look in zip(moment.values, moment.looks, strict=True)
         ]
 
     @staticmethod
-    def _of_items(track: TrackColors, colors: Image, look: MeshLook) -> Image:
+    def _drawable_colors(track: TrackColors, colors: Image, look: MeshLook) -> Image:
         domain = track.domain
         if domain is Domain.CELL:
             colors, domain = colors[look.owners], Domain.FACE
@@ -354,7 +354,7 @@ def _mesh_difference(sources: Sequence[MeshSequence]) -> str:
     if original.n_frames != decoded.n_frames:
         raise InvalidInputError(
             f"the original has {counted(original.n_frames, 'frame')} and the decoded "
-            f"{decoded.n_frames}; only sequences of as many frames can be compared"
+            f"{decoded.n_frames}; only sequences with equal numbers of frames can be compared"
         )
     if original.starts != decoded.starts:
         return "the faces change in different frames"
@@ -367,7 +367,7 @@ def _mesh_difference(sources: Sequence[MeshSequence]) -> str:
 
 
 def _look_of(source: MeshSequence, cut: Cut | None, number: int) -> MeshLook:
-    """Return what the frames of a segment share."""
+    """Return the look of a segment."""
     segment = source.segments[number]
     faces, surface = segment.faces, segment.surface
     owners: Integers | None = None
@@ -388,8 +388,8 @@ def _shown_triangles(segment: FrameSource, number: int) -> npt.NDArray[np.bool_]
     masks = [track for track in tracks if (track.domain, track.shape[2]) == (Domain.FACE, 1)]
     if not masks:
         return None
-    of_faces = np.all([mask.read(number, number + 1)[0, :, 0] != 0 for mask in masks], axis=0)
-    return np.repeat(of_faces, segment.surface.sizes(len(segment.faces)) - 2)
+    is_face_shown = np.all([mask.read(number, number + 1)[0, :, 0] != 0 for mask in masks], axis=0)
+    return np.repeat(is_face_shown, segment.surface.sizes(len(segment.faces)) - 2)
 
 
 def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:

@@ -31,13 +31,13 @@ class Bar:
 
 
 @dataclass(frozen=True)
-class Words:
+class Annotations:
     """Text and color bars of a sheet."""
 
     titles: tuple[str, ...] = ("",)
     """Titles of the columns; one empty title for a grid of views without titles."""
     caption: str = ""
-    """At the bottom."""
+    """Text at the bottom."""
     widest_label: str = ""
     """The widest label below a view; empty without labels."""
     bars: tuple[Bar, ...] = ()
@@ -45,7 +45,7 @@ class Words:
 
 
 def plan_sheet(
-    words: Words, n_views: int, aspect: float, size: Size | None, max_size: Size
+    annotations: Annotations, n_views: int, aspect: float, size: Size | None, max_size: Size
 ) -> Layout:
     """Lay out a sheet so that all its wrapped text fits.
 
@@ -65,13 +65,13 @@ def plan_sheet(
     InvalidInputError
         If the sheet is too small.
     """
-    n_columns = len(words.titles)
+    n_columns = len(annotations.titles)
     n_rows = n_views // n_columns
     if n_columns == 1:
         n_rows, n_columns = grid_shape(n_views, size or max_size, aspect)
     bars = tuple(
         (bar.column % n_columns, _draw_bar(bar, MAX_BAR_HEIGHT_PX, (0, 0, 0)).shape[1])
-        for bar in words.bars
+        for bar in annotations.bars
     )
     n_lines = np.zeros(3, int)  # of titles, of each label, of the caption
     font_px = sheet_font_px(size or max_size)
@@ -80,9 +80,9 @@ def plan_sheet(
         parts = Parts(n_rows, n_columns, n_titles, n_labels, bars, n_captions)
         layout = plan_layout(size or max_size, parts, font_px, aspect if size is None else None)
         needed = [
-            max(len(_wrap_to_view(title, layout)) for title in words.titles),
-            len(_wrap_to_view(words.widest_label, layout)),
-            len(_wrap_caption(words.caption, layout)),
+            max(len(_wrap_to_view(title, layout)) for title in annotations.titles),
+            len(_wrap_to_view(annotations.widest_label, layout)),
+            len(_wrap_caption(annotations.caption, layout)),
         ]
         fitting_px = min(font_px, sheet_font_px(layout.size))
         if np.all(needed <= n_lines) and fitting_px > font_px - 0.5:
@@ -101,19 +101,19 @@ class Sheet:
         sRGB in 0..255; text is light on dark backgrounds.
     """
 
-    def __init__(self, layout: Layout, words: Words, background: Color) -> None:
+    def __init__(self, layout: Layout, annotations: Annotations, background: Color) -> None:
         self.layout = layout
         self._ink = ink_on(background)
         self._blank = PillowImage.new("RGB", layout.size, background)
         canvas, width = ImageDraw.Draw(self._blank), layout.view_size[0]
-        for title, left in zip(words.titles, layout.columns, strict=False):
+        for title, left in zip(annotations.titles, layout.columns, strict=False):
             lines = _wrap_to_view(title, layout)
             top = layout.rows[0] - len(lines) * layout.line - layout.gap // 4
             self._draw_centered(canvas, (left + width / 2, top), lines)
-        caption = _wrap_caption(words.caption, layout)
+        caption = _wrap_caption(annotations.caption, layout)
         draw_lines(canvas, (layout.gap, layout.foot), caption, layout.font, ink=self._ink)
         height = max(min(layout.body_height, MAX_BAR_HEIGHT_PX), 80)
-        for bar, left in zip(words.bars, layout.bars, strict=True):
+        for bar, left in zip(annotations.bars, layout.bars, strict=True):
             image = PillowImage.fromarray(_draw_bar(bar, height, background))
             self._blank.paste(image, (left, layout.rows[0]))
 

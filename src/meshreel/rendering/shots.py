@@ -9,7 +9,7 @@ from meshreel.arrays import Floats
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import NO_SCALES, ChosenFrames, Frame, Moment, Scales, Scene
-from meshreel.rendering.sheets import Bar, Words
+from meshreel.rendering.sheets import Annotations, Bar
 from meshreel.rendering.views import View
 from meshreel.runtime.threads import in_threads, n_cores, one_blas_thread
 
@@ -80,9 +80,9 @@ def frame_labels(scene: Scene, number: int) -> list[str]:
     return [f"frame {number}{time}", *[""] * (len(scene.titles) - 1)]
 
 
-def scene_words(
+def scene_annotations(
     scene: Scene, scales: Scales, labels: Sequence[str] = (), caption: str = ""
-) -> Words:
+) -> Annotations:
     """Titles, labels, caption and color bars of a scene."""
     titles, widest = tuple(scene.titles), max(labels, key=len, default="")
     bars, lines = [], [caption] if caption else []
@@ -99,7 +99,7 @@ def scene_words(
         above = f"{yellow}: {_number(high, unit)} and more. " if largest > high else ""
         peak = f"The largest {noun} shown is {_number(largest, unit)}, in frame"
         lines.append(f"{above}{peak} {scales.heat.frame}.")
-    return Words(titles, "\n".join(lines), widest, tuple(bars))
+    return Annotations(titles, "\n".join(lines), widest, tuple(bars))
 
 
 def _number(value: float, unit: str) -> str:

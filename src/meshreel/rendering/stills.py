@@ -14,7 +14,7 @@ from meshreel.rendering.shots import (
     draw_shots,
     frame_labels,
     framing_of,
-    scene_words,
+    scene_annotations,
     spread_frames,
 )
 from meshreel.rendering.views import View
@@ -55,13 +55,15 @@ def still(
     n_views = len(numbers) * len(scene.titles)
     scales = scene.scales(numbers, progress)
     labels = [label for number in numbers for label in frame_labels(scene, number)]
-    words = scene_words(scene, scales, labels if n_views > 1 else (), caption)
+    annotations = scene_annotations(scene, scales, labels if n_views > 1 else (), caption)
     sample = scene.frames(spread_frames(numbers, ASPECT_FRAMES))
     framing = framing_of(view, sample, is_followed=is_followed, max_travel=MAX_TRAVEL)
-    layout = plan_sheet(words, n_views, framing.aspect(sample), size, STILL_PX)
+    layout = plan_sheet(annotations, n_views, framing.aspect(sample), size, STILL_PX)
     cameras = framing.cameras(scene.frames(numbers), *layout.view_size)
     views: list[Image] = []
     for frame_views in draw_shots(scene, list(zip(numbers, cameras, strict=True)), scales):
         views += frame_views
         progress("drawing", Count(len(views), n_views, "views"))
-    return Sheet(layout, words, scene.background).compose(views, labels if n_views > 1 else ())
+    return Sheet(layout, annotations, scene.background).compose(
+        views, labels if n_views > 1 else ()
+    )

@@ -14,7 +14,7 @@ from meshreel.rendering.layout import (
     sheet_font_px,
 )
 from meshreel.rendering.lettering import INK, draw_lines, font_of_size, spell_out, wrap_text
-from meshreel.rendering.sheets import LIGHT_INK, Bar, Sheet, Words, ink_on, plan_sheet
+from meshreel.rendering.sheets import LIGHT_INK, Annotations, Bar, Sheet, ink_on, plan_sheet
 
 
 def boxes(layout):
@@ -165,9 +165,11 @@ def blank_views(layout, n_views, color):
 
 @pytest.mark.parametrize("background", [WHITE, NIGHT])
 def test_text_does_not_overlap_the_views(background):
-    words = Words(("first", LONG), "a caption " * 30, "frame 17, 0.68 s", (Bar(0, 0.5, "%"),))
-    layout = plan_sheet(words, 6, 1.3, None, (700, 600))
-    sheet = Sheet(layout, words, background)
+    annotations = Annotations(
+        ("first", LONG), "a caption " * 30, "frame 17, 0.68 s", (Bar(0, 0.5, "%"),)
+    )
+    layout = plan_sheet(annotations, 6, 1.3, None, (700, 600))
+    sheet = Sheet(layout, annotations, background)
     labels = ["frame 17, 0.68 s"] * 6
     views = blank_views(layout, 6, (200, 30, 30))
     filled, empty = (np.asarray(sheet.compose(images, labels)) for images in (views, ()))
@@ -183,13 +185,13 @@ def test_text_does_not_overlap_the_views(background):
 
 
 def test_labels_of_narrow_views_are_wrapped():
-    layout = plan_sheet(Words(widest_label="frame 123, 10.52 s"), 8, 0.3, (640, 320), (9, 9))
+    layout = plan_sheet(Annotations(widest_label="frame 123, 10.52 s"), 8, 0.3, (640, 320), (9, 9))
     assert layout.view_size[0] < 110
     assert layout.foot - layout.view_size[1] > 2 * layout.line
 
 
 def test_plan_sheet_terminates_when_titles_are_long_and_the_sheet_is_small():
-    layout = plan_sheet(Words((LONG, LONG, LONG), LONG), 3, 1.0, None, (420, 420))
+    layout = plan_sheet(Annotations((LONG, LONG, LONG), LONG), 3, 1.0, None, (420, 420))
     assert min(layout.view_size) >= MIN_VIEW_PX
 
 
@@ -199,10 +201,10 @@ def test_ink_is_dark_on_light_and_light_on_dark_backgrounds(background, ink):
 
 
 def test_labels_are_centered_below_their_views():
-    words = Words(widest_label="00000")
-    layout = plan_sheet(words, 3, 1.0, None, (700, 300))
+    annotations = Annotations(widest_label="00000")
+    layout = plan_sheet(annotations, 3, 1.0, None, (700, 300))
     picture = np.asarray(
-        Sheet(layout, words, WHITE).compose(blank_views(layout, 3, WHITE), ["00000"] * 3)
+        Sheet(layout, annotations, WHITE).compose(blank_views(layout, 3, WHITE), ["00000"] * 3)
     )
     (width, height), top = layout.view_size, layout.rows[0]
     for left in layout.columns:

@@ -12,14 +12,14 @@ from meshreel.model.tracks import FACE_MASKS, Track
 from meshreel.rendering.camera import fit_camera
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.scenes import NO_SCALES, Scene
-from meshreel.rendering.shots import scene_words
+from meshreel.rendering.shots import scene_annotations
 from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View
 from samples.meshes import hard_box, quad_sheet, waving_grid
 
 
 def drawn(scene, number=3, scales=NO_SCALES):
-    camera = View().camera(scene.framed.vertices, 160, 120)
+    camera = View().camera(scene.framed_sequence.vertices, 160, 120)
     return scene.draw(scene.read(number), camera, scales)
 
 
@@ -29,7 +29,9 @@ def test_error_for_heat_without_an_original_names_the_option(grid):
 
 
 def test_scene_rejects_an_original_with_another_number_of_frames(grid):
-    with pytest.raises(InvalidInputError, match=r"5 frames and the decoded 12; .* as many frames"):
+    with pytest.raises(
+        InvalidInputError, match=r"5 frames and the decoded 12; .* equal numbers of"
+    ):
         Scene(grid, waving_grid(5))
 
 
@@ -131,9 +133,9 @@ def test_heat_map_of_a_track_shows_its_error_in_its_unit(grid):
     scales = scene.scales(range(12))
     assert scales.heat.largest == pytest.approx(2.0)
     assert scales.heat.frame == 5
-    words = scene_words(scene, scales)
-    assert [(bar.unit, bar.column) for bar in words.bars] == [("Pa", 1), ("Pa", -1)]
-    assert "The largest error shown is 2 Pa, in frame 5." in words.caption
+    annotations = scene_annotations(scene, scales)
+    assert [(bar.unit, bar.column) for bar in annotations.bars] == [("Pa", 1), ("Pa", -1)]
+    assert "The largest error shown is 2 Pa, in frame 5." in annotations.caption
     views = drawn(scene, 5, scales)
     assert len(views) == 3
     assert np.abs(views[2].astype(int) - drawn(scene, 4, scales)[2]).max() > 60

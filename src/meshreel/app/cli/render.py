@@ -183,7 +183,7 @@ def render_command(
                 "of the frame that is due"
             )
             notes.changed("frame times", text)
-        parsed_view = parse_view(view, up or guess_up(scene.framed.extent))
+        parsed_view = parse_view(view, up or guess_up(scene.framed_sequence.extent))
         figures = _draw(
             scene, numbers, parsed_view, output,
             size=size_px, follow=follow,
