@@ -62,7 +62,7 @@ def achieved_rows(achieved: "Achieved") -> dict[str, str]:
     return rows
 
 
-def part_columns(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]]:
+def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]]:
     """Error bound, largest error and bytes of each part, with columns as in `PART_HEADINGS`."""
     percent, allowed = achieved.max_error_percent, stream.error_bound_percent
     units = stream.diagonal / 100
@@ -84,7 +84,7 @@ def part_columns(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[st
 SECTION_HEADINGS = ("section", "bytes", "share")
 
 
-def section_columns(stream: "StreamInfo") -> list[Sequence[str]]:
+def section_table(stream: "StreamInfo") -> list[Sequence[str]]:
     """Bytes by kind of section, with columns as in `SECTION_HEADINGS`."""
     return [(name, *_size_and_share(size, stream)) for name, size in stream.budget_bytes.items()]
 
@@ -157,7 +157,7 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
     return rows | _bound_rows(stream)
 
 
-def segment_columns(stream: "StreamInfo") -> list[Sequence[str]]:
+def segment_table(stream: "StreamInfo") -> list[Sequence[str]]:
     """Rows of the table of segments, with columns as in `SEGMENT_HEADINGS`."""
     rows: list[Sequence[str]] = [
         (

@@ -8,7 +8,7 @@ from typing import Any
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
 from meshreel.codec.method_names import METHOD_NAMES, own_name
 from meshreel.codec.option import Option, options_of_fields
-from meshreel.codec.paper_options import PAPER, PaperOptions
+from meshreel.codec.paper_options import PAPER_METHODS, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.errors import InvalidInputError, Keyword
 
@@ -57,7 +57,7 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
     """
     check_names(options, (option.name for option in all_options()))
     method = method if method in METHOD_NAMES else own_name(method)
-    family = PaperOptions if method in PAPER else ReelOptions
+    family = PaperOptions if method in PAPER_METHODS else ReelOptions
     own = _NAMES[family]
     for option in all_options():
         name = option.name

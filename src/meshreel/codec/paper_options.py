@@ -10,9 +10,9 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import method_named
 from meshreel.codec.option import COUNT, Option, Range
 
-PAPER = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
-OF_DELTAS = tuple(name for name in PAPER if name != "v2v")
-"""Methods that support an option."""
+PAPER_METHODS = ("pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft")
+DELTA_METHODS = tuple(name for name in PAPER_METHODS if name != "v2v")
+"""All methods of the paper, and those that code delta coordinates."""
 
 GROUP = "The paper's methods"
 
@@ -23,10 +23,10 @@ DEFAULT_BITS, FINE_BITS = 9, 16
 DEFAULT_ENERGY, DEFAULT_ANCHORS, DEFAULT_ITERATIONS = 0.99995, 0.01, 4
 
 TRACKED_BLOCK_FRAMES = 25
-"""Most frames of a block of `blocks` by default."""
+"""Maximum number of frames per block of `blocks`, by default."""
 
 PROCESS_BYTES, BYTES_PER_VERTEX, BYTES_PER_POSITION = 100e6, 4000.0, 130.0
-"""Memory of the program, per vertex, and per position of a block, without a graph basis."""
+"""Estimated memory: constant, per vertex, and per position of a block; a graph basis is extra."""
 
 
 def equal_blocks(n_frames: int) -> int:
@@ -47,7 +47,7 @@ class Allocation(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class PaperOptions(EncoderConfig):
-    """Options of the paper's methods, checked; `paper.settings.check` compares them."""
+    """Options of the paper's methods; `paper.settings.check` checks their combinations."""
 
     positions_only: ClassVar[bool] = True
 
@@ -60,7 +60,7 @@ class PaperOptions(EncoderConfig):
             unit="a share of the energy",
             group=GROUP,
             more="The omitted energy causes a KG error of sqrt(1 - energy), by default 0.7 %.",
-            methods=PAPER,
+            methods=PAPER_METHODS,
         ),
     ] = None
     bits: Annotated[
@@ -71,7 +71,7 @@ class PaperOptions(EncoderConfig):
             range=BITS_RANGE,
             group=GROUP,
             metavar="N[,N...]",
-            methods=PAPER,
+            methods=PAPER_METHODS,
         ),
     ] = None
     allocation: Annotated[
@@ -82,7 +82,7 @@ class PaperOptions(EncoderConfig):
             group=GROUP,
             more="energy: all share the step of the largest, so that bits follow a row's energy; "
             "constant: each row spreads that many bits over its range.",
-            methods=PAPER,
+            methods=PAPER_METHODS,
         ),
     ] = Allocation.ENERGY.value
     anchors: Annotated[
@@ -97,7 +97,7 @@ class PaperOptions(EncoderConfig):
             metavar="SHARE or N,N...",
             more="Every connected component gets at least one: 0 decodes by L alone (Eq. 11).",
             synonyms={"n_c": "a share of the vertices (n_c / n)"},
-            methods=PAPER,
+            methods=PAPER_METHODS,
         ),
     ] = None
     choices: Annotated[
@@ -109,7 +109,7 @@ class PaperOptions(EncoderConfig):
             metavar="NAME=VALUE[,...]",
             more='Such as `"anchor-values=coefficients,anchor-bits=16"`, or a mapping; '
             "`meshreel.paper.PaperChoices` describes each.",
-            methods=PAPER,
+            methods=PAPER_METHODS,
         ),
     ] = None
     laplacian: Annotated[
@@ -121,7 +121,7 @@ class PaperOptions(EncoderConfig):
             more="normalized: I - D^-1 C (Eq. 3), with smaller measured errors; combinatorial: "
             "D - C (Eq. 1); cotangent: I - D^-1 W with the cotangent weights of the first frame, "
             "which is stored too.",
-            methods=OF_DELTAS,
+            methods=DELTA_METHODS,
         ),
     ] = Laplacian.NORMALIZED.name.lower()
     n_iterations: Annotated[

@@ -25,16 +25,16 @@ from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
 
 MIN_SUBMITTED = 256
-"""Submitted inputs whose streams are not written yet: more only if there are more workers.
+"""Limit of inputs that are submitted and not yet written, unless two per worker are more.
 
-They suffice for workers that join a cluster later, and bound the memory for finished streams.
+It bounds the memory for finished streams, and suffices for workers that join a cluster later.
 """
 
 POLL_S = 0.5
 
-MANIFEST_SHARE, QUICK_S = 0.1, 0.02
-"""Share of the time for writing the manifest, unless that is quick: with many inputs it is large.
-"""
+MAX_MANIFEST_SHARE, QUICK_S = 0.1, 0.02
+"""Share of the time for writing the manifest, which is large with many inputs; faster writes than
+`QUICK_S` are not limited."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class BatchReport:
 
     @property
     def summary(self) -> str:
-        """Text with the number of each."""
+        """Numbers of inputs by outcome, as text."""
         return (
             f"{len(self.up_to_date)} up to date, {len(self.encoded)} encoded, "
             f"{len(self.failed)} failed"
@@ -121,12 +121,12 @@ def _outcomes(
     """
     waiting = deque((batch_input, plan.options) for batch_input in _largest_first(plan))
     pending: dict[Future[EncodedInput], tuple[BatchInput, EncodeOptions]] = {}
-    alone: deque[tuple[BatchInput, EncodeOptions]] = deque()
+    retries: deque[tuple[BatchInput, EncodeOptions]] = deque()
     limit = max(MIN_SUBMITTED, 2 * n_workers)
     try:
-        while waiting or pending or alone:
+        while waiting or pending or retries:
             if not (waiting or pending):
-                waiting.append(alone.popleft())
+                waiting.append(retries.popleft())
             while waiting and len(pending) < limit:
                 batch_input, options = waiting.popleft()
                 item = str(batch_input.source), options, __version__
@@ -138,7 +138,7 @@ def _outcomes(
                 if error is None or smaller is None:
                     yield batch_input, future
                 else:
-                    (alone if worker_died(error) else waiting).append((batch_input, smaller))
+                    (retries if worker_died(error) else waiting).append((batch_input, smaller))
                 del future  # releases its stream during the wait for the next
     finally:
         for future in pending:
@@ -198,8 +198,8 @@ class _Run:
         self._plan.manifest.records[batch_input.name] = record
         if (began_s := monotonic()) >= self._next_write_s:
             self._plan.manifest.write()
-            if (taken_s := monotonic() - began_s) > QUICK_S:
-                self._next_write_s = began_s + taken_s / MANIFEST_SHARE
+            if (duration_s := monotonic() - began_s) > QUICK_S:
+                self._next_write_s = began_s + duration_s / MAX_MANIFEST_SHARE
 
     def end(self) -> None:
         """Write the complete manifest."""
@@ -208,11 +208,11 @@ class _Run:
     def report(self) -> BatchReport:
         """The inputs of this run by outcome."""
         plan, records = self._plan, self._plan.manifest.records
-        tried = {batch_input.name: records[batch_input.name] for batch_input in plan.to_encode}
+        results = {batch_input.name: records[batch_input.name] for batch_input in plan.to_encode}
         return BatchReport(
             {name: records[name] for name in plan.up_to_date},
-            {name: record for name, record in tried.items() if record.state == DONE},
-            {**plan.refused, **{name: record for name, record in tried.items()
+            {name: record for name, record in results.items() if record.state == DONE},
+            {**plan.refused, **{name: record for name, record in results.items()
                                 if record.state == FAILED}},
         )  # fmt: skip
 

@@ -35,7 +35,7 @@ def demo_command(
     """
     from meshreel.app.cli.console import print_json, print_table, shown_progress
     from meshreel.app.cli.messages import print_line
-    from meshreel.app.cli.player import opened_player
+    from meshreel.app.cli.player import open_player
     from meshreel.app.figures import quality_rows, size_figures, size_rows
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
@@ -65,7 +65,7 @@ def demo_command(
         data = encode(sequence, progress=progress)
         with replace_when_done(reel, overwrite=force) as temporary:
             temporary.write_bytes(data)
-        with opened_player(reel, None, ReadOptions(progress=progress)) as player:
+        with open_player(reel, None, ReadOptions(progress=progress)) as player:
             export_page(player, page, page=built_page(), overwrite=force, progress=progress)
         decoded = decode(data, progress=progress)
         quality = compare(sequence, decoded, progress=progress)

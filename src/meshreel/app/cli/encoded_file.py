@@ -55,7 +55,7 @@ class EncodedFile:
         from meshreel.app.figures import (
             PART_HEADINGS,
             achieved_rows,
-            part_columns,
+            part_table,
             size_rows,
             uv_rows,
         )
@@ -64,7 +64,7 @@ class EncodedFile:
         rows = size_rows(stream, encoded.n_meshes) | achieved_rows(encoded.achieved)
         rows["ratio"] += " than raw values"
         print_table(self.output, self._input_rows() | rows | uv_rows(encoded.uv))
-        print_columns(PARTS, PART_HEADINGS, part_columns(encoded.achieved, stream))
+        print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, stream))
 
     def _input_rows(self) -> dict[str, str]:
         """Return a row that compares the sizes of the input files and of the output."""

@@ -64,7 +64,7 @@ def evaluate_command(
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.method_names import METHOD_NAMES, own_name
-    from meshreel.codec.paper_options import PAPER as PAPER_METHODS
+    from meshreel.codec.paper_options import PAPER_METHODS
     from meshreel.evaluation.peers import peers_named
     from meshreel.evaluation.positions import (
         DEFAULT_METHODS,

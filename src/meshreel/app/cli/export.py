@@ -56,7 +56,7 @@ def export_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
-    from meshreel.app.cli.player import opened_player
+    from meshreel.app.cli.player import open_player
     from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
@@ -72,7 +72,7 @@ def export_command(
     page = built_page()
     with (
         shown_progress() as progress,
-        opened_player(source, original, replace(reading, progress=progress), look, texture) as api,
+        open_player(source, original, replace(reading, progress=progress), look, texture) as api,
         errors_naming(source),
     ):
         parts = export_page(

@@ -76,8 +76,8 @@ def _show_stream(
         SECTION_HEADINGS,
         SEGMENT_HEADINGS,
         info_rows,
-        section_columns,
-        segment_columns,
+        section_table,
+        segment_table,
     )
     from meshreel.formats.reel import read_info
 
@@ -87,9 +87,9 @@ def _show_stream(
         return
     print_table(path, info_rows(stream))
     if len(stream.segments) > 1:
-        print_columns("segments", SEGMENT_HEADINGS, segment_columns(stream))
+        print_columns("segments", SEGMENT_HEADINGS, segment_table(stream))
         click.echo("decode all, or select one with --segment")
-    print_columns("sections", SECTION_HEADINGS, section_columns(stream))
+    print_columns("sections", SECTION_HEADINGS, section_table(stream))
 
 
 def _show_source(
@@ -116,7 +116,7 @@ def _show_source(
         return
     print_table(title, source_rows(info))
     if len(info.meshes) > 1:
-        print_columns("meshes", HEADINGS, mesh_columns(info))
+        print_columns("meshes", HEADINGS, mesh_table(info))
         click.echo("select one with --object, or read all as one with --merge")
 
 
@@ -147,8 +147,8 @@ def _animation_text(animation: "AnimationInfo") -> str:
     return f"{animation.name}: {animation.duration_s:.4g} s{remark}"
 
 
-def mesh_columns(source: "SourceInfo") -> list[Sequence[str]]:
-    """Rows of the table of meshes, with columns as in `HEADINGS`."""
+def mesh_table(source: "SourceInfo") -> list[Sequence[str]]:
+    """Rows of the table of meshes, below `HEADINGS`."""
     rows: list[Sequence[str]] = [
         (
             mesh.name,

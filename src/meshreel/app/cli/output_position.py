@@ -1,4 +1,4 @@
-"""Advice when the output is given as an argument instead of an option, or as an option instead."""
+"""Errors for an output given as an argument instead of an option, or vice versa."""
 
 import shlex
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ import click
 
 from meshreel.runtime.stores.address import is_remote, without_query
 
-DEFAULTED = {"output": ".reel", "out": ""}
-"""Extension of an output that has a default, by the parameter's name; that of a folder is empty."""
+OUTPUT_EXTENSIONS = {"output": ".reel", "out": ""}
+"""Extension of the output by the name of its option; empty for a folder."""
 
 OUTPUT_FLAGS = ("-o", "--output", "--out")
 
@@ -17,7 +17,7 @@ OUTPUT_FLAGS = ("-o", "--output", "--out")
 def check_output_position(command: click.Command, ctx: click.Context, args: Sequence[str]) -> None:
     """Raise UsageError with the correct command if the output is in the wrong place."""
     arguments = [param for param in command.params if isinstance(param, click.Argument)]
-    outputs = [param for param in command.params if param.name in DEFAULTED]
+    outputs = [param for param in command.params if param.name in OUTPUT_EXTENSIONS]
     try:
         values, extra, _ = command.make_parser(ctx).parse_args(list(args))
     except click.NoSuchOption as error:
@@ -51,7 +51,7 @@ def _refuse_argument(output: click.Parameter, ctx: click.Context, words: Sequenc
     if output.required:
         is_output = is_new or differs
     else:
-        expected = DEFAULTED[output.name or ""]
+        expected = OUTPUT_EXTENSIONS[output.name or ""]
         # An existing folder may be another input.
         is_output = extension == expected and (is_new or (differs and expected != ""))
     if is_output:

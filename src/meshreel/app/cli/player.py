@@ -41,7 +41,7 @@ TextureOption = Annotated[
 
 
 @contextmanager
-def opened_player(
+def open_player(
     source: Path,
     original: str | None,
     reading: "ReadOptions",
@@ -65,9 +65,8 @@ def opened_player(
             if original and file.n_segments > 1:
                 raise ConnectivityChangeError(
                     "the faces change; a comparison in the player needs the same faces in every "
-                    "frame: leave ",
+                    "frame; omit ",
                     Keyword("original"),
-                    " out",
                 )
         comparison = _comparison(first, original, reading) if original else None
         with errors_naming(source):

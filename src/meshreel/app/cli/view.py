@@ -52,7 +52,7 @@ def view_command(
 
     from meshreel.app.cli.console import print_notes, shown_progress
     from meshreel.app.cli.messages import print_line
-    from meshreel.app.cli.player import opened_player
+    from meshreel.app.cli.player import open_player
     from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.page import built_page
     from meshreel.app.viewer.server import ViewerServer
@@ -62,7 +62,7 @@ def view_command(
     with ExitStack() as stack:
         with shown_progress() as progress:
             reading = replace(reading, progress=progress)
-            api = stack.enter_context(opened_player(source, original, reading, look, texture))
+            api = stack.enter_context(open_player(source, original, reading, look, texture))
         server = stack.enter_context(ViewerServer(api, port=port, page=page))
         print_notes(reading.notes)
         if api.measuring is not None:

@@ -4,7 +4,7 @@ import pytest
 
 from meshreel.app.batch.manifest import DONE, Record
 from meshreel.app.cli.batch import _row
-from meshreel.app.cli.info import MAX_MESHES, mesh_columns
+from meshreel.app.cli.info import MAX_MESHES, mesh_table
 from meshreel.app.cli.tables import table_lines
 
 ROWS = [[["format"], ["Alembic"]], [["meshes"], ["/root/body", "/root/cloth"]]]
@@ -52,6 +52,6 @@ def test_table_counts_meshes_beyond_the_maximum(n_more, last):
         name="mesh", n_frames=2, n_verts=3, n_polygons=1, fps=0.0, attributes=(), problem=None,
         parts=(), low=(0, 0, 0), high=(1, 1, 1), tracks=(), materials=(), images=(),
     )  # fmt: skip
-    rows = mesh_columns(SimpleNamespace(meshes=[mesh] * (MAX_MESHES + n_more)))
+    rows = mesh_table(SimpleNamespace(meshes=[mesh] * (MAX_MESHES + n_more)))
     assert len(rows) == MAX_MESHES + (n_more > 0)
     assert rows[-1][0].startswith(last)
