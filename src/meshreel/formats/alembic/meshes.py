@@ -99,8 +99,8 @@ def world_matrix(chain: Sequence[Transform], time_s: float) -> Floats:
     """Return the world matrix below a chain of transforms, outermost first, of shape (4, 4)."""
     world = np.eye(4)
     for transform in chain:
-        own = transform.matrix(time_s)
-        world = own @ world if transform.inherits(time_s) else own
+        local = transform.matrix(time_s)
+        world = local @ world if transform.inherits(time_s) else local
     return world
 
 
@@ -125,8 +125,8 @@ def _rotation(axis: Floats, angle_deg: float) -> Floats:
         x, y, z = axis / (np.linalg.norm(axis) or 1.0)
         angle = np.deg2rad(angle_deg)
         cross = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])
-        turn: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
-        return turn
+        rotation: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+        return rotation
 
 
 def _axis_and_angle(rotation: Floats) -> tuple[Floats, float]:
@@ -242,9 +242,11 @@ class _AnimatedMesh:
             self._properties[name] for name in (POINTS, CORNERS, COUNTS)
         )
         self._cached_faces: tuple[tuple[int, ...], PolygonMesh] | None = None
-        self._above = [times_s for transform in node.chain for times_s in transform.times_s]
-        own = (values.times_s for values in (self._points, self._corners, self._counts))
-        self._times_s = unite_times([*own, *self._above])
+        self._transform_times = [
+            times_s for transform in node.chain for times_s in transform.times_s
+        ]
+        geometry_times = (values.times_s for values in (self._points, self._corners, self._counts))
+        self._times_s = unite_times([*geometry_times, *self._transform_times])
         if len(self._times_s) < 2:  # then tracks determine the frames
             times = (quantity.times() for quantity in self._animated.values())
             self._times_s = unite_times([self._times_s, *times])
@@ -296,7 +298,7 @@ class _AnimatedMesh:
         span = float(self._times_s[-1] - self._times_s[0]) / max(1, len(self._times_s) - 1)
         note_quantities(
             path, self._animated.values(), self._times_s, 1e-3 * span, notes,
-            is_transform_animated=bool(self._above),
+            is_transform_animated=bool(self._transform_times),
         )  # fmt: skip
         times = self._times_s[frames.start : frames.stop]
         mesh = self._mesh_at(float(times[0]))
@@ -313,7 +315,9 @@ class _AnimatedMesh:
         )
 
     def _world(self, time_s: float) -> Floats:
-        return world_matrix(self._node.chain, time_s) if self._above else self._static_world
+        return (
+            world_matrix(self._node.chain, time_s) if self._transform_times else self._static_world
+        )
 
     @cached_property
     def _static_world(self) -> Floats:
@@ -321,12 +325,12 @@ class _AnimatedMesh:
         return world_matrix(self._node.chain, float(self._times_s[0]))
 
     def _points_at(self, time_s: float) -> Vertices:
-        before, after, share = neighbors(self._points.times_s, time_s)
+        before, after, weight = neighbors(self._points.times_s, time_s)
         first = self._positions(before)
-        if share == 0:
+        if weight == 0:
             return first
         second = self._positions(after)
-        return blend(first, second, share) if len(second) == len(first) else first
+        return blend(first, second, weight) if len(second) == len(first) else first
 
     def _positions(self, index: int) -> Vertices:
         points = self._points.numbers(index)
@@ -370,7 +374,7 @@ def _fitting_domain(quantity: Quantity, times: Floats, mesh: PolygonMesh) -> Dom
 
 
 def walk_hierarchy(archive: Archive) -> Iterator[Node]:
-    """Yield every object of a file in file order, with the source of an instance at each instance.
+    """Yield every object of a file in file order; at an instance, its source object.
 
     Raises
     ------
@@ -399,8 +403,8 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         yield Node(path, source, chain := parent.chain)
         if source.schema == TRANSFORM and ".xform" in source.properties:
             chain = (*chain, Transform(source.properties[".xform"].properties))
-        above = Node(path, source, chain), ancestors | {source.reference}
-        stack += [(child, *above) for child in source.children[::-1]]
+        parent_and_ancestors = Node(path, source, chain), ancestors | {source.reference}
+        stack += [(child, *parent_and_ancestors) for child in source.children[::-1]]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:

@@ -63,7 +63,7 @@ SCOPES = {
     Domain.FACE: "kUniformScope",
     Domain.CORNER: "kFacevaryingScope",
 }
-NUMBERS = {
+NUMBER_TYPES = {
     "u1": ("Uchar", "Uchar"), "i1": ("Int32", "Int32"), "i2": ("Int32", "Int32"),
     "u2": ("Int32", "Int32"), "i4": ("Int32", "Int32"), "u4": ("UInt32", "Uint32"),
     "i8": ("Int64", "Int32"), "u8": ("UInt64", "Int32"), "f4": ("Float", "Float"),
@@ -117,9 +117,9 @@ def object_paths(names: Sequence[str]) -> list[ObjectPath]:
     used = set(transforms)
     paths = []
     for path in requested:
-        placed = (*path, path[-1]) if path in transforms else path
-        siblings = {other[-1] for other in used if other[:-1] == placed[:-1]}
-        paths.append((*placed[:-1], clean_unique_name(placed[-1], siblings)))
+        mesh_path = (*path, path[-1]) if path in transforms else path
+        siblings = {other[-1] for other in used if other[:-1] == mesh_path[:-1]}
+        paths.append((*mesh_path[:-1], clean_unique_name(mesh_path[-1], siblings)))
         used.add(paths[-1])
     return paths
 
@@ -165,13 +165,15 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
             rounding = Rounding(segment.first, "Alembic")
             for part in parts:
                 note_name("part", part.name, clean(part.name, IN_TEXTS), ".abc", stream.notes)
-            changing = shared if stream.n_segments > 1 else None
+            segment_data = shared if stream.n_segments > 1 else None
             transforms: dict[ObjectPath, Any] = {(): archive.getTop()}
             for part, place in zip(parts, object_paths([p.name for p in parts]), strict=True):
                 parent = _transform(transforms, place[:-1], rounding.shift)
                 mesh = ALEMBIC.load("AbcGeom").OPolyMesh(parent, place[-1], sampling)
                 schema = mesh.getSchema()
-                writers.append(_PartWriter(schema, part, sampling, tracks, segment.notes, changing))
+                writers.append(
+                    _PartWriter(schema, part, sampling, tracks, segment.notes, segment_data)
+                )
         for writer, part in zip(writers, parts, strict=True):
             writer.begin(part)
         for index, frame in enumerate(segment.frames()):
@@ -208,14 +210,15 @@ def _transform(transforms: dict[ObjectPath, Any], path: ObjectPath, shift: Float
 
 def unwritable_tracks(stream: SegmentedStream, shared: SharedData) -> set[str]:
     """Return the names of tracks that Alembic cannot store; notes of the stream name them."""
-    long = {
+    long_names = {
         str(name) for name, *_, number_type, _ in shared.tracks if number_type[1:] in ("i8", "u8")
     }
     too_large = {
         name: None
-        for mesh in (stream.meshes() if long else ())
+        for mesh in (stream.meshes() if long_names else ())
         for name, track in mesh.tracks.items()
-        if name in long and any((abs(limit) > MAX_INT32).any() for limit in value_range(track))
+        if name in long_names
+        and any((abs(limit) > MAX_INT32).any() for limit in value_range(track))
     }
     note_unwritten_tracks(
         too_large, ".abc", stream.notes, "integers beyond 32 bits (a limit of its library)"
@@ -237,7 +240,7 @@ class _PartWriter:
         Index of the time sampling of its positions.
     notes : Notes
         Gains a sentence for everything that the file cannot store exactly.
-    changing : SharedData, optional
+    segment_data : SharedData, optional
         Data of all segments, if there are several.
     """
 
@@ -248,11 +251,11 @@ class _PartWriter:
         sampling: int,
         tracks: Mapping[str, TrackSource],
         notes: Notes,
-        changing: SharedData | None,
+        segment_data: SharedData | None,
     ) -> None:
         self._schema, self._sampling, self._notes = schema, sampling, notes
-        self._changing = changing
-        self._has_normals = part.writes_edge_normals(tracks, changing)
+        self._segment_data = segment_data
+        self._has_normals = part.writes_edge_normals(tracks, segment_data)
         self._names: set[str] = set()
         self._is_first = True
         self._params: dict[str | int, Any] = {}
@@ -297,13 +300,13 @@ class _PartWriter:
         sample = ALEMBIC.load("AbcGeom").OPolyMeshSchemaSample()
         sample.setPositions(library_array("V3f", frame[self._part.verts]))
         for standard, (name, track) in self._standard.items():
-            own = self._own(track, values[name]).astype(np.float32)
+            part_values = self._part_values(track, values[name]).astype(np.float32)
             if standard == VELOCITIES:
-                sample.setVelocities(library_array("V3f", own))
+                sample.setVelocities(library_array("V3f", part_values))
             elif standard == NORMALS:
-                sample.setNormals(_param_sample("N3f", "V3f", track.domain, own))
+                sample.setNormals(_param_sample("N3f", "V3f", track.domain, part_values))
             else:
-                sample.setUVs(_param_sample("V2f", "V2f", track.domain, own))
+                sample.setUVs(_param_sample("V2f", "V2f", track.domain, part_values))
         if self._shading is not None:
             normals = self._shading.of_frames(frame[np.newaxis, self._part.verts])[0]
             of_corner = self._shading.rows.of_corner[self._corner_order]
@@ -313,19 +316,20 @@ class _PartWriter:
             self._write_segment(sample)
         else:  # the library repeats the faces
             self._schema.set(sample)
-            if self._changing is not None:
+            if self._segment_data is not None:
                 for param in self._params.values():
                     param.setFromPrevious()
                 for face_set, faces in self._face_samples:
                     face_set.set(faces)
         for name, track in self._param_tracks.items():
-            self._write_track(name, track, self._own(track, values[name]))
+            self._write_track(name, track, self._part_values(track, values[name]))
         self._is_new = self._is_first = False
 
-    def _own(self, track: TrackSource, values: Values) -> Values:
+    def _part_values(self, track: TrackSource, values: Values) -> Values:
         """Return the values of this part, with corners in file order."""
-        own = values[self._part.items[track.domain]]
-        return own[self._corner_order] if track.domain is Domain.CORNER else own
+        part_values = values[self._part.items[track.domain]]
+        is_corner = track.domain is Domain.CORNER
+        return part_values[self._corner_order] if is_corner else part_values
 
     def _write_segment(self, sample: Any) -> None:
         """Write the first sample of a segment, with its faces, attributes and groups."""
@@ -353,7 +357,7 @@ class _PartWriter:
         for group in self._part.surface.groups:
             if group.name != "material":
                 self._write_texts(group)
-        if self._is_first and self._changing is not None:
+        if self._is_first and self._segment_data is not None:
             # Our reader makes no track of these properties; their names contain no "/".
             names = [*sorted(self._names), *([] if texture is None else [UVS])]
             self._mark(SEGMENT_ATTRIBUTES, "/".join(names))
@@ -393,7 +397,7 @@ class _PartWriter:
     ) -> Any:
         """Create a geometry parameter: of a track, if it has metadata, or else of an attribute."""
         argument, entries = ALEMBIC.load("Abc").Argument, ALEMBIC.load("AbcCoreAbstract").MetaData()
-        is_sampled = metadata is not None or self._changing is not None
+        is_sampled = metadata is not None or self._segment_data is not None
         arguments = [argument(self._sampling)] if is_sampled else []
         for key, text in (metadata or {}).items():
             entries.set(key, text)
@@ -427,24 +431,24 @@ class _PartWriter:
         labels = [clean(label, IN_TEXTS) for label in groups.labels]
         for label, cleaned in zip(groups.labels, labels, strict=True):
             note_name("label", label, cleaned, ".abc", self._notes)
-        none = len(groups.labels)  # the index of the empty text at the end
-        numbers = np.where(groups.numbers < 0, none, groups.numbers)
+        empty = len(groups.labels)  # index of the empty text at the end
+        numbers = np.where(groups.numbers < 0, empty, groups.numbers)
         sample = _param_sample("String", "String", Domain.FACE, [*labels, ""], numbers)
         self._params[groups.name].set(sample)
 
     def _write_face_sets(self, groups: FaceGroups) -> None:
-        """Write materials as face sets: those of all segments."""
+        """Write a face set for each material, of all segments if there are several."""
         labels = groups.labels
-        if self._changing is not None:
-            labels = self._changing.labels.get(("material",), ())
+        if self._segment_data is not None:
+            labels = self._segment_data.labels.get(("material",), ())
         self._face_samples = []
         for label in labels:
             if label not in self._face_sets:
                 name = clean_unique_name(label, self._face_set_names)
                 note_name("material", label, name, ".abc", self._notes)
-                created = self._face_sets[label] = self._schema.createFaceSet(name).getSchema()
-                if self._changing is not None:
-                    created.setTimeSampling(self._sampling)
+                face_set = self._face_sets[label] = self._schema.createFaceSet(name).getSchema()
+                if self._segment_data is not None:
+                    face_set.setTimeSampling(self._sampling)
             number = groups.labels.index(label) if label in groups.labels else -2
             faces = np.flatnonzero(groups.numbers == number).astype(np.int32)
             sample = ALEMBIC.load("AbcGeom").OFaceSetSchemaSample()
@@ -487,7 +491,7 @@ def _attribute_type(attribute: Attribute) -> PropertyType:
         return UV_TYPE
     if attribute.kind is Kind.COLOR and width in (3, 4):
         return f"C{width}f", f"C{width}f", 1
-    return *NUMBERS[attribute.values.dtype.str[1:]], width
+    return *NUMBER_TYPES[attribute.values.dtype.str[1:]], width
 
 
 def _track_type(track: TrackSource) -> PropertyType:
@@ -497,7 +501,7 @@ def _track_type(track: TrackSource) -> PropertyType:
     precision = {"f4": "f", "f8": "d"}.get(letter)
     if precision and (width == 3 or track.kind is TrackKind.UV):
         return f"V{width}{precision}", f"V{width}{precision}", 1
-    return *NUMBERS[letter], width
+    return *NUMBER_TYPES[letter], width
 
 
 def _is_color(track: TrackSource) -> bool:
@@ -586,8 +590,8 @@ def check_free_space(path: Path, stream: SegmentedStream) -> None:
     max_bytes = sum(map(_max_file_bytes, stream.meshes()))
     try:
         if hasattr(os, "posix_fallocate"):
-            with tempfile.TemporaryFile(dir=path.parent) as trial:
-                os.posix_fallocate(trial.fileno(), 0, max_bytes)
+            with tempfile.TemporaryFile(dir=path.parent) as file:
+                os.posix_fallocate(file.fileno(), 0, max_bytes)
         is_free, reason = shutil.disk_usage(path.parent).free >= max_bytes, "the disk is too full"
     except OSError as error:
         is_free, reason = False, str(error.strerror)
@@ -603,14 +607,14 @@ def _max_file_bytes(mesh: FrameStream) -> int:
     surface = mesh.surface
     n_parts = max(1, len(surface.parts))
     n_corners = 3 * len(mesh.faces)
-    once = 4 * (n_corners + len(mesh.faces)) + 4 * surface.size_bytes
+    constant_bytes = 4 * (n_corners + len(mesh.faces)) + 4 * surface.size_bytes
     n_numbers = sum(math.prod(track.shape[1:]) for track in mesh.tracks.values())
     n_sampled = len(surface.attributes) + sum(1 + len(group.labels) for group in surface.groups)
     n_arrays = n_parts * (1 + len(mesh.tracks) + n_sampled)
     if surface.hard_edges is not None:
         n_numbers += 3 * n_corners
-    per_frame = 12 * mesh.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
-    return int(once + per_frame * mesh.n_frames + PART_OVERHEAD_BYTES * n_arrays)
+    frame_bytes = 12 * mesh.n_verts + 8 * n_numbers + SAMPLE_OVERHEAD_BYTES * n_arrays
+    return int(constant_bytes + frame_bytes * mesh.n_frames + PART_OVERHEAD_BYTES * n_arrays)
 
 
 FORMATS = (

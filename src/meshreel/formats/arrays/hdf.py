@@ -80,7 +80,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
             )
         arrays = _named_arrays(root, positions)
         candidates = list(_candidates_next_to(root, positions))
-        places = [candidate.place for candidate in candidates]
+        places = [candidate.path for candidate in candidates]
         _note_left_out(root, positions, arrays, places, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
@@ -95,7 +95,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
     with errors_naming(path), hdf_errors():
         tracks = {
             name: track.stored(
-                CheckedReader(path, _reader(path, require_dataset(root, track.place)))
+                CheckedReader(path, _reader(path, require_dataset(root, track.path)))
             )
             for name, track in named_tracks(
                 candidates, n_frames, n_verts, about, options.notes

@@ -43,7 +43,7 @@ ReadNumbers = Callable[[int, int], npt.NDArray[Any]]
 class Candidate:
     """An array of a file that may be a track."""
 
-    place: str
+    path: str
     """Path in the file."""
     name: str
     """Name of the track."""
@@ -53,14 +53,14 @@ class Candidate:
     domain: str = ""
     kind: str = ""
     unit: str = ""
-    """Description in the file, if any."""
+    """As the file declares them; empty if it does not."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedTrack:
     """An array of a file that is a track."""
 
-    place: str
+    path: str
     """Path of its array in the file."""
     domain: Domain
     kind: TrackKind
@@ -96,21 +96,21 @@ def named_tracks(
     """
     sizes = domain_sizes(n_verts, len(about.faces), about.surface)
     tracks: dict[str, NamedTrack] = {}
-    other_places = []
+    other_paths = []
     for candidate in candidates:
         track = _track(candidate, n_frames, sizes)
         if track is None:
-            other_places.append(candidate.place)
+            other_paths.append(candidate.path)
         elif candidate.name in tracks:
             raise InvalidInputError(
-                f"contains the track {candidate.name!r} twice, as {tracks[candidate.name].place!r} "
-                f"and {candidate.place!r}; rename one of them"
+                f"contains the track {candidate.name!r} twice, as {tracks[candidate.name].path!r} "
+                f"and {candidate.path!r}; rename one of them"
             )
         else:
             tracks[candidate.name] = track
-    if other_places:
+    if other_paths:
         notes.left_out(
-            f"arrays: {listed(other_places)}; tracks are numbers of shape ({n_frames}, N) or "
+            f"arrays: {listed(other_paths)}; tracks are numbers of shape ({n_frames}, N) or "
             f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}",
         )
     return tracks
@@ -150,4 +150,4 @@ def _track(candidate: Candidate, n_frames: int, sizes: Mapping[Domain, int]) -> 
         return None
     shape = n_frames, candidate.shape[1], n_columns
     kind = parse_track_kind(candidate.kind, n_columns, dtype) or default_kind(n_columns)
-    return NamedTrack(candidate.place, domains[0], kind, candidate.unit, dtype, shape)
+    return NamedTrack(candidate.path, domains[0], kind, candidate.unit, dtype, shape)

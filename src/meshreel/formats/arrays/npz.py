@@ -92,8 +92,8 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
             verify_member(path, positions)
             return about.open_array(raw_vertices, tracks, max_bytes, options.progress)
         arrays |= read_members(path, [positions])
-    values = read_members(path, [track.place for track in named_tracks.values()])
-    loaded = {name: _loaded(track, values[track.place]) for name, track in named_tracks.items()}
+    values = read_members(path, [track.path for track in named_tracks.values()])
+    loaded = {name: _loaded(track, values[track.path]) for name, track in named_tracks.items()}
     with errors_naming(path):
         sequence = about.loaded(native(arrays[positions]), loaded)
     options.progress("reading", 1.0)
@@ -114,10 +114,10 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
 
 def _track(path: Path, track: NamedTrack) -> TrackSource:
     """Return a track that stays in the file, after verifying it; a loaded one if compressed."""
-    raw_values = _find_plain(path, track.place)
+    raw_values = _find_plain(path, track.path)
     if raw_values is None:
-        return _loaded(track, read_members(path, [track.place])[track.place])
-    verify_member(path, track.place)
+        return _loaded(track, read_members(path, [track.path])[track.path])
+    verify_member(path, track.path)
     return track.stored(CheckedReader(path, raw_values.read))
 
 

@@ -193,7 +193,7 @@ def find_tracks(
             for name in [info.filename.removesuffix(".npy")]
             if name != positions and not RESERVED_NAMES.fullmatch(name)
         ]
-        if missing := described.keys() - {candidate.place for candidate in candidates}:
+        if missing := described.keys() - {candidate.path for candidate in candidates}:
             raise FormatError(f"has no array {min(missing)!r}, which other arrays refer to")
     return named_tracks(candidates, *sizes, about, notes)
 

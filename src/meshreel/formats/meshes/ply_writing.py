@@ -43,10 +43,10 @@ TYPE_NAMES = {
 
 HEADER_BEGIN = ("ply", "format binary_little_endian 1.0")
 
-
 Column = tuple[str, Values]
 
-Lists = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
+RaggedField = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
+"""Number of values in each row, and the values of all rows."""
 
 RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES, *(name for names in UV_NAMES for name in names)}
 
@@ -118,7 +118,7 @@ def _face_table(
     counts = surface.sizes(len(faces)).astype(np.int64)
     lists = [(INDEX_NAMES[0], counts, join_triangles(counts, faces))]
     lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in corner_values]
-    header, fields = [f"element face {len(counts)}"], list[Lists]()
+    header, fields = [f"element face {len(counts)}"], list[RaggedField]()
     for name, lengths, values in lists:
         count_code = "<u1" if lengths.max() < 256 else "<i4"
         code = _code(values)
@@ -130,8 +130,8 @@ def _face_table(
     return [*header, "end_header"], _interleave(fields)
 
 
-def _interleave(fields: list[Lists]) -> bytes:
-    """Interleave fields into rows; each row takes the given length from every field."""
+def _interleave(fields: list[RaggedField]) -> bytes:
+    """Interleave fields: row by row, the values of each field in order."""
     widths = [lengths * values.itemsize for lengths, values in fields]
     row_widths = np.sum(widths, axis=0)
     starts = np.cumsum(row_widths) - row_widths

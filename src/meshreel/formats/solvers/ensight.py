@@ -41,7 +41,7 @@ from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource
 
 WIDTHS = {"scalar": 1, "vector": 3, "tensor symm": 6, "tensor asym": 9}
-PLACES = {"node": Domain.VERTEX, "element": Domain.FACE}
+DOMAINS = {"node": Domain.VERTEX, "element": Domain.FACE}
 COORDS_ONLY, PER_PART = "change_coords_only", "changing_geometry_per_part"
 MAX_STEPS = 1 << 24
 
@@ -155,7 +155,7 @@ class EnsightCase:
             kind, _, place = key.partition(" per ")
             words = _words(value)
             name = next((word for word in words if not word.isdigit()), "")
-            if kind not in WIDTHS or place not in PLACES:
+            if kind not in WIDTHS or place not in DOMAINS:
                 left_out.append(f"{name} ({key})")
                 continue
             *numbers, name, pattern = words if len(words) > 1 else [name, ""]
@@ -163,7 +163,7 @@ class EnsightCase:
             if series is None:
                 left_out.append(f"{name} (in a file set)")
             else:
-                yield Variable(name, PLACES[place], WIDTHS[kind], series)
+                yield Variable(name, DOMAINS[place], WIDTHS[kind], series)
         self._options.notes.left_out("variables", left_out)
 
     def _series(self, numbers: list[str], pattern: str, what: str) -> FileSeries | None:
@@ -193,16 +193,18 @@ class EnsightCase:
             if not sets:
                 raise FormatError("has a section TIME that does not begin with a time set")
             sets[-1][key] = value
-        for facts in sets:
-            number = _numbers((facts["time set"] or "?").split()[:1])[0]
-            times = self._listed(facts, "time values")
-            n_steps = int(_numbers([facts.get("number of steps", str(len(times)))])[0])
-            names = self._listed(facts, "filename numbers")
-            if not len(names) and "filename start number" in facts:
+        for entries in sets:
+            number = _numbers((entries["time set"] or "?").split()[:1])[0]
+            times = self._read_list(entries, "time values")
+            n_steps = int(_numbers([entries.get("number of steps", str(len(times)))])[0])
+            names = self._read_list(entries, "filename numbers")
+            if not len(names) and "filename start number" in entries:
                 if not 0 <= n_steps <= MAX_STEPS:
-                    raise FormatError(f"has a time set of {n_steps} steps")
-                start = _numbers([facts["filename start number"]])[0]
-                step = _numbers([facts.get("filename increment", "1")])[0]
+                    raise FormatError(
+                        f"has a time set of {n_steps} steps; at most {MAX_STEPS} are read"
+                    )
+                start = _numbers([entries["filename start number"]])[0]
+                step = _numbers([entries.get("filename increment", "1")])[0]
                 names = start + step * np.arange(n_steps)
             if len(times) != n_steps or n_steps == 0:
                 raise FormatError(
@@ -210,11 +212,11 @@ class EnsightCase:
                 )
             yield int(number), TimeSet(times, tuple(int(name) for name in names))
 
-    def _listed(self, facts: dict[str, str], key: str) -> Floats:
-        if f"{key} file" in facts:
-            path = self.file(FileSeries(facts[f"{key} file"].strip('"'), None), 0)
+    def _read_list(self, entries: dict[str, str], key: str) -> Floats:
+        if f"{key} file" in entries:
+            path = self.file(FileSeries(entries[f"{key} file"].strip('"'), None), 0)
             return _numbers(read_bytes(path).decode("latin-1").split())
-        return _numbers(facts.get(key, "").split())
+        return _numbers(entries.get(key, "").split())
 
 
 KNOWN_SECTIONS = {"FORMAT", "GEOMETRY", "VARIABLE", "TIME", "FILE"}
@@ -235,8 +237,8 @@ def _read_sections(text: str) -> dict[str, list[tuple[str, str]]]:
         elif colon and re.fullmatch(r"[a-zA-Z_ ]+", key):
             sections[section].append((" ".join(key.lower().split()), value.strip()))
         elif sections[section]:
-            before, values = sections[section][-1]
-            sections[section][-1] = before, f"{values} {line}"
+            key, value = sections[section][-1]
+            sections[section][-1] = key, f"{value} {line}"
     return sections
 
 
@@ -255,8 +257,8 @@ def _numbers(words: list[str]) -> Floats:
     return numbers
 
 
-SAME_TIME = 1e-5
-"""Largest difference of equal times, relative to the interval of frames."""
+MAX_TIME_DIFFERENCE = 1e-5
+"""Largest difference between equal times, relative to the interval between frames."""
 
 
 def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
@@ -272,19 +274,19 @@ def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     case = EnsightCase(path, options)
     steps = _Steps(case, options)
     parts = steps.parts(steps.elements_step(0)).values()
-    shown = [part for part in parts if any(block.has_faces for block in part.blocks)]
-    if not shown:
+    surface_parts = [part for part in parts if any(block.has_faces for block in part.blocks)]
+    if not surface_parts:
         raise FormatError("contains no elements with faces; there is no surface")
-    options.notes.left_out("parts without faces", (p.name for p in parts if p not in shown))
-    kinds = {block.kind for part in shown for block in part.blocks if not block.has_faces}
+    options.notes.left_out("parts without faces", (p.name for p in parts if p not in surface_parts))
+    kinds = {block.kind for part in surface_parts for block in part.blocks if not block.has_faces}
     options.notes.left_out("elements of points, lines and ghosts", sorted(kinds))
-    names = [part.name for part in shown]
+    names = [part.name for part in surface_parts]
     meshes = []
-    for part in shown:
+    for part in surface_parts:
         is_unique = part.name and names.count(part.name) == 1
         name = part.name if is_unique else f"{part.name or 'part'} {part.number}"
         frames = _PartFrames(steps, part.number, options.notes)
-        label = f"/{name}" if len(shown) > 1 else name
+        label = f"/{name}" if len(surface_parts) > 1 else name
         meshes.append(SceneMesh(label, steps.times_s, frames.frame, tracks=frames.tracks))
     return meshes
 
@@ -413,7 +415,7 @@ class _Steps:
         frames = self._set.times_s
         nearest = [np.abs(times.times_s - time).min() for time in frames]
         span = (frames[-1] - frames[0]) / max(1, len(frames) - 1)
-        return bool(max(nearest) <= SAME_TIME * abs(span))
+        return bool(max(nearest) <= MAX_TIME_DIFFERENCE * abs(span))
 
 
 class _PartFrames:
@@ -457,12 +459,12 @@ class _PartFrames:
         return field_tracks([fields] * len(frames), sizes, read, self._notes)
 
     def _surface(self, index: int) -> CellSurface:
-        """Return the surface of a frame, read once for its values too; equal ones are shared."""
+        """Return the surface of a frame, read once; equal surfaces of frames are one object."""
         step = self._steps.elements_step(index)
         if step not in self._surfaces:
             surface = self._steps.surface(step, self._number)
-            before = next(reversed(self._surfaces.values()), surface)
-            self._surfaces[step] = before if before.equals(surface) else surface
+            previous = next(reversed(self._surfaces.values()), surface)
+            self._surfaces[step] = previous if previous.equals(surface) else surface
         return self._surfaces[step]
 
 

@@ -99,10 +99,10 @@ def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numb
 
 
 def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:
-    """Weld points along the seams of a surface, where pairs of open edges coincide.
+    """Weld points along the seams of a surface, where pairs of boundary edges coincide.
 
-    Two edges of one triangle each are joined if they connect equal positions in opposite
-    directions, and no other open edge connects these. Equal positions elsewhere stay apart: with
+    Two boundary edges are joined if they connect equal positions in opposite directions, and no
+    other boundary edge connects these. Equal positions elsewhere stay apart: with
     coarsely rounded positions, welding them would collapse triangles and connect sheets that touch.
 
     Parameters
@@ -113,27 +113,29 @@ def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:
         Indices in 0..N-1.
     """
     n_points, starts, ends = len(points), triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
-    sides, opposite = starts * n_points + ends, np.sort(ends * n_points + starts)
+    half_edges, opposite = starts * n_points + ends, np.sort(ends * n_points + starts)
     # np.isin hashes, which takes ten times as long.
-    nearest = opposite.take(np.searchsorted(opposite, sides), mode="clip")
-    open_sides = np.flatnonzero(nearest != sides)
-    starts, ends = starts[open_sides], ends[open_sides]
-    place, _ = weld_rows([points])
-    low, high = np.sort([place[starts], place[ends]], axis=0)
+    nearest = opposite.take(np.searchsorted(opposite, half_edges), mode="clip")
+    boundary = np.flatnonzero(nearest != half_edges)
+    starts, ends = starts[boundary], ends[boundary]
+    position_of, _ = weld_rows([points])
+    low, high = np.sort([position_of[starts], position_of[ends]], axis=0)
     _, seams, counts = np.unique(low * n_points + high, return_inverse=True, return_counts=True)
     is_pair = (counts == 2)[seams] & (low < high)
     pairs = np.flatnonzero(is_pair)[np.argsort(seams[is_pair], kind="stable")].reshape(-1, 2)
-    are_opposite = place[starts[pairs[:, 0]]] == place[ends[pairs[:, 1]]]
+    are_opposite = position_of[starts[pairs[:, 0]]] == position_of[ends[pairs[:, 1]]]
     # Two sides of a triangle coincide if its third has no length.
-    are_apart = open_sides[pairs[:, 0]] // 3 != open_sides[pairs[:, 1]] // 3
-    side, partner = pairs[are_opposite & are_apart].T
-    links = np.concatenate([[starts[side], ends[partner]], [ends[side], starts[partner]]], axis=1)
-    vertex_of, first = weld_rows([_lowest_linked(links, n_points)[:, np.newaxis]])
+    are_apart = boundary[pairs[:, 0]] // 3 != boundary[pairs[:, 1]] // 3
+    first_edge, second_edge = pairs[are_opposite & are_apart].T
+    links = np.concatenate(
+        [[starts[first_edge], ends[second_edge]], [ends[first_edge], starts[second_edge]]], axis=1
+    )
+    vertex_of, first = weld_rows([_component_minima(links, n_points)[:, np.newaxis]])
     return SplitMesh(vertex_of, first, triangles.ravel())
 
 
-def _lowest_linked(links: Numbers, n_points: int) -> Numbers:
-    """The lowest of all points that each point is linked to, directly or through others.
+def _component_minima(links: Numbers, n_points: int) -> Numbers:
+    """The lowest point of the connected component of each point.
 
     Parameters
     ----------

@@ -109,8 +109,8 @@ def _frame_codes(
     ]
     if (fps := validate_fps(options.fps or 0.0)) and interpolated:
         animated = [sample.all for sample in samples if len(sample.all) > 1]
-        first = min(float(quantity[0]) for quantity in animated)
-        last = max(float(quantity[-1]) for quantity in animated)
+        first = min(float(codes[0]) for codes in animated)
+        last = max(float(codes[-1]) for codes in animated)
         grid = cache(lambda: frame_grid(first, last, rate / fps))
 
         def common_codes(mesh: StageMesh) -> Floats:
@@ -170,8 +170,8 @@ def rendered_meshes(stage: Any, notes: Notes) -> list[Any]:
     if not rendered:
         no_geometry = "contains no geometry"
         raise FormatError(f"contains no visible mesh, only {contents}" if contents else no_geometry)
-    blinking = [str(mesh.GetPath()) for mesh in rendered if len(set(_visibility(mesh))) > 1]
-    notes.left_out("visibility that changes over time", blinking)
+    names = [str(mesh.GetPath()) for mesh in rendered if len(set(_visibility(mesh))) > 1]
+    notes.left_out("visibility that changes over time", names)
     if contents:
         notes.left_out(contents)
     return rendered
