@@ -22,7 +22,7 @@ The first eight are positions, velocities, orientations and angular velocities o
 
 
 def solver_state_note(tracks: Iterable[TrackInfo], requested: Collection[str]) -> Note | None:
-    """Name the tracks of a stream that contain solver state, and all with their sizes.
+    """Note that lists the tracks of a stream with solver state, and the sizes of all tracks.
 
     Parameters
     ----------

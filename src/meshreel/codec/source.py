@@ -68,7 +68,7 @@ class CodedMesh:
 
     @cached_property
     def order_kept(self) -> Order:
-        """Which order to keep."""
+        """Order of vertices and faces that readers restore."""
         return self.config.order_of(self.surface)
 
     @property
@@ -83,8 +83,8 @@ class CodedMesh:
         return self._connectivity.internal_faces if links is None else links
 
     @property
-    def sides(self) -> tuple[Faces, npt.NDArray[np.int32]]:
-        """Internal faces, and the other side at the edge of each side, or the side itself."""
+    def faces_and_twins(self) -> tuple[Faces, npt.NDArray[np.int32]]:
+        """Internal faces, and the twin of each half-edge, itself at a boundary."""
         return self.faces, self._connectivity.internal_twins
 
     @property
@@ -256,8 +256,8 @@ class Source:
         sequence = self.sequence
         surface = sequence.surface if self.surface is None else self.surface
         config = self.config
-        free = {Domain.VERTEX, *([Domain.FACE] if surface.cells is None else [])}
-        if any(sequence.tracks[name].domain not in free for name in self.bounds):
+        reorderable = {Domain.VERTEX, *([Domain.FACE] if surface.cells is None else [])}
+        if any(sequence.tracks[name].domain not in reorderable for name in self.bounds):
             config = replace(config, order=config.order or "keep")
         timing = sequence.timing
         return CodedMesh(sequence.faces, sequence.n_verts, config, surface, timing, self.edit)
@@ -327,8 +327,8 @@ class Source:
         bound : float, optional
             Guaranteed largest error of a position, in diagonals.
         """
-        of_tracks = [track.leading for track in self.tracks]
-        leading = [*self.mesh.leading_sections(), *of_tracks, *leading]
+        track_sections = [track.leading for track in self.tracks]
+        leading = [*self.mesh.leading_sections(), *track_sections, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
         return write_stream((self.header, [*leading, *error_bound_sections(bound)], blocks))

@@ -36,7 +36,7 @@ def encode_exact(values: Numbers, neighbors: Neighbors) -> bytes:
     """
     if values.dtype.kind == "b":
         values = values.view(np.uint8)
-    dtype = _checked(values.shape, values.dtype, neighbors)
+    dtype = _checked_dtype(values.shape, values.dtype, neighbors)
     if values.size == 0:
         return b""
     table = np.array(values, dtype, order="C")  # a copy, because the core modifies it
@@ -66,7 +66,7 @@ def decode_exact(
     """
     target = np.dtype(dtype)
     coded = np.dtype(np.uint8) if target.kind == "b" else target
-    table = np.zeros(shape, _checked(shape, coded, neighbors))
+    table = np.zeros(shape, _checked_dtype(shape, coded, neighbors))
     if table.size == 0:
         if data:
             raise CorruptStreamError(f"a block without values has no bytes; got {len(data)}")
@@ -93,7 +93,9 @@ def _layout(table: Numbers) -> tuple[int, ...]:
     return (*table.shape, table.dtype.itemsize, "uif".index(table.dtype.kind))
 
 
-def _checked(shape: tuple[int, ...], dtype: np.dtype[Any], neighbors: Neighbors) -> np.dtype[Any]:
+def _checked_dtype(
+    shape: tuple[int, ...], dtype: np.dtype[Any], neighbors: Neighbors
+) -> np.dtype[Any]:
     """Check the arguments; return the number type in native byte order."""
     if len(shape) != 3 or min(shape) < 0 or shape[0] > MAX_FRAMES:
         raise InvalidInputError(

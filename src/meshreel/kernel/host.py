@@ -1,6 +1,6 @@
-"""Memory and bytes of the file for the core's decoder, provided by callbacks of its host.
+"""Callbacks that give memory and the bytes of a file to the core's decoder.
 
-`core/include/meshreel.h` describes these callbacks (`meshreel_host`, `meshreel_source`).
+`core/include/meshreel.h` describes them (`meshreel_host`, `meshreel_source`).
 """
 
 import ctypes
@@ -51,8 +51,8 @@ class SourceReader:
         """Return and clear the last exception of the file in this thread."""
         return self._failures.pop(threading.get_ident(), None)
 
-    def read(self, _: int | None, offset: int, to: int, size: int) -> int:
-        """Copy bytes of the file to an address; return 0, or 1 if that fails: `read`."""
+    def read(self, _: int | None, offset: int, address: int, size: int) -> int:
+        """Callback `read`: copy bytes of the file to an address; return 0, or 1 on failure."""
         try:
             data = self.bytes_at(offset, size)
         except BaseException as error:  # raised again by the call of the core that failed
@@ -62,11 +62,11 @@ class SourceReader:
             return self._fail(
                 TruncatedStreamError(f"the file ended at byte {end}; it was longer when opened")
             )
-        ctypes.memmove(to, data, size)
+        ctypes.memmove(address, data, size)
         return 0
 
     def announce(self, _: int | None, offset: int, size: int) -> int:
-        """Fetch bytes that will be read; return 0, or 1 if that fails: `announce`."""
+        """Callback `announce`: fetch bytes that will be read; return 0, or 1 on failure."""
         try:
             if self._fetch is not None:
                 with self._lock:

@@ -53,7 +53,9 @@ def surface_normals(positions: Vertices, faces: Integers, items: Integers | None
 
 
 def find_rotations(normals: Floats, targets: Vertices) -> Floats:
-    """Rotations of shape (..., 2) that turn normals into target normals.
+    """Rotations of shape (..., 2), two numbers each, that turn normals into target normals.
+
+    docs/format.md, "Tracks", defines the numbers.
 
     Parameters
     ----------

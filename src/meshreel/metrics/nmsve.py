@@ -88,14 +88,14 @@ def _geometric_laplacian(frame: Floats, edges: Integers) -> Floats:
     ----------
     frame : float64 array of shape (V, 3)
     edges : integer array of shape (2, E)
-        Their first and second vertices.
+        First and second vertex of each edge.
     """
     (first, second), columns, n_verts = edges, np.ascontiguousarray(frame.T), len(frame)
-    back = columns[:, first] - columns[:, second]
-    lengths = np.sqrt(np.einsum("ae,ae->e", back, back))
-    present = lengths > 0
-    inverse = np.divide(1.0, lengths, out=np.full_like(lengths, np.inf), where=present)
-    unit = np.divide(back, lengths, out=np.zeros_like(back), where=present)
+    differences = columns[:, first] - columns[:, second]
+    lengths = np.sqrt(np.einsum("ae,ae->e", differences, differences))
+    is_positive = lengths > 0
+    inverse = np.divide(1.0, lengths, out=np.full_like(lengths, np.inf), where=is_positive)
+    unit = np.divide(differences, lengths, out=np.zeros_like(differences), where=is_positive)
     weights = np.bincount(first, inverse, n_verts) + np.bincount(second, inverse, n_verts)
     parts = [
         np.bincount(first, column, n_verts) - np.bincount(second, column, n_verts)

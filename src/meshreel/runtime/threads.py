@@ -90,9 +90,7 @@ def in_threads(
 ) -> list[Result]:
     """Return the results of `work` for all pieces, which run in the pool with one BLAS thread each.
 
-    The first error is raised.
-
-    A call from a thread of the pool uses idle ones, too.
+    The first error is raised. Calls from threads of the pool share its idle threads.
 
     Parameters
     ----------
@@ -191,7 +189,7 @@ def chunks(length: int, size: int) -> list[slice]:
     return [slice(start, min(start + size, length)) for start in range(0, length, size)]
 
 
-class _Limit:
+class _BlasLimit:
     """The limit of BLAS threads, shared by all callers; the last to leave removes it.
 
     One thread sets and removes it: OpenBLAS (tested: 0.3.30 and 0.3.31) obeys only the first thread
@@ -223,7 +221,7 @@ def _limit_blas() -> Any:
     return _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 
 
-_LIMIT = _Limit()
+_LIMIT = _BlasLimit()
 _core_limit: int | None = None
 
 
@@ -240,7 +238,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def limit_cores(limit: int) -> None:
-    """Limit the cores that this process uses: one of several processes on the machine."""
+    """Limit the cores that this process uses, if several processes share the machine."""
     global _core_limit
     if limit != _core_limit:
         _core_limit = limit
@@ -285,7 +283,7 @@ def _replace_in_child() -> None:
     `one_blas_thread` takes it over and removes it.
     """
     global _LIMIT
-    _LIMIT = _Limit(_LIMIT.limiter)
+    _LIMIT = _BlasLimit(_LIMIT.limiter)
     pool.cache_clear()
 
 

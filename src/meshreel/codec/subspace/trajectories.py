@@ -12,8 +12,8 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.extent import Extent
 
-MAX_MOVED = 1e-3
-"""Distance of an origin in single precision from the center, in diagonals."""
+MAX_ORIGIN_ERROR = 1e-3
+"""Largest distance of an origin rounded to single precision from the center, in diagonals."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class BoundingFrame:
         return self.scale, *self.origin
 
     @property
-    def in_floats(self) -> "BoundingFrame":
-        """The frame with numbers of single precision, if its center stays near, otherwise itself.
+    def in_single_precision(self) -> "BoundingFrame":
+        """The frame rounded to single precision, or itself if that moves the origin too far.
 
         The scale is rounded down, so that a bound relative to it is no larger.
         """
@@ -48,7 +48,7 @@ class BoundingFrame:
         if single[-1] > exact[-1]:
             single[-1] = np.nextafter(single[-1], np.float32(0.0))
         moved = np.abs(single[:-1] - exact[:-1]).max()
-        if moved > MAX_MOVED * self.scale or single[-1] < np.finfo(np.float32).tiny:
+        if moved > MAX_ORIGIN_ERROR * self.scale or single[-1] < np.finfo(np.float32).tiny:
             return self
         *origin, scale = single.tolist()
         return BoundingFrame(tuple(origin), scale)
@@ -73,7 +73,7 @@ def stored_frame(extent: Extent) -> BoundingFrame:
     A point keeps its origin, which then is its exact position.
     """
     frame = bounding_frame(extent)
-    return frame.in_floats if (extent.high > extent.low).any() else frame
+    return frame.in_single_precision if (extent.high > extent.low).any() else frame
 
 
 def to_matrices(vertices: npt.NDArray[np.floating], frame: BoundingFrame) -> Floats:

@@ -235,5 +235,5 @@ def test_failed_verification_writes_nothing(monkeypatch):
         "meshreel.codec.reel.encoding.exact_positions.decode_exact",
         lambda data, shape, dtype, graph: np.zeros(shape, dtype),
     )
-    with pytest.raises(SolverError, match="do not come back bit for bit; nothing is written"):
+    with pytest.raises(SolverError, match="do not decode bit for bit; nothing is written"):
         meshreel.encode(waving_grid(2), lossless=True)

@@ -7,7 +7,7 @@ from meshreel.model.extent import Extent
 
 def test_numbers_in_single_precision_stay_near():
     frame = BoundingFrame((0.1, -2.7, 1e3 / 3), 12.3456789)
-    rounded = frame.in_floats
+    rounded = frame.in_single_precision
     numbers = np.array([*rounded.origin, rounded.scale])
     assert (numbers == numbers.astype(np.float32)).all()
     np.testing.assert_allclose(rounded.origin, frame.origin, rtol=1e-7)
@@ -23,7 +23,7 @@ def test_numbers_in_single_precision_stay_near():
     ],
 )
 def test_frames_far_away_huge_or_tiny_keep_double_precision(frame):
-    assert frame.in_floats is frame
+    assert frame.in_single_precision is frame
 
 
 def test_points_keep_their_positions():

@@ -28,7 +28,7 @@ from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
 Vertices = npt.NDArray[np.floating]
-Sides = tuple[Faces, npt.NDArray[np.int32]]
+FacesAndTwins = tuple[Faces, npt.NDArray[np.int32]]
 CodedBlock = tuple[int, list[tuple[Section, bytes]]]
 
 MAX_PARALLEL_BLOCKS = 4
@@ -66,9 +66,9 @@ class PositionCoder(ABC):
 class ExactPositionCoder(PositionCoder):
     """Encodes blocks of positions losslessly."""
 
-    sides: Sides | None = None
-    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the other side at the
-    edge of each side, or the side itself. Needed with `grid`.
+    faces_and_twins: FacesAndTwins | None = None
+    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the twin of each
+    half-edge, itself at a boundary. Needed with `grid`.
     """
     grid: PositionGrid | None = None
     """Grid on which the positions of the only frame lie, as a quantizer left them."""
@@ -90,31 +90,25 @@ class ExactPositionCoder(PositionCoder):
         decoded = decode_exact(values[1], vertices.shape, vertices.dtype, self.graph)
         if not np.array_equal(decoded.view(np.uint8), vertices.view(np.uint8)):
             raise SolverError(
-                "positions do not come back bit for bit; nothing is written; please report this "
-                "sequence"
+                "positions do not decode bit for bit; nothing is written; please report the input"
             )
         exact = [block, values]
-        on_grid = self._on_grid(vertices)
+        on_grid = self._encode_on_grid(vertices)
         return exact if on_grid is None else min(exact, on_grid, key=size_bytes)
 
-    def _on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
+    def _encode_on_grid(self, vertices: Vertices) -> list[tuple[Section, bytes]] | None:
         """Encode the frame on its grid, with the rounding of its values."""
-        if self.grid is None or self.sides is None:
+        if self.grid is None or self.faces_and_twins is None:
             return None
         coordinates = self.grid.coordinates(vertices)
         rounding = self.grid.rounding(coordinates, vertices)
         if rounding is None or np.abs(coordinates).max() > MAX_VALUE:
             return None
-        return write_on_surface(coordinates, self.grid.step, *self.sides, rounding)
+        return write_on_surface(coordinates, self.grid.step, *self.faces_and_twins, rounding)
 
 
 def encode(source: Source, progress: Progress) -> bytes:
     """Encode the source to a stream with lossless positions.
-
-    Parameters
-    ----------
-    source : Source
-    progress : callable
 
     Raises
     ------
@@ -127,7 +121,7 @@ def encode(source: Source, progress: Progress) -> bytes:
     coder = ExactPositionCoder(source.mesh.links, source.mesh.n_verts)
     if source.n_frames == 1 and (grid := grid_of_frame(source)):
         source = source.with_changes(origin=grid.frame.origin)
-        coder = replace(coder, sides=source.mesh.sides, grid=grid)
+        coder = replace(coder, faces_and_twins=source.mesh.faces_and_twins, grid=grid)
     return stream_of(source, coder, progress)
 
 
@@ -137,29 +131,23 @@ def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
 
 
 def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes:
-    """Encode the source to a stream; its tracks are already encoded.
-
-    Parameters
-    ----------
-    progress
-        As in `encode`.
-    """
+    """Encode the source to a stream; its tracks are already encoded."""
     n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
-    blocks = _coded(coder, source.blocks(), n_together)
-    coded = _with_progress(blocks, source.sequence.n_frames, progress)
+    blocks = _encode_blocks(coder, source.blocks(), n_together)
+    coded = _report_progress(blocks, source.sequence.n_frames, progress)
     data = source.stream(coder.leading_sections(), coded)
     return FollowingTracks(source, progress).stream(data) if source.tracks else data
 
 
-def _coded(
+def _encode_blocks(
     coder: PositionCoder, blocks: Iterator[Vertices], n_together: int
 ) -> Iterator[CodedBlock]:
     """Yield frames and sections of each block, encoding several in parallel."""
     while group := list(islice(blocks, n_together)):
-        yield from _in_parallel(coder, group)
+        yield from _encode_in_parallel(coder, group)
 
 
-def _in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
+def _encode_in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBlock]:
     coded: dict[int, list[tuple[Section, bytes]]] = {}
 
     def code(number: int) -> None:
@@ -169,7 +157,7 @@ def _in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[CodedBloc
     return [(len(vertices), coded[number]) for number, vertices in enumerate(blocks)]
 
 
-def _with_progress(
+def _report_progress(
     blocks: Iterator[CodedBlock], n_frames: int, progress: Progress
 ) -> Iterator[tuple[int, Sections]]:
     """Yield the blocks, and report the number of encoded frames."""
@@ -201,8 +189,8 @@ class LivePositionCoder:
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections between those of the mesh and the first block."""
-        of_tracks = (track.leading_section() for track in self._tracks.values())
-        return chain(self._coder.leading_sections(), of_tracks)
+        track_sections = (track.leading_section() for track in self._tracks.values())
+        return chain(self._coder.leading_sections(), track_sections)
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
         """Encode the next block; positions are in internal order, tracks in the given one.
@@ -214,7 +202,7 @@ class LivePositionCoder:
         """
         is_needed = bool(self._tracks) and self._coder.is_exact
         positions = self._in_output_order(vertices) if is_needed else None
-        others = [
+        track_sections = [
             coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
         ]
-        return chain(self._coder.code(vertices), *others)
+        return chain(self._coder.code(vertices), *track_sections)

@@ -16,7 +16,12 @@ from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
-from meshreel.codec.reel.encoding.exact_positions import PositionCoder, Sides, size_bytes, stream_of
+from meshreel.codec.reel.encoding.exact_positions import (
+    FacesAndTwins,
+    PositionCoder,
+    size_bytes,
+    stream_of,
+)
 from meshreel.codec.reel.encoding.stored_grid import coarse_grid, grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
@@ -52,9 +57,9 @@ MAX_ROUNDING_BYTES = 1 / 16
 class GridPositionCoder(PositionCoder):
     """Codes blocks of positions on a grid, or losslessly."""
 
-    sides: Sides
-    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the other side at the
-    edge of each side, or the side itself.
+    faces_and_twins: FacesAndTwins
+    """tuple of int32 arrays of shape (M, 3) and (3 M,). Internal faces, and the twin of each
+    half-edge, itself at a boundary.
     """
     grid: PositionGrid
     bound: float | None
@@ -92,7 +97,9 @@ class GridPositionCoder(PositionCoder):
         if is_precise and np.abs(coordinates).max() <= MAX_VALUE:
             coded_frames, n_frames = coordinates[:1] if is_single else coordinates, len(vertices)
             choices.append(
-                write_on_surface(coded_frames, step, *self.sides, rounding, n_frames=n_frames)
+                write_on_surface(
+                    coded_frames, step, *self.faces_and_twins, rounding, n_frames=n_frames
+                )
             )
             if is_single or self.is_fast:
                 return choices[0]
@@ -146,7 +153,7 @@ def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositi
     single = np.float32(step := _allowed(step))
     single = single if single <= step else np.nextafter(single, np.float32(0))
     grid = PositionGrid(float(single), frame)
-    return GridPositionCoder(mesh.links, mesh.n_verts, mesh.sides, grid, None)
+    return GridPositionCoder(mesh.links, mesh.n_verts, mesh.faces_and_twins, grid, None)
 
 
 def encode(source: Source, progress: Progress) -> bytes:
