@@ -53,6 +53,8 @@ class PartWriter:
 
     Parameters
     ----------
+    schema : OPolyMeshSchema
+        Of the library.
     part : PartMesh
         The part in the first segment.
     sampling : int
@@ -76,7 +78,7 @@ class PartWriter:
         self._segment_data = segment_data
         self._has_normals = part.writes_edge_normals(tracks, segment_data)
         self._names: set[str] = set()
-        self._is_first = True
+        self._is_first_frame = True
         self._params: dict[str | int, Any] = {}
         self._track_params: dict[str, Any] = {}
         self._face_sets: dict[str, Any] = {}
@@ -108,11 +110,9 @@ class PartWriter:
 
     def begin(self, part: PartMesh) -> None:
         """Begin a segment with the part in it."""
-        self._part, self._is_new = part, True
-        self._shading: RowNormals | None = None
+        self._part, self._is_segment_start = part, True
         self._corner_order = reversed_corners(part.counts)
-        if self._has_normals:
-            self._shading = part.edge_normals()
+        self._shading: RowNormals | None = part.edge_normals() if self._has_normals else None
 
     def add(self, frame: Singles, values: Mapping[str, Values]) -> None:
         """Write the next frame, from positions of shape (V, 3) and track values of all parts."""
@@ -128,11 +128,11 @@ class PartWriter:
                 sample.setUVs(param_sample("V2f", "V2f", track.domain, part_values))
         if self._shading is not None:
             normals = self._shading.of_frames(frame[np.newaxis, self._part.verts])[0]
-            of_corner = self._shading.rows.of_corner[self._corner_order]
-            single = normals.astype(np.float32)
-            sample.setNormals(param_sample("N3f", "V3f", Domain.CORNER, single, of_corner))
-        if self._is_new:
-            self._write_segment(sample)
+            rows = self._shading.rows.of_corner[self._corner_order]
+            normals = normals.astype(np.float32)
+            sample.setNormals(param_sample("N3f", "V3f", Domain.CORNER, normals, rows))
+        if self._is_segment_start:
+            self._write_segment_start(sample)
         else:  # the library repeats the faces
             self._schema.set(sample)
             if self._segment_data is not None:
@@ -142,7 +142,7 @@ class PartWriter:
                     face_set.set(faces)
         for name, track in self._param_tracks.items():
             self._write_track(name, track, self._part_values(track, values[name]))
-        self._is_new = self._is_first = False
+        self._is_segment_start = self._is_first_frame = False
 
     def _part_values(self, track: TrackSource, values: Values) -> Values:
         """Return the values of this part, with corners in file order."""
@@ -150,21 +150,23 @@ class PartWriter:
         is_corner = track.domain is Domain.CORNER
         return part_values[self._corner_order] if is_corner else part_values
 
-    def _write_segment(self, sample: Any) -> None:
+    def _write_segment_start(self, sample: Any) -> None:
         """Write the first sample of a segment, with its faces, attributes and groups."""
         counts, attributes = self._part.counts, self._part.surface.attributes
         sample.setFaceCounts(library_array("Int32", counts))
         sample.setFaceIndices(library_array("Int32", self._part.corners[self._corner_order]))
         texture = next((attribute for attribute in attributes if _is_texture(attribute)), None)
-        if self._is_first:
-            self._mark_first(texture)
+        if self._is_first_frame:
+            self._name_uvs(texture)
+            if self._shading is not None:
+                self._mark(COMPUTED, NORMALS)
         if texture is not None:
             sample.setUVs(self._attribute_sample(texture, UV_TYPE))
         self._schema.set(sample)
         other_attributes = [attribute for attribute in attributes if attribute is not texture]
         for number, attribute in enumerate(other_attributes):
             kind = _attribute_type(attribute)
-            if self._is_first:
+            if number not in self._params:
                 name = self._new_name("attribute", attribute.name)
                 self._params[number] = self._param(
                     name, attribute.domain, kind, is_indexed=attribute.indices is not None
@@ -176,27 +178,27 @@ class PartWriter:
         for group in self._part.surface.groups:
             if group.name != "material":
                 self._write_texts(group)
-        if self._is_first and self._segment_data is not None:
+        if self._is_first_frame and self._segment_data is not None:
             # Our reader makes no track of these properties; their names contain no "/".
             names = [*sorted(self._names), *([] if texture is None else [UVS])]
             self._mark(SEGMENT_ATTRIBUTES, "/".join(names))
 
-    def _mark_first(self, texture: Attribute | None) -> None:
-        """Name the texture coordinates and mark normals, which must precede the first sample."""
-        what, name, names = "attribute", "", set(self._param_tracks)
+    def _name_uvs(self, texture: Attribute | None) -> None:
+        """Name the texture coordinates, which must precede the first sample."""
         if texture is not None:
-            name = texture.name
-            names = {each.name for each in self._part.surface.attributes if each is not texture}
+            what, name = "attribute", texture.name
+            attributes = self._part.surface.attributes
+            used = {attribute.name for attribute in attributes if attribute is not texture}
         elif UVS in self._standard:
-            what, name = "track", self._standard[UVS][0]
-        if texture is not None or UVS in self._standard:
-            written_name = unique_name(clean(name, IN_METADATA), names)
-            note_name(what, name, written_name, ".abc", self._notes)
-            self._schema.setUVSourceName(written_name)
-        if self._shading is not None:
-            self._mark(COMPUTED, NORMALS)
+            what, (name, _), used = "track", self._standard[UVS], set(self._param_tracks)
+        else:
+            return
+        written_name = unique_name(clean(name, IN_METADATA), used)
+        note_name(what, name, written_name, ".abc", self._notes)
+        self._schema.setUVSourceName(written_name)
 
     def _mark(self, name: str, text: str) -> None:
+        """Write a user property, which our reader looks for."""
         user = self._schema.getUserProperties()
         ALEMBIC.load("Abc").OStringProperty(user, name).setValue(text)
 
