@@ -41,15 +41,16 @@ class PartMesh:
     """Mapping of Domain to slice. Ranges of its vertices, faces and corners in the whole mesh."""
 
     def writes_edge_normals(
-        self, tracks: Mapping[str, TrackSource], changing: SharedData | None
+        self, tracks: Mapping[str, TrackSource], segment_data: SharedData | None
     ) -> bool:
-        """Return whether normals are computed from hard edges: not beside a track of normals.
+        """Return whether normals are computed from hard edges: not if a track has normals.
 
         With the data of several segments, any of them may have the hard edges.
         """
-        has_edges = (
-            self.surface.hard_edges is not None if changing is None else changing.has_hard_edges
-        )
+        if segment_data is None:
+            has_edges = self.surface.hard_edges is not None
+        else:
+            has_edges = segment_data.has_hard_edges
         return has_edges and all(track.kind is not TrackKind.NORMAL for track in tracks.values())
 
     def edge_normals(self) -> RowNormals:
@@ -73,20 +74,28 @@ def split_parts(faces: Faces, surface: Surface, n_verts: int, name: str) -> Iter
     if (owners[corners] != np.repeat(np.arange(len(parts)), n_corners)).any():
         parts = (Part(name, n_verts, len(counts)),)
         items = _items(parts, counts)
-    for part, own in zip(parts, items, strict=True):
-        verts, own_faces = own[Domain.VERTEX], own[Domain.FACE]
-        own_items, first = own[Domain.CORNER], np.int32(verts.start)
-        triangles = slice(
-            own_items.start - 2 * own_faces.start, own_items.stop - 2 * own_faces.stop
+    for part, part_items in zip(parts, items, strict=True):
+        verts, polygons, part_corners = (part_items[domain] for domain in SURFACE_DOMAINS)
+        triangles = slice(  # n - 2 for each polygon of n corners
+            part_corners.start - 2 * polygons.start, part_corners.stop - 2 * polygons.stop
         )
         attributes = tuple(
-            _cut_attribute(attribute, own[attribute.domain]) for attribute in surface.attributes
+            _slice_attribute(attribute, part_items[attribute.domain])
+            for attribute in surface.attributes
         )
-        groups = tuple(_cut_groups(group, own_faces) for group in surface.groups)
-        edges = _cut_edges(surface.hard_edges, verts)
-        cut = Surface(None, attributes, tuple(g for g in groups if g.labels), hard_edges=edges)
-        own_corners, triangles_of = corners[own_items] - first, faces[triangles] - first
-        yield PartMesh(part.name, verts, counts[own_faces], own_corners, triangles_of, cut, own)
+        groups = tuple(_slice_groups(group, polygons) for group in surface.groups)
+        used_groups = tuple(group for group in groups if group.labels)
+        edges = _slice_edges(surface.hard_edges, verts)
+        first = np.int32(verts.start)
+        yield PartMesh(
+            part.name,
+            verts,
+            counts[polygons],
+            corners[part_corners] - first,
+            faces[triangles] - first,
+            Surface(None, attributes, used_groups, hard_edges=edges),
+            part_items,
+        )
 
 
 def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Domain, slice]]:
@@ -94,21 +103,21 @@ def _items(parts: Sequence[Part], counts: npt.NDArray[np.int32]) -> list[dict[Do
     corner_ends = np.concatenate([[0], np.cumsum(counts, dtype=np.int64)])
     faces = np.cumsum([0, *(part.n_faces for part in parts)])
     ends = np.cumsum([0, *(part.n_verts for part in parts)]), faces, corner_ends[faces]
-    starts_and_stops = (pairwise(end.tolist()) for end in ends)
+    ranges = (pairwise(end.tolist()) for end in ends)
     return [
-        {domain: slice(*ends) for domain, ends in zip(SURFACE_DOMAINS, own, strict=True)}
-        for own in zip(*starts_and_stops, strict=True)
+        {domain: slice(*bounds) for domain, bounds in zip(SURFACE_DOMAINS, part, strict=True)}
+        for part in zip(*ranges, strict=True)
     ]
 
 
-def _cut_edges(edges: Int32s | None, verts: slice) -> Int32s | None:
+def _slice_edges(edges: Int32s | None, verts: slice) -> Int32s | None:
     if edges is None:
         return None
-    is_own = (edges >= verts.start).all(axis=1) & (edges < verts.stop).all(axis=1)
-    return edges[is_own] - np.int32(verts.start) if is_own.any() else None
+    is_inside = ((edges >= verts.start) & (edges < verts.stop)).all(axis=1)
+    return edges[is_inside] - np.int32(verts.start) if is_inside.any() else None
 
 
-def _cut_attribute(whole: Attribute, items: slice) -> Attribute:
+def _slice_attribute(whole: Attribute, items: slice) -> Attribute:
     if whole.indices is None:
         return Attribute(whole.name, whole.kind, whole.domain, whole.values[items])
     rows, indices = np.unique(whole.indices[items], return_inverse=True)
@@ -117,7 +126,7 @@ def _cut_attribute(whole: Attribute, items: slice) -> Attribute:
     )
 
 
-def _cut_groups(whole: FaceGroups, faces: slice) -> FaceGroups:
+def _slice_groups(whole: FaceGroups, faces: slice) -> FaceGroups:
     used, numbers = np.unique(whole.numbers[faces], return_inverse=True)
     first = int(len(used) > 0 and used[0] == -1)
     labels = tuple(whole.labels[number] for number in used[first:])
