@@ -44,6 +44,10 @@ TYPE_NAMES = {
 HEADER_BEGIN = ("ply", "format binary_little_endian 1.0")
 
 Column = tuple[str, Values]
+"""Name and values of a property."""
+
+FaceTable = tuple[list[str], bytes]
+"""Header lines that declare the faces, and the bytes of the faces."""
 
 RaggedField = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
 """Number of values in each row, and the values of all rows."""
@@ -69,52 +73,52 @@ def ply_encoder(stream: FrameStream) -> Encode:
     Float32 and float64 positions round-trip exactly. Constant data is encoded once.
     """
     faces, surface = stream.faces, stream.surface
-    by_domain = [
-        _writable_attributes(surface, domain)
-        for domain in (Domain.VERTEX, Domain.FACE, Domain.CORNER)
-    ]
-    attributes = [attribute for writable in by_domain for attribute in writable]
-    note_unwritten(surface, attributes, ".ply", stream.notes)
-    columns, face_columns = (
-        [column for attribute in writable for column in _columns(attribute)]
-        for writable in by_domain[:2]
+    attributes = {domain: _writable_attributes(surface, domain) for domain in SURFACE_DOMAINS}
+    all_attributes = [attribute for group in attributes.values() for attribute in group]
+    note_unwritten(surface, all_attributes, ".ply", stream.notes)
+    tracks = select_tracks(stream.tracks, all_attributes, stream.notes)
+    vertex_columns, face_columns = (
+        [column for attribute in attributes[domain] for column in _columns(attribute)]
+        for domain in (Domain.VERTEX, Domain.FACE)
     )
-    lists = [attribute.per_item() for attribute in by_domain[2]]
-    written_tracks = select_tracks(stream.tracks, attributes, stream.notes)
-    tracks_of = {
-        domain: [track for track in written_tracks if track.domain is domain]
-        for domain in SURFACE_DOMAINS
-    }
-    face_table = _face_table(faces, surface, face_columns, lists)
+    corner_values = [attribute.per_item() for attribute in attributes[Domain.CORNER]]
+    constant_face_table = _face_table(faces, surface, face_columns, corner_values)
+    has_face_tracks = any(track.domain is not Domain.VERTEX for track in tracks)
 
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
-        face_header, face_bytes = face_table
-        vertex_columns, frame_columns = (
-            [column for track in tracks_of[domain] for column in track.columns(values[track.name])]
-            for domain in (Domain.VERTEX, Domain.FACE)
-        )
-        if tracks_of[Domain.FACE] or tracks_of[Domain.CORNER]:
-            pairs = [values[track.name] for track in tracks_of[Domain.CORNER]]
-            face_header, face_bytes = _face_table(
-                faces, surface, face_columns + frame_columns, lists + pairs
-            )
-        is_single = vertices.dtype == np.float32
-        positions = vertices.astype("f4" if is_single else "f8", copy=False)
-        fields = [*zip("xyz", positions.T, strict=True), *columns, *vertex_columns]
-        rows = np.empty(len(vertices), [(name, _code(column)) for name, column in fields])
-        for name, column in fields:
-            rows[name] = column
-        declared = [f"property {TYPE_NAMES[_code(column)]} {name}" for name, column in fields]
-        header = [*HEADER_BEGIN, f"element vertex {len(vertices)}", *declared, *face_header, ""]
-        return "\n".join(header).encode("ascii") + rows.tobytes() + face_bytes
+        track_columns: dict[Domain, list[Column]] = {Domain.VERTEX: [], Domain.FACE: []}
+        track_corner_values = []
+        for track in tracks:
+            if track.domain is Domain.CORNER:
+                track_corner_values.append(values[track.name])
+            else:
+                track_columns[track.domain] += track.columns(values[track.name])
+        face_table = constant_face_table
+        if has_face_tracks:
+            columns = face_columns + track_columns[Domain.FACE]
+            face_table = _face_table(faces, surface, columns, corner_values + track_corner_values)
+        return _encode_tables(vertices, vertex_columns + track_columns[Domain.VERTEX], face_table)
 
     return encode
 
 
+def _encode_tables(vertices: Vertices, columns: list[Column], face_table: FaceTable) -> bytes:
+    """Return a PLY file of vertices, with columns of further properties, and of a face table."""
+    positions = vertices.astype("f4" if vertices.dtype == np.float32 else "f8", copy=False)
+    fields = [*zip("xyz", positions.T, strict=True), *columns]
+    rows = np.empty(len(vertices), [(name, _code(column)) for name, column in fields])
+    for name, column in fields:
+        rows[name] = column
+    properties = [f"property {TYPE_NAMES[_code(column)]} {name}" for name, column in fields]
+    face_header, face_bytes = face_table
+    header = [*HEADER_BEGIN, f"element vertex {len(vertices)}", *properties, *face_header, ""]
+    return "\n".join(header).encode("ascii") + rows.tobytes() + face_bytes
+
+
 def _face_table(
     faces: Faces, surface: Surface, columns: list[Column], corner_values: list[Values]
-) -> tuple[list[str], bytes]:
-    """Header lines that declare the faces, and the bytes of the faces."""
+) -> FaceTable:
+    """Return the faces, with columns of further properties and UVs of corners."""
     counts = surface.sizes(len(faces)).astype(np.int64)
     lists = [(INDEX_NAMES[0], counts, join_triangles(counts, faces))]
     lists += [(CORNER_UV_NAME, 2 * counts, pairs.ravel()) for pairs in corner_values]
@@ -186,7 +190,7 @@ class PlyTrack:
     dtype: np.dtype[Any]
     """Type of the numbers in the file."""
 
-    def columns(self, values: Values) -> list[tuple[str, Values]]:
+    def columns(self, values: Values) -> list[Column]:
         """Return the property columns of a frame, given values of shape (N, C)."""
         columns = values.astype(self.dtype, copy=False).T
         return list(zip(self.properties, columns, strict=True))
