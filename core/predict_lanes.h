@@ -78,11 +78,11 @@ TARGET REEL_INLINE void NAMED(load_batch)(NAMED(batch) *b, const reel_mesh *mesh
                                           int64_t first, int64_t last) {
     b->n_lanes = last - first < REEL_BATCH ? (int)(last - first) : REEL_BATCH;
     FOR_LANES(l) {
-        int64_t own = first + (l < b->n_lanes ? l : b->n_lanes - 1);
-        const int32_t *neighbors = mesh->stencil + own * size;
-        const uint8_t *hops = mesh->hops + own * size;
+        int64_t vertex = first + (l < b->n_lanes ? l : b->n_lanes - 1);
+        const int32_t *neighbors = mesh->stencil + vertex * size;
+        const uint8_t *hops = mesh->hops + vertex * size;
         const float *shares = variance_by_hops[hops[0] & 3];
-        b->neighbors[SELF][l] = (int32_t)own;
+        b->neighbors[SELF][l] = (int32_t)vertex;
         for (int j = 0; j < size; j++) {
             bool is_present = neighbors[j] >= 0;
             b->neighbors[j][l] = is_present ? neighbors[j] : neighbors[0];
@@ -150,11 +150,11 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
         rows[r] = b->filter.variance + (i + r) * (i + r + 1) / 2;
     }
     FOR_VECS(p) {
-        VEC sums[ROWS], scaled_gain[ROWS], own[ROWS];
+        VEC sums[ROWS], scaled_gain[ROWS], row_offsets[ROWS];
         REEL_UNROLLED for (int r = 0; r < n; r++) {
             sums[r] = (VEC){0};
             scaled_gain[r] = b->scaled_gain[i + r][p];
-            own[r] = offset[i + r][p];
+            row_offsets[r] = offset[i + r][p];
         }
         for (int j = 0; j < i; j++) {
             VEC sum = gain[j][p];
@@ -162,7 +162,7 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
                 VEC variance = rows[r][j][p] - scaled_gain[r] * before[j][p];
                 rows[r][j][p] = variance;
                 sums[r] += variance * offset[j][p];
-                sum += variance * own[r];
+                sum += variance * row_offsets[r];
             }
             gain[j][p] = sum;
         }
@@ -170,12 +170,12 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
             REEL_UNROLLED for (int j = 0; j < r; j++) {
                 VEC variance = rows[r][i + j][p] - scaled_gain[r] * before[i + j][p];
                 rows[r][i + j][p] = variance;
-                sums[r] += variance * own[j];
-                gain[i + j][p] += variance * own[r];
+                sums[r] += variance * row_offsets[j];
+                gain[i + j][p] += variance * row_offsets[r];
             }
             VEC variance = rows[r][i + r][p] - scaled_gain[r] * before[i + r][p];
             rows[r][i + r][p] = variance;
-            gain[i + r][p] = sums[r] + variance * own[r];
+            gain[i + r][p] = sums[r] + variance * row_offsets[r];
         }
     }
 }
@@ -300,12 +300,12 @@ TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base
 #endif
 }
 
-/* Load a row for `transpose`; of(l) loads the eight floats of vertex l. */
+/* Load a row for `transpose`; load(l) loads the eight floats of vertex l. */
 #if LANES == 8
-#define LOAD_ROW(l, of)                                                                            \
-    SHUFFLE(of(l), of((l) + 8), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#define LOAD_ROW(l, load)                                                                          \
+    SHUFFLE(load(l), load((l) + 8), 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #else
-#define LOAD_ROW(l, of) of(l)
+#define LOAD_ROW(l, load) load(l)
 #endif
 #endif
 
@@ -388,7 +388,7 @@ TARGET REEL_INLINE void NAMED(gather_slot)(const NAMED(batch) *b, const double *
 
 /* Gather the offsets of fields k..n_fields-1, or of the first FIELDS_PER_GATHER of them. */
 TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const double *values,
-                                      int64_t k, int64_t n_fields, bool with_own,
+                                      int64_t k, int64_t n_fields, bool with_self,
                                       NAMED(offsets) *result) {
     int n = n_fields - k < FIELDS_PER_GATHER ? (int)(n_fields - k) : FIELDS_PER_GATHER;
     for (int m = 0; m < n; m++) {
@@ -397,7 +397,7 @@ TARGET REEL_CALLED void NAMED(gather)(const NAMED(batch) *b, int size, const dou
     for (int j = 0; j < size; j++) {
         NAMED(gather_slot)(b, values + k, n_fields, n, j, result);
     }
-    if (with_own) {
+    if (with_self) {
         NAMED(gather_slot)(b, values + k, n_fields, n, SELF, result);
     }
 }
@@ -595,18 +595,18 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
         ones[m / LANES][m % LANES] = quantizer->counts[2 * (k + m) + 1];
     }
     for (int l = 0; l < b->n_lanes; l++) {
-        int64_t own = b->neighbors[SELF][l];
+        int64_t vertex = b->neighbors[SELF][l];
         NAMED(predict_modes)(b, size, l, n, fields->values + k, n_modes, predictions);
         if (is_shaped) {
             NAMED(predict_modes)(b, size, l, n, quantizer->targets + k, n_modes, shaped);
         }
-        VEC_D *values = (VEC_D *)(fields->values + own * n_modes + k);
+        VEC_D *values = (VEC_D *)(fields->values + vertex * n_modes + k);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
-            int32_t *residual = fields->residuals + (k + i * LANES) * n_verts + own;
+            int32_t *residual = fields->residuals + (k + i * LANES) * n_verts + vertex;
             if (quantizer) {
                 fits &= NAMED(quantize_modes)(
                     to_nearest, quantizer, (const VEC_D *)(quantizer->zones + k) + i,
-                    &predictions[i], (const VEC_D *)(quantizer->targets + own * n_modes + k) + i,
+                    &predictions[i], (const VEC_D *)(quantizer->targets + vertex * n_modes + k) + i,
                     is_shaped ? &shaped[i] : NULL, &residuals, &zeros[i], &ones[i]);
                 for (int m = 0; m < LANES; m++) {
                     residual[m * n_verts] = residuals[m];
