@@ -1,4 +1,4 @@
-// Blobs.
+// Byte source of a blob.
 
 import { InvalidInputError, SourceError } from "../errors.js";
 import type { ByteSource } from "../types.js";
@@ -36,7 +36,7 @@ export class BlobSource implements ByteSource {
 /**
  * Clamp the range of a read to the size.
  *
- * @throws InvalidInputError if it is no range.
+ * @throws InvalidInputError if the range is invalid.
  */
 export function clampRange(start: number, end: number, size: number | null): [number, number] {
   if (!(Number.isSafeInteger(start) && Number.isSafeInteger(end) && 0 <= start && start <= end)) {
