@@ -66,7 +66,7 @@ def measure_stream(
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
-    sampled = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
+    normal_frames = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
     angles: list[float] = []
     for number, segment in enumerate(segments):
 
@@ -79,7 +79,7 @@ def measure_stream(
             for start, frames in reel.pieces():
                 reordered = frames if internal is None else frames[:, internal]
                 for index in range(len(reordered)):
-                    if first + start + index in sampled:
+                    if first + start + index in normal_frames:
                         original = segment.read(start + index, start + index + 1)
                         pair = original, reordered[index : index + 1]
                         angles.append(normal_angles(*pair, segment.faces).mean_deg)
@@ -94,10 +94,10 @@ def measure_stream(
             for name, errors in errors_of_tracks(segment.tracks, reel.tracks, numbers).items():
                 tracks.setdefault(name, []).append(errors)
         first_frame += segment.n_frames
-    of_positions = sums.errors
+    position_errors = sums.errors
     return Achieved(
-        of_positions.kg_error_percent,
-        of_positions.max_error_percent,
+        position_errors.kg_error_percent,
+        position_errors.max_error_percent,
         {name: joined_errors(track_errors) for name, track_errors in tracks.items()},
         sum(angles) / len(angles) if angles else None,
         len(angles),

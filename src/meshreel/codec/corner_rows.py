@@ -27,7 +27,7 @@ class CornerRows:
     """Number of rows, R; at least the number of vertices."""
 
 
-def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRows:
+def number_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRows:
     """Number the rows of groups of corners.
 
     Parameters
@@ -37,30 +37,30 @@ def numbered_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerR
     vertices : integer array of shape (N,)
         Internal number of the vertex of each corner.
     """
-    order, places = _by_vertex(vertices)
+    order, ranks = _by_vertex(vertices)
     rows = np.full(int(groups.max(initial=-1)) + 1, -1, np.int64)
-    first = order[places == 0]
+    first = order[ranks == 0]
     rows[groups[first]] = vertices[first]
-    others = groups[order]
-    _, at = np.unique(others, return_index=True)
-    others = others[np.sort(at)]
-    others = others[rows[others] < 0]
-    rows[others] = n_verts + np.arange(len(others))
-    return CornerRows(rows[groups], n_verts + len(others))
+    sorted_groups = groups[order]
+    _, firsts = np.unique(sorted_groups, return_index=True)
+    by_occurrence = sorted_groups[np.sort(firsts)]
+    further = by_occurrence[rows[by_occurrence] < 0]
+    rows[further] = n_verts + np.arange(len(further))
+    return CornerRows(rows[groups], n_verts + len(further))
 
 
 def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> bytes:
-    """Encode the rows of `numbered_rows`; the reader needs the same vertices."""
+    """Encode the rows of `number_rows`; the reader needs the same vertices."""
     has_seam = np.zeros(n_verts, np.int64)
     has_seam[vertices[rows.of_corners >= n_verts]] = 1
-    order, places = _by_vertex(vertices)
+    order, ranks = _by_vertex(vertices)
     of_corners = rows.of_corners[order]
     by_row = np.argsort(of_corners, kind="stable")
     is_same = of_corners[by_row[1:]] == of_corners[by_row[:-1]]
     codes = np.full(len(order), NEW, np.int64)
     back = by_row[1:][is_same] - by_row[:-1][is_same]
     codes[by_row[1:][is_same]] = np.where(back == 1, AGAIN, back)
-    stored_codes = codes[(places > 0) & (has_seam[vertices[order]] > 0)]
+    stored_codes = codes[(ranks > 0) & (has_seam[vertices[order]] > 0)]
     return write_varint(len(stored_codes)) + encode_integers([has_seam, stored_codes])
 
 

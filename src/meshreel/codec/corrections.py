@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshreel.arrays import Floats, Integers
-from meshreel.kernel.frames import Moves
+from meshreel.kernel.frames import FrameCorrections
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Corrections:
         """Displacements of shape (N, 3), in diagonals."""
         return np.asarray(self.offsets * float(self.step))
 
-    def by_frame(self, n_frames: int) -> Moves:
+    def by_frame(self, n_frames: int) -> FrameCorrections:
         """Group the displacements by frame, with ascending vertices."""
         order = np.lexsort((self.vertices, self.frames))
         starts = np.searchsorted(self.frames[order], np.arange(n_frames + 1))
         vertices = self.vertices[order].astype(np.int32)
         displacements = np.ascontiguousarray(self.displacements[order])
-        return Moves(starts.astype(np.int64), vertices, displacements)
+        return FrameCorrections(starts.astype(np.int64), vertices, displacements)

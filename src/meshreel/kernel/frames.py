@@ -27,7 +27,7 @@ VERTICES_AT_ONCE = 1 << 12
 
 
 @dataclass(frozen=True)
-class Moves:
+class FrameCorrections:
     """Displacements of single positions, in diagonals."""
 
     starts: npt.NDArray[np.int64]
@@ -39,9 +39,11 @@ class Moves:
     displacements: Floats
     """float64 array of shape (N, C)."""
 
-    def of_frames(self, frames: range) -> "Moves":
+    def of_frames(self, frames: range) -> "FrameCorrections":
         """The displacements of a range of frames."""
-        return Moves(self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements)
+        return FrameCorrections(
+            self.starts[frames.start : frames.stop + 1], self.vertices, self.displacements
+        )
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,9 @@ class JointFrames:
         out: npt.NDArray[np.floating],
         frames: range,
         placement: Sequence[float],
-        moves: Moves | None = None,
+        corrections: FrameCorrections | None = None,
     ) -> bool:
-        """Fill an array with values of frames: (sum over modes + move) times scale plus origin.
+        """Fill an array with frames: (sum over modes + correction) times scale plus origin.
 
         Returns whether all values are finite.
 
@@ -96,10 +98,12 @@ class JointFrames:
             The n frames.
         placement : 1 + C floats
             Scale, and the origin of each column.
-        moves : Moves, optional
-            Moves of these frames; vertices are indices into `out`.
+        corrections : FrameCorrections, optional
+            Those of these frames; vertices are indices into `out`.
         """
-        return self._compute(frames, moves, np.array(placement, np.float64), out, out.itemsize)
+        return self._compute(
+            frames, corrections, np.array(placement, np.float64), out, out.itemsize
+        )
 
     def pack(self) -> None:
         """Pack the fields now, on all cores, before threads call `fill`."""
@@ -136,15 +140,15 @@ class JointFrames:
     def _compute(
         self,
         frames: range,
-        moves: Moves | None,
+        corrections: FrameCorrections | None,
         placement: Floats | None,
         out: npt.NDArray[np.floating],
         layout: int,
     ) -> bool:
         n_columns, n_frames, n_modes = self.basis.shape
         arrays: tuple[Argument, ...] = (None, None, None)
-        if moves is not None:
-            arrays = (moves.starts, moves.vertices, moves.displacements)
+        if corrections is not None:
+            arrays = (corrections.starts, corrections.vertices, corrections.displacements)
         are_finite = call(
             "reel_frames",
             np.ascontiguousarray(self.basis, np.float64),

@@ -168,12 +168,12 @@ def select_materials(
         {texture.image for material in selected for texture in material.textures.values()}
     )
     new = {old: number for number, old in enumerate(used)}
-    return tuple(renumbered(material, new) for material in selected), tuple(
+    return tuple(renumber_images(material, new) for material in selected), tuple(
         images[number] for number in used
     )
 
 
-def renumbered(material: Material, numbers: dict[int, int]) -> Material:
+def renumber_images(material: Material, numbers: dict[int, int]) -> Material:
     """The material with its image indices renumbered."""
     return material.with_textures(
         {
@@ -191,7 +191,7 @@ def validated_materials(
     Raises
     ------
     InvalidInputError
-        With the name of the material, and its fault.
+        Otherwise; the message names the material and its fault.
     """
     for name, number in Counter(material.name for material in materials).items():
         if number > 1:

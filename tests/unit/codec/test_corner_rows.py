@@ -9,7 +9,7 @@ import meshreel
 from conformance.surface import CornerRows
 from meshreel.codec.bitstream.container import read_varint, write_varint
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.corner_rows import numbered_rows, write_corner_rows
+from meshreel.codec.corner_rows import number_rows, write_corner_rows
 from meshreel.codec.tracks import write_track
 from meshreel.errors import MeshReelError
 from meshreel.kernel.integers import decode_integers, encode_integers
@@ -24,7 +24,7 @@ ROWS = [2, 0, 4, 0, 2, 3, 4]
 
 
 def test_first_corners_have_the_rows_of_their_vertices_and_others_follow():
-    rows = numbered_rows(GROUPS, VERTICES, 4)
+    rows = number_rows(GROUPS, VERTICES, 4)
     assert (rows.of_corners.tolist(), rows.n_rows) == (ROWS, 5)
 
 
@@ -36,7 +36,7 @@ def test_rows_round_trip(seed):
     _, groups = np.unique(
         vertices * 9 + rng.integers(0, 1 + seed % 9, len(vertices)), return_inverse=True
     )
-    rows = numbered_rows(groups, vertices, n_verts)
+    rows = number_rows(groups, vertices, n_verts)
     result = CornerRows(write_corner_rows(rows, vertices, n_verts), vertices.tolist(), n_verts)
     assert (result.of_corners, result.n) == (rows.of_corners.tolist(), rows.n_rows)
     pairs = np.unique(np.stack([groups, np.array(result.of_corners, np.int64)]), axis=1)
@@ -49,7 +49,7 @@ def coded(flags, codes, n_stored=None):
 
 
 def test_codes_refer_to_the_previous_corner_of_the_row():
-    assert write_corner_rows(numbered_rows(GROUPS, VERTICES, 4), VERTICES, 4) == coded(
+    assert write_corner_rows(number_rows(GROUPS, VERTICES, 4), VERTICES, 4) == coded(
         [0, 0, 1, 0], [1, 2, 2]
     )
 
@@ -57,7 +57,7 @@ def test_codes_refer_to_the_previous_corner_of_the_row():
 @pytest.mark.slow
 def test_rows_of_a_vertex_with_many_corners_take_few_bytes():
     vertices = np.zeros(40_000, np.int64)
-    rows = numbered_rows(np.arange(40_000) % 2, vertices, 1)
+    rows = number_rows(np.arange(40_000) % 2, vertices, 1)
     payload = write_corner_rows(rows, vertices, 1)
     assert len(payload) < 100
     assert CornerRows(payload, vertices.tolist(), 1).of_corners == rows.of_corners.tolist()

@@ -8,7 +8,12 @@ from hypothesis import given
 from conformance.timeline import basis_vectors as plain_basis_vectors
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.basis import BasisCoding, basis_vectors
-from meshreel.kernel.frames import JointFrames, Moves, add_coordinate_rows, coordinate_rows
+from meshreel.kernel.frames import (
+    FrameCorrections,
+    JointFrames,
+    add_coordinate_rows,
+    coordinate_rows,
+)
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 
@@ -69,7 +74,9 @@ def test_values_that_are_not_finite_are_found(dtype, n_verts, vertex):
 def test_padding_of_the_last_tile_is_not_checked():
     basis, fields = block(1, 1, 65)
     fields[0, 64], basis[:] = 1e40, 1.0
-    back_to_range = Moves(np.array([0, 1]), np.array([64], np.int32), np.full((1, 3), -1e40))
+    back_to_range = FrameCorrections(
+        np.array([0, 1]), np.array([64], np.int32), np.full((1, 3), -1e40)
+    )
     out = np.empty((1, 65, 3), np.float32)
     assert JointFrames(basis, fields.T).fill(out, range(1), PLACEMENT, back_to_range)
     assert np.isfinite(out).all()
@@ -93,7 +100,7 @@ def test_corrections_are_added_before_scaling(block, share, seed):
     frames, vertices = np.nonzero(rng.random((basis.shape[1], fields.shape[1])) < share)
     moves = rng.normal(size=(len(frames), 3))
     starts = np.searchsorted(frames, np.arange(basis.shape[1] + 1))
-    corrections = Moves(starts, vertices.astype(np.int32), moves)
+    corrections = FrameCorrections(starts, vertices.astype(np.int32), moves)
     sums = sums_of_the_format(basis, fields)
     sums[:, frames, vertices] += moves.T
     expected = positions_of_the_format(sums, np.float32)

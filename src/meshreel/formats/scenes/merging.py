@@ -18,7 +18,7 @@ from meshreel.formats.scenes.timing import (
 from meshreel.formats.surfaces.cells import joined_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
-from meshreel.model.materials import Image, Material, renumbered
+from meshreel.model.materials import Image, Material, renumber_images
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
@@ -339,7 +339,7 @@ class MaterialTable:
         }
         names = {}
         for material in surface.materials:
-            unique, number = renumbered(material, numbers), 2
+            unique, number = renumber_images(material, numbers), 2
             while self._materials.setdefault(unique.name, unique) != unique:
                 unique, number = replace(unique, name=f"{material.name}_{number}"), number + 1
             names[material.name] = unique.name

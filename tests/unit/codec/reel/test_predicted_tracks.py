@@ -7,7 +7,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.reel.encoding import following_tracks, track_residuals
-from meshreel.codec.reel.normative.expected import differences, expected_places, places_of
+from meshreel.codec.reel.normative.expected import differences, expected_ranks, ranks_of
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, TrackHeader
 from meshreel.kernel.normals import surface_normals
@@ -302,13 +302,13 @@ def test_requested_step_of_positions_is_kept():
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_ranks_of_floats_are_ordered_and_invertible(dtype):
     ends = np.array([-np.inf, -1e30, -1.0, -0.0, 0.0, 1e-30, 2.0, np.inf], dtype)
-    places = places_of(ends)
-    assert np.all(np.diff(places.astype(object)) > 0)
+    ranks = ranks_of(ends)
+    assert np.all(np.diff(ranks.astype(object)) > 0)
 
 
 def test_non_finite_expected_values_are_0():
     header = TrackHeader("v", "", "velocity", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.0,) * 3)
-    result = expected_places(header, np.array([1e39, -np.inf, np.nan, 0.0]))
+    result = expected_ranks(header, np.array([1e39, -np.inf, np.nan, 0.0]))
     np.testing.assert_array_equal(result, 0)
 
 

@@ -123,12 +123,12 @@ class CodedFrames:
     def decoded(self, frames: BlockFrames) -> Vertices:
         """Decoded positions of these frames, in internal order."""
         out = np.empty(frames.vertices.shape, frames.vertices.dtype)
-        moves = None if self.corrections is None else self.corrections.by_frame(len(out))
+        corrections = None if self.corrections is None else self.corrections.by_frame(len(out))
 
         def fill(piece: slice) -> None:
             numbers = range(piece.start, piece.stop)
-            moves_here = None if moves is None else moves.of_frames(numbers)
-            joint.fill(out[piece], numbers, frames.frame.placement, moves_here)
+            batch_corrections = None if corrections is None else corrections.of_frames(numbers)
+            joint.fill(out[piece], numbers, frames.frame.placement, batch_corrections)
 
         joint = self.analyzed.decoded
         joint.pack()

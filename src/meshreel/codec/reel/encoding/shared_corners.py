@@ -10,7 +10,7 @@ from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corner_rows import (
     CornerRows,
-    numbered_rows,
+    number_rows,
     write_corner_rows,
 )
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
@@ -34,7 +34,7 @@ class SharedTrack(DerivedTrack):
     whole : TrackSource
         Values of all N corners.
     corners : integer array of shape (n,)
-        A corner that has each value.
+        Index of one corner with each value.
     is_unused : bool array of shape (n,)
         Whether each vertex has no corner; its value is that of corner 0, or the normal 0.
     sharing : Sharing
@@ -80,14 +80,14 @@ def shared_track(track: TrackSource, mesh: CodedMesh) -> SharedTrack | None:
     sizes = mesh.surface.sizes(len(mesh.output_faces))
     vertices = join_triangles(sizes, mesh.output_faces).astype(np.int64)
     groups = equal_corners(track, vertices)
-    rows = numbered_rows(groups, mesh.output_order[vertices], mesh.n_verts)
+    rows = number_rows(groups, mesh.output_order[vertices], mesh.n_verts)
     if rows.n_rows >= len(vertices):
         return None
     if rows.n_rows == mesh.n_verts:
         corners, is_unused = _first_corners(vertices, mesh.n_verts)
         graph = ItemGraph(mesh.links, mesh.n_verts)
         return SharedTrack(track, corners, is_unused, Sharing.VERTICES, graph, mesh.order)
-    return _by_rows(track, rows, vertices, mesh)
+    return _track_of_rows(track, rows, vertices, mesh)
 
 
 def equal_corners(track: TrackSource, vertices: Integers) -> Integers:
@@ -120,7 +120,7 @@ def _first_corners(items: Integers, n_items: int) -> tuple[Integers, npt.NDArray
     return np.maximum(corners, 0), corners < 0
 
 
-def _by_rows(
+def _track_of_rows(
     track: TrackSource, rows: CornerRows, vertices: Integers, mesh: CodedMesh
 ) -> SharedTrack:
     corners, is_unused = _first_corners(rows.of_corners, rows.n_rows)

@@ -149,7 +149,7 @@ class TrackCoder:
             coded = residuals(self.header, self.surface, positions, coded)
         if not is_missing.any():
             return PreparedValues(self.coder.frames(coded, order), None)
-        frames = self.coder.frames(filled(coded, np.isnan(coded), origin), order)
+        frames = self.coder.frames(fill_missing(coded, np.isnan(coded), origin), order)
         ordered = in_order(is_missing, self.order)
         return PreparedValues(frames, write_missing(ordered, self.coder.mesh.neighbors))
 
@@ -213,7 +213,9 @@ def exact_header(name: str, track: TrackSource | TrackHeader, n_columns: int) ->
     return header
 
 
-def filled(values: Values, is_missing: npt.NDArray[np.bool_], origin: Sequence[float]) -> Values:
+def fill_missing(
+    values: Values, is_missing: npt.NDArray[np.bool_], origin: Sequence[float]
+) -> Values:
     """Fill missing values of shape (T_b, N, C) by linear interpolation over time.
 
     A value missing in all frames becomes the origin of its column.
@@ -282,8 +284,8 @@ def track_coder(
         sections_of=write_track_block,
         each_column=bound.measure is Measure.NUMBER,
     )
-    at_most = rounding * frame.scale
-    return TrackCoder(header, order, share, coder, None, at_most, mesh.keeps_vertex_order)
+    max_rounding = rounding * frame.scale
+    return TrackCoder(header, order, share, coder, None, max_rounding, mesh.keeps_vertex_order)
 
 
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:

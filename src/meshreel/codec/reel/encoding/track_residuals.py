@@ -8,9 +8,9 @@ import numpy.typing as npt
 from meshreel.codec.reel.normative.expected import (
     MovingSurface,
     differences,
-    expected_places,
+    expected_ranks,
     expected_values,
-    places_of,
+    ranks_of,
 )
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.tracks import DIFFERENCES, Coding, TrackHeader
@@ -147,12 +147,12 @@ def exact_residuals(
     header: TrackHeader, surface: MovingSurface, positions: Vertices, values: Values
 ) -> Values:
     """Return integer residuals of a lossless track; otherwise as `residuals`."""
-    result = places_of(np.ascontiguousarray(values)).copy()
+    result = ranks_of(np.ascontiguousarray(values)).copy()
 
     def subtract(piece: slice) -> None:
         with np.errstate(over="ignore", invalid="ignore"):
             expected = expected_values(header, surface, positions, piece)
-        result[piece] -= expected_places(header, expected)
+        result[piece] -= expected_ranks(header, expected)
 
     in_chunks(subtract, len(values), max(1, MAX_VALUES_PER_TASK // values.shape[1]))
     return result

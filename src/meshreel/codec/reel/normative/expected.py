@@ -23,8 +23,8 @@ class MovingSurface:
     """A decoded mesh whose positions predict tracks."""
 
     summed_faces: Faces
-    """int32 array of shape (M, 3). Triangles in internal order, which is the order of summation, of
-    decoded vertices.
+    """int32 array of shape (M, 3). Triangles of decoded vertices, in internal order, in which
+    normals are summed.
     """
     faces: Faces
     """int32 array of shape (M, 3). Decoded faces."""
@@ -68,7 +68,7 @@ class MovingSurface:
 def differences(coding: Coding | None, positions: Values) -> Floats:
     """Differences over time of positions of shape (T_b, V, 3), of the same shape.
 
-    At the ends of the block one-sided; 0 in a block of one frame.
+    They are one-sided at the ends of the block, and 0 in a block of one frame.
     """
     positions = positions.astype(np.float64)
     changes = np.zeros(positions.shape)
@@ -103,19 +103,19 @@ def expected_values(
     if header.coding is Coding.ROTATIONS:
         return surface.normals(header.stored_domain, positions[frames])
     first = max(0, frames.start - 1)
-    near = positions[first : frames.stop + 1]
+    nearby = positions[first : frames.stop + 1]
     inner = slice(frames.start - first, frames.stop - first)
-    return header.rate * differences(header.coding.difference, near)[inner]
+    return header.rate * differences(header.coding.difference, nearby)[inner]
 
 
-def expected_places(header: TrackHeader, expected: Floats) -> Integers:
+def expected_ranks(header: TrackHeader, expected: Floats) -> Integers:
     """Ranks of expected values among the floats of a lossless track; non-finite values become 0."""
     with np.errstate(over="ignore"):
         rounded = expected.astype(header.dtype)
-    return places_of(np.where(np.isfinite(rounded), rounded, header.dtype.type(0)))
+    return ranks_of(np.where(np.isfinite(rounded), rounded, header.dtype.type(0)))
 
 
-def places_of(values: Values) -> Integers:
+def ranks_of(values: Values) -> Integers:
     """Ranks of floats: signed integers of the same size and in the same order."""
     bits = values.view(f"i{values.itemsize}")
     return np.asarray(bits ^ ((bits >> (8 * values.itemsize - 1)) & np.iinfo(bits.dtype).max))

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.container import write_varints
-from meshreel.codec.reel.normative.expected import places_of
+from meshreel.codec.reel.normative.expected import ranks_of
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.integers import MAX_MAGNITUDE, encode_integers
@@ -68,8 +68,8 @@ class PositionGrid:
             The payload of ROUNDING; None if an axis has two values at one coordinate, or more
             coordinates than positions.
         """
-        places = places_of(self.positions(coordinates, vertices.dtype)).astype(np.int64)
-        offsets = places_of(np.ascontiguousarray(vertices)) - places
+        ranks = ranks_of(self.positions(coordinates, vertices.dtype)).astype(np.int64)
+        offsets = ranks_of(np.ascontiguousarray(vertices)) - ranks
         if not -MAX_MAGNITUDE <= offsets.min() <= offsets.max() <= MAX_MAGNITUDE:
             return None
         lowest, rows = coordinates.min(axis=(0, 1)), []
