@@ -149,16 +149,16 @@ class GeometryParam:
         is_blended = not role and (not kind or kind in BLENDED)
 
         def values(time_s: float) -> Values | None:
-            before, after, share = neighbors(times, time_s)
+            before, after, weight = neighbors(times, time_s)
             first = self.item_values(float(times[before]))
             if first is None or first.dtype not in NUMBER_TYPES:
                 return None
-            if share == 0 or not is_blended or first.dtype.kind != "f":
+            if weight == 0 or not is_blended or first.dtype.kind != "f":
                 return first
             second = self.item_values(float(times[after]))
             if second is None or second.shape != first.shape:
                 return first
-            return blend(first, second, share)
+            return blend(first, second, weight)
 
         return Quantity(
             name, self.domain, values, lambda: times, kind, role, unit, to_world=to_world

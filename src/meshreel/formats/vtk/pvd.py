@@ -143,49 +143,49 @@ def _read_step(path: Path, time: float) -> Step:
 
 
 class _FileSteps:
-    """Steps of files, each parsed once while all are small enough to be kept."""
+    """Cache of steps: each file is parsed once, while all steps together are small enough."""
 
     def __init__(self, options: ReadOptions) -> None:
         self._max_bytes, self._skips_bad = options.max_loaded_bytes, options.skip_bad
-        self._kept: dict[Path, Step] = {}
-        self._kept_bytes = 0
+        self._cached: dict[Path, Step] = {}
+        self._cached_bytes = 0
         self._last: tuple[Path, Step] | None = None
 
-    def read(self, path: Path, time: float, before: Path | None) -> Step:
+    def read(self, path: Path, time: float, previous: Path | None) -> Step:
         """Read the step of a file; raises as `read_pvd`.
 
         Parameters
         ----------
-        before : Path, optional
-            File of the frame before, with which the step shares what is equal.
+        previous : Path, optional
+            File of the previous frame, with which the step shares what is equal.
         """
         last = self._last
         if last is not None and last[0] == path:
             return last[1]
-        if path in self._kept:
-            return self._kept[path]
+        if path in self._cached:
+            return self._cached[path]
         step = _read_step(path, time)
-        other = None if before is None else self._kept.get(before)
-        if other is not None:
-            step = step.sharing(other)
+        previous_step = None if previous is None else self._cached.get(previous)
+        if previous_step is not None:
+            step = step.sharing(previous_step)
         self._last = path, step
-        self._keep(path, time, step, other)
+        self._cache(path, time, step, previous_step)
         return step
 
-    def _keep(self, path: Path, time: float, step: Step, other: Step | None) -> None:
-        """Keep a step, unless all become too large; count what it does not share with another."""
-        shared: Sequence[DataArray] = () if other is None else other.data
+    def _cache(self, path: Path, time: float, step: Step, previous: Step | None) -> None:
+        """Cache a step, or clear the cache if it becomes too large; shared arrays count once."""
+        shared: Sequence[DataArray] = () if previous is None else previous.data
         new = [array for array in step.data if not any(array is known for known in shared)]
-        self._kept_bytes += sum(array.read().nbytes for array in new)
-        if other is not None and other.surface is step.surface and not self._skips_bad:
+        self._cached_bytes += sum(array.read().nbytes for array in new)
+        if previous is not None and previous.surface is step.surface and not self._skips_bad:
             # Callers keep the positions that they have read.
             step = replace(step, read_points=lambda: _read_step(path, time).read_points())
         else:
-            self._kept_bytes += step.surface.size_bytes + step.read_points().nbytes
-        if self._max_bytes is None or self._kept_bytes <= self._max_bytes:
-            self._kept[path] = step
+            self._cached_bytes += step.surface.size_bytes + step.read_points().nbytes
+        if self._max_bytes is None or self._cached_bytes <= self._max_bytes:
+            self._cached[path] = step
         else:
-            self._kept.clear()
+            self._cached.clear()
 
 
 class _PieceFrames:
@@ -222,6 +222,7 @@ class _PieceFrames:
         ]
 
     def frame(self, index: int) -> PolygonMesh:
+        """Return the mesh of a frame."""
         return self._mesh(index).frame(0)
 
     def surface(self, index: int) -> Surface:
@@ -237,7 +238,7 @@ class _PieceFrames:
         numbers = np.array([self._places[index] for index in frames])
         if counts == {1}:
             return self._pieces[0].tracks(range(numbers[0, 0], numbers[0, 0] + len(frames)))
-        places = [(own, own, np.zeros(len(own))) for own in numbers.T]
+        places = [(indices, indices, np.zeros(len(indices))) for indices in numbers.T]
         return merge_tracks(self._pieces[: counts.pop()], places, self._notes)
 
     def _mesh(self, index: int) -> SceneMesh:
