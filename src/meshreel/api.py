@@ -458,7 +458,7 @@ def _source(
 
 
 def _loaded(sequence: Any) -> MeshSequence:
-    """A sequence whose segments are in memory, unless it was passed with others."""
+    """A sequence; one that is read from a file has all its segments in memory."""
     if _is_path(sequence):
         notes = Notes()
         with local_copy(sequence) as files:

@@ -123,11 +123,11 @@ def ritz_vectors(correlation: Floats, basis: Floats) -> Floats:
     -------
     float64 array of shape (..., T, K), columns orthonormal, by descending ``u^T R u``
     """
-    within = np.swapaxes(basis, -1, -2) @ correlation @ basis
-    largest = np.abs(within).max(axis=(-1, -2), keepdims=True)
+    projected = np.swapaxes(basis, -1, -2) @ correlation @ basis
+    largest = np.abs(projected).max(axis=(-1, -2), keepdims=True)
     # Columns beyond the rank stay unchanged: rounding must not rotate them in every block.
-    within[np.abs(within) <= RANK_TOLERANCE * largest] = 0.0
-    return np.asarray(basis @ np.linalg.eigh(within).eigenvectors[..., ::-1])
+    projected[np.abs(projected) <= RANK_TOLERANCE * largest] = 0.0
+    return np.asarray(basis @ np.linalg.eigh(projected).eigenvectors[..., ::-1])
 
 
 def align_basis(basis: Floats, reference: Floats) -> Floats:

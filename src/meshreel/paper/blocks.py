@@ -90,6 +90,7 @@ def only_section(opened: OpenStream, section: Section) -> bytes:
 
 
 MAX_DIFFERENCE = 2
+"""Maximum order of temporal differences."""
 
 
 def write_anchor_vertices(anchors: Integers) -> bytes:
@@ -273,30 +274,30 @@ def _read_dictionary(stored: StoredBlock, payload: bytes) -> Quantized:
     return read_curves(payload, stored.n_modes, stored.n_frames)
 
 
-def _read_tracked_dictionary(stored: StoredBlock, before: Quantized | None) -> Quantized:
-    """A dictionary that is stored whole, or as the difference from the one before."""
+def _read_tracked_dictionary(stored: StoredBlock, previous: Quantized | None) -> Quantized:
+    """A dictionary that is stored whole, or as the difference from the previous one."""
     payload = stored.payload(Section.BASIS)
     if payload[:1] not in (b"\0", b"\1"):
         raise CorruptStreamError("a tracked dictionary begins with neither 0 (whole) nor 1")
     basis = _read_dictionary(stored, payload[1:])
     if payload[0] == 0:
         return basis
-    if before is None or before.integers.shape != basis.integers.shape:
+    if previous is None or previous.integers.shape != basis.integers.shape:
         raise CorruptStreamError(
             f"the dictionary of the block at frame {stored.start} is a difference from one of "
             "another shape"
         )
-    return Quantized(before.integers + basis.integers, basis.steps)
+    return Quantized(previous.integers + basis.integers, basis.steps)
 
 
-def tracked_from(method: Variant, before: Quantized | None, n_frames: int) -> Quantized | None:
+def tracked_from(method: Variant, previous: Quantized | None, n_frames: int) -> Quantized | None:
     """Return the dictionary that orthogonal iterations start from; None for a decomposition.
 
-    A block of another length than the one before (usually the last) cannot be tracked.
+    A block of another length than the previous one (usually the last) cannot be tracked.
     """
-    if method.basis is not Basis.TRACKED or before is None:
+    if method.basis is not Basis.TRACKED or previous is None:
         return None
-    return before if before.integers.shape[2] == n_frames else None
+    return previous if previous.integers.shape[2] == n_frames else None
 
 
 def read_coded_block(
@@ -316,7 +317,7 @@ def _read_anchors(stored: StoredBlock, n_anchors: int, method: Variant) -> Ancho
     if not has_residuals:
         payload = stored.payload(Section.ANCHORS)
         if payload[:1] not in (b"\0", b"\1"):
-            raise CorruptStreamError("anchors begin with neither 0 nor 1, which residuals follow")
+            raise CorruptStreamError("the flag for residuals of anchors is neither 0 nor 1")
         coefficients = read_rows(payload[1:], stored.n_modes, n_anchors)
         has_residuals = payload[0] == 1
     if has_residuals:

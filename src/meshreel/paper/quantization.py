@@ -64,13 +64,13 @@ def steps_for_each_row(values: Floats, bits: int | Sequence[int]) -> Steps:
         If there are fewer numbers than rows.
     """
     magnitudes = _row_magnitudes(values)
-    each = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
-    if len(each) < len(magnitudes):
+    row_bits = list(bits) if isinstance(bits, Sequence) else [bits] * len(magnitudes)
+    if len(row_bits) < len(magnitudes):
         raise InvalidInputError(
-            f"bits lists {len(each)} rows, but there are {len(magnitudes)} modes; give bits for "
-            f"each, or n_modes={len(each)}"
+            f"bits lists {len(row_bits)} rows, but there are {len(magnitudes)} modes; give bits "
+            f"for each, or n_modes={len(row_bits)}"
         )
-    pairs = zip(magnitudes, each, strict=False)
+    pairs = zip(magnitudes, row_bits, strict=False)
     return np.array([uniform_step(float(size), number) for size, number in pairs], np.float32)
 
 
@@ -84,8 +84,8 @@ def quantize(values: Floats, steps: Steps) -> Integers:
         One for all rows, or one for each. Rows of step 0 become zeros. float32 as in the stream, so
         that encoder and decoder use the same values.
     """
-    wide = _broadcast(steps)
-    scaled = np.divide(values, wide, out=np.zeros_like(values), where=wide > 0)
+    divisors = _broadcast(steps)
+    scaled = np.divide(values, divisors, out=np.zeros_like(values), where=divisors > 0)
     return np.rint(scaled).astype(np.int64)
 
 

@@ -43,7 +43,7 @@ class PaceClock:
         self._counted = ("", 0)
         self._began_s, self._n_at_first, self._n_last = now_s(), 0, 0
 
-    def words(self, fraction: float) -> str:
+    def describe(self, fraction: float) -> str:
         """Text such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty if nothing is counted.
 
         The pace restarts when the unit or total changes, or the count falls.
@@ -154,7 +154,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     is_over, shown = threading.Event(), 0
 
     def report(stage: str, fraction: float) -> None:
-        clock.words(fraction)  # starts to measure the pace
+        clock.describe(fraction)  # starts to measure the pace
         latest[0] = stage, fraction
 
     def replace_line(line: str) -> None:
@@ -192,7 +192,7 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
 
 def _state(stage: str, fraction: float, clock: PaceClock) -> str:
     """The stage, and its progress if known."""
-    words = clock.words(fraction)
-    if not words and 0 < fraction < 1:
-        words = f"{100 * fraction:.0f} %"
-    return f"{stage}: {words}" if words else stage
+    text = clock.describe(fraction)
+    if not text and 0 < fraction < 1:
+        text = f"{100 * fraction:.0f} %"
+    return f"{stage}: {text}" if text else stage

@@ -29,10 +29,10 @@ def encoding(**other_help: str) -> Group:
         Help of options with another meaning in a command, by name.
     """
     options = all_options()
-    shown = [replace(row, help=other_help.get(row.name, row.help)) for row in options]
+    shown = [replace(option, help=other_help.get(option.name, option.help)) for option in options]
 
     def record(values: dict[str, Any]) -> Encoding:
-        return {row.name: _value(row, values[row.name]) for row in options}
+        return {option.name: _value(option, values[option.name]) for option in options}
 
     return Group(shown, record, COMMON)
 
@@ -40,15 +40,15 @@ def encoding(**other_help: str) -> Group:
 ENCODING = encoding()
 
 
-def _value(row: Option, value: Any) -> Any:
+def _value(option: Option, value: Any) -> Any:
     """The value of an option, with a list of numbers parsed."""
-    if row.name in ("bound", "max_error") and value and _percent(value) > MAX_PERCENT:
+    if option.name in ("bound", "max_error") and value and _percent(value) > MAX_PERCENT:
         raise click.UsageError(
-            f"{row.flag} must be at most {MAX_PERCENT}%, the size of the model; got {value}; "
+            f"{option.flag} must be at most {MAX_PERCENT}%, the size of the model; got {value}; "
             "0.1% is invisible on most models, 1% visible; 5u is 5 model units"
         )
-    is_list = any(get_origin(kind) is Sequence for kind in row.types)
-    return _numbers(row, value) if is_list and value is not None else value
+    is_list = any(get_origin(kind) is Sequence for kind in option.types)
+    return _numbers(option, value) if is_list and value is not None else value
 
 
 def _percent(text: str) -> float:
@@ -59,9 +59,9 @@ def _percent(text: str) -> float:
         return 0.0
 
 
-def _numbers(row: Option, text: str) -> float | list[int]:
+def _numbers(option: Option, text: str) -> float | list[int]:
     """The number in '8', or the whole numbers in '8,8,6'."""
-    single = float if float in row.types else int
+    single = float if float in option.types else int
     try:
         if "," in text:
             return [int(number) for number in text.split(",") if number.strip()]
@@ -69,5 +69,5 @@ def _numbers(row: Option, text: str) -> float | list[int]:
     except ValueError:
         noun = "a number" if single is float else "a whole number"
         raise click.UsageError(
-            f"{row.flag} takes {noun}, or several whole numbers as in 8,8,6; got {text!r}"
+            f"{option.flag} takes {noun}, or several whole numbers as in 8,8,6; got {text!r}"
         ) from None

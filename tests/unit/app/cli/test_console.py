@@ -26,17 +26,17 @@ class FakeTime:
 def test_words_contain_count_pace_and_remaining_time():
     time = FakeTime()
     clock = PaceClock(time)
-    assert clock.words(Count(5, 175, "frames")) == "5 of 175 frames"
+    assert clock.describe(Count(5, 175, "frames")) == "5 of 175 frames"
     time.now_s += 10
-    assert clock.words(Count(85, 175, "frames")) == "85 of 175 frames, 8 frames/s, 0:11 left"
+    assert clock.describe(Count(85, 175, "frames")) == "85 of 175 frames, 8 frames/s, 0:11 left"
 
 
 def test_words_contain_no_pace_at_the_beginning():
     time = FakeTime()
     clock = PaceClock(time)
-    clock.words(Count(0, 9, "inputs"))
+    clock.describe(Count(0, 9, "inputs"))
     time.now_s += 1
-    assert clock.words(Count(4, 9, "inputs")) == "4 of 9 inputs"
+    assert clock.describe(Count(4, 9, "inputs")) == "4 of 9 inputs"
 
 
 def test_pace_restarts_when_the_unit_or_total_changes_or_the_count_falls():
@@ -44,15 +44,15 @@ def test_pace_restarts_when_the_unit_or_total_changes_or_the_count_falls():
     clock = PaceClock(time)
     for count in (Count(0, 10, "frames"), Count(10, 10, "frames"), Count(1, 10, "frames")):
         time.now_s += 50
-        words = clock.words(count)
+        words = clock.describe(count)
     assert words == "1 of 10 frames"
     time.now_s += 4
-    assert clock.words(Count(3, 10, "frames")) == "3 of 10 frames, 2 s each, 0:14 left"
-    assert clock.words(Count(3, 20, "runs")) == "3 of 20 runs"
+    assert clock.describe(Count(3, 10, "frames")) == "3 of 10 frames, 2 s each, 0:14 left"
+    assert clock.describe(Count(3, 20, "runs")) == "3 of 20 runs"
 
 
 def test_words_are_empty_when_nothing_is_counted():
-    assert PaceClock().words(0.5) == ""
+    assert PaceClock().describe(0.5) == ""
 
 
 @pytest.mark.parametrize(
