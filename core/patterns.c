@@ -164,10 +164,10 @@ static int past_class(uint64_t past) {
 static int bit_length(uint64_t value) { return value ? 64 - __builtin_clzll(value) : 0; }
 
 static uint64_t code_magnitude(reel_range_coder *coder, pattern_models *models,
-                               pattern_model *context, int most_bits, uint64_t value) {
+                               pattern_model *context, int max_bits, uint64_t value) {
     pattern_model *all = &models->all;
     int length = 0, target_length = bit_length(value);
-    while (length < most_bits &&
+    while (length < max_bits &&
            reel_bit_in_context(coder, &all->longer[length], &context->longer[length],
                                target_length > length)) {
         length++;
@@ -244,7 +244,7 @@ static void move_to_front(pattern_models *models, int index, int64_t row, uint32
     models->hashes[0] = hash;
 }
 
-/* Code whether a row repeats a recent one, and if so restore it. Makes it the most recent. */
+/* Code whether a row repeats a recent one; if so, restore it. The row becomes the most recent. */
 static bool code_repetition(reel_range_coder *coder, pattern_models *models,
                             const number_table *table, int64_t row) {
     int n = models->n_recent, index = 0;

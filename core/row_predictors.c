@@ -19,10 +19,10 @@ typedef struct {
     int64_t *starts;
     int64_t n_coded, n_triples;
     bool *is_coded, *is_visited; /* per row; per face */
-    int64_t *firsts;             /* where the corners of each row begin */
+    int64_t *firsts;             /* start of the corners of each row in `corners` */
     int32_t *corners;            /* corners by row */
-    int32_t *below,
-        top[N_PRIORITIES]; /* stacks of sides to cross, one per priority, as linked lists */
+    /* Stacks of sides to cross, one per priority, as linked lists. */
+    int32_t *below, top[N_PRIORITIES];
 } traversal;
 
 static int32_t rotated_corner(int32_t corner, int by) {

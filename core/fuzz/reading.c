@@ -75,7 +75,7 @@ typedef struct {
 } reading;
 
 typedef struct {
-    enum { OPEN, SEGMENT, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } act;
+    enum { OPEN, SEGMENT, MESH, SURFACE, BEGIN, LOAD, DECODE, NORMALS } action;
     uint32_t track, first, count, n_modes;
     const meshreel_layout *layout;
     void *values;
@@ -83,7 +83,7 @@ typedef struct {
 } step;
 
 static int take_step(reading *r, const step *s, meshreel_error *error) {
-    switch (s->act) {
+    switch (s->action) {
     case OPEN:
         return meshreel_open(&r->source, &r->host, &r->file, error);
     case SEGMENT:
@@ -246,7 +246,7 @@ static meshreel_layout any_layout(const meshreel_track *track) {
 static void decode_both(reading *reliable, reading *hostile) {
     const meshreel_info *info = meshreel_info_of(reliable->file);
     meshreel_track track;
-    step s = {.act = DECODE, .track = (uint32_t)fuzz_below(info->n_tracks)};
+    step s = {.action = DECODE, .track = (uint32_t)fuzz_below(info->n_tracks)};
     FUZZ_CHECK(meshreel_track_of(reliable->file, s.track, &track) == MESHREEL_OK);
     meshreel_layout layout = any_layout(&track);
     size_t size = (layout.type ? layout.type : track.type) & 15U;
@@ -275,9 +275,9 @@ static void find_normals(reading *reliable, reading *hostile) {
     meshreel_layout floats = {.type = MESHREEL_FLOAT32};
     float *positions = fuzz_allocate((int64_t)count, sizeof *positions);
     float *normals = fuzz_allocate((int64_t)count, sizeof *normals);
-    step s = {.act = DECODE, .count = 1, .layout = &floats, .values = positions};
+    step s = {.action = DECODE, .count = 1, .layout = &floats, .values = positions};
     if (count * sizeof *normals < MAX_BYTES && !take_same(reliable, hostile, &s)) {
-        s = (step){.act = NORMALS, .positions = positions, .values = normals};
+        s = (step){.action = NORMALS, .positions = positions, .values = normals};
         if (!take_same(reliable, hostile, &s)) {
             hash_numbers(normals, count, MESHREEL_FLOAT32);
         }
@@ -288,7 +288,7 @@ static void decode_blocks(reading *reliable, reading *hostile) {
     const meshreel_info *info = meshreel_info_of(reliable->file);
     for (int i = 0; i < 10; i++) {
         if (fuzz_one_in(4)) {
-            step s = {.act = LOAD, .track = (uint32_t)fuzz_below(info->n_tracks),
+            step s = {.action = LOAD, .track = (uint32_t)fuzz_below(info->n_tracks),
                       .first = (uint32_t)fuzz_below(info->n_blocks)};
             meshreel_group group;
             if (!take_same(reliable, hostile, &s)) {
@@ -323,7 +323,7 @@ static void check_segments(const meshreel_file *whole) {
 /* Open a random segment with both. */
 static int open_any_segment(reading *reliable, reading *hostile) {
     uint32_t n_segments = meshreel_info_of(reliable->file)->n_segments;
-    step s = {.act = SEGMENT, .first = (uint32_t)fuzz_below(n_segments)};
+    step s = {.action = SEGMENT, .first = (uint32_t)fuzz_below(n_segments)};
     for (int i = 0; i < 2; i++) {
         reading *r = i ? hostile : reliable;
         r->whole = r->file;
@@ -333,7 +333,7 @@ static int open_any_segment(reading *reliable, reading *hostile) {
 }
 
 static void read_both(reading *reliable, reading *hostile) {
-    if (take_same(reliable, hostile, &(step){.act = OPEN})) {
+    if (take_same(reliable, hostile, &(step){.action = OPEN})) {
         return;
     }
     check_segments(reliable->file);
@@ -344,7 +344,7 @@ static void read_both(reading *reliable, reading *hostile) {
         }
     }
     check_layout(reliable);
-    if (take_same(reliable, hostile, &(step){.act = MESH})) {
+    if (take_same(reliable, hostile, &(step){.action = MESH})) {
         return;
     }
     const meshreel_info *info = meshreel_info_of(reliable->file);
@@ -353,10 +353,10 @@ static void read_both(reading *reliable, reading *hostile) {
         FUZZ_CHECK(triangles[i] < info->n_verts);
     }
     fuzz_hash(triangles, 3 * (int64_t)info->n_triangles, sizeof *triangles);
-    if (!take_same(reliable, hostile, &(step){.act = SURFACE})) {
+    if (!take_same(reliable, hostile, &(step){.action = SURFACE})) {
         check_surface(reliable);
     }
-    if (!take_same(reliable, hostile, &(step){.act = BEGIN})) {
+    if (!take_same(reliable, hostile, &(step){.action = BEGIN})) {
         decode_blocks(reliable, hostile);
     }
 }
