@@ -16,7 +16,7 @@ interface Entry {
   /** Kind of texture, as a constant of WebGL. */
   readonly target: number;
   version: number;
-  /** Textures of the same image share one. */
+  /** Number of textures that share it: those of the same image. */
   nUsers: number;
 }
 

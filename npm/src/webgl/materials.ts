@@ -1,4 +1,4 @@
-// Materials: what a surface looks like.
+// Materials of surfaces.
 
 import { Disposable } from "./events.js";
 import { Color, type Matrix3, type Matrix4, type Uniform, Vector2 } from "./math.js";
