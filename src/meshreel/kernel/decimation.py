@@ -44,7 +44,7 @@ def decimated(
         Their wedges.
     """
     faces, wedges = faces.astype(np.int32), wedges.astype(np.int32)
-    n_left = call(
+    n_remaining = call(
         "reel_decimate",
         np.ascontiguousarray(vertices, np.float64),
         len(vertices),
@@ -57,4 +57,4 @@ def decimated(
         what="faces",
         memory_of=("reel_decimate_memory", len(vertices), len(faces)),
     )
-    return int32s(faces[:n_left]), int32s(wedges[:n_left])
+    return int32s(faces[:n_remaining]), int32s(wedges[:n_remaining])

@@ -36,21 +36,21 @@ N_ANCHORS = 16
 """Boundary vertices of the key with which a vertex of a patch moves."""
 
 
-class Sighting(NamedTuple):
-    """A key that was registered to a frame, which may show more of the surface.
+class RegisteredKey(NamedTuple):
+    """A key registered to a frame that may show more of the surface.
 
     Attributes
     ----------
     mesh : TriangleMesh
         The registered key.
-    turns : float64 array of shape (V, 3, 3)
+    rotations : float64 array of shape (V, 3, 3)
         Rotation of each vertex from the key to the frame.
     target : TriangleMesh
         The surface of the frame.
     """
 
     mesh: TriangleMesh
-    turns: Floats
+    rotations: Floats
     target: TriangleMesh
 
     def patches(self, rest: Floats, tolerance: Tolerance) -> Iterator[TriangleMesh]:
@@ -63,11 +63,11 @@ class Sighting(NamedTuple):
         rest : float64 array of shape (V, 3)
             The vertices of the key.
         """
-        for patch in _beyond(self.mesh, self.target, tolerance):
-            nearest, is_near = _at_boundary(self.mesh, patch, _mean_edge(self.target))
+        for patch in _patches_beyond(self.mesh, self.target, tolerance):
+            nearest, is_near = _match_boundary(self.mesh, patch, _mean_edge(self.target))
             if is_near.any():
-                moved = _moved_back(patch.vertices, rest, np.unique(nearest[is_near]), self)
-                yield TriangleMesh(moved, patch.faces)
+                vertices = _move_to_key(patch.vertices, rest, np.unique(nearest[is_near]), self)
+                yield TriangleMesh(vertices, patch.faces)
 
 
 def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
@@ -81,7 +81,7 @@ def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
     return bool((lengths[is_hole] ** 2 > 4 * np.pi * MIN_AREA * tolerance.patch_area).any())
 
 
-def completed(
+def complete_key(
     key: KeyMesh, whole: TriangleMesh, patches: Iterable[TriangleMesh], tolerance: Tolerance
 ) -> KeyMesh:
     """Return a key extended by patches beyond its boundary, the largest first; or the key itself.
@@ -95,12 +95,12 @@ def completed(
     """
     for patch in sorted(patches, key=lambda patch: -patch.areas.sum()):
         edge = _mean_edge(patch)
-        for part in list(_beyond(key.mesh, patch, tolerance)):
-            key = _joined(key, whole, part, edge, tolerance)
+        for part in list(_patches_beyond(key.mesh, patch, tolerance)):
+            key = _join(key, whole, part, edge, tolerance)
     return key
 
 
-def _beyond(
+def _patches_beyond(
     key: TriangleMesh, surface: TriangleMesh, tolerance: Tolerance
 ) -> Iterator[TriangleMesh]:
     """Yield the connected patches of a surface that are beyond the boundary of the key."""
@@ -117,40 +117,41 @@ def _beyond(
         yield TriangleMesh(*_used(surface.vertices, surface.faces[far[numbers == patch]]))
 
 
-def _at_boundary(
+def _match_boundary(
     key: TriangleMesh, patch: TriangleMesh, edge: float
 ) -> tuple[Indices, npt.NDArray[np.bool_]]:
     """Return the nearest boundary vertex for each vertex of a patch, and which ones are near it."""
-    rim = np.flatnonzero(key.is_boundary)
-    if not len(rim):
+    boundary = np.flatnonzero(key.is_boundary)
+    if not len(boundary):
         return np.zeros(len(patch.vertices), np.int64), np.zeros(len(patch.vertices), bool)
-    _, places = k_d_tree(key.oriented[rim]).query(patch.oriented)
-    nearest = rim[places]
+    _, indices = k_d_tree(key.oriented[boundary]).query(patch.oriented)
+    nearest = boundary[indices]
     gaps = np.linalg.norm(patch.vertices - key.vertices[nearest], axis=1)
     cosines = np.einsum("nc,nc->n", patch.vertex_normals, key.vertex_normals[nearest])
     return nearest, patch.is_boundary & (gaps < MAX_GAP * edge) & (cosines > MIN_COSINE)
 
 
-def _joined(
+def _join(
     key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
 ) -> KeyMesh:
     """Return the key joined with a decimated patch along its boundary, if possible."""
     patch_key = KeyMesh.of_mesh(patch)
-    patch, own = decimated_key(patch_key, patch.faces.astype(np.int64), tolerance).mesh, key.mesh
-    nearest, is_merged = _at_boundary(own, patch, edge)
+    patch = decimated_key(patch_key, patch.faces.astype(np.int64), tolerance).mesh
+    mesh = key.mesh
+    nearest, is_merged = _match_boundary(mesh, patch, edge)
     if not is_merged.any():
         return key
-    numbers = np.where(is_merged, nearest, len(own.vertices) + np.arange(len(patch.vertices)))
-    added = _consistent(own.faces, numbers[patch.faces].astype(np.int32))
+    numbers = np.where(is_merged, nearest, len(mesh.vertices) + np.arange(len(patch.vertices)))
+    added = _without_conflicts(mesh.faces, numbers[patch.faces].astype(np.int32))
     if not len(added):
         return key
-    vertices = np.concatenate([own.vertices, patch.vertices])
-    added = np.concatenate([added, _slits(vertices, own.faces, added, MAX_SLIT * edge)])
-    places = whole.closest(vertices[added].mean(axis=1))
-    weights = np.eye(3)[places.weights.argmax(axis=1)]
+    vertices = np.concatenate([mesh.vertices, patch.vertices])
+    added = np.concatenate([added, _close_slits(vertices, mesh.faces, added, MAX_SLIT * edge)])
+    closest = whole.closest(vertices[added].mean(axis=1))
+    weights = np.eye(3)[closest.weights.argmax(axis=1)]
     return KeyMesh(
-        TriangleMesh(*_used(vertices, np.concatenate([own.faces, added]))),
-        np.concatenate([key.parents, np.repeat(places.faces[:, None], 3, axis=1)]),
+        TriangleMesh(*_used(vertices, np.concatenate([mesh.faces, added]))),
+        np.concatenate([key.parents, np.repeat(closest.faces[:, None], 3, axis=1)]),
         np.concatenate([key.weights, np.repeat(weights[:, None], 3, axis=1)]),
         key.n_added + len(added),
     )
@@ -167,8 +168,10 @@ def _mean_edge(mesh: TriangleMesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
-def _moved_back(points: Floats, rest: Floats, anchors: Indices, sighting: Sighting) -> Floats:
-    """Return points of a frame in the pose of the key, as anchors near them move.
+def _move_to_key(
+    points: Floats, rest: Floats, anchors: Indices, registered: RegisteredKey
+) -> Floats:
+    """Return points of a frame, moved to the pose of the key with the anchors near them.
 
     Parameters
     ----------
@@ -177,51 +180,58 @@ def _moved_back(points: Floats, rest: Floats, anchors: Indices, sighting: Sighti
     anchors : int64 array of shape (A,)
         Numbers of vertices of the key.
     """
-    places = sighting.mesh.vertices[anchors]
-    distances, near = k_d_tree(places).query(points, np.arange(1, 1 + min(N_ANCHORS, len(anchors))))
-    weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # at an anchor, it alone counts
+    positions = registered.mesh.vertices[anchors]
+    distances, near = k_d_tree(positions).query(
+        points, np.arange(1, 1 + min(N_ANCHORS, len(anchors)))
+    )
+    weights = 1.0 / np.maximum(distances, 1e-100) ** 2  # a point at an anchor moves with it alone
     weights /= weights.sum(axis=1, keepdims=True)
-    arms = points[:, None] - places[near]
-    moved = rest[anchors][near] + np.einsum("nkji,nkj->nki", sighting.turns[anchors][near], arms)
+    offsets = points[:, None] - positions[near]
+    moved = rest[anchors][near] + np.einsum(
+        "nkji,nkj->nki", registered.rotations[anchors][near], offsets
+    )
     return np.asarray(np.einsum("nk,nki->ni", weights, moved))
 
 
-def _consistent(faces: Faces, added: Faces) -> Faces:
-    """Return the added faces that keep the surface oriented: no two faces share a directed side."""
+def _without_conflicts(faces: Faces, added: Faces) -> Faces:
+    """Return the added faces that keep the surface oriented: no two faces share a half-edge."""
     first, second, third = added.T
     added = added[(first != second) & (second != third) & (third != first)]
     while True:
         _, numbers, counts = np.unique(
-            _sides(np.concatenate([faces, added])), axis=0, return_inverse=True, return_counts=True
+            _half_edges(np.concatenate([faces, added])),
+            axis=0,
+            return_inverse=True,
+            return_counts=True,
         )
-        of_added = counts[numbers.ravel()].reshape(-1, 3)[len(faces) :]
-        is_shared = (of_added > 1).any(axis=1)
+        n_uses = counts[numbers.ravel()].reshape(-1, 3)[len(faces) :]
+        is_shared = (n_uses > 1).any(axis=1)
         if not is_shared.any():
             return added
         added = added[~is_shared]
 
 
-def _sides(faces: Faces) -> Indices:
-    """Return the ends of the sides of all faces, of shape (3 M, 2)."""
+def _half_edges(faces: Faces) -> Indices:
+    """Return the half-edges of all faces as pairs of vertices, of shape (3 M, 2)."""
     return np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
 
 
-def _slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
-    """Return faces that close short loops of open sides, some of which are of added faces."""
-    own, new = (set(map(tuple, _sides(some).tolist())) for some in (faces, added))
-    sides, closed = own | new, list[list[int]]()
-    for loop in _loops([side for side in sides if side[::-1] not in sides]):
-        around = [*loop, loop[0]]
-        length = np.linalg.norm(np.diff(vertices[around], axis=0), axis=1).sum()
-        if length < max_length and any(side in new for side in pairwise(around)):
-            closed += _triangulated(vertices, loop[::-1])
-    return np.array(closed, np.int32).reshape(-1, 3)
+def _close_slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
+    """Return faces that close short boundary loops with half-edges of added faces."""
+    new = set(map(tuple, _half_edges(added).tolist()))
+    half_edges, closing = new.union(map(tuple, _half_edges(faces).tolist())), list[list[int]]()
+    for loop in _loops([edge for edge in half_edges if edge[::-1] not in half_edges]):
+        path = [*loop, loop[0]]
+        length = np.linalg.norm(np.diff(vertices[path], axis=0), axis=1).sum()
+        if length < max_length and any(edge in new for edge in pairwise(path)):
+            closing += _triangulate(vertices, loop[::-1])
+    return np.array(closing, np.int32).reshape(-1, 3)
 
 
-def _loops(sides: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
-    """Yield the vertices of each loop of sides; loops that touch are separate."""
+def _loops(half_edges: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
+    """Yield the vertices of each loop of half-edges; loops that touch are separate."""
     following: dict[int, list[int]] = {}
-    for start, end in sorted(sides):
+    for start, end in sorted(half_edges):
         following.setdefault(start, []).append(end)
     for first in following:
         path = [first]
@@ -235,8 +245,8 @@ def _loops(sides: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
                 path.append(end)
 
 
-def _triangulated(vertices: Floats, loop: list[int]) -> list[list[int]]:
-    """Return triangles in a loop: those of the shortest diagonals are cut off first."""
+def _triangulate(vertices: Floats, loop: list[int]) -> list[list[int]]:
+    """Triangulate a loop by cutting off ears, the one with the shortest diagonal first."""
     faces = []
     while len(loop) > 3:
         points = vertices[loop]

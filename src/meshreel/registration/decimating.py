@@ -39,7 +39,7 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
     mesh, length = whole.mesh, tolerance.length
     max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
     rms = min(RMS * error_scale(tolerance.quality), MAX_RMS)
-    faces, wedges_left = decimated(
+    faces, remaining_wedges = decimated(
         mesh.vertices, mesh.faces, wedges, rms * length, DISTANCE * length, max_edge
     )
     used, numbers = np.unique(faces, return_inverse=True)
@@ -51,5 +51,5 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
         return whole
     corners = np.zeros(int(wedges.max()) + 1, np.int64)
     corners[wedges.ravel()] = np.arange(wedges.size)
-    places = corners[wedges_left]
+    places = corners[remaining_wedges]
     return KeyMesh(coarse, places // 3, np.eye(3)[places % 3])

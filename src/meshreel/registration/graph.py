@@ -60,14 +60,14 @@ class Posed:
         Positions without details, as the nodes alone move them.
     arms : float64 array of shape (V, K, 3)
         Vectors from the nodes of each vertex to where they alone would move it.
-    turns : float64 array of shape (V, 3, 3)
+    vertex_rotations : float64 array of shape (V, 3, 3)
         Weighted means of the rotations of the nodes of each vertex.
     """
 
     positions: Floats
     bare: Floats
     arms: Floats
-    turns: Floats
+    vertex_rotations: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +124,11 @@ class DeformationGraph:
         """
         arms = np.einsum("vkij,vkj->vki", pose.rotations[self.nearest], self._offsets)
         ends = arms + (self.nodes + pose.translations)[self.nearest]
-        turns = np.einsum("vk,vkij->vij", self.weights, pose.rotations[self.nearest])
+        vertex_rotations = np.einsum("vk,vkij->vij", self.weights, pose.rotations[self.nearest])
         bare = np.einsum("vk,vki->vi", self.weights, ends)
-        return Posed(bare + np.einsum("vij,vj->vi", turns, details), bare, arms, turns)
+        return Posed(
+            bare + np.einsum("vij,vj->vi", vertex_rotations, details), bare, arms, vertex_rotations
+        )
 
 
 def rotations_of(vectors: Floats) -> Floats:

@@ -18,7 +18,7 @@ from meshreel.model.geometry.connectivity import (
 )
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
-from meshreel.registration.completing import Sighting, completed, may_lack_surface
+from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
@@ -347,12 +347,12 @@ def _completed(
     n_seen = count(1)
 
     def look(numbers: range) -> None:
-        for sighting in follower.sightings(map(frames.mesh, numbers)):
-            patches[numbers] += sighting.patches(mesh.vertices, tolerance)
+        for registered in follower.registered_keys(map(frames.mesh, numbers)):
+            patches[numbers] += registered.patches(mesh.vertices, tolerance)
             report(next(n_seen))
 
     in_threads(look, ways)
-    return completed(key_mesh, whole, chain(*patches.values()), tolerance)
+    return complete_key(key_mesh, whole, chain(*patches.values()), tolerance)
 
 
 def _grow(
@@ -483,7 +483,7 @@ class Follower:
         nearest = min((fit.errors for fit in fits), key=self._excess)
         return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
 
-    def sightings(self, targets: Iterable[TriangleMesh]) -> Iterator[Sighting]:
+    def registered_keys(self, targets: Iterable[TriangleMesh]) -> Iterator[RegisteredKey]:
         """Yield the mesh registered to the frames next to the key, until it is too far from one.
 
         The mesh is not stretched over surface that it lacks.
@@ -496,7 +496,7 @@ class Follower:
             mesh = TriangleMesh(positions, self._faces)
             if self._excess(one_way(mesh, target, self._tolerance)) > MAX_ERROR_TO_COMPLETE:
                 break
-            yield Sighting(mesh, posed.turns, target)
+            yield RegisteredKey(mesh, posed.vertex_rotations, target)
             state = self.tracker.arrive(state, pose, posed, positions)
 
     def _meets(self, errors: FrameErrors) -> bool:

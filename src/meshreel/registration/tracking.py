@@ -162,7 +162,7 @@ class Tracker:
 
     def arrive(self, state: State, pose: Pose, posed: Posed, positions: Floats) -> State:
         """Return the state after a frame, given the mesh fitted to it, of shape (V, 3)."""
-        change = np.einsum("vji,vj->vi", posed.turns, positions - posed.positions)
+        change = np.einsum("vji,vj->vi", posed.vertex_rotations, positions - posed.positions)
         return State(pose, DETAIL_KEPT * (state.details + change), state.pose)
 
     def _predicted(self, state: State, target: TriangleMesh) -> Pose:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.model.geometry.connectivity import boundary_edges
-from meshreel.registration.completing import Sighting, completed, may_lack_surface
+from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface
 from meshreel.registration.graph import rotations_of
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -27,12 +27,12 @@ def cut(keeps, n_rings=42, n_around=38, phase=0.0):
     return TriangleMesh(vertices[used], corners.reshape(-1, 3).astype(np.int32))
 
 
-def sighting(mesh, target):
+def registered_key(mesh, target):
     """A frame in which the key is turned and shifted."""
     moved, frame = (
         TriangleMesh(one.vertices @ TURN.T + SHIFT, one.faces) for one in (mesh, target)
     )
-    return Sighting(moved, np.tile(TURN, (len(mesh.vertices), 1, 1)), frame)
+    return RegisteredKey(moved, np.tile(TURN, (len(mesh.vertices), 1, 1)), frame)
 
 
 def completed_by(key, *targets):
@@ -40,9 +40,9 @@ def completed_by(key, *targets):
     patches = [
         patch
         for target in targets
-        for patch in sighting(key, target).patches(key.vertices, TOLERANCE)
+        for patch in registered_key(key, target).patches(key.vertices, TOLERANCE)
     ]
-    return completed(KeyMesh.of_mesh(key), key, patches, TOLERANCE)
+    return complete_key(KeyMesh.of_mesh(key), key, patches, TOLERANCE)
 
 
 def below(height):
