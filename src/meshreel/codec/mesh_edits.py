@@ -146,8 +146,8 @@ def _has_many_of(index: FaceIndex, faces: Faces, shift: int) -> bool:
     """Whether a quarter of a sample of faces is in the base, with equal or shifted vertices."""
     sample = faces[:: max(1, len(faces) // N_SAMPLES)]
     sample_keys = np.unique(index.keys(np.concatenate([sample, sample + shift])))
-    at = np.minimum(np.searchsorted(sample_keys, index.own_keys), len(sample_keys) - 1)
-    return 4 * len(np.unique(at[sample_keys[at] == index.own_keys])) >= len(sample)
+    at = np.minimum(np.searchsorted(sample_keys, index.face_keys), len(sample_keys) - 1)
+    return 4 * len(np.unique(at[sample_keys[at] == index.face_keys])) >= len(sample)
 
 
 def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:

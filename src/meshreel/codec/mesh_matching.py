@@ -69,19 +69,19 @@ class FaceIndex:
         return (wide[:, 0] * self.n_verts + wide[:, 1]) * self.n_verts + wide[:, 2]
 
     @cached_property
-    def own_keys(self) -> Integers:
+    def face_keys(self) -> Integers:
         """Keys of all faces, in order."""
         return self.keys(self.faces)
 
     @cached_property
     def by_key(self) -> Integers:
         """Numbers of all faces, sorted by their keys."""
-        return np.argsort(self.own_keys, kind="stable")
+        return np.argsort(self.face_keys, kind="stable")
 
     @cached_property
     def sorted_keys(self) -> Integers:
         """Keys of all faces, ascending."""
-        return self.own_keys[self.by_key]
+        return self.face_keys[self.by_key]
 
     @cached_property
     def sides(self) -> tuple[Integers, Integers]:
@@ -118,7 +118,7 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
     """Return the vertex of the base for each vertex, ascending, or -1; None for unrelated meshes.
 
     A few vertices are matched by a guess. Matches then spread across faces: if two vertices of a
-    face are matched, the face of the base at the same side tells the match of the third. Vertices
+    face are matched, the face of the base at the same side gives the match of the third. Vertices
     whose faces are not in the base were guessed wrong and become unmatched.
 
     Parameters
@@ -133,14 +133,14 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
     enough = ENOUGH_SHARED * min(len(base.faces), len(faces))
     best, n_best = np.full(n_verts, -1), 0
     for is_decisive, guess in _guesses(base, mesh.degrees):
-        matches, n_shared = _extended(base, mesh, guess)
+        matches, n_shared = _extend(base, mesh, guess)
         if n_shared > n_best:
             best, n_best = matches, n_shared
         if n_best >= enough:
             break
         if is_decisive and n_best == 0:
             return None
-    return _with_runs(best, base.n_verts, max_equal_run=n_verts)
+    return _match_runs(best, base.n_verts, max_equal_run=n_verts)
 
 
 def _has_similar_ends(base_degrees: Integers, degrees: Integers) -> bool:
@@ -165,11 +165,11 @@ def _guesses(base: FaceIndex, degrees: Integers) -> Iterator[tuple[bool, Integer
     The flag says whether meshes are unrelated if no guess so far leads to a shared face.
     """
     none = np.full(len(degrees), -1)
-    yield False, _with_runs(none, base.n_verts, reach=REACH)
-    yield False, _with_runs(none, base.n_verts, reach=WIDE_REACH)
+    yield False, _match_runs(none, base.n_verts, reach=REACH)
+    yield False, _match_runs(none, base.n_verts, reach=WIDE_REACH)
     yield True, _matches_by_degrees(base.degrees, degrees)
-    yield False, _with_runs(none, base.n_verts, reach=REACH, at_end=False)
-    yield False, _with_runs(none, base.n_verts, reach=REACH, at_start=False)
+    yield False, _match_runs(none, base.n_verts, reach=REACH, at_end=False)
+    yield False, _match_runs(none, base.n_verts, reach=REACH, at_start=False)
 
 
 def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
@@ -196,20 +196,20 @@ def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
         row[:] = np.count_nonzero(windows[start : start + len(shifts)] == block, axis=1)
     most = n_equal.max(axis=1)
     is_unique = np.count_nonzero(n_equal == most[:, None], axis=1) == 1
-    blocks_found = np.flatnonzero(is_unique & (2 * most > size))
-    shifts_found = shifts[n_equal[blocks_found].argmax(axis=1)]
-    rank = np.abs(shifts_found) * len(starts) + blocks_found  # equal shifts are ascending too
+    unique_blocks = np.flatnonzero(is_unique & (2 * most > size))
+    unique_shifts = shifts[n_equal[unique_blocks].argmax(axis=1)]
+    rank = np.abs(unique_shifts) * len(starts) + unique_blocks  # equal shifts are ascending too
     is_ascending = longest_ascending(rank)
-    for start, own in zip(
-        starts[blocks_found[is_ascending]], shifts_found[is_ascending], strict=True
+    for start, shift in zip(
+        starts[unique_blocks[is_ascending]], unique_shifts[is_ascending], strict=True
     ):
-        matches[start : start + size] = np.arange(start, start + size) + own
+        matches[start : start + size] = np.arange(start, start + size) + shift
     matched = np.flatnonzero(matches >= 0)
     matches[matched[~longest_ascending(matches[matched])]] = -1
     return matches
 
 
-def _extended(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Integers, int]:
+def _extend(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Integers, int]:
     """Extend guessed matches; return them, and the number of shared faces."""
     faces, n_last = mesh.faces, 0
     for _ in range(MAX_ROUNDS):
@@ -227,7 +227,7 @@ def _extended(base: FaceIndex, mesh: FaceIndex, matches: Integers) -> tuple[Inte
         if n_shared == len(faces) or n_shared < MIN_GROWTH * n_last:
             break
         n_last = n_shared
-        guess = _with_runs(matches, base.n_verts, reach=REACH)
+        guess = _match_runs(matches, base.n_verts, reach=REACH)
         if np.array_equal(guess, matches):
             break
         matches = guess
@@ -240,7 +240,7 @@ def _spread_across_faces(base: FaceIndex, mesh: FaceIndex, matches: Integers) ->
     first, second, opposite = _sides(mesh.faces)
     was_unmatched = np.ones(len(matches), bool)
     while True:
-        matches = _with_runs(matches, base.n_verts)
+        matches = _match_runs(matches, base.n_verts)
         new = np.flatnonzero(was_unmatched & (matches >= 0))
         was_unmatched = matches < 0
         # Sides with a newly matched end, whose opposite vertex is unmatched.
@@ -254,8 +254,8 @@ def _spread_across_faces(base: FaceIndex, mesh: FaceIndex, matches: Integers) ->
         vertices, candidates = opposite[sides], opposite_in_base[index]
         # A candidate must lie between the matches of the nearest matched vertices.
         matched, in_base = _matched_pairs(matches, base.n_verts)
-        behind = np.searchsorted(matched, vertices)
-        is_between = (in_base[behind - 1] < candidates) & (candidates < in_base[behind])
+        after = np.searchsorted(matched, vertices)
+        is_between = (in_base[after - 1] < candidates) & (candidates < in_base[after])
         fits = (keys[index] == side_keys) & is_between
         if not fits.any():
             return matches
@@ -281,7 +281,7 @@ def _matched_pairs(matches: Integers, n_base_verts: int) -> tuple[Integers, Inte
     return matched, np.concatenate([[-1], matches[matched[1:-1]], [n_base_verts]])
 
 
-def _with_runs(
+def _match_runs(
     matches: Integers,
     n_base_verts: int,
     *,
@@ -290,7 +290,7 @@ def _with_runs(
     at_start: bool = True,
     at_end: bool = True,
 ) -> Integers:
-    """Match also runs of unmatched vertices: all of a run if the base has as many vertices there.
+    """Also match runs of unmatched vertices: whole runs if the base has equally many there.
 
     Parameters
     ----------
@@ -298,21 +298,21 @@ def _with_runs(
         Longest such run.
     reach : int
         Number of vertices at the start and the end of other runs that continue the matches before
-        or behind them, if both meshes have at least four times as many vertices there.
+        or after them, if both meshes have at least four times as many vertices there.
     at_start, at_end : bool
         Whether to match vertices at the start and the end of other runs.
     """
     matched, in_base = _matched_pairs(matches, n_base_verts)
     runs = np.flatnonzero(np.diff(matched) > 1)
-    before, behind = matched[runs], matched[runs + 1]
+    before, after = matched[runs], matched[runs + 1]
     low, high = in_base[runs], in_base[runs + 1]
-    lengths, base_lengths = behind - before - 1, high - low - 1
+    lengths, base_lengths = after - before - 1, high - low - 1
     reached = np.clip(np.minimum(lengths, base_lengths) // 4, 0, reach)  # matches may descend
     is_filled = (lengths == base_lengths) & (lengths <= max_equal_run)
     forward = np.where(is_filled, lengths, reached * at_start)
     backward = np.where(is_filled, 0, reached * at_end)
     result = matches.copy()
-    ends = (before + 1, forward, low - before), (behind - backward, backward, high - behind)
+    ends = (before + 1, forward, low - before), (after - backward, backward, high - after)
     for starts, counts, shifts in ends:
         vertices = ragged_indices(starts, counts)
         result[vertices] = vertices + np.repeat(shifts, counts)

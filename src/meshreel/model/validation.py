@@ -59,7 +59,7 @@ def validate_finite(vertices: Vertices, *, first_frame: int = 0) -> None:
 def validate_faces(faces: Any, n_verts: int, n_frames: int = 0) -> Faces:
     """Return the faces as int32 of shape (M, 3), all indices in 0..V-1 and M at least 1.
 
-    The number of frames serves the error: it recognizes positions whose first two axes are swapped.
+    `n_frames` lets the error recognize positions whose first two axes are swapped.
 
     Raises
     ------

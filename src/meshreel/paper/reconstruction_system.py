@@ -81,9 +81,9 @@ class ReconstructionSystem:
         SolverError
             If it is not finite: the matrix is singular to working precision.
         """
-        right = np.asarray(self._laplacian.T @ deltas)
-        right[self._anchors] += anchor_values
-        return self._solve(right)
+        rhs = np.asarray(self._laplacian.T @ deltas)
+        rhs[self._anchors] += anchor_values
+        return self._solve(rhs)
 
     def responses(self, vertices: Integers) -> Floats:
         """Columns of ``(L^T L + I_a^T I_a)^-1`` of these vertices, of shape (V, N).
@@ -94,10 +94,10 @@ class ReconstructionSystem:
         units[vertices, np.arange(len(vertices))] = 1.0
         return self._solve(units)
 
-    def _solve(self, right: Floats) -> Floats:
-        n_verts, n_unknowns = len(right), self._factor.shape[0]
-        padded = np.zeros((n_unknowns, right.shape[1]))
-        padded[:n_verts] = right
+    def _solve(self, rhs: Floats) -> Floats:
+        n_verts, n_unknowns = len(rhs), self._factor.shape[0]
+        padded = np.zeros((n_unknowns, rhs.shape[1]))
+        padded[:n_verts] = rhs
         solution = self._factor.solve(padded)[:n_verts]
         if not np.isfinite(solution).all():
             raise SolverError(
@@ -109,10 +109,10 @@ class ReconstructionSystem:
 
 def _check_anchored(laplacian: csr_array, anchors: Integers) -> None:
     n_components, labels = connected_components(laplacian, directed=False)
-    anchored = np.zeros(n_components, bool)
-    anchored[labels[anchors]] = True
-    if not anchored.all():
-        missing = np.flatnonzero(~anchored)
+    has_anchor = np.zeros(n_components, bool)
+    has_anchor[labels[anchors]] = True
+    if not has_anchor.all():
+        missing = np.flatnonzero(~has_anchor)
         sizes = np.bincount(labels, minlength=n_components)[missing]
         raise SolverError(
             f"the system [L; I_a] is singular: {len(missing)} of {n_components} connected "

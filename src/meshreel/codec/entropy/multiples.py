@@ -1,4 +1,4 @@
-"""Floats that are integers divided by a common divisor, or steps of a grid, as often in files."""
+"""Floats that are integers divided by a common divisor, or on a grid, as in many files."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -27,8 +27,8 @@ OWN_GRID = 12
 QUANTIZED_BITS = range(4, 21)
 """Bits of such grids."""
 
-SAMPLE = 64
-"""Rows that a grid is tried on before all others."""
+N_SAMPLED_ROWS = 64
+"""Number of rows on which a grid is tried first."""
 
 
 def divisor(code: int) -> float:
@@ -64,8 +64,8 @@ def _integers(values: npt.NDArray[Any], exact: npt.NDArray[Any], code: int) -> I
     if not (np.abs(rounded) <= MAX_INTEGER).all():
         return None
     integers = rounded.astype(np.int32)
-    back = values_of(integers, code, values.dtype)
-    return integers if back.tobytes() == values.tobytes() else None
+    restored = values_of(integers, code, values.dtype)
+    return integers if restored.tobytes() == values.tobytes() else None
 
 
 def as_own_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
@@ -84,8 +84,8 @@ def as_own_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
     with np.errstate(over="ignore"):
         width = (values.max(axis=0) - low).max()
     for bits in QUANTIZED_BITS if 0 < width < np.inf else ():
-        step = width / np.float32(2**bits - 1)
-        if not step or _on_grid(values[:SAMPLE], low, step) is None:  # a width may underflow
+        step = width / np.float32(2**bits - 1)  # may underflow to 0
+        if not step or _on_grid(values[:N_SAMPLED_ROWS], low, step) is None:
             continue
         integers = _on_grid(values, low, step)
         if integers is not None:
@@ -99,5 +99,5 @@ def _on_grid(
     """Return the integers of values on a grid, or None if they are not all on it."""
     with np.errstate(over="ignore", invalid="ignore"):
         integers = np.rint((values.astype(np.float64) - low) / step).astype(np.int32)
-        back = low + integers.astype(np.float32) * step
-    return integers if back.tobytes() == values.tobytes() else None
+        restored = low + integers.astype(np.float32) * step
+    return integers if restored.tobytes() == values.tobytes() else None

@@ -1,4 +1,4 @@
-"""One frame of a file: its mesh, its surface and its data, as formats of single frames read it."""
+"""Contents of a file with one frame: mesh, surface and data."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -32,12 +32,12 @@ class Frame:
     """Attributes, groups and parts, without face sizes and hard edges."""
     fields: Fields = field(default_factory=dict)
     """Vertex, face and corner data that become tracks if they change between files, or if the file
-    declares them tracks; otherwise those in `surface` are attributes.
+    declares them tracks. Otherwise the attributes of `surface` represent them.
     """
     notes: Notes = field(default_factory=Notes)
     """What reading changes or leaves out."""
     find_hard_edges: Callable[[], HardEdges | None] = lambda: None
-    """Returns the hard edges with figures on the normals, or None; slower than all the rest."""
+    """Returns the hard edges with figures on the normals, or None; slow."""
 
     def surface_with_edges(self, notes: Notes) -> Surface:
         """Return the surface with its hard edges; notes receive figures on the normals."""
@@ -82,7 +82,7 @@ class FrameData:
         self._frames, self._has_values = [], False
 
     @cached_property
-    def changing(self) -> set[Key]:
+    def changing_keys(self) -> set[Key]:
         """Data that change over time, are missing in some frames, or are declared tracks.
 
         Complete once all frames are added.
@@ -109,9 +109,9 @@ class FrameData:
         notes : Notes
             Receives a sentence for each array that only some frames have.
         """
-        frames, changing = self._frames, self.changing
+        frames, changing_keys = self._frames, self.changing_keys
         described = [
-            {key: field for key, field in fields.items() if key in changing}
+            {key: field for key, field in fields.items() if key in changing_keys}
             for fields in self._descriptions
         ]
 

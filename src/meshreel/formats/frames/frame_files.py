@@ -195,14 +195,15 @@ class _Run:
 
     def _surface(self, notes: Notes) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
-        changing, surface = self._data.changing, self.first.surface_with_edges(notes)
+        changing_keys, surface = self._data.changing_keys, self.first.surface_with_edges(notes)
         constant = [
             attribute
             for attribute in surface.attributes
-            if (attribute.domain, attribute.name) not in changing
+            if (attribute.domain, attribute.name) not in changing_keys
         ]
         if any(
-            self.first.fields[key][1].role == NORMALS for key in changing & {*self.first.fields}
+            self.first.fields[key][1].role == NORMALS
+            for key in changing_keys & {*self.first.fields}
         ):
             notes.discard(NORMALS_SUBJECT)
         notes.left_out("changes over time, kept as in the first frame", self._differing)
