@@ -43,7 +43,7 @@ def still(
     size : tuple of 2 ints, optional
         Width and height in pixels. Default: fits the content.
     caption : str
-        At the bottom.
+        Text at the bottom.
     is_followed : bool, optional
         Whether the camera follows the mesh. Default: if it would otherwise be small or off-center.
 

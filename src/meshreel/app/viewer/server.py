@@ -30,7 +30,7 @@ TEXT = "text/plain; charset=utf-8"
 Reader = Callable[[int, int], bytes]
 """Returns the bytes of a range of a file."""
 
-FORBIDDEN = "this player answers local requests only; start it on another host to open it here"
+FORBIDDEN = "this player answers local requests only; start it on the machine of your browser"
 
 
 class ViewerServer(ThreadingHTTPServer):
@@ -50,7 +50,7 @@ class ViewerServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    allow_reuse_address = sys.platform != "win32"  # which would share a port in use
+    allow_reuse_address = sys.platform != "win32"  # Windows would share a port in use
 
     def __init__(self, api: Api, *, port: int = 0, page: Page | None = None) -> None:
         player = built_page() if page is None else page
