@@ -12,7 +12,7 @@ export function fillPanel({ rows, budget, is_whole: isWhole }: Reel): void {
 }
 
 /** Format a size in bytes with one decimal place and a unit. */
-export function formatBytes(bytes: number): string {
+function formatBytes(bytes: number): string {
   if (bytes < 1000) return `${bytes} B`;
   const [unit, name] = bytes < 1e6 ? [1e3, "kB"] : bytes < 1e9 ? [1e6, "MB"] : [1e9, "GB"];
   return `${(bytes / unit).toFixed(1)} ${name}`;
