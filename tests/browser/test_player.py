@@ -451,6 +451,18 @@ def test_all_controls_of_the_bar_are_visible_next_to_the_panel(new_page, url, wi
         assert box["x"] + box["width"] <= right
 
 
+def test_panel_describes_truncated_and_damaged_files(new_page, flag, tmp_path):
+    data = bytearray((flag / "flag.reel").read_bytes())
+    (tmp_path / "truncated.reel").write_bytes(data[: len(data) * 4 // 5])
+    data[len(data) * 4 // 5] ^= 1
+    (tmp_path / "damaged.reel").write_bytes(data)
+    for name, n_truncated, has_sizes in (("truncated", 1, True), ("damaged", 0, False)):
+        with viewing(tmp_path / f"{name}.reel") as (_, address):
+            page = new_page(address)
+            assert page.locator("#rows").inner_text().count("truncated") == n_truncated
+            assert page.get_by_text("Where the bytes are").is_visible() == has_sizes
+
+
 def test_a_lost_server_is_an_error(new_page, flag):
     with viewing(flag / "flag.reel", "--original", flag / "original.npz") as (_, address):
         page = new_page(address)

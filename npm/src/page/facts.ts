@@ -79,7 +79,6 @@ export type EmbeddedTexture = EmbeddedFile & { mediaType: string };
 export interface Facts {
   name: string;
   up: "y" | "z";
-  is_whole: boolean;
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;

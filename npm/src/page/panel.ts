@@ -5,9 +5,9 @@ import { fillRows, byId } from "./page.js";
 import type { Reel } from "./facts.js";
 
 /** Fill the panel with the properties of a file. */
-export function fillPanel({ rows, budget, is_whole: isWhole }: Reel): void {
-  const missing: [string, string][] = isWhole ? [] : [["end", "missing: the file is truncated"]];
-  fillRows(byId("rows"), [...rows, ...missing]);
+export function fillPanel({ rows, budget }: Reel): void {
+  fillRows(byId("rows"), rows);
+  byId("budget-title").hidden = budget.length === 0; // of a damaged file
   fillBudget(budget);
 }
 

@@ -167,7 +167,6 @@ class Api:
         return {
             "name": self.file.name or self._name,
             "up": "y",
-            "is_whole": self.file.is_whole,
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),

@@ -25,8 +25,7 @@ from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.players import opened_api
 
 KEYS = [
-    "name", "up", "is_whole", "rows", "budget", "original", "colored_by",
-    "texture",
+    "name", "up", "rows", "budget", "original", "colored_by", "texture",
 ]  # fmt: skip
 
 
@@ -41,7 +40,7 @@ def test_facts_describe_the_file():
         facts = get_json(api, "api/facts")
         info = api.reel.info()
     assert list(facts) == KEYS
-    assert (facts["name"], facts["is_whole"]) == ("sheet", True)
+    assert facts["name"] == "sheet"
     assert facts["rows"] == [["size", "6 kB"]]
     assert sum(size for _, size in facts["budget"]) == info.size_bytes
     assert facts["original"] is None
