@@ -262,6 +262,17 @@ def test_labels_do_not_cover_the_title(new_page, compared_url, width):
     )
 
 
+@pytest.mark.parametrize("width", [1000, 390, 320])
+def test_labels_of_an_overlay_do_not_overlap(new_page, compared_url, width):
+    page = new_page(compared_url, width=width, height=600)
+    page.locator("#arrangement label:has([value=over])").click()
+    wait_until(page, "document.querySelectorAll('#labels span')[1].textContent.endsWith('lines')")
+    decoded, original = (label.bounding_box() for label in page.locator("#labels span").all())
+    assert decoded["x"] > 0
+    assert decoded["x"] + decoded["width"] < original["x"]
+    assert original["x"] + original["width"] < page.locator("canvas").bounding_box()["width"]
+
+
 def test_page_follows_the_color_scheme_until_the_user_chooses(new_page, url):
     page = new_page(url)
     background = "getComputedStyle(document.body).backgroundColor"

@@ -22,15 +22,8 @@ export class Labels {
       beside: ["decoded", lacksTrack ? "original, which lacks these values" : "original"],
       over: ["decoded", "original, as lines"],
     }[arrangement];
-    const isBelow = arrangement === "beside" && isPortrait;
-    byId("labels").replaceChildren(
-      ...texts.map((text, i) => {
-        const label = createElement("span", i === 1 ? "original" : "", text);
-        const left = arrangement === "beside" ? 25 + 50 * i : 40 + 20 * i;
-        label.style.left = isBelow ? "60px" : `${left}%`;
-        label.style.top = isBelow ? `calc(${50 * i}% + 10px)` : "10px";
-        return label;
-      }),
-    );
+    const labels = byId("labels");
+    labels.className = arrangement === "beside" && isPortrait ? "stacked" : arrangement;
+    labels.replaceChildren(...texts.map((text, i) => createElement("span", i === 1 ? "original" : "", text)));
   }
 }
