@@ -302,6 +302,12 @@ def test_legend_says_which_frames_the_colors_span(own_compared):
     assert "colors span this frame" in title.text_content()
 
 
+def test_each_error_takes_one_line(compared):
+    error = compared.locator("#original-rows dd", has_text="% of the diagonal").first
+    title = compared.locator("#compare h2")
+    assert error.bounding_box()["height"] < 1.5 * title.bounding_box()["height"]
+
+
 def test_clicking_the_plot_seeks(compared):
     plot = compared.locator("#plots svg").first
     plot.scroll_into_view_if_needed()

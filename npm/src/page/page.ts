@@ -18,7 +18,9 @@ export const darkScheme = matchMedia("(prefers-color-scheme: dark)");
 /** Fill a description list with names and values. */
 export function fillRows(list: HTMLElement, rows: [string, string][]): void {
   list.replaceChildren(
-    ...rows.flatMap(([name, value]) => [createElement("dt", "", name), createElement("dd", "", value)]),
+    ...rows.map(([name, value]) =>
+      createElement("div", "", createElement("dt", "", name), createElement("dd", "", value)),
+    ),
   );
 }
 
