@@ -458,6 +458,20 @@ def test_nothing_overflows_on_a_phone(new_page, compared_url):
         assert page.locator("canvas").bounding_box()["height"] > 0.25 * height
 
 
+@pytest.mark.parametrize("width", [360, 390, 700])
+def test_bar_of_a_phone_has_two_rows_at_every_frame(new_page, tmp_path, width):
+    (tmp_path / "long.reel").write_bytes(meshreel.encode(meshreel.simulate_flag(1001, n_rows=4)))
+    with viewing(tmp_path / "long.reel") as (_, address):
+        page = new_page(address, width=width, height=700)
+        for frame in (0, 1000):
+            show(page, frame)
+            timeline = page.locator(".bar input").bounding_box()
+            text = page.locator(".bar .text").bounding_box()
+            buttons = page.locator("#viewer button:visible").all()
+            assert text["y"] < timeline["y"] + timeline["height"]
+            assert len({button.bounding_box()["y"] for button in buttons}) == 1
+
+
 @pytest.mark.parametrize("width", [800, 900, 1040, 1280])
 def test_all_controls_of_the_bar_are_visible_next_to_the_panel(new_page, url, width):
     page = new_page(url, width=width, height=600)

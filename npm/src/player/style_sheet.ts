@@ -106,9 +106,9 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   .bar:not(.detailed) :is(.step, .speed) { display: none; }
 }
 @container (max-width: 729px) {
-  .bar.detailed { flex-wrap: wrap; justify-content: space-between; height: auto; }
-  .bar.detailed .time { order: -2; flex: 1 1 calc(100% - 190px); }
-  .bar.detailed .text { order: -1; }
+  .bar.detailed { flex-wrap: wrap; gap: 0; justify-content: space-between; height: auto; }
+  .bar.detailed :is(.time, .text) { order: -2; }
+  .bar.detailed::before { content: ""; order: -1; width: 100%; }
 }
 .picture > .legend {
   position: absolute;
