@@ -353,6 +353,19 @@ def test_meshes_side_by_side_have_the_same_size(new_page, compared_url):
     assert left.mean() == pytest.approx(right.mean(), rel=0.02)
 
 
+def test_views_of_a_tall_figure_that_walks_are_side_by_side(new_page, tmp_path):
+    flag = meshreel.simulate_flag(20, n_rows=8, n_columns=6)
+    path = np.linspace(0, 4, 20)[:, None, None] * [1, 0, 0]
+    walk = flag.replace(vertices=flag.vertices * [1, 4, 1] + path)
+    meshreel.save(walk, tmp_path / "walk.npz")
+    (tmp_path / "walk.reel").write_bytes(meshreel.encode(walk))
+    with viewing(tmp_path / "walk.reel", "--original", tmp_path / "walk.npz") as (_, address):
+        page = new_page(address, width=1000, height=700)
+        assert page.get_by_label("Keep the mesh in the middle").is_checked()
+        decoded, original = (label.bounding_box() for label in page.locator("#labels span").all())
+        assert decoded["y"] == original["y"]
+
+
 def test_views_share_a_camera(own_compared):
     before = picture_of(own_compared, "canvas")
     box = own_compared.locator("canvas").bounding_box()

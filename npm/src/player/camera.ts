@@ -93,17 +93,17 @@ export class PlayerCamera {
     this.reset();
   }
 
-  /** Distance from the point that the camera would orbit if it framed these points. */
-  distanceTo(points: readonly Vector3[]): number {
+  /** Distance from the point that the camera would orbit if it framed points, by default the framed ones. */
+  distanceTo(points?: readonly Vector3[]): number {
     const { eye, target } = this.#framing(points);
     return eye.distanceTo(target);
   }
 
-  /** Size of the framed points in a view of this width and height, relative to that in other views. */
-  scaleIn(width: number, height: number): number {
+  /** Size of such points in a view of this width and height, relative to that in other views. */
+  scaleIn(width: number, height: number, points?: readonly Vector3[]): number {
     const { aspect } = this.camera;
     this.camera.aspect = width / height;
-    const scale = height / this.distanceTo(this.#points);
+    const scale = height / this.distanceTo(points);
     this.camera.aspect = aspect;
     this.camera.updateProjectionMatrix();
     return scale;
@@ -113,7 +113,7 @@ export class PlayerCamera {
   reset(): void {
     this.#isUserControlled = false;
     const { camera } = this;
-    const { eye, target } = this.#framing(this.#points);
+    const { eye, target } = this.#framing();
     camera.position.copy(eye);
     this.target.copy(target);
     camera.lookAt(target);
@@ -180,14 +180,14 @@ export class PlayerCamera {
 
   #limitDistance(): void {
     if (!this.#controls) return;
-    const { eye, target } = this.#framing(this.#points);
+    const { eye, target } = this.#framing();
     const distance = eye.distanceTo(target);
     this.#controls.minDistance = MIN_DISTANCE * distance;
     this.#controls.maxDistance = MAX_DISTANCE * distance;
   }
 
-  /** Compute the initial view of points. */
-  #framing(points: readonly Vector3[]): { eye: Vector3; target: Vector3 } {
+  /** Compute the initial view of points, by default the framed ones. */
+  #framing(points = this.#points): { eye: Vector3; target: Vector3 } {
     const { theta, phi, distance, zoom, target, fieldOfView } = this.#pose;
     this.camera.fov = fieldOfView;
     this.camera.updateProjectionMatrix();

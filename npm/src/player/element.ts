@@ -538,7 +538,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     // Meshes of other segments may have centroids elsewhere.
     const movesFar =
       this.#mesh?.file.segments.length === 1 &&
-      view.camera.distanceTo(points) >= FOLLOW_RATIO * view.camera.distanceTo(pose);
+      view.sizeOf(pose) >= FOLLOW_RATIO * view.sizeOf(points);
     if (!(this.#isFollowed ?? movesFar)) return false;
     view.follow(this.#mesh);
     view.frame(pose, points, { ...camera, target });

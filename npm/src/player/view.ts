@@ -164,22 +164,41 @@ export class View implements ContextHolder {
     this.invalidate();
   }
 
+  get #nViews(): number {
+    return this.#panes?.length ?? 1;
+  }
+
   /**
    * Whether several views are stacked vertically: if that shows the model larger. Depends on the size
    * of the player rather than of the canvas, which changes with the legend.
    */
   get isPortrait(): boolean {
-    const { clientWidth, clientHeight } = (this.canvas.getRootNode() as ShadowRoot).host;
-    const n = this.#panes?.length ?? 1;
-    if (n === 1) return false;
+    if (this.#nViews === 1) return false;
+    const [beside, stacked] = this.#sizes();
+    return stacked > beside;
+  }
+
+  /** Size of points if the camera framed them, in the arrangement of the views that shows them larger. */
+  sizeOf(points: readonly Vector3[]): number {
+    return Math.max(...this.#sizes(points));
+  }
+
+  /** Sizes of points, by default the framed ones, in views side by side and, if there are several, stacked. */
+  #sizes(points?: readonly Vector3[]): number[] {
     const { camera } = this;
-    return camera.scaleIn(clientWidth, clientHeight / n) > camera.scaleIn(clientWidth / n, clientHeight);
+    const n = this.#nViews;
+    if (n === 1) return [1 / camera.distanceTo(points)];
+    const { clientWidth, clientHeight } = (this.canvas.getRootNode() as ShadowRoot).host;
+    return [
+      camera.scaleIn(clientWidth / n, clientHeight, points),
+      camera.scaleIn(clientWidth, clientHeight / n, points),
+    ];
   }
 
   /** Return the ray through a position on the page; null outside of the canvas. */
   rayAt(clientX: number, clientY: number): Raycaster | null {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
-    const n = this.#panes?.length ?? 1;
+    const n = this.#nViews;
     const [w, h] = this.isPortrait ? [width, height / n] : [width / n, height];
     const [x, y] = [clientX - left, clientY - top];
     if (!(x >= 0 && x < width && y >= 0 && y < height)) return null;
@@ -305,7 +324,7 @@ export class View implements ContextHolder {
   #updateAspect(): void {
     const { clientWidth, clientHeight } = this.canvas;
     if (!clientWidth || !clientHeight) return;
-    const n = this.#panes?.length ?? 1;
+    const n = this.#nViews;
     const aspect = clientWidth / clientHeight;
     this.camera.setAspect(this.isPortrait ? aspect * n : aspect / n);
   }
