@@ -216,7 +216,6 @@ def test_exported_page_contains_the_original(page, reel, grid, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
     data = carried(target.read_text())
     original = data["facts"]["original"]
-    assert original["name"] == "grid"
     assert dict(original["rows"])["overall error (KG error)"].endswith(" %")
     vertices = meshreel.decode(data["original"]).vertices
     assert abs(vertices - waving_grid().vertices).max() < 1e-3

@@ -112,8 +112,7 @@ function viewKeys(reel: Reel, picture: Picture, player: Player): Actions {
     look.arrangement,
     choose("arrangement"),
   );
-  element.up = reel.up;
-  const up = new Choice<"y" | "z">("up", reel.up, (axis) => (element.up = axis));
+  const up = new Choice<"y" | "z">("up", "y", (axis) => (element.up = axis));
   const wire = checkbox("wire", choose("wire"));
   const follow = checkbox("follow", (isFollowed) => parts.frame(isFollowed));
   byId("own-look-row").hidden = !picture.hasFileMaterials;

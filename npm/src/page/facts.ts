@@ -41,7 +41,6 @@ export interface Errors {
 
 /** Metadata of the original. */
 export interface OriginalInfo extends Errors {
-  name: string;
   /** Diagonal of the bounding box of all its frames, in model units. */
   diagonal: number;
   /** Tracks that it shares with the file. */
@@ -78,7 +77,6 @@ export type EmbeddedTexture = EmbeddedFile & { mediaType: string };
 /** Metadata of a file. */
 export interface Facts {
   name: string;
-  up: "y" | "z";
   rows: [string, string][];
   budget: [string, number][];
   original: OriginalInfo | null;

@@ -166,7 +166,6 @@ class Api:
         """Facts about the file that its stream does not contain."""
         return {
             "name": self.file.name or self._name,
-            "up": "y",
             "rows": [list(row) for row in self._rows.items()],
             "budget": [list(row) for row in self._budget.items()],
             "original": self._original(),
@@ -201,7 +200,6 @@ class Api:
             return None
         errors = self.plots()
         return {
-            "name": self.comparison.original.name,
             "diagonal": self.comparison.reference.diagonal,
             "tracks": self.tracks.names if self.tracks else [],
             "track_heats": self.tracks.described() if self.tracks else [],

@@ -27,7 +27,6 @@ class Original:
 
     Attributes
     ----------
-    name : str
     extent : Extent
         Bounding box of all frames.
 
@@ -42,7 +41,6 @@ class Original:
         self._source = source
         self._lock = threading.Lock()
         self._order = _original_items(source, reel)
-        self.name: str = source.name
         self.extent: Extent = source.extent
 
     def frame(self, number: int) -> Vertices:

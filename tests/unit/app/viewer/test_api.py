@@ -24,9 +24,7 @@ from meshreel.rendering.track_colors import TrackLook
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.players import opened_api
 
-KEYS = [
-    "name", "up", "rows", "budget", "original", "colored_by", "texture",
-]  # fmt: skip
+KEYS = ["name", "rows", "budget", "original", "colored_by", "texture"]
 
 
 def get_json(api, path):
@@ -58,7 +56,6 @@ def test_frames_of_the_original_are_answered_when_there_is_one():
         positions = np.frombuffer(api.answer("api/original/3").body, "<f4").reshape(-1, 3)
         center = np.array(api.reel.frame.origin)
     np.testing.assert_allclose(positions + center, grid.vertices[3], atol=1e-6)
-    assert facts["original"]["name"] == "grid"
     assert [heat["kind"] for heat in facts["original"]["heats"]] == ["distance", "angle"]
     assert (facts["original"]["plots"], facts["original"]["rows"]) == ([], [])
 
