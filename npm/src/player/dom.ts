@@ -9,7 +9,7 @@ const ICONS = {
   previous: "M18 5v14l-9-7zM6 5h2v14H6z",
   next: "M6 5l9 7-9 7zM16 5h2v14h-2z",
   loud: "M4 9v6h4l5 4V5L8 9zM15 9a4 4 0 0 1 0 6l1.3 1.5a6 6 0 0 0 0-9z",
-  muted: "M4 9v6h4l5 4V5L8 9zM15.5 8.5l6 6-1.200 1.200-6-6zM20.3 8.5l1.200 1.200-6 6-1.200-1.200z",
+  muted: "M4 9v6h4l5 4V5L8 9zM15.5 8.5l6 6-1.2 1.2-6-6zM20.3 8.5l1.2 1.2-6 6-1.2-1.2z",
   full: "M5 5h6v2H7v4H5zM13 5h6v6h-2V7h-4zM5 13h2v4h4v2H5zM17 13h2v6h-6v-2h4z",
   small: "M9 4h2v7H4V9h5zM13 4h2v5h5v2h-7zM4 13h7v7H9v-5H4zM13 13h7v2h-5v5h-2z",
 } as const;
