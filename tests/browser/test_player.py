@@ -285,7 +285,8 @@ def test_page_follows_the_color_scheme_until_the_user_chooses(new_page, url):
     assert picture_of(page, "canvas")[-20, 20].max() < 40
     page.get_by_label("Wireframe").check()  # no choice of a background
     page.emulate_media(color_scheme="light")
-    wait_until(page, f"{background} === '{light}'")
+    wait_until(page, "document.querySelector('[name=background][value=light]').checked")
+    assert page.evaluate(background) == light
     page.keyboard.press("b")
     page.emulate_media(color_scheme="dark")
     page.emulate_media(color_scheme="light")
