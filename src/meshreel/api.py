@@ -77,7 +77,7 @@ def decode(
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """Decode a `.reel` stream to a sequence, each of whose segments is one of the stream.
+    """Decode a `.reel` stream to a sequence with the same segments.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def decode(
         decoded. Default: all.
     n_modes : int, optional
         Number of leading modes to decode in each block; fewer give a coarser animation, faster,
-        without corrections. In streams of `reel` further modes, up to the 16th at least, keep their
+        without corrections. In streams of `reel` further modes, at least up to the 16th, keep their
         mean over the block; the paper's methods omit further rows of coefficients (the paper's
         k_l); streams of `lossless` and `grid` have no modes. Default: all. For a `ReelFile`, pass
         it to `meshreel.open`.
@@ -325,7 +325,7 @@ def rig(
     Skinning decomposition of Le and Deng, "Smooth skinning decomposition with rigid bones",
     SIGGRAPH Asia 2012.
     """
-    from meshreel.rigging.fitting import bounds_of, fit_sequence  # which takes time to import
+    from meshreel.rigging.fitting import bounds_of, fit_sequence  # slow to import
 
     sequence = _loaded(source)
     bounds = bounds_of(sequence, quality=quality, kg=kg, max_error=max_error, unit=unit)
@@ -381,8 +381,8 @@ def compare(
 
     Parameters
     ----------
-    original, decoded : MeshSequence, MeshSequence, path, bytes, or ReelFile
-        Sequences, what `load` reads, or `.reel` streams, of equal frame counts. Meshes are the
+    original, decoded : MeshSequence, path, bytes, or ReelFile
+        Sequences, inputs of `load`, or `.reel` streams, of equal frame counts. Meshes are the
         same if they have equal vertex counts and the same oriented triangles; the order of the
         triangles, and the vertex at which each begins, may differ. So may the order of vertices,
         if the decoded one is that of a stream of the original with ``order="drop"``.
@@ -401,7 +401,7 @@ def compare(
         surfaces are compared, or `n_samples` is given where vertices are compared.
     """
     from meshreel.codec.dropped_order import match_order
-    from meshreel.metrics.compare import measure_quality  # which takes half a second
+    from meshreel.metrics.compare import measure_quality  # slow to import
 
     first, second = _loaded(original), _loaded(decoded)
     first, second, _ = match_order(first, second)
@@ -426,8 +426,8 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
         path = Path(stream)
         refuse_pipe(path)
         if not path.is_file():
-            what = "is a folder" if path.is_dir() else "does not exist"
-            raise InvalidInputError(f"{str(path)!r} {what}; give the path of a .reel file")
+            problem = "is a folder" if path.is_dir() else "does not exist"
+            raise InvalidInputError(f"{str(path)!r} {problem}; give the path of a .reel file")
         with os_errors_naming(path):
             data = path.read_bytes()
         with errors_naming(path):
@@ -485,7 +485,7 @@ def _sequence(sequence: Any) -> MeshSequence:
 
 
 def _is_path(source: Any) -> bool:
-    """Whether `load` reads it: a path, or a list of paths."""
+    """Whether a source is a path or a list of paths."""
     paths = source if isinstance(source, list | tuple) else [source]
     return all(isinstance(path, str | os.PathLike) for path in paths)
 

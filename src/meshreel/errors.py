@@ -8,7 +8,7 @@ from typing import Any, Self
 
 @dataclass(frozen=True)
 class Keyword:
-    """A keyword argument that a message speaks of; the command line shows its option instead."""
+    """A keyword argument that a message names; the command line shows its option instead."""
 
     name: str
     value: str | bool | None = None
@@ -21,7 +21,7 @@ class Keyword:
 
 
 class Message(str):
-    """Text with the keywords that it speaks of."""
+    """Text, and the keywords in it."""
 
     parts: tuple[str | Keyword, ...]
 
@@ -57,9 +57,9 @@ class MeshReelError(Exception):
     *parts : str or Keyword
         The message in parts.
     message : str, optional
-        The whole message instead, as a `DataLoader` of PyTorch passes it on from a worker.
+        The whole message instead; PyTorch's `DataLoader` passes it to re-raise a worker's error.
     path : str or Path, optional
-        The file with the fault, with which `str` begins; `args` are the rest.
+        The faulty file, with which the message begins; `args` do not contain it.
     """
 
     def __init__(

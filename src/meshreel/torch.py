@@ -116,7 +116,7 @@ class ReelDataset(Dataset[Window]):
 
     ``len(dataset)`` is the number of windows: one starts at every frame that enough frames follow.
     Sequences that are shorter than a window have none. Workers of a `DataLoader` may be forked or
-    spawned; each opens the files that it needs and decodes on one core. Not for several threads.
+    spawned; each opens the files that it needs and decodes on one core. Not thread-safe.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class ReelDataset(Dataset[Window]):
     normalize : bool, default False
         Return positions relative to the center of the sequence's bounding box, in diagonals of it.
     memory : float or str, default "2GiB"
-        Memory for decoded blocks, in bytes or such as "500MB". Each worker has as much.
+        Memory of each worker for decoded blocks, in bytes or such as "500MB".
 
     Attributes
     ----------
@@ -194,20 +194,20 @@ class ReelDataset(Dataset[Window]):
     def __getitem__(self, index: int) -> Window:
         if not -len(self) <= index < len(self):
             raise IndexError(f"there is no window {index}; there are {len(self)}")
-        return self.at(*self._place(index))
+        return self.at(*self._locate(index))
 
     def __getitems__(self, indices: Sequence[int]) -> list[Window]:
         """Return several windows, as a `DataLoader` fetches them; blocks load on all cores."""
-        places = {index: self._place(index) for index in sorted(set(indices))}
-        self._load(places.values())
-        windows = {index: self.at(*place) for index, place in places.items()}
+        starts = {index: self._locate(index) for index in sorted(set(indices))}
+        self._load(starts.values())
+        windows = {index: self.at(*start) for index, start in starts.items()}
         return [windows[index] for index in indices]
 
-    def _place(self, index: int) -> tuple[int, int]:
+    def _locate(self, index: int) -> tuple[int, int]:
         """Return the sequence and the first frame of a window."""
         sequence = int(np.searchsorted(self._ends, index % len(self), side="right"))
-        before = int(self._ends[sequence - 1]) if sequence else 0
-        return sequence, index % len(self) - before
+        n_earlier = int(self._ends[sequence - 1]) if sequence else 0
+        return sequence, index % len(self) - n_earlier
 
     def at(self, sequence: int, first: int) -> Window:
         """Return the window of a sequence that starts with frame `first`.
@@ -237,10 +237,10 @@ class ReelDataset(Dataset[Window]):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_cache": None}
 
-    def _load(self, places: Iterable[tuple[int, int]]) -> None:
+    def _load(self, starts: Iterable[tuple[int, int]]) -> None:
         """Load the blocks in which these windows begin, unless they are cached."""
         cache = self._open()
-        keys = dict.fromkeys((sequence, self._block(sequence, first)) for sequence, first in places)
+        keys = dict.fromkeys((sequence, self._block(sequence, first)) for sequence, first in starts)
         missing = [key for key in keys if key not in cache]
 
         def load(key: Key) -> None:
@@ -311,15 +311,15 @@ class ReelStream(IterableDataset[Window]):
     A window is drawn from a random block of those that are open, at most `open_blocks` and as many
     as the memory of the dataset holds. A block without further windows is closed, and the next of a
     random order is opened. A window at the end of a block decodes the next block too. Workers of a
-    `DataLoader` share the work; several ranks get equally many windows, so that a few (fewer than
-    `world_size`) are left out.
+    `DataLoader` share the work; all ranks get equally many windows, so that a few (fewer than
+    `world_size`) are omitted.
 
     Parameters
     ----------
     dataset : ReelDataset
     open_blocks : int, default 16
     seed : int, optional
-        Of the order, together with the epoch; default: random, from the generator of PyTorch.
+        Determines the order, together with the epoch. Default: random, from PyTorch's generator.
     rank, world_size : int, default 0 and 1
         Number of this process and of all processes of distributed training, which need a `seed`.
 
@@ -378,31 +378,31 @@ class ReelStream(IterableDataset[Window]):
         blocks = [self._blocks[i] for i in rng.permutation(len(self._blocks))]
         first = self.rank * len(self)
         start, stop = (first + len(self) * i // n_workers for i in (number, number + 1))
-        return self._mixed(_part(blocks, start, stop), rng)
+        return self._shuffled(_window_range(blocks, start, stop), rng)
 
-    def _mixed(
+    def _shuffled(
         self, blocks: Iterator[tuple[int, range]], rng: np.random.Generator
     ) -> Iterator[Window]:
         opened: list[tuple[int, list[int]]] = []
-        following = next(blocks, None)
-        while opened or following:
+        next_block = next(blocks, None)
+        while opened or next_block:
             may_open = not opened or (len(opened) < self.open_blocks and self.dataset._has_room())
-            if following and may_open:
-                sequence, windows = following
+            if next_block and may_open:
+                sequence, windows = next_block
                 opened.append((sequence, rng.permutation(windows).tolist()))
-                following = next(blocks, None)
+                next_block = next(blocks, None)
                 block_index = len(opened) - 1  # decoded now, so that its memory counts
             else:
                 block_index = int(rng.integers(len(opened)))
-            sequence, firsts = opened[block_index]
-            first = firsts.pop()
+            sequence, first_frames = opened[block_index]
+            first = first_frames.pop()
             yield self.dataset.at(sequence, first)
-            if not firsts:
+            if not first_frames:
                 del opened[block_index]
                 self.dataset._release(sequence, first)
 
 
-def _part(
+def _window_range(
     blocks: Iterable[tuple[int, range]], start: int, stop: int
 ) -> Iterator[tuple[int, range]]:
     """Yield windows start..stop - 1 of all windows of the blocks in order."""
@@ -417,15 +417,15 @@ def collate(windows: Sequence[Window]) -> Batch:
     """Stack windows; zeros fill vertices and items that smaller meshes do not have."""
     names = windows[0].tracks
     return Batch(
-        _stacked([window.vertices for window in windows]),
-        {name: _stacked([window.tracks[name] for window in windows]) for name in names},
+        _stack_padded([window.vertices for window in windows]),
+        {name: _stack_padded([window.tracks[name] for window in windows]) for name in names},
         torch.tensor([window.sequence for window in windows]),
         torch.stack([window.frames for window in windows]),
         torch.tensor([window.vertices.shape[1] for window in windows]),
     )
 
 
-def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
+def _stack_padded(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
     n_items = max(value.shape[1] for value in values)
     if all(value.shape[1] == n_items for value in values):
         return torch.stack(list(values))
@@ -438,7 +438,7 @@ def _stacked(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
 
 
 class _Cache:
-    """Open files of one process: those used last, up to a limit."""
+    """Least-recently-used cache of the open files of one process."""
 
     def __init__(self, limit_bytes: float) -> None:
         self.process = os.getpid()
@@ -452,19 +452,19 @@ class _Cache:
         return key in self._entries
 
     def get(self, key: Key, make: Callable[[], ReelFile]) -> ReelFile:
-        """Return the entry of this key, made if it is new."""
+        """Return the entry of this key; make it if it is missing."""
         if key not in self._entries:
             self.put(key, make())
         else:
-            self._count_last()
+            self._update_last_size()
             self._entries.move_to_end(key)
         return self._entries[key]
 
     def put(self, key: Key, entry: ReelFile) -> None:
-        """Add an entry; the oldest are closed for it."""
-        self._count_last()
+        """Add an entry, and close the oldest ones beyond the limits."""
+        self._update_last_size()
         self._entries[key] = entry
-        self._count(key)
+        self._update_size(key)
         while len(self._entries) > 1 and (
             self._total > self._limit or len(self._entries) > MAX_OPEN
         ):
@@ -472,7 +472,7 @@ class _Cache:
 
     def has_room(self) -> bool:
         """Whether an entry as large as the largest fits."""
-        self._count_last()
+        self._update_last_size()
         fits = self._total + max(self._sizes.values(), default=0) <= self._limit
         return fits and len(self._entries) < MAX_OPEN
 
@@ -482,16 +482,16 @@ class _Cache:
             self._remove(key)
 
     def _remove(self, key: Key) -> None:
-        self._count(key)
+        self._update_size(key)
         self._total -= self._sizes.pop(key)
         self._entries.pop(key).close()
 
-    def _count_last(self) -> None:
-        """Count the entry that was used last, which may have decoded something since."""
+    def _update_last_size(self) -> None:
+        """Update the size of the entry used last, which may have decoded blocks since."""
         if self._entries:
-            self._count(next(reversed(self._entries)))
+            self._update_size(next(reversed(self._entries)))
 
-    def _count(self, key: Key) -> None:
+    def _update_size(self, key: Key) -> None:
         size = self._entries[key].cached_bytes
         self._total += size - self._sizes.get(key, 0)
         self._sizes[key] = size

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from meshreel.runtime.counting import change_text, counted, counts_text, size_text
 
 if TYPE_CHECKING:
-    from meshreel.app.viewer.measuring import Measured
+    from meshreel.app.viewer.measuring import MeasuredErrors
     from meshreel.codec.achieved import Achieved
     from meshreel.codec.inspect import StreamInfo
     from meshreel.formats.inspection import MeshInfo
@@ -169,8 +169,8 @@ def segment_table(stream: "StreamInfo") -> list[Sequence[str]]:
         )
         for number, segment in enumerate(stream.segments[:MAX_SEGMENTS])
     ]
-    if (more := len(stream.segments) - MAX_SEGMENTS) > 0:
-        rows.append((f"and {more} more; --json lists all", "", "", "", ""))
+    if (n_more := len(stream.segments) - MAX_SEGMENTS) > 0:
+        rows.append((f"and {n_more} more; --json lists all", "", "", "", ""))
     return rows
 
 
@@ -281,7 +281,7 @@ def player_rows(stream: "StreamInfo") -> dict[str, str]:
     return {name: row if isinstance(row, str) else "\n".join(row) for name, row in shown.items()}
 
 
-def measured_rows(measured: "Measured") -> dict[str, str]:
+def measured_rows(measured: "MeasuredErrors") -> dict[str, str]:
     """Errors of a file for the player, whose visitors may not know the abbreviations."""
     errors = measured.errors
     return {

@@ -96,15 +96,15 @@ def _local_files(folder: Path, but_not: Path | None) -> Iterator[tuple[Path, Pat
                     yield path.relative_to(folder), path
 
 
-def _folders_under(folder: Path, above: tuple[Path, ...] = ()) -> Iterator[Path]:
+def _folders_under(folder: Path, ancestors: tuple[Path, ...] = ()) -> Iterator[Path]:
     """Yield a folder and its subfolders; links to a parent folder are not followed."""
     real_folder = folder.resolve()
-    if real_folder in above:
+    if real_folder in ancestors:
         return
     yield folder
     for child in _visible(folder):
         if child.is_dir():
-            yield from _folders_under(child, (*above, real_folder))
+            yield from _folders_under(child, (*ancestors, real_folder))
 
 
 def _visible(folder: Path) -> list[Path]:
@@ -119,7 +119,7 @@ def _remote_files(top: str) -> Iterator[tuple[Path, RemoteFile]]:
 
 
 def _inputs_among(files: Mapping[Path, Path | RemoteFile], top: Path | str) -> Iterator[BatchInput]:
-    """Yield the inputs among files, which are given by their relative paths."""
+    """Yield the inputs among files, by their relative paths."""
     by_folder: dict[Path, list[Path]] = {}
     for path in files:
         by_folder.setdefault(path.parent, []).append(path)
@@ -166,7 +166,7 @@ def _parts(path: Path, by_folder: Mapping[Path, list[Path]]) -> list[Path]:
     """The existing companion of a file; if it is in a folder of pieces, all pieces."""
     parts = []
     for companion in _companions([path]):
-        listed = by_folder.get(companion.parent, [])
-        if companion in listed:
-            parts += [companion] if companion.parent == path.parent else natural_order(listed)
+        siblings = by_folder.get(companion.parent, [])
+        if companion in siblings:
+            parts += [companion] if companion.parent == path.parent else natural_order(siblings)
     return parts

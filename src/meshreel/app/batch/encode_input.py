@@ -56,7 +56,7 @@ class EncodeOptions:
     def smaller(self, error: BaseException) -> "EncodeOptions | None":
         """The options with smaller blocks after an error; None if that cannot help.
 
-        The death of a worker takes long, so the smallest blocks are next.
+        Replacing a dead worker takes long, so the smallest blocks are next.
         """
         smaller = BLOCK_SHARES[BLOCK_SHARES.index(self.block_share) + 1 :]
         is_death = worker_died(error)
@@ -123,7 +123,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
                 opened = registered(opened, replace(reading, register=tolerance, quality=quality))
             else:
                 notes.result("not registered: all frames have the same faces")
-        return _measured(opened, reading.registrations, options, notes, began)
+        return _encode_source(opened, reading.registrations, options, notes, began)
 
 
 def _memory(options: EncodeOptions) -> float | None:
@@ -131,18 +131,18 @@ def _memory(options: EncodeOptions) -> float | None:
     return options.config.memory_bytes if options.block_share == 1 else 0.0
 
 
-def _measured(
-    opened: MeshSequence,
+def _encode_source(
+    source: MeshSequence,
     registrations: "Sequence[Registration]",
     options: EncodeOptions,
     notes: Notes,
     began: float,
 ) -> EncodedInput:
     """Encode and measure an opened input."""
-    sequence, config = _suited(opened, options, notes)
+    sequence, config = _apply_options(source, options, notes)
     for registration in registrations:  # one at most
         config = registration.tuned(config, notes)
-    tracks = _present(sequence, options, notes)
+    tracks = _track_bounds(sequence, options, notes)
     encoded = encode_and_measure(sequence, config, tracks, notes)
     for registration in registrations:
         from meshreel.registration.report import Report  # imports SciPy
@@ -171,16 +171,16 @@ def _measured(
     return EncodedInput(encoded.data, figures)
 
 
-def _suited(
-    opened: MeshSequence, options: EncodeOptions, notes: Notes
+def _apply_options(
+    source: MeshSequence, options: EncodeOptions, notes: Notes
 ) -> tuple[MeshSequence, EncoderConfig]:
     """The input with its selected attributes, and the options that apply to it."""
     config, names = options.config, options.reading.attributes
-    surfaces = [segment.surface for segment in opened.segments]
+    surfaces = [segment.surface for segment in source.segments]
     if missing := missing_everywhere(surfaces, names):
         notes.changed(describe_missing(surfaces[0], missing))
     sequence = with_surfaces(
-        opened, [select(surface, names, ignore_missing=True) for surface in surfaces]
+        source, [select(surface, names, ignore_missing=True) for surface in surfaces]
     )
     if config.uv_bits is not None and not any(
         has_uvs(segment.surface) for segment in sequence.segments
@@ -199,16 +199,16 @@ def _with_smaller_blocks(
 ) -> EncoderConfig:
     largest = max(sequence.segments, key=positions_size_bytes)
     number_bytes = largest.dtype.itemsize
-    n_together = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
-    n_frames = max(1, int(share * n_together))
+    block_frames = config.frames_in_block(largest.n_frames, largest.n_verts, number_bytes)
+    n_frames = max(1, int(share * block_frames))
     notes.result(
-        f"workers ran out of memory or died with blocks of {counted(n_together, 'frame')}; coded "
-        f"in blocks of {n_frames}, which take more bytes"
+        f"workers ran out of memory or died with blocks of {counted(block_frames, 'frame')}; "
+        f"coded in blocks of {n_frames}, which take more bytes"
     )
     return config.with_blocks_of(n_frames, largest.n_verts, number_bytes)
 
 
-def _present(
+def _track_bounds(
     sequence: MeshSequence, options: EncodeOptions, notes: Notes
 ) -> dict[str, float | str]:
     """The error bounds of tracks that the input has."""

@@ -135,9 +135,9 @@ def read_manifest(input_dir: Path | str, out_dir: Path, *, force: bool = False) 
     InvalidInputError
         If the file is not a manifest, or belongs to another input folder and `force` is false.
     """
-    path, seen_from_out = out_dir / MANIFEST_NAME, _seen_from(out_dir, input_dir)
+    path, relative_input = out_dir / MANIFEST_NAME, _input_from(out_dir, input_dir)
     if not path.exists():
-        return Manifest(path, seen_from_out, {})
+        return Manifest(path, relative_input, {})
     try:
         facts = json.loads(path.read_bytes())
         if (facts["made_by"], facts["layout"]) != (MADE_BY, LAYOUT):
@@ -148,16 +148,16 @@ def read_manifest(input_dir: Path | str, out_dir: Path, *, force: bool = False) 
             f"{path} is not a manifest that this build of {MADE_BY} wrote; move it away, "
             "or name another folder for the outputs"
         ) from None
-    if facts.get("input_dir") != seen_from_out and not force:
+    if facts.get("input_dir") != relative_input and not force:
         raise InvalidInputError(
-            f"{path} is of the inputs in {facts.get('input_dir')}, seen from there, not "
-            f"of {input_dir}; name another folder for the outputs, or use ",
+            f"{path} belongs to the inputs in {facts.get('input_dir')} (relative to it), not to "
+            f"{input_dir}; name another folder for the outputs, or use ",
             Keyword("force", True),
         )
-    return Manifest(path, seen_from_out, records)
+    return Manifest(path, relative_input, records)
 
 
-def _seen_from(out_dir: Path, input_dir: Path | str) -> str:
+def _input_from(out_dir: Path, input_dir: Path | str) -> str:
     """Relative path to the input folder, valid if both are moved; or its remote address."""
     if not isinstance(input_dir, Path):
         return input_dir

@@ -62,7 +62,7 @@ def plan_batch(
     check_supported([batch_input.source for batch_input in inputs], options.reading)
     manifest = read_manifest(input_dir, out_dir, force=force)
     plan = Plan(input_dir, out_dir, options, manifest, [], {}, {}, set())
-    rivals = _rivals(inputs)
+    conflicts = _conflicts(inputs)
     for batch_input in inputs:
         earlier = manifest.records.get(batch_input.name)
         record = Record(
@@ -73,18 +73,18 @@ def plan_batch(
             options.as_dict(),
         )
         output = out_dir / batch_input.output
-        is_there = output.exists()
-        if batch_input in rivals:
-            plan.refused[batch_input.name] = _refused(record, earlier, rivals[batch_input])
+        output_exists = output.exists()
+        if batch_input in conflicts:
+            plan.refused[batch_input.name] = _refused(record, earlier, conflicts[batch_input])
         elif not force and _is_up_to_date(record, earlier, output):
             plan.up_to_date.append(batch_input.name)
-        elif is_there and any(output.samefile(file) for file in batch_input.files):
+        elif output_exists and any(output.samefile(file) for file in batch_input.files):
             plan.refused[batch_input.name] = _refused(record, earlier, _is_input(output))
-        elif is_there and not force and not _owns(earlier):
+        elif output_exists and not force and not _owns(earlier):
             plan.refused[batch_input.name] = _refused(record, earlier, _exists(output))
         else:
             plan.to_encode[batch_input] = record
-            plan.replaced.update([batch_input] if is_there else [])
+            plan.replaced.update([batch_input] if output_exists else [])
     return plan
 
 
@@ -121,15 +121,15 @@ def _is_input(output: Path) -> str:
     return f"{output} is the input under another name, which is never replaced; remove the link"
 
 
-def _rivals(inputs: list[BatchInput]) -> dict[BatchInput, str]:
+def _conflicts(inputs: list[BatchInput]) -> dict[BatchInput, str]:
     """Inputs that share an output, each with the reason to refuse it."""
-    of_output = defaultdict(list)
+    by_output = defaultdict(list)
     for batch_input in inputs:
-        of_output[batch_input.output].append(batch_input)
+        by_output[batch_input.output].append(batch_input)
     return {
-        batch_input: f"{' and '.join(rival.name for rival in group)} would both become {output}; "
+        batch_input: f"{' and '.join(item.name for item in group)} would both become {output}; "
         "rename one of them"
-        for output, group in of_output.items()
+        for output, group in by_output.items()
         if len(group) > 1
         for batch_input in group
     }

@@ -40,8 +40,8 @@ class PaceClock:
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
-        self._counted = ("", 0)
-        self._began_s, self._n_at_first, self._n_last = now_s(), 0, 0
+        self._unit_and_total = ("", 0)
+        self._began_s, self._n_before, self._n_done = now_s(), 0, 0
 
     def describe(self, fraction: float) -> str:
         """Text such as "12 of 175 frames, 8.4 frames/s, 0:19 left"; empty if nothing is counted.
@@ -54,15 +54,15 @@ class PaceClock:
             A `Count` if items are counted.
         """
         if not isinstance(fraction, Count):
-            self._counted = ("", 0)
+            self._unit_and_total = ("", 0)
             return ""
-        counted = fraction.unit, fraction.total
-        if counted != self._counted or fraction.done < self._n_last:
-            self._began_s, self._n_at_first = self._now_s(), fraction.done
-        self._counted, self._n_last = counted, fraction.done
+        unit_and_total = fraction.unit, fraction.total
+        if unit_and_total != self._unit_and_total or fraction.done < self._n_done:
+            self._began_s, self._n_before = self._now_s(), fraction.done
+        self._unit_and_total, self._n_done = unit_and_total, fraction.done
         unit = singular(fraction.unit) if fraction.total == 1 else fraction.unit
         text = f"{fraction.done} of {fraction.total} {unit}"
-        elapsed_s, n_since = self._now_s() - self._began_s, fraction.done - self._n_at_first
+        elapsed_s, n_since = self._now_s() - self._began_s, fraction.done - self._n_before
         if elapsed_s < MIN_ELAPSED_S or n_since == 0:
             return text
         pace = n_since / elapsed_s
@@ -151,18 +151,18 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     file = sys.stderr if stream is None else stream
     began_s, clock = time.monotonic(), PaceClock()
     latest: list[tuple[str, float]] = [("working", 0.0)]
-    is_over, shown = threading.Event(), 0
+    is_over, shown_width = threading.Event(), 0
 
     def report(stage: str, fraction: float) -> None:
         clock.describe(fraction)  # starts to measure the pace
         latest[0] = stage, fraction
 
     def replace_line(line: str) -> None:
-        nonlocal shown
+        nonlocal shown_width
         while text_width(line) >= _terminal_width():  # a longer line could not be removed
             line = line[:-1]
-        print(f"\r{line}{' ' * (shown - text_width(line))}", end="", file=file, flush=True)
-        shown = text_width(line)
+        print(f"\r{line}{' ' * (shown_width - text_width(line))}", end="", file=file, flush=True)
+        shown_width = text_width(line)
 
     def write_regularly(wait_s: float, interval_s: float, write: Callable[[str], None]) -> None:
         while not is_over.wait(wait_s):
@@ -173,11 +173,11 @@ def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
 
     is_terminal = file.isatty()
     if is_terminal:
-        plan: tuple[Any, ...] = SHOW_AFTER_S, REFRESH_S, replace_line
+        schedule: tuple[Any, ...] = SHOW_AFTER_S, REFRESH_S, replace_line
     else:
-        plan = LOG_AFTER_S, LOG_INTERVAL_S, partial(print, file=file, flush=True)
+        schedule = LOG_AFTER_S, LOG_INTERVAL_S, partial(print, file=file, flush=True)
     writer = threading.Thread(
-        target=write_regularly, args=plan, name="meshreel-progress", daemon=True
+        target=write_regularly, args=schedule, name="meshreel-progress", daemon=True
     )
     writer.start()
     try:

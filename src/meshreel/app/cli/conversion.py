@@ -131,11 +131,11 @@ class Conversion:
         if reading.register is not None:
             raise click.UsageError("--register joins segments; it cannot be combined with --split")
         sequence = open_any(find_files(source), replace(reading, matches_frames=False))
-        whole, ranges = Path(self.output), [*starmap(range, pairwise(sequence.starts))]
+        output, ranges = Path(self.output), [*starmap(range, pairwise(sequence.starts))]
         paths = [
-            whole.with_name(f"{whole.stem}_{frames[0]}-{frames[-1]}{whole.suffix}")
+            output.with_name(f"{output.stem}_{frames[0]}-{frames[-1]}{output.suffix}")
             if len(ranges) > 1
-            else whole
+            else output
             for frames in ranges
         ]
         for frames, path in zip(ranges, paths, strict=True):

@@ -91,7 +91,7 @@ def demo_command(
     if not poses:
         paths["picture"] = f"not drawn; {RENDER.command}"
     print_table("Written", paths)
-    print_line(f"To see it move, open {page}; beside the original, with a map of the error:")
+    print_line(f"To play it, open {page}; to compare it with the original:")
     print_line(f"meshreel view {reel} --original {raw}")
 
 

@@ -29,12 +29,12 @@ def encoding(**other_help: str) -> Group:
         Help of options with another meaning in a command, by name.
     """
     options = all_options()
-    shown = [replace(option, help=other_help.get(option.name, option.help)) for option in options]
+    params = [replace(option, help=other_help.get(option.name, option.help)) for option in options]
 
     def record(values: dict[str, Any]) -> Encoding:
         return {option.name: _value(option, values[option.name]) for option in options}
 
-    return Group(shown, record, COMMON)
+    return Group(params, record, COMMON)
 
 
 ENCODING = encoding()

@@ -41,11 +41,9 @@ class Group:
     options: Sequence[Option]
     """With their names, annotations and defaults."""
     record: Callable[[dict[str, Any]], Any]
-    """Makes the value from a dictionary of those of the options."""
+    """Makes the value from those of the options by name."""
     common: Collection[str] | None = None
-    """Collection of str. Names of the options that `--help` shows; `--help-all` shows all. Default:
-    all.
-    """
+    """Names of the options that `--help` shows; `--help-all` shows all. Default: all."""
 
 
 ForceOption = Annotated[bool, Option("Replace existing outputs.", flag="--force -f")]
@@ -74,9 +72,9 @@ class Number(click.ParamType):  # type: ignore[type-arg]  # not generic in older
         if isinstance(value, str) and self._unit == "in percent":
             value = value.removesuffix("%")
         try:
-            above, slash, below = str(value).partition("/")  # as in 30000/1001
+            numerator, slash, denominator = str(value).partition("/")  # as in 30000/1001
             is_fraction = bool(slash) and self._kind is float
-            number = float(above) / float(below) if is_fraction else self._kind(value)
+            number = float(numerator) / float(denominator) if is_fraction else self._kind(value)
         except (ValueError, ZeroDivisionError):
             number = None
         if self._allowed is not None:
@@ -110,38 +108,38 @@ def with_parameters(
     parameters: list[click.Parameter] = []
     groups: dict[str, Group] = {}
     for parameter in inspect.signature(function).parameters.values():
-        annotation, described = get_args(parameter.annotation)
-        if isinstance(described, Group):
-            groups[parameter.name] = described
-            common = described.common
-            for option in described.options:
+        annotation, declaration = get_args(parameter.annotation)
+        if isinstance(declaration, Group):
+            groups[parameter.name] = declaration
+            common = declaration.common
+            for option in declaration.options:
                 is_rare = common is not None and option.name not in common
                 parameters.append(click_option(option, is_rare=is_rare))
-        elif isinstance(described, Argument):
+        elif isinstance(declaration, Argument):
             is_required = parameter.default is inspect.Parameter.empty
             parameters.append(
-                _click_argument(parameter.name, annotation, described, required=is_required)
+                _click_argument(parameter.name, annotation, declaration, required=is_required)
             )
         else:
             default = parameter.default
             is_required = default is inspect.Parameter.empty
             option = replace(
-                described,
+                declaration,
                 name=parameter.name,
                 annotation=_value_type(annotation),
                 default=None if is_required else default,
-                flag=described.flag or f"--{parameter.name.replace('_', '-')}",
+                flag=declaration.flag or f"--{parameter.name.replace('_', '-')}",
             )
             parameters.append(click_option(option, required=is_required))
 
-    def called(**values: Any) -> Any:
+    def call(**values: Any) -> Any:
         for name, group in groups.items():
             values[name] = group.record(
                 {option.name: values.pop(option.name) for option in group.options}
             )
         return function(**values)
 
-    return parameters, called
+    return parameters, call
 
 
 def click_option(option: Option, *, required: bool = False, is_rare: bool = False) -> ClickOption:
@@ -163,7 +161,7 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
         help=help_text,
         show_default=not option.default_text,
         metavar=option.metavar or None,
-        shell_complete=_completing(option.names) if option.names else None,
+        shell_complete=_completer_of(option.names) if option.names else None,
         **({} if required else {"default": option.default}),
     )
     parameter.panel, parameter.is_rare = option.group, is_rare
@@ -179,7 +177,7 @@ def _value_type(annotation: Any) -> Any:
 
 
 def _click_argument(
-    name: str, annotation: Any, described: Argument, *, required: bool
+    name: str, annotation: Any, declaration: Argument, *, required: bool
 ) -> click.Argument:
     is_list = get_origin(annotation) is tuple
     argument = ClickArgument(
@@ -187,9 +185,9 @@ def _click_argument(
         type=click.Path(path_type=Path if annotation is Path else str),
         nargs=-1 if is_list else 1,
         required=required,
-        metavar=described.metavar,
+        metavar=declaration.metavar,
     )
-    argument.help = described.help
+    argument.help = declaration.help
     return argument
 
 
@@ -201,7 +199,7 @@ def _click_type(kind: Any, option: Option) -> Any:
     return click.Path(path_type=Path if kind is Path else str) if kind in (Path, File) else str
 
 
-def _completing(names: Iterable[str]) -> Any:
+def _completer_of(names: Iterable[str]) -> Any:
     """A function that completes names for Click."""
 
     def complete(_context: Any, _param: Any, incomplete: str) -> list[CompletionItem]:

@@ -79,7 +79,7 @@ def register_command(
 
     Registered frames are stored in a folder beside the output, such as walk.registration, until the
     file is complete. If the command is stopped, start it again: it continues after these frames,
-    also with other encoding options than --quality, which decides how many vertices keys keep.
+    also with other encoding options than --quality, which determines how many vertices keys keep.
 
     Examples:
 
@@ -129,9 +129,9 @@ def register_command(
         source = stack.enter_context(local_copy(source_of(inputs), notes))
         files = files_of_source(source)
         check_output_path(path, overwrite=force, inputs=files)
-        baked = texture_output or path.with_suffix(".mp4")
-        baking = [] if texture is None else extras_to_bake(texture, baked)
-        require([*extras_to_read(files), *REGISTRATION, *baking])
+        texture_path = texture_output or path.with_suffix(".mp4")
+        texture_extras = [] if texture is None else extras_to_bake(texture, texture_path)
+        require([*extras_to_read(files), *REGISTRATION, *texture_extras])
         progress = stack.enter_context(shown_progress())
         reading = replace(reading, progress=progress, matches_frames=False)
         raw = open_for_encoding(source, config.memory_bytes, reading)
@@ -139,7 +139,7 @@ def register_command(
         if texture is not None:
             from meshreel.formats.baked_textures import TextureJob  # imports Pillow
 
-            job = TextureJob.checked(texture, baked, raw, overwrite=force)
+            job = TextureJob.checked(texture, texture_path, raw, overwrite=force)
         registration = register(
             raw,
             bound,
@@ -151,8 +151,8 @@ def register_command(
         if job is not None:
             registration = job.prepared(registration, notes)
         config = registration.tuned(config, notes, bakes_textures=job is not None)
-        listed = [*registration.changes, *registration.listed_cuts()]
-        notes += listed if measure else registration.notes()
+        changes = [*registration.changes, *registration.listed_cuts()]
+        notes += changes if measure else registration.notes()
         result = encode_file(
             registration.sequence,
             path,

@@ -114,8 +114,8 @@ def command_line(program: str) -> str:
     words += ["--out", portable_path(str(context.params["out"]))]
     for option in context.command.params:
         name, value = str(option.name), context.params.get(str(option.name))
-        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if is_given and name not in ("inputs", "out", "as_json"):
+        is_explicit = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if is_explicit and name not in ("inputs", "out", "as_json"):
             text = portable_path(str(value)) if isinstance(value, Path) else str(value)
             words += [option.opts[0], *([] if value is True else [text])]
     return shlex.join(words)

@@ -1,4 +1,4 @@
-"""Figures of a written rig beside morph targets and a .reel of the same frames."""
+"""Figures of a written rig, compared with morph targets and a .reel of the same frames."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,19 +23,19 @@ def size_as_morph_targets(
     rig: dict[str, Any],
     progress: "Progress",
 ) -> dict[str, int]:
-    """Return the bytes of a glTF output as morph targets with the same bound of the largest error.
+    """Return the size of a glTF output with morph targets and the error bound of the rig.
 
-    Other outputs have no such alternative. `rig` has the figures of the rig.
+    Empty for other formats. `rig` has the figures of the rig.
     """
     from meshreel.formats.save import save_part
 
     if output.suffix.lower() not in GLTF:
         return {}
     bound = rig["bounds_percent"]["largest"] if options.max_error is None else options.max_error
-    plain = replace(options, rig=None, kg=None, quality=None, force=False, max_error=bound)
+    without_rig = replace(options, rig=None, kg=None, quality=None, force=False, max_error=bound)
     with TemporaryDirectory() as folder:
         path = Path(folder) / output.name
-        save_part(sequence, frames, path, options=plain, progress=progress)
+        save_part(sequence, frames, path, options=without_rig, progress=progress)
         return {"morph targets": path.stat().st_size}
 
 

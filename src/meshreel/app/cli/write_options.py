@@ -71,9 +71,9 @@ _OPTIONS["rig"] = replace(_OPTIONS["rig"], annotation=int)
 WRITING_DECODED = Group(tuple(_OPTIONS.values()), dict)
 """Options for other formats than `.reel`."""
 
-ENCODING_TOO = ("max_error", "kg", "quality")
-WRITING = Group([option for option in _OPTIONS.values() if option.name not in ENCODING_TOO], dict)
-"""As `WRITING_DECODED`, without those that options for encoding include."""
+SHARED_NAMES = ("max_error", "kg", "quality")
+WRITING = Group([option for option in _OPTIONS.values() if option.name not in SHARED_NAMES], dict)
+"""`WRITING_DECODED` without the options that are also options for encoding."""
 
 
 def checked_bound(text: str | None, unit: str | None) -> float | str | None:
@@ -119,13 +119,7 @@ def refuse_stream_options(names: Collection[str], output: str) -> None:
 
 
 def refuse_stream(output: str) -> None:
-    """Reject a .reel as an output of decoding.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the command that re-encodes.
-    """
+    """Reject a .reel as an output of decoding; the message names the command that re-encodes."""
     from meshreel.errors import InvalidInputError
 
     if is_stream(output):
@@ -164,18 +158,18 @@ def chosen_frames(selection: slice | None, n_frames: int, notes: "Notes") -> ran
     return frames
 
 
-def written_figures(written: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:
+def written_figures(paths: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:
     """Figures of written files for JSON."""
     sizes = [(segment.n_verts, len(segment.faces)) for segment in source.segments]
     n_verts, n_faces = map(max, zip(*sizes, strict=True))
     return {
-        "outputs": list(map(str, written)),
+        "outputs": list(map(str, paths)),
         "n_frames": n_frames,
         "n_segments": len(sizes),
         "n_verts": n_verts,
         "n_faces": n_faces,
         "fps": source.fps,
-        "size_bytes": sum(path.stat().st_size for path in written),
+        "size_bytes": sum(path.stat().st_size for path in paths),
     }
 
 

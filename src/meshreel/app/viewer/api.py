@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.app.viewer.measuring import Comparison, Measured, Measuring
+from meshreel.app.viewer.measuring import Comparison, MeasuredErrors, Measuring
 from meshreel.app.viewer.page import json_text
 from meshreel.app.viewer.playable import playable, reencoding_text
 from meshreel.app.viewer.texture import texture_for
@@ -94,16 +94,16 @@ class Api:
         name: str,
         rows_of: Callable[[StreamInfo], Rows],
         comparison: Comparison | None = None,
-        measured_rows: Callable[[Measured], Rows] = lambda _: {},
+        measured_rows: Callable[[MeasuredErrors], Rows] = lambda _: {},
         progress: Progress = silent,
         look: TrackLook | None = None,
         texture: Path | None = None,
     ) -> None:
         if file.n_segments > 1 and (comparison or look):
-            what = "a comparison" if comparison else "coloring by a track"
+            feature = "a comparison" if comparison else "coloring by a track"
             raise ConnectivityChangeError(
-                f"the faces change: {file!r}; {what} in the player needs the same faces in every "
-                "frame"
+                f"the faces change: {file!r}; {feature} in the player needs the same faces in "
+                "every frame"
             )
         reel = file.segments[0]
         if look is not None:
@@ -183,7 +183,7 @@ class Api:
             "ready": is_ready,
             "share": measuring.share,
             "error": measuring.error,
-            "heats": figures.described_heats(),
+            "heats": figures.heat_maps(),
             "plots": figures.plots() if is_ready else [],
             "rows": [list(row) for row in rows.items()],
             "worst_frame": figures.worst_frame if is_ready else None,
@@ -202,7 +202,7 @@ class Api:
         return {
             "diagonal": self.comparison.reference.diagonal,
             "tracks": self.tracks.names if self.tracks else [],
-            "track_heats": self.tracks.described() if self.tracks else [],
+            "track_heats": self.tracks.heat_maps() if self.tracks else [],
             **{key: errors[key] for key in ("heats", "plots", "rows", "worst_frame")},
         }
 

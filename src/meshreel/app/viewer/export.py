@@ -47,7 +47,7 @@ class OriginalStream:
     names: list[str]
     """Tracks of the original that the page can show. Those missing in `data` are equal in the file.
     """
-    left_out: list[str]
+    omitted_names: list[str]
     """Tracks that exceeded the memory limit."""
 
 
@@ -108,8 +108,8 @@ def export_page(
         facts["original"]["track_heats"] = [
             heat for heat in facts["original"]["track_heats"] if heat["track"] in original.names
         ]
-        if notes is not None and original.left_out:
-            names = ", ".join(original.left_out)
+        if notes is not None and original.omitted_names:
+            names = ", ".join(original.omitted_names)
             notes.left_out(f"tracks of the original, too large for a page: {names}")
     if not split:
         texts = {part.role: base64_of(part.data) for part in parts}
@@ -157,10 +157,10 @@ def _reference(part: Part, **location: str) -> dict[str, Any]:
 
 def _write(files: dict[Path, bytes], page: Path, *, overwrite: bool) -> None:
     """Write the page, and other files unless they exist with the same contents."""
-    new = {path: data for path, data in files.items() if path == page or not _equals(path, data)}
-    check_output_paths(list(new), overwrite=overwrite)
-    with replace_all_when_done(list(new), overwrite=overwrite) as temporaries:
-        for temporary, data in zip(temporaries, new.values(), strict=True):
+    stale = {path: data for path, data in files.items() if path == page or not _equals(path, data)}
+    check_output_paths(list(stale), overwrite=overwrite)
+    with replace_all_when_done(list(stale), overwrite=overwrite) as temporaries:
+        for temporary, data in zip(temporaries, stale.values(), strict=True):
             temporary.write_bytes(data)
 
 
@@ -205,22 +205,22 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
         tracks={name: targets[name] for name in tracks},
         progress=progress,
     )
-    left_out = [name for name in targets if name not in tracks]
-    names = [name for name in api.tracks.names if name not in left_out]
+    omitted_names = [name for name in targets if name not in tracks]
+    names = [name for name in api.tracks.names if name not in omitted_names]
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as encoded:
         tracks_bytes = sum(info.size_bytes for info in encoded.info().tracks)
-    return OriginalStream(data, tracks_bytes, names, left_out)
+    return OriginalStream(data, tracks_bytes, names, omitted_names)
 
 
 def _range_percent(measuring: Measuring) -> float:
-    ranges = {heat["kind"]: heat["range"] for heat in measuring.figures.described_heats()}
+    ranges = {heat["kind"]: heat["range"] for heat in measuring.figures.heat_maps()}
     return float(ranges[DISTANCE])
 
 
 def _track_targets(tracks: TrackComparison) -> dict[str, str]:
     """Error bounds of the original tracks that differ from those of the file."""
     targets = {}
-    for heat in tracks.described():
+    for heat in tracks.heat_maps():
         bound = SHARE_OF_RANGE * heat["range"]
         is_normal = tracks.kind(heat["track"]) is TrackKind.NORMAL
         targets[heat["track"]] = f"{bound!r}{'deg' if is_normal else ''}" if bound else "exact"

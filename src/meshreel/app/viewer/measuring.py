@@ -62,7 +62,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredErrors:
     """Errors of all frames."""
 
     errors: PositionErrors
@@ -109,17 +109,17 @@ class Figures:
             self._quantiles.setdefault(kind, []).append(np.quantile(values, SHARES))
 
     @property
-    def measured(self) -> Measured:
+    def measured(self) -> MeasuredErrors:
         """The errors of the frames so far; needs at least one frame."""
         nmsve, sted = float(np.mean(self.nmsve)), float(np.mean(self._deviations))
-        return Measured(self._errors.errors, nmsve, sted)
+        return MeasuredErrors(self._errors.errors, nmsve, sted)
 
     @property
     def worst_frame(self) -> int:
         """The frame with the largest error so far."""
         return int(np.argmax(self.largest_percent))
 
-    def described_heats(self) -> list[dict[str, Any]]:
+    def heat_maps(self) -> list[dict[str, Any]]:
         """Heat maps of the page and their ranges."""
         return [
             {

@@ -20,7 +20,7 @@ DATA, SCRIPT = "<!--meshreel-data-->", "<!--script-->"
 SCRIPT_NAME = "player.js"
 """File name of the script."""
 
-LOADING = f'<script type="module" src="{SCRIPT_NAME}"></script>'
+SCRIPT_TAG = f'<script type="module" src="{SCRIPT_NAME}"></script>'
 """HTML that loads the script."""
 
 POLICY = (
@@ -31,7 +31,7 @@ POLICY = (
 )
 """Content policy of served pages: run script and decoder, and request from the same server."""
 
-UNPACKING = (
+UNPACK_SCRIPT = (
     "(async()=>{"
     'const text=document.getElementById("packed-script").textContent;'
     "const bytes=Uint8Array.from(atob(text),(letter)=>letter.charCodeAt(0));"
@@ -59,7 +59,7 @@ class Page:
     @property
     def served(self) -> str:
         """HTML for a server that serves the script as `SCRIPT_NAME`."""
-        return self._filled("", LOADING)
+        return self._filled("", SCRIPT_TAG)
 
     def split(self, data: Mapping[str, Any]) -> str:
         """HTML with embedded data and a separate script.
@@ -69,7 +69,7 @@ class Page:
         data : mapping
             As `npm/src/page/data.ts` reads it.
         """
-        return self._filled(_data_script(data), LOADING)
+        return self._filled(_data_script(data), SCRIPT_TAG)
 
     def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
         """HTML with embedded data and script.
@@ -83,7 +83,7 @@ class Page:
         """
         packed = _packed(self.script, level)
         element = f'<script id="packed-script" type="text/plain">{packed}</script>'
-        return self._filled(_data_script(data), f"{element}<script>{UNPACKING}</script>")
+        return self._filled(_data_script(data), f"{element}<script>{UNPACK_SCRIPT}</script>")
 
     def _filled(self, data: str, script: str) -> str:
         before, after = self.html.split(DATA)

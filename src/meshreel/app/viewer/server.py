@@ -81,8 +81,8 @@ class ViewerServer(ThreadingHTTPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report errors, except of closed connections and of pending answers after closing."""
-        is_gone = isinstance(sys.exception(), ConnectionError | TimeoutError)
-        if not (is_gone or self._is_closed):
+        is_disconnected = isinstance(sys.exception(), ConnectionError | TimeoutError)
+        if not (is_disconnected or self._is_closed):
             super().handle_error(request, client_address)
 
 

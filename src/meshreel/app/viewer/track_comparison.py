@@ -30,8 +30,8 @@ class TrackComparison:
     ----------
     names : list of str
         Tracks of the same shape and kind in both.
-    compared : list of str
-        Those that can differ; the others are exact in the file.
+    lossy_names : list of str
+        Tracks that can differ; the others are exact in the file.
     """
 
     def __init__(self, reel: ReelFile, original: Original) -> None:
@@ -41,7 +41,7 @@ class TrackComparison:
             for name, track in reel.tracks.items()
             if name in original.tracks and _is_comparable(original.tracks[name], track)
         ]
-        self.compared: list[str] = [name for name in self.names if not reel.tracks[name].is_exact]
+        self.lossy: list[str] = [name for name in self.names if not reel.tracks[name].is_exact]
 
     def original_values(self, name: str, number: int) -> Values:
         """Values of the original at a frame, of shape (N, C): float32, or float64 if needed."""
@@ -67,11 +67,11 @@ class TrackComparison:
         """The kind of a track."""
         return self._reel.tracks[name].kind
 
-    def described(self) -> list[dict[str, Any]]:
+    def heat_maps(self) -> list[dict[str, Any]]:
         """Heat maps of the tracks that can differ, for the page."""
-        return [self._described(number, name) for number, name in enumerate(self.compared)]
+        return [self._heat_map(number, name) for number, name in enumerate(self.lossy)]
 
-    def _described(self, number: int, name: str) -> dict[str, Any]:
+    def _heat_map(self, number: int, name: str) -> dict[str, Any]:
         track = self._reel.tracks[name]
         unit = "\N{DEGREE SIGN}" if track.kind is TrackKind.NORMAL else track.unit
         largest = track.error_bound  # the page shortens labels at ", up to"
@@ -101,7 +101,7 @@ class TrackComparison:
 
 def _is_comparable(original: TrackSource, track: ReelTrack) -> bool:
     properties = [
-        (each.domain, each.kind, each.dtype.kind == "f", *each.shape[1:])
-        for each in (original, track)
+        (source.domain, source.kind, source.dtype.kind == "f", *source.shape[1:])
+        for source in (original, track)
     ]
     return properties[0] == properties[1]

@@ -337,9 +337,9 @@ def test_ranges_cover_all_frames_when_all_are_measured(opened):
     data = encode(sequence, quality=40)
     comparison = Comparison(opened(data), Original(sequence, opened(data)))
     measuring = Measuring(comparison)
-    first = {heat["kind"]: heat for heat in measuring.figures.described_heats()}
+    first = {heat["kind"]: heat for heat in measuring.figures.heat_maps()}
     measuring.run()
-    heats = {heat["kind"]: heat for heat in measuring.figures.described_heats()}
+    heats = {heat["kind"]: heat for heat in measuring.figures.heat_maps()}
     assert list(heats) == list(PAGE_HEATS)
     for kind, heat in heats.items():
         values = [comparison.heat(kind, comparison.pair(number)) for number in range(12)]
@@ -405,7 +405,7 @@ def test_errors_of_tracks_without_a_bound_are_sampled_up_to_both_ends(opened, pl
     values = values.copy()
     values[place] += 7.0
     original = Original(grid.replace(tracks={"heat": Track(values, unit="K")}), reel)
-    [heat] = TrackComparison(reel, original).described()
+    [heat] = TrackComparison(reel, original).heat_maps()
     is_sampled = place[0] in (0, 5, 11)
     assert heat["maximum"] == pytest.approx(7.0 if is_sampled else 0.0, abs=0.02)
     assert (heat["label"], heat["unit"]) == ("error of heat", "K")
