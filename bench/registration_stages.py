@@ -53,7 +53,7 @@ VARIANTS: dict[str, list[Change]] = {
     "key in the middle, of any topology": [
         (growing.Topology, "of_mesh", staticmethod(one_topology))
     ],
-    "correspondences by position alone": [(triangle_mesh, "BEND", 0.0)],
+    "correspondences by position alone": [(triangle_mesh, "NORMAL_WEIGHT", 0.0)],
     "no constant velocity": [
         (growing, "ATTEMPTS", tuple(attempt._replace(predicts=False) for attempt in ATTEMPTS))
     ],
@@ -63,16 +63,16 @@ VARIANTS: dict[str, list[Change]] = {
     "boundaries do not attract": [
         (tracking, "TANGENTIAL_AT_EDGE", tracking.TANGENTIAL),
     ],
-    "details forgotten after each frame": [(tracking, "DETAIL_KEPT", 0.0)],
+    "details forgotten after each frame": [(tracking, "DETAIL_SHARE", 0.0)],
     "no fit": [(fitting.TwoSidedFit, "step", lambda self, mesh, *_: mesh.vertices)],
     "fit to the raw surface only": [(fitting, "rows_from_surface", rows_of_nothing)],
     "fit from the raw surface only": [(fitting, "rows_to_surface", rows_of_nothing)],
     "as fine as possible in every frame": [(growing, "SMOOTHNESS", growing.SMOOTHNESS[-1:])],
-    "folds stay": [unchanged("flattened"), unchanged("opened"), unchanged("restored")],
-    "folds are only flattened": [unchanged("opened"), unchanged("restored")],
-    "folds are only opened": [unchanged("flattened"), unchanged("restored")],
-    "folds are only restored": [unchanged("opened"), unchanged("flattened")],
-    "folds are not restored": [unchanged("restored")],
+    "folds stay": [unchanged("flatten"), unchanged("open"), unchanged("restore")],
+    "folds are only flattened": [unchanged("open"), unchanged("restore")],
+    "folds are only opened": [unchanged("flatten"), unchanged("restore")],
+    "folds are only restored": [unchanged("open"), unchanged("flatten")],
+    "folds are not restored": [unchanged("restore")],
 }
 
 

@@ -33,7 +33,7 @@ from meshreel.formats.load import load_any
 from meshreel.formats.options import ReadOptions
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import frames_of, segment_of_frame
-from meshreel.registration.baking import Atlas, barycentric, made_uv, sampled
+from meshreel.registration.baking import Atlas, barycentric, generate_uv, sample_image
 from meshreel.registration.register import Registration, register
 from meshreel.registration.transfer import items_at_corners
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -91,7 +91,7 @@ def with_uv(frame: MeshFrame, surface: Surface, side: int) -> MeshSequence:
     """Return a raw frame with texture coordinates; its own if it has some."""
     uvs = surface.of_kind(Kind.UV)
     if not uvs:
-        made = made_uv(frame.vertices.astype(np.float32), frame.faces, (side, side))
+        made = generate_uv(frame.vertices.astype(np.float32), frame.faces, (side, side))
         uvs = (Attribute("uv", Kind.UV, Domain.CORNER, made),)
     surface = Surface(attributes=uvs[:1])
     return MeshSequence(frame.vertices[None], frame.faces, 30.0, surface=surface)
@@ -142,7 +142,7 @@ def rendered(frame: MeshFrame, corners: Floats, image: Image.Image, camera: Came
     weights /= weights.sum(axis=1, keepdims=True)
     uv = np.einsum("nk,nkc->nc", weights, corners[owners])
     colors = np.full((side * side, 3), BACKGROUND)
-    colors[pixels] = sampled(np.asarray(image), uv)
+    colors[pixels] = sample_image(np.asarray(image), uv)
     n = side // SUPERSAMPLE
     picture = colors.reshape(n, SUPERSAMPLE, n, SUPERSAMPLE, 3).mean(axis=(1, 3))
     n_shown = (faces >= 0).reshape(n, SUPERSAMPLE, n, SUPERSAMPLE).sum(axis=(1, 3))

@@ -110,8 +110,8 @@ def check_textured(raw: MeshSequence) -> None:
     """
     first = 0
     for segment in raw.segments:
-        changing = [track for track in segment.tracks.values() if track.kind is TrackKind.UV]
-        if not changing and not segment.surface.of_kind(Kind.UV):
+        uv_tracks = [track for track in segment.tracks.values() if track.kind is TrackKind.UV]
+        if not uv_tracks and not segment.surface.of_kind(Kind.UV):
             raise InvalidInputError(
                 f"frame {first} has no texture coordinates, so its texture cannot be baked"
             )
@@ -146,10 +146,10 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
     Returns
     -------
     registration : Registration
-    n_made : int
+    n_generated : int
         Number of segments with new texture coordinates.
     """
-    segments, n_made = list(registration.sequence.segments), 0
+    segments, n_generated = list(registration.sequence.segments), 0
     for registered in registration.segments:
         number, _ = segment_of_frame(registration.sequence.starts, registered.first)
         segment = segments[number]
@@ -158,14 +158,14 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
             continue
         local = registered.key - registered.first
         key = registration.frames.normalized(segment.read(local, local + 1)[0])
-        new_uv = made_uv(key.astype(np.float32), segment.faces, size)
+        new_uv = generate_uv(key.astype(np.float32), segment.faces, size)
         whole = frames_of(segment, range(segment.n_frames))
         segments[number] = whole.replace(surface=_with_uv(segment.surface, new_uv))
-        n_made += 1
+        n_generated += 1
     with_uvs = MeshSequence.of_segments(
         segments, registration.sequence.name, registration.sequence.timing
     )
-    return replace(registration, sequence=with_uvs), n_made
+    return replace(registration, sequence=with_uvs), n_generated
 
 
 def bake(
@@ -215,12 +215,12 @@ def bake(
             else:
                 positions = registration.frames.normalized(segment.read(local, local + 1)[0])
                 raw = registration.raw_frame(number)
-                colors = _baked(atlas, positions[segment.faces], raw, image)
+                colors = _bake_colors(atlas, positions[segment.faces], raw, image)
                 yield PillowImage.fromarray(colors[atlas.nearest])
             progress("baking", Count(number + 1, n_frames, "frames"))
 
 
-def _baked(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Image) -> Bytes:
+def _bake_colors(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Image) -> Bytes:
     """Return the colors of the texels of an atlas that belong to triangles, of shape (N, 3)."""
     pixels = np.asarray(image)
     (uv, *_) = (attribute for attribute in attributes_of(raw.frame) if attribute.kind is Kind.UV)
@@ -230,12 +230,12 @@ def _baked(atlas: Atlas, corners: Floats, raw: RawFrame, image: PillowImage.Imag
     for chunk in chunks(len(colors), CHUNK_TEXELS):
         weights = atlas.weights[chunk]
         points = np.einsum("nk,nkc->nc", weights, corners[atlas.faces[chunk]])
-        places = raw.closest(points)
-        colors[chunk] = sampled(pixels, interpolated(values, items, places))
+        closest = raw.closest(points)
+        colors[chunk] = sample_image(pixels, interpolated(values, items, closest))
     return colors
 
 
-def sampled(pixels: Bytes, uv: Floats) -> Bytes:
+def sample_image(pixels: Bytes, uv: Floats) -> Bytes:
     """Return the colors of a repeated image at texture coordinates, interpolated.
 
     Parameters
@@ -267,7 +267,7 @@ def _is_atlas(corners: Floats, size: Size) -> bool:
     return bool(n_covered >= (1 - MAX_OVERLAP) * areas.sum() > 0)
 
 
-def made_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
+def generate_uv(vertices: Singles, faces: Faces, size: Size) -> Singles:
     """Return texture coordinates of each corner, of shape (3 M, 2), in disjoint charts."""
     xatlas = REGISTER_XATLAS.load()
     atlas, options = xatlas.Atlas(), xatlas.PackOptions()

@@ -23,8 +23,8 @@ MIN_SHARE_BEYOND = 0.5
 """Share of a patch that must be beyond the boundary of the key, not merely far from it."""
 
 MAX_GAP = 3.0
-"""Largest distance, in mean edges of the frame, between the border of a patch and the boundary that
-it joins."""
+"""Largest distance from the border of a patch to the boundary that it joins, in mean edges of the
+frame."""
 
 MIN_COSINE = 0.5
 """Minimum cosine between the normals of the border and of the boundary."""
@@ -114,7 +114,7 @@ def _patches_beyond(
     for patch in np.flatnonzero(
         (areas > MIN_AREA * tolerance.patch_area) & (beyond > MIN_SHARE_BEYOND * areas)
     ):
-        yield TriangleMesh(*_used(surface.vertices, surface.faces[far[numbers == patch]]))
+        yield TriangleMesh(*_compact(surface.vertices, surface.faces[far[numbers == patch]]))
 
 
 def _match_boundary(
@@ -150,14 +150,14 @@ def _join(
     closest = whole.closest(vertices[added].mean(axis=1))
     weights = np.eye(3)[closest.weights.argmax(axis=1)]
     return KeyMesh(
-        TriangleMesh(*_used(vertices, np.concatenate([mesh.faces, added]))),
+        TriangleMesh(*_compact(vertices, np.concatenate([mesh.faces, added]))),
         np.concatenate([key.parents, np.repeat(closest.faces[:, None], 3, axis=1)]),
         np.concatenate([key.weights, np.repeat(weights[:, None], 3, axis=1)]),
         key.n_added + len(added),
     )
 
 
-def _used(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+def _compact(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
     """Return the vertices that faces use, and the faces with their new numbers."""
     used, corners = np.unique(faces, return_inverse=True)
     return vertices[used], corners.reshape(-1, 3).astype(np.int32)
@@ -218,29 +218,30 @@ def _half_edges(faces: Faces) -> Indices:
 
 def _close_slits(vertices: Floats, faces: Faces, added: Faces, max_length: float) -> Faces:
     """Return faces that close short boundary loops with half-edges of added faces."""
-    new = set(map(tuple, _half_edges(added).tolist()))
-    half_edges, closing = new.union(map(tuple, _half_edges(faces).tolist())), list[list[int]]()
+    new_edges = set(map(tuple, _half_edges(added).tolist()))
+    half_edges = new_edges.union(map(tuple, _half_edges(faces).tolist()))
+    closing: list[list[int]] = []
     for loop in _loops([edge for edge in half_edges if edge[::-1] not in half_edges]):
         path = [*loop, loop[0]]
         length = np.linalg.norm(np.diff(vertices[path], axis=0), axis=1).sum()
-        if length < max_length and any(edge in new for edge in pairwise(path)):
+        if length < max_length and any(edge in new_edges for edge in pairwise(path)):
             closing += _triangulate(vertices, loop[::-1])
     return np.array(closing, np.int32).reshape(-1, 3)
 
 
 def _loops(half_edges: Iterable[tuple[int, int]]) -> Iterator[list[int]]:
     """Yield the vertices of each loop of half-edges; loops that touch are separate."""
-    following: dict[int, list[int]] = {}
+    successors: dict[int, list[int]] = {}
     for start, end in sorted(half_edges):
-        following.setdefault(start, []).append(end)
-    for first in following:
+        successors.setdefault(start, []).append(end)
+    for first in successors:
         path = [first]
-        while following.get(path[-1]):
-            end = following[path[-1]].pop()
+        while successors.get(path[-1]):
+            end = successors[path[-1]].pop()
             if end in path:
-                at = path.index(end)
-                yield path[at:]
-                del path[at + 1 :]
+                index = path.index(end)
+                yield path[index:]
+                del path[index + 1 :]
             else:
                 path.append(end)
 

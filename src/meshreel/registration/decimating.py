@@ -12,7 +12,7 @@ from meshreel.registration.verification import Tolerance, measure
 RMS, MAX_RMS = 0.03, 0.12
 """Root mean square distance of the decimated surface at the default quality, in tolerances, before
 the fit halves it, and the largest at any quality. Like errors of coding, it halves every 12 points
-of quality: vertices of the key take bits, but without them no step of coding has fine normals.
+of quality: vertices of the key take bits, but with too few, no quantization step has fine normals.
 """
 
 DISTANCE = 0.5
@@ -42,14 +42,14 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
     faces, remaining_wedges = decimated(
         mesh.vertices, mesh.faces, wedges, rms * length, DISTANCE * length, max_edge
     )
-    used, numbers = np.unique(faces, return_inverse=True)
-    coarse = TriangleMesh(mesh.vertices[used], numbers.reshape(-1, 3).astype(np.int32))
-    rest, fit = coarse.vertices, TwoSidedFit(coarse.faces, len(used))
+    used_vertices, numbers = np.unique(faces, return_inverse=True)
+    coarse = TriangleMesh(mesh.vertices[used_vertices], numbers.reshape(-1, 3).astype(np.int32))
+    rest, fit = coarse.vertices, TwoSidedFit(coarse.faces, len(used_vertices))
     for smoothness in SMOOTHNESS:
         coarse = TriangleMesh(fit.step(coarse, rest, mesh, smoothness), coarse.faces)
     if measure(coarse, mesh, tolerance).exceeds(tolerance):
         return whole
     corners = np.zeros(int(wedges.max()) + 1, np.int64)
     corners[wedges.ravel()] = np.arange(wedges.size)
-    places = corners[remaining_wedges]
-    return KeyMesh(coarse, places // 3, np.eye(3)[places % 3])
+    kept_corners = corners[remaining_wedges]
+    return KeyMesh(coarse, kept_corners // 3, np.eye(3)[kept_corners % 3])

@@ -29,7 +29,7 @@ RESIDUAL = 1e-2
 """Relative residual at which conjugate gradients stop: correspondences change anyway."""
 
 DAMPING = 1e-3
-"""Weight of the squared change of each vertex, which holds vertices that nothing corresponds to."""
+"""Weight of the squared change of each vertex, which holds vertices without correspondences."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class TwoSidedFit:
                 partial(rows_from_surface, mesh, target, target.centroid_samples()),
                 partial(rows_from_surface, mesh, target, target.vertex_samples()),
             ]
-        rows = joined(*in_threads(lambda rows_of: rows_of(), parts))
+        rows = concatenate_rows(*in_threads(lambda rows_of: rows_of(), parts))
         if not len(rows.offsets):
             return mesh.vertices
         return mesh.vertices + self._solve(rows, mesh.vertices - rest, smoothness)
@@ -125,20 +125,20 @@ class TwoSidedFit:
         transposed = jacobian.T.tocsr()
         laplacian, weight = self._laplacian, smoothness
 
-        def smoothed(field: Floats) -> Floats:
+        def apply_smoothness(field: Floats) -> Floats:
             return np.asarray(weight * (laplacian.T @ (laplacian @ field)) + DAMPING * field)
 
         def product(flat: Floats) -> Floats:
             return np.asarray(
-                transposed @ (jacobian @ flat) + smoothed(flat.reshape(-1, 3)).ravel()
+                transposed @ (jacobian @ flat) + apply_smoothness(flat.reshape(-1, 3)).ravel()
             )
 
-        right = transposed @ (scale * rows.offsets) - smoothed(change).ravel()
+        rhs = transposed @ (scale * rows.offsets) - apply_smoothness(change).ravel()
         squares = np.bincount(columns.ravel(), values.ravel() ** 2, size)
         diagonal = squares + np.repeat(weight * self._squared_columns, 3) + DAMPING
         solution, _ = linalg.cg(
             linalg.LinearOperator((size, size), product),
-            right,
+            rhs,
             rtol=RESIDUAL,
             maxiter=MAX_STEPS,
             M=sparse.diags(1.0 / diagonal),
@@ -154,8 +154,8 @@ def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) 
     indices, closest = target.corresponding(samples, MIN_COSINE, REACH)
     is_inside = ~mesh.is_boundary[mesh.faces[samples.faces[indices]]].any(axis=1)
     is_free = ~(is_inside & target.ends_before(samples.points[indices], closest))
-    indices, places, faces = indices[is_free], closest.points[is_free], closest.faces[is_free]
-    directions, offsets = _directions(places - samples.points[indices], target.face_normals[faces])
+    indices, points, faces = indices[is_free], closest.points[is_free], closest.faces[is_free]
+    directions, offsets = _directions(points - samples.points[indices], target.face_normals[faces])
     vertices = mesh.faces[samples.faces[indices]]
     return Rows(vertices, samples.weights[indices], directions, offsets, samples.areas[indices])
 
@@ -183,14 +183,14 @@ def _directions(gaps: Floats, normals: Floats) -> tuple[Floats, Floats]:
     return directions, np.where(is_beyond, lengths, offsets)
 
 
-def joined(*several: Rows) -> Rows:
-    """Return all rows as one."""
+def concatenate_rows(*blocks: Rows) -> Rows:
+    """Return the rows of all blocks."""
     return Rows(
-        np.concatenate([rows.vertices for rows in several]),
-        np.concatenate([rows.weights for rows in several]),
-        np.concatenate([rows.directions for rows in several]),
-        np.concatenate([rows.offsets for rows in several]),
-        np.concatenate([rows.areas for rows in several]),
+        np.concatenate([rows.vertices for rows in blocks]),
+        np.concatenate([rows.weights for rows in blocks]),
+        np.concatenate([rows.directions for rows in blocks]),
+        np.concatenate([rows.offsets for rows in blocks]),
+        np.concatenate([rows.areas for rows in blocks]),
     )
 
 
@@ -203,5 +203,5 @@ def uniform_laplacian(faces: Faces, n_verts: int) -> Any:
     adjacency = sparse.csr_matrix((ones, ends), (n_verts, n_verts))
     adjacency.data[:] = 1.0
     degrees = np.asarray(adjacency.sum(axis=1)).ravel()
-    scaled = sparse.diags(1.0 / np.maximum(degrees, 1.0)) @ adjacency
-    return (sparse.diags((degrees > 0).astype(float)) - scaled).tocsr()
+    neighbor_means = sparse.diags(1.0 / np.maximum(degrees, 1.0)) @ adjacency
+    return (sparse.diags((degrees > 0).astype(float)) - neighbor_means).tocsr()

@@ -88,10 +88,10 @@ class Folds:
         but moves it off creases of the surface. Some folds remain where the surface forces them.
         """
         for number in range(FLATTENING_ROUNDS):
-            folded = self.find(mesh, target, min_turn=0.0)
-            if not len(folded):
+            folds = self.find(mesh, target, min_turn=0.0)
+            if not len(folds):
                 break
-            is_moving = _vertices_around(mesh, folded, number // FLATTENINGS_PER_RING)
+            is_moving = _vertices_around(mesh, folds, number // FLATTENINGS_PER_RING)
             mesh = TriangleMesh(self._average(mesh.vertices, is_moving), mesh.faces)
         return mesh
 
@@ -108,10 +108,10 @@ class Folds:
             Positions with few folds: those of the key, as moved by nodes.
         """
         for number in range(RESTORING_ROUNDS):
-            folded = self.find(mesh, target)
-            if not len(folded):
+            folds = self.find(mesh, target)
+            if not len(folds):
                 break
-            is_moving = _vertices_around(mesh, folded, 1 + number // RESTORINGS_PER_RING)
+            is_moving = _vertices_around(mesh, folds, 1 + number // RESTORINGS_PER_RING)
             displacements = self._average(mesh.vertices - rest, is_moving)
             mesh = TriangleMesh(rest + displacements, mesh.faces)
         return mesh
@@ -132,10 +132,10 @@ class Folds:
         arise, which `flatten` removes.
         """
         for number in range(OPENING_ROUNDS):
-            folded = self.find(mesh, target, min_turn=0.0)
-            if not len(folded):
+            folds = self.find(mesh, target, min_turn=0.0)
+            if not len(folds):
                 break
-            is_moving = _vertices_around(mesh, folded, 1 + number // OPENINGS_PER_RING)
+            is_moving = _vertices_around(mesh, folds, 1 + number // OPENINGS_PER_RING)
             positions = mesh.vertices.copy()
             positions[is_moving] += self._opening_step(mesh, target, is_moving)
             mesh = TriangleMesh(positions, mesh.faces)
@@ -154,8 +154,8 @@ class Folds:
         moving_verts = np.flatnonzero(is_moving)
         faces = mesh.faces[moving_faces]
         corners = mesh.vertices[faces]
-        middles = corners.mean(axis=1)
-        normals, heights = _planes(target, middles)
+        centroids = corners.mean(axis=1)
+        normals, heights = _planes(target, centroids)
         across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         gradients = 0.5 * np.cross(normals[:, None], across)
         missing_areas = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)

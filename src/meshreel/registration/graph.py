@@ -43,20 +43,20 @@ class Pose:
         """Return the pose after rotation vectors and translations, of shape (N, 6)."""
         return Pose(rotations_of(steps[:, :3]) @ self.rotations, self.translations + steps[:, 3:])
 
-    def continued(self, before: "Pose") -> "Pose":
+    def extrapolated(self, previous: "Pose") -> "Pose":
         """Return the next pose at constant velocity, given the pose before this one."""
-        turn = self.rotations @ before.rotations.transpose(0, 2, 1)
-        return Pose(turn @ self.rotations, 2 * self.translations - before.translations)
+        rotation = self.rotations @ previous.rotations.transpose(0, 2, 1)
+        return Pose(rotation @ self.rotations, 2 * self.translations - previous.translations)
 
 
 @dataclass(frozen=True, eq=False)
-class Posed:
+class PosedMesh:
     """A posed mesh and how it depends on the pose.
 
     Attributes
     ----------
     positions : float64 array of shape (V, 3)
-    bare : float64 array of shape (V, 3)
+    base : float64 array of shape (V, 3)
         Positions without details, as the nodes alone move them.
     arms : float64 array of shape (V, K, 3)
         Vectors from the nodes of each vertex to where they alone would move it.
@@ -65,7 +65,7 @@ class Posed:
     """
 
     positions: Floats
-    bare: Floats
+    base: Floats
     arms: Floats
     vertex_rotations: Floats
 
@@ -114,7 +114,7 @@ class DeformationGraph:
         offsets = vertices[:, None] - vertices[nodes][nearest]
         return cls(vertices[nodes], nearest, weights, edges, offsets)
 
-    def posed(self, pose: Pose, details: Floats) -> Posed:
+    def posed(self, pose: Pose, details: Floats) -> PosedMesh:
         """Return the mesh in a pose.
 
         Parameters
@@ -125,9 +125,9 @@ class DeformationGraph:
         arms = np.einsum("vkij,vkj->vki", pose.rotations[self.nearest], self._offsets)
         ends = arms + (self.nodes + pose.translations)[self.nearest]
         vertex_rotations = np.einsum("vk,vkij->vij", self.weights, pose.rotations[self.nearest])
-        bare = np.einsum("vk,vki->vi", self.weights, ends)
-        return Posed(
-            bare + np.einsum("vij,vj->vi", vertex_rotations, details), bare, arms, vertex_rotations
+        base = np.einsum("vk,vki->vi", self.weights, ends)
+        return PosedMesh(
+            base + np.einsum("vij,vj->vi", vertex_rotations, details), base, arms, vertex_rotations
         )
 
 
@@ -171,23 +171,21 @@ def _nearest_nodes(lengths: Any, nodes: Indices, spacing: float) -> tuple[Indice
     weights : float64 array of shape (V, K)
     """
     dijkstra = REGISTER_SCIPY.load("sparse.csgraph").dijkstra
-    n_verts, n_found = lengths.shape[0], min(N_NEAREST + 1, len(nodes))
-    best = np.full((n_verts, n_found), np.inf)
-    nearest = np.zeros((n_verts, n_found), np.int64)
+    n_verts, n_candidates = lengths.shape[0], min(N_NEAREST + 1, len(nodes))
+    best = np.full((n_verts, n_candidates), np.inf)
+    nearest = np.zeros((n_verts, n_candidates), np.int64)
     size = max(1, MAX_DISTANCES // n_verts)
     for start in range(0, len(nodes), size):
-        several = nodes[start : start + size]
-        distances = np.hstack([best, dijkstra(lengths, indices=several, limit=3 * spacing).T])
-        numbers = np.hstack(
-            [nearest, np.tile(np.arange(start, start + len(several)), (n_verts, 1))]
-        )
-        order = np.argsort(distances, axis=1, kind="stable")[:, :n_found]
+        batch = nodes[start : start + size]
+        distances = np.hstack([best, dijkstra(lengths, indices=batch, limit=3 * spacing).T])
+        numbers = np.hstack([nearest, np.tile(np.arange(start, start + len(batch)), (n_verts, 1))])
+        order = np.argsort(distances, axis=1, kind="stable")[:, :n_candidates]
         best = np.take_along_axis(distances, order, axis=1)
         nearest = np.take_along_axis(numbers, order, axis=1)
-    is_found = np.isfinite(best)
-    last = np.where(is_found, best, 0.0).max(axis=1, keepdims=True) * 1.0001 + 1e-12
-    weights = np.where(is_found, 1.0 - np.where(is_found, best, 0.0) / last, 0.0) ** 2
-    if n_found > N_NEAREST:
+    is_reached = np.isfinite(best)
+    last = np.where(is_reached, best, 0.0).max(axis=1, keepdims=True) * 1.0001 + 1e-12
+    weights = np.where(is_reached, 1.0 - np.where(is_reached, best, 0.0) / last, 0.0) ** 2
+    if n_candidates > N_NEAREST:
         nearest, weights = nearest[:, :-1], weights[:, :-1]
     weights[weights.sum(axis=1) <= 0, 0] = 1.0
     return nearest, weights / weights.sum(axis=1, keepdims=True)

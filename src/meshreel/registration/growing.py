@@ -22,7 +22,7 @@ from meshreel.registration.completing import RegisteredKey, complete_key, may_la
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
-from meshreel.registration.graph import Pose, Posed
+from meshreel.registration.graph import Pose, PosedMesh
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
@@ -69,7 +69,7 @@ MIN_REFINEMENT = 1.2
 lack vertices, and its undecimated mesh followed no more frames (four captures, 0.1 and 0.2 %)."""
 
 MAX_ERROR_TO_COMPLETE = 3.0
-"""Largest error, in tolerances, of a mesh where a frame has surface, for it to be completed."""
+"""Largest error, in tolerances and where it has surface, of a frame that may complete a key."""
 
 KEY_BITS, MOTION_BITS = 18.0, 1.0
 """Bits of a vertex in the key, and in each other frame, measured in files of quality 70 at fast
@@ -145,8 +145,8 @@ class Topology(NamedTuple):
         return cls(mesh.n_components - n_fragments, euler_number, -n_fragments)
 
 
-class Followed(NamedTuple):
-    """A frame that was followed.
+class RegisteredFrame(NamedTuple):
+    """A key mesh registered to a frame.
 
     Attributes
     ----------
@@ -165,8 +165,8 @@ class Followed(NamedTuple):
     n_folded: int
 
 
-class Lost(NamedTuple):
-    """A frame that could not be followed.
+class Failure(NamedTuple):
+    """Why a frame could not be followed.
 
     Attributes
     ----------
@@ -266,8 +266,8 @@ def grow_segments(
         key = _choose_key(run, topologies)
         segment = _longest(frames, key, run, tolerance, store, partial(report_all, key))
         n_growing[key] = segment.n_frames
-        rest = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
-        return [segment, *divided(filter(None, rest))]
+        remaining = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
+        return [segment, *divided(filter(None, remaining))]
 
     def divided(runs: Iterable[range]) -> Iterator[Segment]:
         return chain(*in_threads(divide, list(runs)))
@@ -301,18 +301,18 @@ def _longest(
     store: TemporaryStore,
     report: Callable[[str, int], None],
 ) -> Segment:
-    """Return the segment of a decimated key within a run; of a refined one if frames cost less."""
+    """Return the segment of a decimated key within a run, or of a refined one if it is smaller."""
     whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
     initial_key = whole if wedges is None else decimated_key(whole, wedges, tolerance)
-    first, completing, again = (
+    report_first, report_completing, report_refined = (
         partial(report, stage)
         for stage in (REGISTERING, "completing a mesh", "registering a refined mesh")
     )
-    key_mesh = _completed(frames, key, initial_key, run, whole.mesh, tolerance, completing)
-    segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, first)
+    key_mesh = _complete(frames, key, initial_key, run, whole.mesh, tolerance, report_completing)
+    segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, report_first)
     # Added faces may not belong to the surface. If they are smaller than a patch, no frame fails.
     if key_mesh.added_area > tolerance.patch_area and segment.reasons:
-        other = _grow(frames, key, initial_key, f"{key}_given", run, tolerance, store, first)
+        other = _grow(frames, key, initial_key, f"{key}_given", run, tolerance, store, report_first)
         segment = max(segment, other, key=lambda choice: choice.n_frames)
     if segment.key_mesh is not initial_key or not segment.may_lack_vertices:
         return segment
@@ -321,11 +321,11 @@ def _longest(
         return segment
     if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # even if it follows all
         return segment
-    other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, again)
+    other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_refined)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
 
 
-def _completed(
+def _complete(
     frames: Frames,
     key: int,
     key_mesh: KeyMesh,
@@ -342,16 +342,16 @@ def _completed(
     if not may_lack_surface(mesh, tolerance):
         return key_mesh
     follower = Follower(mesh, tolerance)
-    ways = [range(key - 1, run.start - 1, -1), range(key + 1, run.stop)]
-    patches: dict[range, list[TriangleMesh]] = {numbers: [] for numbers in ways}
+    directions = [range(key - 1, run.start - 1, -1), range(key + 1, run.stop)]
+    patches: dict[range, list[TriangleMesh]] = {numbers: [] for numbers in directions}
     n_seen = count(1)
 
-    def look(numbers: range) -> None:
+    def collect_patches(numbers: range) -> None:
         for registered in follower.registered_keys(map(frames.mesh, numbers)):
             patches[numbers] += registered.patches(mesh.vertices, tolerance)
             report(next(n_seen))
 
-    in_threads(look, ways)
+    in_threads(collect_patches, directions)
     return complete_key(key_mesh, whole, chain(*patches.values()), tolerance)
 
 
@@ -373,30 +373,34 @@ def _grow(
 
     def follow(follower: Follower, numbers: range) -> None:
         """Follow frames in order, up to the first that cannot be followed."""
-        way = f"{name}_{'before' if numbers is before else 'after'}"
-        course = store.load(way) or Course(follower.tracker.start())
+        direction = f"{name}_{'before' if numbers is before else 'after'}"
+        course = store.load(direction) or Course(follower.tracker.start())
         courses[numbers] = course
         for number in numbers[len(course.errors) :]:
             if course.reason:
                 break
             outcome = follower.follow(course.state, frames.mesh(number))
-            if isinstance(outcome, Lost):
+            if isinstance(outcome, Failure):
                 course.reason, course.excess = outcome
             else:
                 course.state = outcome.state
                 course.errors.append(outcome.errors)
                 course.n_folded += outcome.n_folded
                 store.put(name, number, frames.restored(outcome.positions))
-            store.save(way, course)
-            report(1 + sum(len(each.errors) for each in list(courses.values())))
+            store.save(direction, course)
+            report(1 + sum(len(other.errors) for other in list(courses.values())))
 
-    ways = [numbers for numbers in (before, after) if numbers]
-    if ways:
-        in_threads(partial(follow, Follower(mesh, tolerance)), ways)
+    directions = [numbers for numbers in (before, after) if numbers]
+    if directions:
+        in_threads(partial(follow, Follower(mesh, tolerance)), directions)
     earlier = courses[before].errors if before else []
     later = courses[after].errors if after else []
     span = range(key - len(earlier), key + len(later) + 1)
-    ends = {way[len(course.errors)]: course for way, course in courses.items() if course.reason}
+    ends = {
+        direction[len(course.errors)]: course
+        for direction, course in courses.items()
+        if course.reason
+    }
     n_components = frames.cleaned(key).n_components
     return Segment(
         span.start,
@@ -421,7 +425,7 @@ class Fit:
     Attributes
     ----------
     pose : Pose
-    posed : Posed
+    posed : PosedMesh
         The mesh in this pose, with the details of the last frame.
     mesh : TriangleMesh
         The fitted mesh.
@@ -434,7 +438,7 @@ class Fit:
     """
 
     pose: Pose
-    posed: Posed
+    posed: PosedMesh
     mesh: TriangleMesh
     errors: FrameErrors
     n_steps: int
@@ -451,37 +455,37 @@ class Follower:
         self._faces, self._orientation = key.faces, key.orientation
         self._tolerance = tolerance
 
-    def follow(self, state: State, target: TriangleMesh) -> Followed | Lost:
+    def follow(self, state: State, target: TriangleMesh) -> RegisteredFrame | Failure:
         """Return the next frame, or why no attempt meets the tolerance.
 
         While faces fold over, the next attempt is tried. Folds in a close fit of the first attempt
         may imitate a part that it lost, such as a finger; they are restored last.
         """
         fits: list[Fit] = []
-        met: list[Fit] = []
+        accepted: list[Fit] = []
         has_failed = False
         for attempt in ATTEMPTS:
             if attempt.if_failed not in (None, has_failed):
                 continue
-            fit = self._attempted(state, target, attempt)
+            fit = self._attempt(state, target, attempt)
             if self._meets(fit.errors):
                 self._repair_folds(fit, target)
                 if fits or fit.n_steps <= MAX_SMOOTH_STEPS:
                     self._restore_folds(fit, target)
-                met.append(fit)
+                accepted.append(fit)
                 if not fit.n_folded:
                     break
             fits.append(fit)
-            has_failed = bool(met) or self._loses(fit.errors)
-        if met:
-            fit = min(met, key=lambda fit: fit.n_folded)
+            has_failed = bool(accepted) or self._is_lost(fit.errors)
+        if accepted:
+            fit = min(accepted, key=lambda fit: fit.n_folded)
             self._restore_folds(fit, target)
-            following = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
-            return Followed(following, fit.mesh.vertices, fit.errors, fit.n_folded)
+            next_state = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
+            return RegisteredFrame(next_state, fit.mesh.vertices, fit.errors, fit.n_folded)
         if self._orientation * target.orientation < 0:
-            return Lost(INSIDE_OUT, np.inf)
+            return Failure(INSIDE_OUT, np.inf)
         nearest = min((fit.errors for fit in fits), key=self._excess)
-        return Lost(nearest.exceeds(self._tolerance), self._excess(nearest))
+        return Failure(nearest.exceeds(self._tolerance), self._excess(nearest))
 
     def registered_keys(self, targets: Iterable[TriangleMesh]) -> Iterator[RegisteredKey]:
         """Yield the mesh registered to the frames next to the key, until it is too far from one.
@@ -502,14 +506,14 @@ class Follower:
     def _meets(self, errors: FrameErrors) -> bool:
         return not errors.exceeds(self._tolerance)
 
-    def _loses(self, errors: FrameErrors) -> bool:
+    def _is_lost(self, errors: FrameErrors) -> bool:
         """Whether a mesh is too far from the surface to be fitted more closely."""
         return errors.p99 > MAX_ERROR_TO_FIT * self._tolerance.length
 
     def _excess(self, errors: FrameErrors) -> float:
         return errors.in_tolerances(self._tolerance)
 
-    def _attempted(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
+    def _attempt(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
         """Return an attempt with the closest fit of all its steps.
 
         The steps end when the tolerance is met, or when they no longer reduce the error. If it is
@@ -533,7 +537,7 @@ class Follower:
             fit_again(mesh, smoothness)
             mesh, errors = fits[-1].mesh, fits[-1].errors
             is_best = nearest() is fits[-1]
-            if self._meets(errors) or self._loses(errors) or not is_best:
+            if self._meets(errors) or self._is_lost(errors) or not is_best:
                 break
         if 1 < self._excess(nearest().errors) < MAX_ERROR_TO_OPEN:
             opened = self._folds.open(nearest().mesh, target)
@@ -568,7 +572,7 @@ class Follower:
         """Restore the shape of the key at folds, unless the tolerance is then exceeded."""
         if not fit.n_folded:
             return
-        mesh = self._folds.restore(fit.mesh, target, fit.posed.bare)
+        mesh = self._folds.restore(fit.mesh, target, fit.posed.base)
         errors, folded = check(mesh, target, self._tolerance), self._folds.find(mesh, target)
         if len(folded) < fit.n_folded and self._meets(errors):
             fit.mesh, fit.errors, fit.n_folded = mesh, errors, len(folded)

@@ -39,7 +39,7 @@ def scanned_faces(
         mesh, n_verts = TriangleMesh(points, faces), len(points)
         closest = target.closest(np.concatenate([points, mesh.centroids]))
         is_far = closest.distances[n_verts:] > tolerance.length
-        lacks = unsupported(mesh, target, closest, tolerance)[n_verts:]
-        hidden = lacks & (is_far | hidden)
+        is_unsupported = unsupported(mesh, target, closest, tolerance)[n_verts:]
+        hidden = is_unsupported & (is_far | hidden)
         is_scanned.append(~hidden)
     return None if np.all(is_scanned) else Track(np.array(is_scanned), Domain.FACE)

@@ -16,7 +16,7 @@ MAX_ANGLE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class KeyMesh:
-    """The mesh of a key frame, whose corners are at places of the cleaned raw mesh.
+    """The mesh of a key frame, whose corners are points of the cleaned raw mesh.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class KeyMesh:
     weights : float64 array of shape (M, 3, 3)
         Barycentric coordinates of the corners in these faces.
     n_added : int
-        Faces from other frames, the last; their corners are at the nearest places.
+        Number of faces from other frames, which are last; their corners are at the nearest points.
     """
 
     mesh: TriangleMesh
@@ -134,7 +134,7 @@ def _split_above(limit: float, key: KeyMesh, measure: Callable[[_Sides], Floats]
 WHOLE = [[0, 1, 2]]
 ONE_SIDE = [[0, 3, 2], [3, 1, 2]]
 TWO_SIDES = [[3, 1, 4], [0, 3, 4], [0, 4, 2]]
-TWO_SIDES_OTHERWISE = [[3, 1, 4], [0, 3, 2], [3, 4, 2]]
+TWO_SIDES_FLIPPED = [[3, 1, 4], [0, 3, 2], [3, 4, 2]]
 THREE_SIDES = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]
 """Parts of a face with split sides: corners are 0 to 2, and 3 + k is the middle of side k. Sides 0,
 or 0 and 1, or all are split; the part beyond two sides has one diagonal or the other."""
@@ -150,11 +150,11 @@ def _split(key: KeyMesh, sides: _Sides, is_split: npt.NDArray[np.bool_]) -> KeyM
     n_split = (middle >= 0).sum(axis=1)
     first = np.where(n_split == 1, (middle >= 0).argmax(axis=1), 0)
     first = np.where(n_split == 2, ((middle < 0).argmax(axis=1) + 1) % 3, first)
-    turned = (first[:, None] + np.arange(3)) % 3
+    rotated = (first[:, None] + np.arange(3)) % 3
     points = np.hstack(
-        [np.take_along_axis(faces, turned, 1), np.take_along_axis(middle, turned, 1)]
+        [np.take_along_axis(faces, rotated, 1), np.take_along_axis(middle, rotated, 1)]
     )
-    corners = np.take_along_axis(key.weights, turned[:, :, None], 1)
+    corners = np.take_along_axis(key.weights, rotated[:, :, None], 1)
     weights = np.hstack([corners, (corners + np.roll(corners, -1, axis=1)) / 2])
 
     def distances(start: int, end: int) -> Floats:
@@ -167,17 +167,17 @@ def _split(key: KeyMesh, sides: _Sides, is_split: npt.NDArray[np.bool_]) -> KeyM
         (n_split == 0, WHOLE),
         (n_split == 1, ONE_SIDE),
         ((n_split == 2) & is_shorter, TWO_SIDES),
-        ((n_split == 2) & ~is_shorter, TWO_SIDES_OTHERWISE),
+        ((n_split == 2) & ~is_shorter, TWO_SIDES_FLIPPED),
         (n_split == 3, THREE_SIDES),
     ]
     splits = [(np.flatnonzero(is_case), np.array(parts)) for is_case, parts in cases]
     return KeyMesh(
         TriangleMesh(
             vertices,
-            np.concatenate([points[at][:, parts].reshape(-1, 3) for at, parts in splits]).astype(
+            np.concatenate([points[ids][:, parts].reshape(-1, 3) for ids, parts in splits]).astype(
                 np.int32
             ),
         ),
-        np.concatenate([np.repeat(key.parents[at], len(parts), axis=0) for at, parts in splits]),
-        np.concatenate([weights[at][:, parts].reshape(-1, 3, 3) for at, parts in splits]),
+        np.concatenate([np.repeat(key.parents[ids], len(parts), axis=0) for ids, parts in splits]),
+        np.concatenate([weights[ids][:, parts].reshape(-1, 3, 3) for ids, parts in splits]),
     )

@@ -33,8 +33,8 @@ from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
-    Places,
     RawFrame,
+    SurfacePoints,
     attributes_of,
     interpolated,
     items_at_corners,
@@ -60,8 +60,8 @@ MIN_UNSUPPORTED_PERCENT = 0.05
 """Smallest share of the surface without raw surface that notes mention."""
 
 SAMPLING_MARGIN = 1.05
-"""Factor between the tolerance that is met at the samples of a larger one and the stated one: of
-100 frames, one needed 1.04, all others at most 1.02."""
+"""Safety factor for a tolerance that is met at the coarser samples of a larger one: of 100 frames,
+one needed 1.04, all others at most 1.02."""
 
 MAX_STATED_SHARE = 0.75
 """Largest share of the tolerance that notes state as a smaller one that every frame meets."""
@@ -139,7 +139,7 @@ class Registration:
         Segments of constant connectivity. Frames that could not be followed are segments of their
         own.
     raw : MeshSequence
-        The given sequence.
+        The sequence of raw frames.
     segments : tuple of Segment
         The registered segments.
     frames : Frames
@@ -184,16 +184,16 @@ class Registration:
         for segment in self.segments:
             folds = Folds(self._mesh(sequence, segment.key), self.tolerance.length)
 
-            def measured(
+            def measure_frame(
                 pair: tuple[TriangleMesh, int], folds: Folds = folds
             ) -> tuple[FrameErrors, int]:
                 mesh, target = pair[0], self.frames.mesh(pair[1])
                 return measure(mesh, target, self.tolerance), len(folds.find(mesh, target))
 
             pairs = ((self._mesh(sequence, number), number) for number in segment.numbers)
-            for of_frame, n_in_frame in results_in_order(measured, pairs, lambda _: True):
-                errors.append(of_frame)
-                n_folded += n_in_frame
+            for frame_errors, n_folds in results_in_order(measure_frame, pairs, lambda _: True):
+                errors.append(frame_errors)
+                n_folded += n_folds
                 progress("measuring", Count(len(errors), n_frames, "frames"))
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
@@ -231,11 +231,11 @@ class Registration:
         )
         text = f"registered {counts[0]} in {counts[1]}; distance from the raw surface: "
         yield Note(NoteKind.RESULT, f"{text}{self.distances}")
-        if stated := self.smaller_tolerance:
-            yield Note(NoteKind.RESULT, f"every frame meets a tolerance of {stated}, too")
-        n_kept, n_given = self.key_vertices
-        if n_kept < n_given:
-            text = f"kept {n_kept} of {counted(n_given, 'vertex')} of keys, as the quality allows"
+        if smaller := self.smaller_tolerance:
+            yield Note(NoteKind.RESULT, f"every frame meets a tolerance of {smaller}, too")
+        n_key, n_raw = self.key_vertices
+        if n_key < n_raw:
+            text = f"kept {n_key} of {counted(n_raw, 'vertex')} of keys, as the quality allows"
             yield Note(NoteKind.CHANGED, text)
         yield from self.changes
         yield from self.listed_cuts()
@@ -246,7 +246,7 @@ class Registration:
         """Return options that let vertices slide along the surface, unless that could be seen.
 
         Values of vertices and texture coordinates would move too, if textures are not baked for the
-        decoded surface. A given tune, or a bound of vertex errors, is kept.
+        decoded surface. An explicit tune or bound of vertex errors stays.
         """
         if not isinstance(config, ReelOptions) or config.tune or config.lossless:
             return config
@@ -277,8 +277,8 @@ class Registration:
         Meshes meet it at the distances measured for the given tolerance, with a margin for the
         denser samples of a smaller one.
         """
-        least = max(frame.least for segment in self.segments for frame in segment.errors)
-        share = max(SAMPLING_MARGIN * least / self.tolerance.length, PRECISION)
+        largest = max(frame.min_tolerance for segment in self.segments for frame in segment.errors)
+        share = max(SAMPLING_MARGIN * largest / self.tolerance.length, PRECISION)
         percent = share * self.tolerance_percent
         digit = 10.0 ** np.floor(np.log10(percent) - 1)
         return min(float(np.ceil(percent / digit) * digit), self.tolerance_percent)
@@ -362,15 +362,15 @@ def register(
     )
     topologies, n_removed, digest = [], Counter[str](), blake2b(f"{tolerance!r} {quality}".encode())
 
-    def prepared(number: int) -> tuple[CleanMesh, Topology | None]:
+    def prepare(number: int) -> tuple[CleanMesh, Topology | None]:
         mesh = cleaned(number)
         return mesh, None if mesh.is_empty else Topology.of_mesh(mesh)
 
-    meshes = results_in_order(prepared, range(frames.n_frames), lambda _: True)
+    meshes = results_in_order(prepare, range(frames.n_frames), lambda _: True)
     for number, (mesh, topology) in enumerate(meshes):
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(topology)
-        n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_crumbs})
+        n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_small_components})
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
@@ -422,11 +422,11 @@ def _wedges(frame: MeshSequence, cleaned: CleanMesh) -> Indices | None:
     """
     if transferable(frame):
         return None
-    polygons = items_at_corners(frame, Domain.FACE)[cleaned.kept_faces]
+    polygons = items_at_corners(frame, Domain.FACE)[cleaned.raw_faces]
     columns = [cleaned.faces, *(group.numbers[polygons] for group in frame.surface.groups)]
     for attribute in attributes_of(frame):
         if attribute.kind is Kind.UV:
-            items = items_at_corners(frame, attribute.domain)[cleaned.kept_faces]
+            items = items_at_corners(frame, attribute.domain)[cleaned.raw_faces]
             columns += [*np.moveaxis(attribute.per_item()[items], -1, 0)]
     rows = np.stack(columns, axis=-1, dtype=np.float64).reshape(-1, len(columns))
     _, numbers = np.unique(rows_as_bytes(rows + 0), return_inverse=True)
@@ -453,7 +453,7 @@ def _sequences(
         key = _frame(raw, segment.key)
         raw_frames = (_raw_frame(raw, frames, number) for number in segment.numbers)
         tracks = transferred_tracks(raw_frames, map(frames.normalized, segment.positions))
-        surface = _kept_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
+        surface = _key_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
         faces, numbers = segment.key_mesh.mesh.faces, segment.numbers
         if holes is not None:
             positions = map(frames.normalized, segment.positions)
@@ -470,27 +470,27 @@ def _sequences(
         yield _frame(raw, number)
 
 
-def _kept_surface(
+def _key_surface(
     key: MeshSequence, cleaned: CleanMesh, key_mesh: KeyMesh, tracks: Mapping[str, Track]
 ) -> Surface:
-    """Return what the mesh of a key keeps of its surface, except values that are tracks.
+    """Return the surface of a key for its decimated or refined mesh, without values in tracks.
 
     Attributes of vertices become attributes of corners.
     """
-    surface, triangles = key.surface, cleaned.kept_faces[key_mesh.parents]
+    surface, triangles = key.surface, cleaned.raw_faces[key_mesh.parents]
     polygons = items_at_corners(key, Domain.FACE)[triangles[:, 0], 0]
-    places = Places(triangles.ravel(), key_mesh.weights.reshape(-1, 3))
+    corners = SurfacePoints(triangles.ravel(), key_mesh.weights.reshape(-1, 3))
 
-    def kept(attribute: Attribute) -> Attribute:
+    def transfer(attribute: Attribute) -> Attribute:
         if attribute.domain is Domain.FACE:
             return attribute.indexed(attribute.per_item()[polygons])
         items = items_at_corners(key, attribute.domain)
-        values = interpolated(attribute.per_item(), items, places)
+        values = interpolated(attribute.per_item(), items, corners)
         return replace(attribute, domain=Domain.CORNER).indexed(values)
 
     return Surface(
         attributes=tuple(
-            kept(attribute)
+            transfer(attribute)
             for attribute in attributes_of(key)
             if attribute.kind is Kind.UV or attribute.name not in tracks
         ),

@@ -1,4 +1,4 @@
-"""Figures on a registered sequence and on what is decoded of it, both from the raw frames."""
+"""Distances of a registered sequence and of its decoded stream from the raw frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from meshreel.runtime.counting import change_text, counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads
 
-POINT_FRAMES_APART = 30
-"""Frames for each of which D1 and D2 are measured, which takes about two processor seconds."""
+POINT_FRAME_INTERVAL = 30
+"""D1 and D2 are measured in one of this many frames; a frame takes two processor seconds."""
 
 MIN_POINT_FRAMES = 2
 
@@ -89,7 +89,7 @@ class Report:
     def rows(self, size_bytes: int) -> dict[str, str]:
         """Rows of a table; `size_bytes` is that of the encoded sequence."""
         raw, registered = self.registration.raw, self.registration.sequence
-        n_kept, n_given = self.registration.key_vertices
+        n_key, n_raw = self.registration.key_vertices
         smaller = self.registration.smaller_tolerance
         return {
             "raw": f"{size_text(raw.raw_size_bytes)} in {counted(raw.n_segments, 'segment')}",
@@ -102,7 +102,7 @@ class Report:
                 "by 99 % of the area; the largest distance is that of the rest"
                 f"{smaller and f'; {smaller} is met, too'}"
             ),
-            "keys": f"kept {n_kept} of {counted(n_given, 'vertex')}",
+            "keys": f"kept {n_key} of {counted(n_raw, 'vertex')}",
             "registered": str(self.registered),
             "decoded": str(self.decoded),
             "D1 and D2 PSNR": self._points,
@@ -160,5 +160,5 @@ def _mean_of_finite(values: Any) -> float:
 def _measured_numbers(registration: Registration) -> Sequence[int]:
     """Return the numbers of the frames to measure."""
     numbers = [number for segment in registration.segments for number in segment.numbers]
-    n_chosen = max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAMES_APART)
-    return [numbers[place] for place in evenly_spaced(len(numbers), n_chosen)]
+    n_chosen = max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAME_INTERVAL)
+    return [numbers[index] for index in evenly_spaced(len(numbers), n_chosen)]

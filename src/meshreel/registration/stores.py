@@ -106,17 +106,17 @@ class FolderStore(TemporaryStore):
     def __init__(self, folder: Path, digest: str) -> None:
         self._folder = folder
         identity = {"version": __version__, "digest": digest}
-        stated = folder / IDENTITY
-        if not stated.exists():
+        identity_path = folder / IDENTITY
+        if not identity_path.exists():
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
                 raise InvalidInputError(
                     f"{str(folder)!r} exists and is no folder of a registration; move it, or use "
                     "another name"
                 )
             folder.mkdir(parents=True, exist_ok=True)
-            with _replaced(stated) as partial:
+            with _replacing(identity_path) as partial:
                 partial.write_text(json.dumps(identity))
-        elif json.loads(stated.read_bytes()) != identity:
+        elif json.loads(identity_path.read_bytes()) != identity:
             raise InvalidInputError(
                 f"{str(folder)!r} contains an unfinished registration of other frames, with "
                 "another tolerance, or by another version; remove it, or use another name"
@@ -135,10 +135,10 @@ class FolderStore(TemporaryStore):
         if not path.exists():
             first = np.load(frames[0])
             shape = len(frames), *first.shape
-            with _replaced(path) as partial:
+            with _replacing(path) as partial:
                 array = np.lib.format.open_memmap(partial, "w+", first.dtype, shape)
-                for place, frame in enumerate(frames):
-                    array[place] = np.load(frame)
+                for row, frame in enumerate(frames):
+                    array[row] = np.load(frame)
                 array.flush()
                 del array
         for frame in frames:
@@ -156,7 +156,7 @@ class FolderStore(TemporaryStore):
             "excess": np.array(course.excess),
             **course.state.arrays(),
         }
-        with _replaced(self._folder / f"{name}.npz") as partial, partial.open("wb") as file:
+        with _replacing(self._folder / f"{name}.npz") as partial, partial.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
 
     def load(self, name: str) -> Course | None:
@@ -174,7 +174,7 @@ class FolderStore(TemporaryStore):
 
 
 @contextmanager
-def _replaced(path: Path) -> Iterator[Path]:
+def _replacing(path: Path) -> Iterator[Path]:
     """Context manager for a path whose file replaces this one once it is complete."""
     partial = path.with_suffix(".partial")
     yield partial

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.registration.graph import DeformationGraph, Pose, Posed
+from meshreel.registration.graph import DeformationGraph, Pose, PosedMesh
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
 
@@ -74,7 +74,7 @@ ATTEMPTS = (
 first ones nearly do, and a stiff start where the others lose the surface or leave folds."""
 
 DAMPING = 1e-6
-"""Weight of the squared step of each node, which holds nodes that nothing else holds."""
+"""Weight of the squared step of each node, which holds nodes without correspondences."""
 
 RESIDUAL = 1e-3
 """Relative residual at which conjugate gradients stop."""
@@ -93,7 +93,7 @@ TANGENTIAL_AT_EDGE = 0.5
 CONVERGED = 6e-4
 """Largest translation of a node in a step after which a stage ends."""
 
-DETAIL_KEPT = 0.9
+DETAIL_SHARE = 0.9
 """Share of the displacement from the posed key that the next frame begins with."""
 
 
@@ -146,30 +146,30 @@ class Tracker:
 
     def track(
         self, state: State, target: TriangleMesh, attempt: Attempt = ATTEMPTS[0]
-    ) -> tuple[Pose, Posed]:
+    ) -> tuple[Pose, PosedMesh]:
         """Return the pose in the next frame, and the mesh in it with the details of the last."""
         rng = np.random.default_rng(len(target.vertices))
-        pose = self._predicted(state, target) if attempt.predicts else state.pose
+        pose = self._predict(state, target) if attempt.predicts else state.pose
         for stage in attempt.stages:
             for _ in range(stage.n_steps):
                 posed = self._graph.posed(pose, state.details)
-                target_samples = rng.integers(0, len(target.vertices), len(self._points) // 2)
-                step = self._step(pose, posed, target, target_samples, stage)
+                samples = rng.integers(0, len(target.vertices), len(self._points) // 2)
+                step = self._step(pose, posed, target, samples, stage)
                 pose = pose.moved(step)
                 if np.abs(step[:, 3:]).max() < CONVERGED:
                     break
         return pose, self._graph.posed(pose, state.details)
 
-    def arrive(self, state: State, pose: Pose, posed: Posed, positions: Floats) -> State:
+    def arrive(self, state: State, pose: Pose, posed: PosedMesh, positions: Floats) -> State:
         """Return the state after a frame, given the mesh fitted to it, of shape (V, 3)."""
         change = np.einsum("vji,vj->vi", posed.vertex_rotations, positions - posed.positions)
-        return State(pose, DETAIL_KEPT * (state.details + change), state.pose)
+        return State(pose, DETAIL_SHARE * (state.details + change), state.pose)
 
-    def _predicted(self, state: State, target: TriangleMesh) -> Pose:
+    def _predict(self, state: State, target: TriangleMesh) -> Pose:
         """Return the pose of the last frame or one of constant velocity, whichever is nearer."""
         if state.before is None:
             return state.pose
-        candidates = [state.pose, state.pose.continued(state.before)]
+        candidates = [state.pose, state.pose.extrapolated(state.before)]
         distances = []
         for pose in candidates:
             mesh = TriangleMesh(self._graph.posed(pose, state.details).positions, self._faces)
@@ -178,18 +178,18 @@ class Tracker:
         return candidates[int(np.argmin(distances))]
 
     def _step(
-        self, pose: Pose, posed: Posed, target: TriangleMesh, target_samples: Indices, stage: Stage
+        self, pose: Pose, posed: PosedMesh, target: TriangleMesh, samples: Indices, stage: Stage
     ) -> Floats:
         """Return rotation vectors and translations of all nodes, of shape (N, 6)."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        pairs = self._correspondences(posed, target, target_samples, stage.spread)
-        distances, right = self._distance_equations(posed, target, *pairs)
+        pairs = self._correspondences(posed, target, samples, stage.spread)
+        distances, rhs = self._distance_equations(posed, target, *pairs)
         rows, residuals = self._rigidity_rows(pose, stage.rigidity)
         rigidity = rows.T @ rows + DAMPING * sparse.identity(rows.shape[1])
         normal = distances + rigidity.tobsr((6, 6))
         solution, _ = linalg.cg(
             normal,
-            right - rows.T @ residuals,
+            rhs - rows.T @ residuals,
             rtol=RESIDUAL,
             maxiter=MAX_ITERATIONS,
             M=_block_inverse(normal),
@@ -197,45 +197,45 @@ class Tracker:
         return np.asarray(solution).reshape(-1, 6)
 
     def _correspondences(
-        self, posed: Posed, target: TriangleMesh, target_samples: Indices, spread: float
+        self, posed: PosedMesh, target: TriangleMesh, samples: Indices, spread: float
     ) -> tuple[Indices, Indices, Floats, Floats]:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
         The weights are that of their distance, and that of its part along the surface relative to
         the part along the normal. Vertices that may be in a hole of the other surface have no
-        weight. Nor have, if there are holes, vertices whose corresponding point belongs to a
+        weight. If there are holes, neither have vertices whose corresponding point belongs to a
         distant part of the key: a missing hand must not stick to the hip.
         """
         mesh = TriangleMesh(posed.positions, self._faces)
-        own = self._points
-        _, there = target.oriented_tree.query(mesh.oriented[own])
-        _, back = mesh.oriented_tree.query(target.oriented[target_samples])
+        verts = self._points
+        _, targets = target.oriented_tree.query(mesh.oriented[verts])
+        _, nearest = mesh.oriented_tree.query(target.oriented[samples])
         is_beyond = np.concatenate(
             [
-                ~self._is_boundary[own] & target.is_near_boundary[there],
-                ~target.is_boundary[target_samples] & self._is_near_boundary[back],
+                ~self._is_boundary[verts] & target.is_near_boundary[targets],
+                ~target.is_boundary[samples] & self._is_near_boundary[nearest],
             ]
         )
         if target.boundaries[0].max(initial=0.0) > NODE_SPACING:
-            _, again = mesh.oriented_tree.query(target.oriented[there])
-            apart = np.linalg.norm(self._rest[own] - self._rest[again], axis=1)
-            gaps = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
-            is_beyond[: len(own)] |= apart > NODE_SPACING + 2 * gaps
-        own, there = np.concatenate([own, back]), np.concatenate([there, target_samples])
-        distances = np.linalg.norm(mesh.vertices[own] - target.vertices[there], axis=1)
-        cosines = np.einsum("nc,nc->n", mesh.vertex_normals[own], target.vertex_normals[there])
+            _, returned = mesh.oriented_tree.query(target.oriented[targets])
+            apart = np.linalg.norm(self._rest[verts] - self._rest[returned], axis=1)
+            gaps = np.linalg.norm(mesh.vertices[verts] - target.vertices[targets], axis=1)
+            is_beyond[: len(verts)] |= apart > NODE_SPACING + 2 * gaps
+        verts, targets = np.concatenate([verts, nearest]), np.concatenate([targets, samples])
+        distances = np.linalg.norm(mesh.vertices[verts] - target.vertices[targets], axis=1)
+        cosines = np.einsum("nc,nc->n", mesh.vertex_normals[verts], target.vertex_normals[targets])
         corresponds = (cosines > MIN_COSINE) & ~is_beyond
         weights = corresponds * spread**2 / (spread**2 + distances**2)
-        are_edges = self._is_edge[own] & target.is_edge[there]
+        are_edges = self._is_edge[verts] & target.is_edge[targets]
         tangential = np.where(are_edges, TANGENTIAL_AT_EDGE, TANGENTIAL)
-        return own, there, np.sqrt(weights), tangential
+        return verts, targets, np.sqrt(weights), tangential
 
     def _distance_equations(
         self,
-        posed: Posed,
+        posed: PosedMesh,
         target: TriangleMesh,
-        own: Indices,
-        there: Indices,
+        verts: Indices,
+        targets: Indices,
         weights: Floats,
         tangential: Floats,
     ) -> tuple[Any, Floats]:
@@ -245,13 +245,13 @@ class Tracker:
         block for each node, which makes their products twice as fast.
         """
         sparse = REGISTER_SCIPY.load("sparse")
-        nearest, arms = self._graph.nearest[own], posed.arms[own]
-        normals = target.vertex_normals[there]
-        gaps = posed.positions[own] - target.vertices[there]
+        nearest, arms = self._graph.nearest[verts], posed.arms[verts]
+        normals = target.vertex_normals[targets]
+        gaps = posed.positions[verts] - target.vertices[targets]
         n_rows, n_near = nearest.shape
         n_nodes = len(self._graph.nodes)
         ends = np.arange(0, n_near * n_rows + 1, n_near)
-        moved = weights[:, None] * self._graph.weights[own]
+        moved = weights[:, None] * self._graph.weights[verts]
         turned = np.cross(arms, normals[:, None])
         along = np.broadcast_to(normals[:, None], arms.shape)
         values = moved[:, :, None] * np.concatenate([turned, along], axis=2)
@@ -264,9 +264,9 @@ class Tracker:
         normal = across.T @ across + sparse.bsr_matrix(
             (translations, products.indices, products.indptr), (6 * n_nodes, 6 * n_nodes)
         )
-        right = -(across.T @ (weights * np.einsum("nc,nc->n", gaps, normals))).reshape(-1, 6)
-        right[:, 3:] -= share.T @ ((tangential * weights)[:, None] * gaps)
-        return normal, right.ravel()
+        rhs = -(across.T @ (weights * np.einsum("nc,nc->n", gaps, normals))).reshape(-1, 6)
+        rhs[:, 3:] -= share.T @ ((tangential * weights)[:, None] * gaps)
+        return normal, rhs.ravel()
 
     def _rigidity_rows(self, pose: Pose, weight: float) -> tuple[Any, Floats]:
         """Return the derivatives and values of how differently neighboring nodes move."""

@@ -22,8 +22,8 @@ from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
 
 
-class Places(NamedTuple):
-    """Places of N points on the triangles of a raw frame.
+class SurfacePoints(NamedTuple):
+    """N points on the triangles of a raw frame.
 
     Attributes
     ----------
@@ -53,10 +53,10 @@ class RawFrame:
     cleaned: CleanMesh
     mesh: TriangleMesh
 
-    def closest(self, points: Floats) -> Places:
-        """Return the closest places for points of shape (N, 3), in longest sides of the box."""
+    def closest(self, points: Floats) -> SurfacePoints:
+        """Return the closest surface points of points in longest sides of the box, (N, 3)."""
         closest = self.mesh.closest(points)
-        return Places(self.cleaned.kept_faces[closest.faces], closest.weights)
+        return SurfacePoints(self.cleaned.raw_faces[closest.faces], closest.weights)
 
 
 def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:
@@ -64,12 +64,12 @@ def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:
 
     Texture coordinates that change between frames of equal faces are tracks of these.
     """
-    changing = (
+    uv_tracks = (
         Attribute(name, Kind.UV, track.domain, track[0])
         for name, track in frame.tracks.items()
         if track.kind is TrackKind.UV
     )
-    return (*frame.surface.attributes, *changing)
+    return (*frame.surface.attributes, *uv_tracks)
 
 
 def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
@@ -83,8 +83,8 @@ def items_at_corners(frame: MeshSequence, domain: Domain) -> Integers:
     return np.repeat(polygons[:, None], 3, axis=1)
 
 
-def interpolated(values: Values, items: Integers, places: Places) -> Values:
-    """Return values at places, in the number type of the values.
+def interpolated(values: Values, items: Integers, points: SurfacePoints) -> Values:
+    """Return values at surface points, in the number type of the values.
 
     Floats and bytes are interpolated. Wider integers, such as labels, are those of the nearest
     corner.
@@ -94,14 +94,14 @@ def interpolated(values: Values, items: Integers, places: Places) -> Values:
     values : array of shape (n_items, C)
     items : int64 array of shape (M, 3)
         As `items_at_corners`.
-    places : Places
+    points : SurfacePoints
     """
-    corners = items[places.triangles]
+    corners = items[points.triangles]
     if values.dtype.kind != "f" and values.dtype != np.uint8:
-        nearest = places.weights.argmax(axis=1)
+        nearest = points.weights.argmax(axis=1)
         return np.asarray(values[corners[np.arange(len(corners)), nearest]])
-    mixed = np.einsum("nk,nkc->nc", places.weights, values[corners].astype(np.float64))
-    return np.asarray((mixed if values.dtype.kind == "f" else np.rint(mixed)).astype(values.dtype))
+    means = np.einsum("nk,nkc->nc", points.weights, values[corners].astype(np.float64))
+    return np.asarray((means if values.dtype.kind == "f" else np.rint(means)).astype(values.dtype))
 
 
 def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) -> dict[str, Track]:
@@ -126,9 +126,9 @@ def transferred_tracks(frames: Iterable[RawFrame], positions: Iterable[Floats]) 
             }
         if not candidates:
             return {}
-        places = frame.closest(points)
+        closest = frame.closest(points)
         transferred.append(
-            {name: _at_places(frame.frame, track, places) for name, track in candidates.items()}
+            {name: _at_points(frame.frame, track, closest) for name, track in candidates.items()}
         )
     return concatenate_tracks(
         [{name: tracks[name] for name in transferred[-1]} for tracks in transferred]
@@ -166,8 +166,8 @@ def _fits(before: Track, track: Track | None) -> bool:
     return track is not None and (track.dtype, track.shape[2]) == (before.dtype, before.shape[2])
 
 
-def _at_places(frame: MeshSequence, track: Track, places: Places) -> Track:
-    values = interpolated(track[0], items_at_corners(frame, track.domain), places)
+def _at_points(frame: MeshSequence, track: Track, points: SurfacePoints) -> Track:
+    values = interpolated(track[0], items_at_corners(frame, track.domain), points)
     if track.kind is TrackKind.NORMAL:
         values = unit(values)
     return Track(values[None], Domain.VERTEX, track.kind, track.unit)

@@ -23,15 +23,15 @@ from meshreel.model.sequence import Faces
 
 Indices = npt.NDArray[np.int64]
 
-BEND = 0.04
+NORMAL_WEIGHT = 0.04
 """Distance, in longest sides of the box of all frames, that counts as much as one radian between
 normals."""
 
 BEYOND_COSINE = 0.8
-"""Cosine between the way to a closest point on the boundary and its normal, below which a point is
-beyond the surface: where a curved surface has a hole, the way is not along the rim."""
+"""Cosine between the direction to a closest point on the boundary and its normal, below which a
+point is beyond the surface: over a hole of a curved surface, the direction is not tangential."""
 
-HIDDEN = 0.004
+HIDDEN_DEPTH = 0.004
 """Depth below a surface, in longest sides of the box, at which faces of another direction are
 hidden."""
 
@@ -210,21 +210,21 @@ class TriangleMesh:
     ) -> tuple[Indices, Closest]:
         """Return the corresponding samples of another surface, and their closest points on this.
 
-        These points are on faces with similar normals within reach. Samples farther than `HIDDEN`
-        below a face of another direction are hidden, as where bodies touch, and do not correspond.
+        These points are on faces with similar normals within reach. Samples deeper than
+        `HIDDEN_DEPTH` below a face of another direction, as where bodies touch, do not correspond.
         """
         closest = self._tree.closest(samples.points)
         directions = samples.normals / min_cosine  # dot product >= 1 if normals are similar
         differs = _dots(self.face_normals[closest.faces], directions) < 1
-        below = np.flatnonzero(differs & (closest.distances > HIDDEN))
+        below = np.flatnonzero(differs & (closest.distances > HIDDEN_DEPTH))
         hidden = below[self.encloses(samples.points[below], closest.at(below))]
         closest.faces[closest.distances > reach] = closest.faces[hidden] = -1
         differs[hidden] = False
         # Most closest faces are similar: search by direction only for the other samples.
-        searched = np.flatnonzero(differs)
-        similar = self._tree.closest(samples.points[searched], directions[searched], reach)
-        for values, of_searched in zip(closest, similar, strict=True):
-            values[searched] = of_searched
+        unmatched = np.flatnonzero(differs)
+        similar = self._tree.closest(samples.points[unmatched], directions[unmatched], reach)
+        for values, matches in zip(closest, similar, strict=True):
+            values[unmatched] = matches
         indices = np.flatnonzero(closest.faces >= 0)
         return indices, closest.at(indices)
 
@@ -249,8 +249,8 @@ class TriangleMesh:
 
     @cached_property
     def oriented(self) -> Floats:
-        """The vertices, and their normals times `BEND`, of shape (V, 6)."""
-        return np.hstack([self.vertices, BEND * self.vertex_normals])
+        """The vertices, and their normals times `NORMAL_WEIGHT`, of shape (V, 6)."""
+        return np.hstack([self.vertices, NORMAL_WEIGHT * self.vertex_normals])
 
     @cached_property
     def oriented_tree(self) -> Any:

@@ -13,7 +13,7 @@ from meshreel.registration.refining import subdivided
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.runtime.threads import in_threads
 
-WITHIN = 0.99
+MIN_SHARE_WITHIN = 0.99
 """Share of the area of both surfaces that must be within the tolerance of the other one."""
 
 PATCH_SIDE = 10.0
@@ -31,7 +31,7 @@ MIN_COSINE = 0.5
 SPACING = 6.0
 """Longest edge, in tolerances, between vertices at which distances are measured."""
 
-COARSER = 2.0
+COARSE_FACTOR = 2.0
 """Factor of `SPACING` in a first check of coarse meshes."""
 
 CERTAIN_EXCESS = 1.25
@@ -39,7 +39,7 @@ CERTAIN_EXCESS = 1.25
 of the second one, and never above this where that met the tolerance (277 fits to noisy frames)."""
 
 PRECISION = 0.01
-"""Precision of `FrameErrors.least`, in tolerances."""
+"""Precision of `FrameErrors.min_tolerance`, in tolerances."""
 
 MIN_AREA_OF_COARSE = 2.0
 """Minimum mean area of the faces of a coarse mesh, in squares of `SPACING`."""
@@ -50,16 +50,16 @@ class Tolerance:
     """The largest distance between a registered mesh and its raw frame.
 
     99 % of both surfaces are within it, and no connected patch beyond it is larger than a
-    square whose side is ten times the tolerance. Where the raw surface ends, as at holes of a scan,
-    the registered one may continue, and so it may below a closed raw surface, as where bodies touch
-    and the scan lacks what is between them: neither is a distance.
+    square whose side is ten times the tolerance. The registered surface may continue where the raw
+    one ends, as at holes of a scan, and below a closed raw surface, as between bodies that touch:
+    neither counts as a distance.
 
     Attributes
     ----------
     length : float
         In the unit of the positions.
     quality : float
-        Quality at which the result is coded, which decides how many vertices keys keep.
+        Quality at which the result is coded; keys keep more vertices for a higher one.
     """
 
     length: float
@@ -73,7 +73,7 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Distances between two surfaces in both directions; of each figure the worse direction.
+    """Distances between two surfaces; each figure is that of the worse direction.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class FrameErrors:
     unsupported : float
         Share of the registered surface that is beyond the boundary of the raw one, or below it by
         more than the tolerance where it is closed.
-    least : float
+    min_tolerance : float
         Smallest tolerance that these distances meet; infinite if they exceed the given one.
     """
 
@@ -98,7 +98,7 @@ class FrameErrors:
     mean_square: float
     patch_area: float
     unsupported: float
-    least: float
+    min_tolerance: float
 
     def in_tolerances(self, tolerance: Tolerance) -> float:
         """Return the factor by which the tolerance must grow to be just met."""
@@ -125,7 +125,7 @@ def check(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> Fra
     """Measure a registered mesh; with fewer samples if those clearly exceed the tolerance."""
     spacing = SPACING * tolerance.length
     if mesh.areas.mean() > MIN_AREA_OF_COARSE * spacing**2:
-        errors = measure(mesh, target, tolerance, COARSER * spacing)
+        errors = measure(mesh, target, tolerance, COARSE_FACTOR * spacing)
         if errors.in_tolerances(tolerance) > CERTAIN_EXCESS:
             return errors
     return measure(mesh, target, tolerance)
@@ -144,8 +144,8 @@ def measure(
         surfaces = (mesh, target) if may_end else (target, mesh)
         return _one_way(*surfaces, tolerance, spacing, may_end)
 
-    there, back = in_threads(errors, [True, False])
-    return FrameErrors(*map(max, astuple(there), astuple(back)))
+    forward, backward = in_threads(errors, [True, False])
+    return FrameErrors(*map(max, astuple(forward), astuple(backward)))
 
 
 def one_way(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> FrameErrors:
@@ -175,7 +175,7 @@ def _one_way(
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
         return FrameErrors(*[*6 * [0.0], 1.0, 0.0])
-    p95, p99 = _quantiles(distances, areas, (0.95, WITHIN))
+    p95, p99 = _quantiles(distances, areas, (0.95, MIN_SHARE_WITHIN))
     patch_area = largest_patch(mesh, distances - tolerance.length)
     errors = FrameErrors(
         float(np.average(distances, weights=areas)),
@@ -189,7 +189,7 @@ def _one_way(
     )
     if errors.exceeds(tolerance):
         return errors
-    return replace(errors, least=_least_tolerance(mesh, distances, p99, tolerance))
+    return replace(errors, min_tolerance=_min_tolerance(mesh, distances, p99, tolerance))
 
 
 def unsupported(
@@ -208,16 +208,17 @@ def unsupported(
         The closest points of the raw surface, of vertices and then centroids.
     """
     points = np.concatenate([mesh.vertices, mesh.centroids])
-    lacks, is_far = target.ends_before(points, closest), closest.distances > tolerance.length
-    beyond = np.flatnonzero(is_far & ~lacks)
+    is_unsupported = target.ends_before(points, closest)
+    is_far = closest.distances > tolerance.length
+    beyond = np.flatnonzero(is_far & ~is_unsupported)
     if len(beyond):
-        holes = lacks
-        if lacks.any():
+        holes = is_unsupported
+        if is_unsupported.any():
             normals = np.concatenate([mesh.vertex_normals, mesh.face_normals])
             cosines = np.einsum("nc,nc->n", normals, target.face_normals[closest.faces])
-            holes = _regions_within(mesh, is_far | (cosines < MIN_COSINE), lacks)
-        lacks[beyond] = holes[beyond] | target.encloses(points[beyond], closest.at(beyond))
-    return lacks
+            holes = _regions_within(mesh, is_far | (cosines < MIN_COSINE), is_unsupported)
+        is_unsupported[beyond] = holes[beyond] | target.encloses(points[beyond], closest.at(beyond))
+    return is_unsupported
 
 
 def _regions_within(
@@ -244,18 +245,18 @@ def _links(
     """
     n_verts = len(mesh.vertices)
     is_touched = is_chosen[mesh.faces].any(axis=1) | is_chosen[n_verts:]
-    touched = np.flatnonzero(is_touched)
-    corners, centroids = mesh.faces[touched], np.repeat(n_verts + touched, 3).reshape(-1, 3)
+    numbers = np.flatnonzero(is_touched)
+    corners, centroids = mesh.faces[numbers], np.repeat(n_verts + numbers, 3).reshape(-1, 3)
     parts = np.stack([corners, np.roll(corners, -1, axis=1), centroids], axis=2).reshape(-1, 3)
-    return touched, parts.ravel(), np.roll(parts, -1, axis=1).ravel()
+    return numbers, parts.ravel(), np.roll(parts, -1, axis=1).ravel()
 
 
 def _quantiles(values: Floats, weights: Floats, shares: tuple[float, float]) -> tuple[float, float]:
     """Return the values that these shares of the weight do not exceed."""
     order = np.argsort(values)
-    reached = np.cumsum(weights[order])
-    places = np.searchsorted(reached, np.multiply(shares, reached[-1]))
-    low, high = values[order[np.minimum(places, len(values) - 1)]]
+    cumulative = np.cumsum(weights[order])
+    ranks = np.searchsorted(cumulative, np.multiply(shares, cumulative[-1]))
+    low, high = values[order[np.minimum(ranks, len(values) - 1)]]
     return float(low), float(high)
 
 
@@ -271,8 +272,8 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
     is_positive = values > 0
     if not is_positive.any():
         return 0.0
-    touched, first, second = _links(mesh, is_positive)
-    parts, areas = first.reshape(-1, 3), np.repeat(mesh.areas[touched] / 3, 3)
+    numbers, first, second = _links(mesh, is_positive)
+    parts, areas = first.reshape(-1, 3), np.repeat(mesh.areas[numbers] / 3, 3)
     both = is_positive[first] & is_positive[second]
     regions = lowest_connected(len(values), first[both], second[both])
     highest = np.take_along_axis(parts, values[parts].argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
@@ -281,7 +282,7 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
     )
 
 
-def _least_tolerance(
+def _min_tolerance(
     mesh: TriangleMesh, distances: Floats, p99: float, tolerance: Tolerance
 ) -> float:
     """Return the smallest tolerance that is met, from the 99 % quantile up to the given one.
@@ -291,17 +292,17 @@ def _least_tolerance(
     distances : float64 array of shape (V + M,)
         At the vertices, and at the centroids of the faces.
     """
-    touched, _, _ = _links(mesh, distances > p99)
-    part = TriangleMesh(mesh.vertices, mesh.faces[touched])
+    numbers, _, _ = _links(mesh, distances > p99)
+    part = TriangleMesh(mesh.vertices, mesh.faces[numbers])
     n_verts = len(mesh.vertices)
-    distances = np.concatenate([distances[:n_verts], distances[n_verts + touched]])
-    low, high, tried = p99, tolerance.length, p99
+    distances = np.concatenate([distances[:n_verts], distances[n_verts + numbers]])
+    low, high, candidate = p99, tolerance.length, p99
     while high - low > PRECISION * tolerance.length:
-        if largest_patch(part, distances - tried) > Tolerance(tried).patch_area:
-            low = tried
+        if largest_patch(part, distances - candidate) > Tolerance(candidate).patch_area:
+            low = candidate
         else:
-            high = tried
-        tried = (low + high) / 2
+            high = candidate
+        candidate = (low + high) / 2
     return high
 
 

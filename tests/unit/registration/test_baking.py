@@ -19,7 +19,7 @@ from meshreel import (
     Track,
 )
 from meshreel.codec.error_bounds import ErrorBound
-from meshreel.registration.baking import Atlas, bake, check_textured, sampled, with_atlases
+from meshreel.registration.baking import Atlas, bake, check_textured, sample_image, with_atlases
 from meshreel.registration.register import register
 from samples.captures import capture, color_at, textured_capture
 
@@ -43,7 +43,7 @@ def centroid_colors(segment, frame, image):
     (uv,) = segment.surface.of_kind(Kind.UV)
     centers = uv.per_item().reshape(-1, 3, 2).mean(axis=1).astype(np.float64)
     points = segment.vertices[frame][segment.faces].mean(axis=1)
-    return points, sampled(np.asarray(image), centers).astype(int)
+    return points, sample_image(np.asarray(image), centers).astype(int)
 
 
 def errors_of(segment, images):
@@ -199,7 +199,7 @@ def test_images_are_interpolated_and_repeat():
     pixels = np.zeros((2, 2, 3), np.uint8)
     pixels[0, 0], pixels[1, 1] = (200, 0, 0), (0, 100, 0)
     uv = np.array([[0.25, 0.75], [0.5, 0.75], [0.75, 0.25], [0, 0.75], [1.25, -0.25]])
-    colors = sampled(pixels, uv)
+    colors = sample_image(pixels, uv)
     expected = [[200, 0, 0], [100, 0, 0], [0, 100, 0], [100, 0, 0], [200, 0, 0]]
     assert colors.tolist() == expected
 

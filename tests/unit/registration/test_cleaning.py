@@ -23,7 +23,7 @@ def test_faces_without_area_are_removed_and_counted():
     vertices, faces = cube()
     cleaned = clean(frame(vertices, np.vstack([[[0, 0, 1]], faces, [[3, 3, 3]]])))
     assert cleaned.n_degenerate == 2
-    assert np.array_equal(cleaned.kept_faces, np.arange(1, 13))
+    assert np.array_equal(cleaned.raw_faces, np.arange(1, 13))
 
 
 def test_components_below_an_area_are_removed_and_counted():
@@ -31,9 +31,9 @@ def test_components_below_an_area_are_removed_and_counted():
     crumb = 5 + 1e-3 * np.eye(3)
     both = frame(np.vstack([crumb, vertices]), np.vstack([[[0, 1, 2]], faces + 3]))
     cleaned = clean(both)
-    assert (cleaned.n_components, cleaned.n_crumbs) == (1, 1)
+    assert (cleaned.n_components, cleaned.n_small_components) == (1, 1)
     assert len(cleaned.vertices) == len(vertices)
-    assert clean(both, max_removed_area=1e-7).n_crumbs == 0
+    assert clean(both, max_removed_area=1e-7).n_small_components == 0
 
 
 def test_signs_of_zero_are_one_position():

@@ -66,6 +66,6 @@ def test_components_do_not_share_nodes(key):
 def test_constant_velocity_repeats_the_last_motion():
     turn = rotations_of(np.array([[0.3, 0.0, 0.0]]))
     before, now = Pose.at_rest(1), Pose(turn, np.array([[1.0, 0.0, 0.0]]))
-    following = now.continued(before)
+    following = now.extrapolated(before)
     np.testing.assert_allclose(following.rotations, turn @ turn)
     np.testing.assert_allclose(following.translations, [[2.0, 0.0, 0.0]])

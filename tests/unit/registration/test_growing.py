@@ -11,7 +11,15 @@ from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration import growing
 from meshreel.registration.cleaning import CleanMesh, clean
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Fit, Followed, Follower, Frames, Lost, Segment, Topology
+from meshreel.registration.growing import (
+    Failure,
+    Fit,
+    Follower,
+    Frames,
+    RegisteredFrame,
+    Segment,
+    Topology,
+)
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
@@ -109,7 +117,7 @@ def test_attempts_follow_each_other_while_faces_fold(
         fit.n_folded = restored.get(round(fit.mesh.vertices[0, 2]), fit.n_folded)
 
     for name, scripted in {
-        "_attempted": attempted,
+        "_attempt": attempted,
         "_repair_folds": repair,
         "_restore_folds": restore,
     }.items():
@@ -145,14 +153,14 @@ def test_folds_are_restored_only_within_the_tolerance(plane):
 def test_an_easy_frame_takes_one_attempt(plane, n_attempts):
     follower = Follower(plane, TOLERANCE)
     raised = lifted(plane, 0.01 * plane.vertices[:, 0])
-    assert isinstance(follower.follow(follower.tracker.start(), raised), Followed)
+    assert isinstance(follower.follow(follower.tracker.start(), raised), RegisteredFrame)
     assert n_attempts == [ATTEMPTS[0]]
 
 
 def test_a_frame_that_is_near_is_not_tried_from_a_stiff_start(plane, n_attempts):
     """The key has no vertex at the spike, which exceeds the tolerance, but is near elsewhere."""
     follower = Follower(TriangleMesh(*square(0.0, 6)), TOLERANCE)
-    assert isinstance(follower.follow(follower.tracker.start(), with_spike(plane)), Lost)
+    assert isinstance(follower.follow(follower.tracker.start(), with_spike(plane)), Failure)
     assert n_attempts == UNLESS_NEAR[:2]
 
 
@@ -160,7 +168,7 @@ def test_a_frame_that_is_near_is_not_tried_from_a_stiff_start(plane, n_attempts)
 def test_a_frame_out_of_reach_is_tried_in_all_ways(plane, n_attempts):
     follower = Follower(plane, TOLERANCE)
     far = TriangleMesh(plane.vertices * [1.0, 1.0, -1.0] + [0.0, 0.0, 0.9], plane.faces[:, ::-1])
-    assert isinstance(follower.follow(follower.tracker.start(), far), Lost)
+    assert isinstance(follower.follow(follower.tracker.start(), far), Failure)
     assert n_attempts == UNLESS_NEAR
 
 
@@ -169,7 +177,7 @@ def test_more_steps_are_tried_where_the_first_ones_nearly_suffice(plane, n_attem
     """The key has no vertex at the hill, which exceeds the tolerance by little."""
     follower = Follower(TriangleMesh(*square(0.0, 6)), TOLERANCE)
     hill = lifted(plane, 0.008 * np.sin(10 * np.pi * plane.vertices[:, 0]) ** 2)
-    assert isinstance(follower.follow(follower.tracker.start(), hill), Lost)
+    assert isinstance(follower.follow(follower.tracker.start(), hill), Failure)
     assert n_attempts == list(ATTEMPTS[:3])
 
 
@@ -183,9 +191,9 @@ def test_a_frame_that_folds_keep_from_the_tolerance_is_followed(plane, monkeypat
     state = follower.tracker.start()
     posed = replace(follower.tracker.track(state, plane)[1], positions=positions)
     monkeypatch.setattr(follower.tracker, "track", lambda *_: (state.pose, posed))
-    assert not follower._attempted(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
+    assert not follower._attempt(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
     monkeypatch.setattr(Folds, "open", lambda self, mesh, target: mesh)
-    assert follower._attempted(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
+    assert follower._attempt(state, plane, ATTEMPTS[0]).errors.exceeds(TOLERANCE)
 
 
 @pytest.mark.slow
@@ -244,7 +252,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
         return KeyMesh.of_mesh(TriangleMesh(*square(0.0, 57)))
 
     monkeypatch.setattr(growing, "_grow", grow)
-    monkeypatch.setattr(growing, "_completed", lambda frames, key, key_mesh, *_: key_mesh)
+    monkeypatch.setattr(growing, "_complete", lambda frames, key, key_mesh, *_: key_mesh)
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
@@ -274,7 +282,7 @@ def test_a_key_is_registered_again_only_without_large_additions(
     def completed(frames, key, key_mesh, *_):
         return replace(key_mesh, n_added=n_added) if n_added else key_mesh
 
-    monkeypatch.setattr(growing, "_completed", completed)
+    monkeypatch.setattr(growing, "_complete", completed)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)

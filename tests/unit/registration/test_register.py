@@ -76,7 +76,7 @@ def test_notes_state_a_smaller_tolerance_that_every_frame_meets():
 
 def test_a_tolerance_that_is_just_met_is_not_stated(registered):
     (segment,) = registered.segments
-    error = replace(segment.errors[0], least=0.8 * registered.tolerance.length)
+    error = replace(segment.errors[0], min_tolerance=0.8 * registered.tolerance.length)
     segments = (replace(segment, errors=(error, *segment.errors[1:])),)
     just_met = replace(registered, segments=segments)
     assert not just_met.smaller_tolerance

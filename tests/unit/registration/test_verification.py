@@ -27,13 +27,13 @@ def test_a_surface_beyond_the_tolerance_is_told_by_its_distance():
 
 
 def test_the_smallest_tolerance_is_that_of_the_quantile_or_of_the_largest_patch():
-    assert measure(plane(0.01), plane(), Tolerance(0.005)).least == np.inf
-    assert measure(plane(0.01), plane(), Tolerance(0.02)).least == pytest.approx(0.01)
+    assert measure(plane(0.01), plane(), Tolerance(0.005)).min_tolerance == np.inf
+    assert measure(plane(0.01), plane(), Tolerance(0.02)).min_tolerance == pytest.approx(0.01)
     vertices, faces = square(0.0, 81)
     vertices[np.abs(vertices[:, :2] - 0.5).max(axis=1) < 0.03, 2] = 0.02
     mesh = TriangleMesh(vertices, faces)
     errors = measure(mesh, plane(n=81), Tolerance(0.01))
-    least = Tolerance(errors.least)
+    least = Tolerance(errors.min_tolerance)
     assert errors.p99 < 0.002 < 0.5 * least.length
     assert errors.in_tolerances(Tolerance(0.01)) < 1
     assert measure(mesh, plane(n=81), least).patch_area == pytest.approx(least.patch_area, rel=0.05)
