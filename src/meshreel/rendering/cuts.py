@@ -28,13 +28,13 @@ class Cut:
     keeps_high: bool = False
     """Whether the cells above the plane stay, and not those below."""
 
-    def kept(self, cells: Cells, points: npt.NDArray[np.floating]) -> Integers:
-        """Return the cells whose center, the mean of their nodes, is on the kept side.
+    def select_cells(self, cells: Cells, points: npt.NDArray[np.floating]) -> Integers:
+        """Return the cells whose center, the mean of their nodes, is on the visible side.
 
         Parameters
         ----------
         points : float array of shape (V, 3)
-            The frame that decides; a cell is hidden in all frames or in none.
+            The first frame; a cell is hidden in all frames or in none.
 
         Raises
         ------
@@ -43,19 +43,19 @@ class Cut:
         """
         along = np.asarray(points[:, self.axis], np.float64)
         low, high = along.min(), along.max()
-        place = low + self.position / 100 * (high - low) if self.is_percent else self.position
+        limit = low + self.position / 100 * (high - low) if self.is_percent else self.position
         sums = np.add.reduceat(along[cells.nodes], cells.starts[:-1])
         centers = sums / np.diff(cells.starts)
-        kept_cells = np.flatnonzero(centers > place if self.keeps_high else centers <= place)
-        if not len(kept_cells):
+        selected = np.flatnonzero(centers > limit if self.keeps_high else centers <= limit)
+        if not len(selected):
             side = "above" if self.keeps_high else "below"
             axis = AXES[self.axis]
             raise InvalidInputError(
-                f"no cell is {side} {axis} = {place:.6g}; the mesh reaches from {axis} = {low:.6g} "
+                f"no cell is {side} {axis} = {limit:.6g}; the mesh reaches from {axis} = {low:.6g} "
                 f"to {high:.6g}; move the plane with ",
                 Keyword("cut"),
             )
-        return kept_cells
+        return selected
 
 
 def parse_cut(text: str) -> Cut:
@@ -82,23 +82,23 @@ def parse_cut(text: str) -> Cut:
 
 
 def cut_open(segment: FrameSource, cut: Cut) -> tuple[Faces, Surface, Integers]:
-    """Return the triangles and the surface of the kept cells, and the cell of each polygon.
+    """Return the triangles and the surface of the visible cells, and the cell of each polygon.
 
     Raises
     ------
     InvalidInputError
-        If the mesh has no cells, or none is kept.
+        If the mesh has no cells, or the cut hides all.
     """
     cells = segment.surface.cells
     if cells is None:
         raise InvalidInputError(
             Keyword("cut"), " shows the inside of cells; the mesh is a surface without cells"
         )
-    kept_cells = cut.kept(cells, segment.read(0, 1)[0])
-    is_kept = np.zeros(cells.n_cells, bool)
-    is_kept[kept_cells] = True
-    nodes = cells.nodes[np.repeat(is_kept, cell_sizes()[cells.types])]
-    sides = Cells(cells.types[kept_cells], nodes).surface(segment.n_verts)
+    selected = cut.select_cells(cells, segment.read(0, 1)[0])
+    is_selected = np.zeros(cells.n_cells, bool)
+    is_selected[selected] = True
+    nodes = cells.nodes[np.repeat(is_selected, cell_sizes()[cells.types])]
+    sides = Cells(cells.types[selected], nodes).surface(segment.n_verts)
     at_vertices = [
         attribute for attribute in segment.surface.attributes if attribute.domain is Domain.VERTEX
     ]
@@ -110,4 +110,4 @@ def cut_open(segment: FrameSource, cut: Cut) -> tuple[Faces, Surface, Integers]:
         parts=(),
         hard_edges=None,
     )
-    return sides.triangles, surface, kept_cells[sides.owners]
+    return sides.triangles, surface, selected[sides.owners]

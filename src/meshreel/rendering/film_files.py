@@ -188,6 +188,6 @@ def _palette(film: Film) -> PillowImage.Image:
 
 def _pictures(film: Film, stride: int, progress: Progress) -> Iterator[PillowImage.Image]:
     total = -(-film.n_pictures // stride)
-    for done, picture in enumerate(film.pictures(stride), 1):
+    for n_done, picture in enumerate(film.pictures(stride), 1):
         yield picture
-        progress("drawing", Count(done, total, "pictures"))
+        progress("drawing", Count(n_done, total, "pictures"))

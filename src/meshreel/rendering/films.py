@@ -108,6 +108,6 @@ def film(
     if times is not None and len(numbers) > 1 and (np.diff(numbers) > 0).all():
         timing = Timing.of_times(times[list(numbers)])
         fps = timing.fps or fps
-        due = (timing.start_s + (np.arange(len(numbers)) + DUE_TOLERANCE) / fps).tolist()
-        shots = [shots[timing.frame_at(time, len(shots))] for time in due]
+        due_times_s = (timing.start_s + (np.arange(len(numbers)) + DUE_TOLERANCE) / fps).tolist()
+        shots = [shots[timing.frame_at(time, len(shots))] for time in due_times_s]
     return Film(scene, scales, Sheet(layout, annotations, scene.background), shots, fps)

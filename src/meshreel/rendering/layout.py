@@ -53,7 +53,7 @@ class Layout:
     """Left edge of each column and top edge of each row of views."""
     bars: tuple[int, ...]
     """Left edge of each color bar."""
-    foot: int
+    caption_top: int
     """Top of the caption."""
     font: Font
     """Font of titles and labels."""
@@ -128,7 +128,7 @@ def plan_layout(size: Size, parts: Parts, font_px: float, aspect: float | None =
         columns=columns,
         rows=tuple(top + number * pitch for number in range(parts.n_rows)),
         bars=tuple(columns[column] + width + gap for column, _ in parts.bars),
-        foot=top + parts.n_rows * pitch - gap // 2,
+        caption_top=top + parts.n_rows * pitch - gap // 2,
         font=font, line=line, gap=gap,
     )  # fmt: skip
 

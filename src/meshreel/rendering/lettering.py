@@ -47,11 +47,11 @@ def wrap_text(text: str, font: Font, width_px: float) -> list[str]:
     for paragraph in spell_out(text).splitlines():
         line = ""
         for word in paragraph.split():
-            longer = f"{line} {word}" if line else word
-            if line and font.getlength(longer) > width_px:
+            candidate = f"{line} {word}" if line else word
+            if line and font.getlength(candidate) > width_px:
                 lines.append(line)
-                longer = word
-            line = longer
+                candidate = word
+            line = candidate
         lines.append(line)
     return lines
 
@@ -64,14 +64,14 @@ def line_height_px(font: Font) -> int:
 
 def draw_lines(
     canvas: ImageDraw.ImageDraw,
-    place: tuple[float, float],
+    position: tuple[float, float],
     lines: list[str],
     font: Font,
     *,
     ink: Ink = INK,
     align: str = "left",
 ) -> None:
-    """Draw lines of text below `place`, their upper left or upper middle.
+    """Draw lines of text below `position`, their upper left corner or upper center.
 
     Raises
     ------
@@ -82,5 +82,5 @@ def draw_lines(
     if align not in anchors:
         raise InvalidInputError(f"align must be one of {list(anchors)}; got {align!r}")
     for number, line in enumerate(lines):
-        y = place[1] + number * line_height_px(font)
-        canvas.text((place[0], y), line, font=font, fill=ink, anchor=anchors[align])
+        y = position[1] + number * line_height_px(font)
+        canvas.text((position[0], y), line, font=font, fill=ink, anchor=anchors[align])

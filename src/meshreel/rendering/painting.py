@@ -115,16 +115,16 @@ def shade_box(
     samples = [
         ids[row::factor, column::factor].ravel() for row, column in np.ndindex(factor, factor)
     ]
-    whole, touched = samples[0] >= 0, samples[0] >= 0
+    is_uniform, is_covered = samples[0] >= 0, samples[0] >= 0
     for sample in samples[1:]:
-        whole &= sample == samples[0]
-        touched |= sample >= 0
+        is_uniform &= sample == samples[0]
+        is_covered |= sample >= 0
     pixels = np.empty((height * width, 3), np.float32)
     pixels[:] = np.asarray(background, np.float32)
     corners = np.mgrid[box][::-1].reshape(2, -1).T * float(factor)
-    inner = np.flatnonzero(whole)
+    inner = np.flatnonzero(is_uniform)
     pixels[inner] = _shade(surface, samples[0][inner], corners[inner] + factor / 2)
-    edge = np.flatnonzero(touched & ~whole)
+    edge = np.flatnonzero(is_covered & ~is_uniform)
     total = np.zeros((len(edge), 3), np.float32)
     for (row, column), sample in zip(np.ndindex(factor, factor), samples, strict=True):
         faces = sample[edge]
@@ -158,8 +158,8 @@ def _shade_chunk(surface: ProjectedSurface, ids: Integers, centers: Floats) -> S
         colors = np.broadcast_to(surface.colors, normals.shape)
     else:
         colors = _blend(share, surface.colors[ids])
-    lit = shade(_unit_or_facing(normals), colors)
-    return lit if surface.glow == 0 else lit + np.float32(surface.glow) * (colors - lit)
+    shaded = shade(_unit_or_facing(normals), colors)
+    return shaded if surface.glow == 0 else shaded + np.float32(surface.glow) * (colors - shaded)
 
 
 def _blend(share: Singles, values: Singles) -> Singles:
@@ -205,5 +205,5 @@ def shade(normals: Singles, colors: Singles) -> Singles:
     light += _FILL * np.maximum(normals @ _TOWARDS_FILL, 0)
     gloss = _GLOSS * np.maximum(normals @ _HALFWAY, 0) ** _SHININESS
     linear = (colors / 255) ** _GAMMA * light[:, None] + gloss[:, None]
-    lit: Singles = 255 * np.clip(linear, 0, 1) ** (1 / _GAMMA)
-    return lit
+    shaded: Singles = 255 * np.clip(linear, 0, 1) ** (1 / _GAMMA)
+    return shaded

@@ -97,7 +97,7 @@ class MeshLook:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class SceneFrame:
     """A frame of each sequence of a scene, the original first."""
 
     positions: list[Frame]
@@ -217,17 +217,17 @@ class Scene:
         """The sequence that determines the camera: the original if there is one."""
         return self.original if self.original is not None else self.sequence
 
-    def frames(self, numbers: Sequence[int]) -> "ChosenFrames":
-        """Return the positions that the camera frames: with a cut, those of the kept cells."""
+    def frames(self, numbers: Sequence[int]) -> "SelectedFrames":
+        """Return the positions that the camera frames: with a cut, those of the visible cells."""
         faces_of = None if self._cut is None else lambda segment: self._looks[0](segment).faces
-        return ChosenFrames(self.framed_sequence, numbers, faces_of)
+        return SelectedFrames(self.framed_sequence, numbers, faces_of)
 
-    def read(self, number: int) -> Moment:
+    def read(self, number: int) -> SceneFrame:
         """Read a frame of each sequence."""
         places = [segment_of_frame(source.starts, number) for source in self._sources]
         segments = [segment for segment, _ in places]
         looks = [look(segment) for look, segment in zip(self._looks, segments, strict=True)]
-        return Moment(
+        return SceneFrame(
             [source[number].vertices for source in self._sources],
             looks,
             []
@@ -268,7 +268,7 @@ class Scene:
         if self.heat is None and self.track is None:
             return NO_SCALES
         track_numbers, heat_numbers, maxima = FrameNumbers(), FrameNumbers(), []
-        for done, number in enumerate(numbers, 1):
+        for n_done, number in enumerate(numbers, 1):
             moment = self.read(number)
             if self.track is not None and not self.track.shows_colors:
                 for values in moment.values:
@@ -277,7 +277,7 @@ class Scene:
                 heat = self._heat(moment)
                 heat_numbers.add(heat)
                 maxima.append(float(np.max(heat, initial=0.0, where=~np.isnan(heat))))
-            progress("measuring", Count(done, len(numbers), "frames"))
+            progress("measuring", Count(n_done, len(numbers), "frames"))
         heat_range = None
         if self.heat is not None:
             worst = int(np.argmax(maxima))
@@ -285,7 +285,7 @@ class Scene:
             heat_range = HeatRange(high, maxima[worst], numbers[worst])
         return Scales(heat_range, None if self.track is None else self.track.scale(track_numbers))
 
-    def draw(self, moment: Moment, camera: Camera, scales: Scales = NO_SCALES) -> list[Image]:
+    def draw(self, moment: SceneFrame, camera: Camera, scales: Scales = NO_SCALES) -> list[Image]:
         """Draw the views of a frame, in the order of their titles.
 
         Parameters
@@ -316,7 +316,7 @@ class Scene:
             for frame, look, shown, view_colors, glow in views
         ]  # fmt: skip
 
-    def _heat(self, moment: Moment) -> npt.NDArray[np.float64]:
+    def _heat(self, moment: SceneFrame) -> npt.NDArray[np.float64]:
         """Error of each vertex, or of each value of the track."""
         if moment.field is not None:
             return moment.field(*moment.positions)
@@ -324,7 +324,7 @@ class Scene:
         return self.track.errors(*moment.values)
 
     def _track_colors(
-        self, track: TrackColors, moment: Moment, scale: TrackScale | None
+        self, track: TrackColors, moment: SceneFrame, scale: TrackScale | None
     ) -> list[npt.ArrayLike]:
         return [
             self._drawable_colors(track, track.colors(values, scale), look)
@@ -398,14 +398,14 @@ def _require_same_kind(sources: Sequence[MeshSequence], name: str) -> None:
     tracks = [segment.tracks[name] for segment in segments if name in segment.tracks]
     kinds = {(track.kind, track.domain, track.shape[2]): track for track in tracks}
     if len(kinds) > 1:
-        described = " and ".join(describe_track(track) for track in kinds.values())
+        texts = " and ".join(describe_track(track) for track in kinds.values())
         raise InvalidInputError(
-            f"track {name!r} is {described}; only a track of one kind in all segments can be drawn"
+            f"track {name!r} is {texts}; only a track of one kind in all segments can be drawn"
         )
 
 
 @dataclass(frozen=True, eq=False)
-class ChosenFrames:
+class SelectedFrames:
     """Positions of selected frames, read during iteration."""
 
     source: MeshSequence
@@ -431,8 +431,8 @@ class ChosenFrames:
         for number in self.numbers:
             frame, faces = self.source[number]
             if self.faces_of is not None:
-                drawn = self.faces_of(segment_of_frame(self.source.starts, number)[0])
-                vertices, corners = np.unique(drawn, return_inverse=True)
+                drawn_faces = self.faces_of(segment_of_frame(self.source.starts, number)[0])
+                vertices, corners = np.unique(drawn_faces, return_inverse=True)
                 frame, faces = frame[vertices], corners.reshape(-1, 3).astype(np.int32)
             yield frame, faces
 

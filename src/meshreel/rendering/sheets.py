@@ -79,15 +79,15 @@ def plan_sheet(
         n_titles, n_labels, n_captions = map(int, n_lines)
         parts = Parts(n_rows, n_columns, n_titles, n_labels, bars, n_captions)
         layout = plan_layout(size or max_size, parts, font_px, aspect if size is None else None)
-        needed = [
+        n_needed = [
             max(len(_wrap_to_view(title, layout)) for title in annotations.titles),
             len(_wrap_to_view(annotations.widest_label, layout)),
             len(_wrap_caption(annotations.caption, layout)),
         ]
         fitting_px = min(font_px, sheet_font_px(layout.size))
-        if np.all(needed <= n_lines) and fitting_px > font_px - 0.5:
+        if np.all(n_needed <= n_lines) and fitting_px > font_px - 0.5:
             return layout
-        n_lines, font_px = np.maximum(needed, n_lines), fitting_px
+        n_lines, font_px = np.maximum(n_needed, n_lines), fitting_px
 
 
 class Sheet:
@@ -111,7 +111,7 @@ class Sheet:
             top = layout.rows[0] - len(lines) * layout.line - layout.gap // 4
             self._draw_centered(canvas, (left + width / 2, top), lines)
         caption = _wrap_caption(annotations.caption, layout)
-        draw_lines(canvas, (layout.gap, layout.foot), caption, layout.font, ink=self._ink)
+        draw_lines(canvas, (layout.gap, layout.caption_top), caption, layout.font, ink=self._ink)
         height = max(min(layout.body_height, MAX_BAR_HEIGHT_PX), 80)
         for bar, left in zip(annotations.bars, layout.bars, strict=True):
             image = PillowImage.fromarray(_draw_bar(bar, height, background))
@@ -141,9 +141,9 @@ class Sheet:
         return picture
 
     def _draw_centered(
-        self, canvas: ImageDraw.ImageDraw, place: tuple[float, float], lines: list[str]
+        self, canvas: ImageDraw.ImageDraw, position: tuple[float, float], lines: list[str]
     ) -> None:
-        draw_lines(canvas, place, lines, self.layout.font, ink=self._ink, align="center")
+        draw_lines(canvas, position, lines, self.layout.font, ink=self._ink, align="center")
 
 
 def ink_on(background: Color) -> Ink:

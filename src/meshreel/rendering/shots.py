@@ -8,7 +8,7 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
-from meshreel.rendering.scenes import NO_SCALES, ChosenFrames, Frame, Moment, Scales, Scene
+from meshreel.rendering.scenes import NO_SCALES, Frame, Scales, Scene, SceneFrame, SelectedFrames
 from meshreel.rendering.sheets import Annotations, Bar
 from meshreel.rendering.views import View
 from meshreel.runtime.threads import in_threads, n_cores, one_blas_thread
@@ -49,7 +49,7 @@ def draw_shots(
 
 
 def _draw_batch(
-    scene: Scene, batch: Sequence[tuple[Moment, Camera]], scales: Scales
+    scene: Scene, batch: Sequence[tuple[SceneFrame, Camera]], scales: Scales
 ) -> list[list[Image]]:
     views: list[list[Image]] = [[] for _ in batch]
 
@@ -110,7 +110,7 @@ def _number(value: float, unit: str) -> str:
 class _Centered:
     """Frames translated so that their center is the origin."""
 
-    frames: ChosenFrames
+    frames: SelectedFrames
 
     def __iter__(self) -> Iterator[Frame]:
         return (frame - center for frame, center in self.frames.with_centers())
@@ -123,11 +123,11 @@ class Framing:
     view: View
     is_followed: bool = False
 
-    def aspect(self, frames: ChosenFrames) -> float:
+    def aspect(self, frames: SelectedFrames) -> float:
         """Aspect ratio, width over height, of the visible mesh."""
         return self.view.aspect(_Centered(frames) if self.is_followed else frames)
 
-    def cameras(self, frames: ChosenFrames, width: int, height: int) -> Sequence[Camera]:
+    def cameras(self, frames: SelectedFrames, width: int, height: int) -> Sequence[Camera]:
         """Return a camera for each frame, as near as possible with every vertex in view.
 
         Parameters
@@ -143,7 +143,7 @@ class Framing:
 
 def framing_of(
     view: View,
-    frames: ChosenFrames,
+    frames: SelectedFrames,
     *,
     is_followed: bool | None = None,
     max_travel: float = np.inf,

@@ -154,7 +154,7 @@ class TrackColors:
         low, high = (
             frames.percentile(amount) if is_percent else amount for amount, is_percent in self._ends
         )
-        low, high = self._snapped_to_zero(low, high)
+        low, high = self._snap_to_zero(low, high)
         if all(is_percent for _, is_percent in self._ends) and low < 0 < high:
             high = max(-low, high)
             low = -high
@@ -168,7 +168,7 @@ class TrackColors:
             low, high = low - half, low + half
         return TrackScale(low, high, smallest, largest, frames.has_missing)
 
-    def _snapped_to_zero(self, low: float, high: float) -> tuple[float, float]:
+    def _snap_to_zero(self, low: float, high: float) -> tuple[float, float]:
         """Return 0 for percentiles whose sign may be due to the coding error.
 
         A track without negative values must not appear to have some. If that applies to both ends,

@@ -1,4 +1,4 @@
-"""Viewing directions, the up axis, and a circling camera."""
+"""Viewing directions and the up axis."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.camera import Camera, fit_camera
-from meshreel.rendering.scenes import ChosenFrames
+from meshreel.rendering.scenes import SelectedFrames
 from meshreel.rendering.shots import MIN_DISTANCE_RATIO, Framing, framing_of
 from meshreel.rendering.views import (
     NAMED_VIEWS,
@@ -167,7 +167,7 @@ def travelling(sequence, step):
     """The sequence, moving to the right by `step` per frame."""
     steps = np.arange(sequence.n_frames)[:, None] * np.array([step, 0, 0])
     vertices = sequence.vertices + steps[:, None]
-    return ChosenFrames(sequence.replace(vertices=vertices), range(0, sequence.n_frames, 3))
+    return SelectedFrames(sequence.replace(vertices=vertices), range(0, sequence.n_frames, 3))
 
 
 def test_static_camera_sees_all_frames(grid):
@@ -231,7 +231,7 @@ def test_a_following_camera_does_not_jump_where_the_faces_change(grid):
     still = grid.replace(vertices=np.repeat(grid.vertices[:1], 4, axis=0))
     corner = np.repeat(still.vertices[:, :1], 200, axis=1)
     dense = still.replace(vertices=np.concatenate([still.vertices, corner], axis=1))
-    frames = ChosenFrames(MeshSequence.of_segments([still, dense]), range(8))
+    frames = SelectedFrames(MeshSequence.of_segments([still, dense]), range(8))
     eyes = np.array(
         [camera.eye for camera in Framing(FRONT, is_followed=True).cameras(frames, 300, 200)]
     )

@@ -39,7 +39,7 @@ def test_views_are_disjoint_and_inside_the_sheet(parts, aspect):
         assert bottom + parts.n_label_lines * layout.line <= layout.size[1]
     for a, b in combinations(boxes(layout), 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1]
-    assert layout.foot + parts.n_caption_lines * layout.line <= layout.size[1]
+    assert layout.caption_top + parts.n_caption_lines * layout.line <= layout.size[1]
 
 
 def test_parts_of_a_sheet_are_ordered_without_overlap():
@@ -54,8 +54,8 @@ def test_parts_of_a_sheet_are_ordered_without_overlap():
     assert [b - a for a, b in pairwise(x)] == pytest.approx(steps[1:], abs=1)
     assert layout.rows[0] == gap + 2 * line
     assert layout.rows[1] - layout.rows[0] == height + gap + line
-    assert layout.foot - layout.rows[1] == height + gap + line - gap // 2
-    assert layout.foot + 3 * line + gap // 2 == pytest.approx(701, abs=2)
+    assert layout.caption_top - layout.rows[1] == height + gap + line - gap // 2
+    assert layout.caption_top + 3 * line + gap // 2 == pytest.approx(701, abs=2)
     assert layout.body_height == 2 * height + gap + line
 
 
@@ -179,7 +179,7 @@ def test_text_does_not_overlap_the_views(background):
             assert (filled[y : y + height, x : x + width] == (200, 30, 30)).all()
             assert (empty[y : y + height, x : x + width] == background).all()
     has_text = (filled != background).any(axis=2)
-    has_text[layout.rows[0] : layout.foot] = False
+    has_text[layout.rows[0] : layout.caption_top] = False
     assert has_text.any()
     assert not has_text[[0, -1]].any()
 
@@ -187,7 +187,7 @@ def test_text_does_not_overlap_the_views(background):
 def test_labels_of_narrow_views_are_wrapped():
     layout = plan_sheet(Annotations(widest_label="frame 123, 10.52 s"), 8, 0.3, (640, 320), (9, 9))
     assert layout.view_size[0] < 110
-    assert layout.foot - layout.view_size[1] > 2 * layout.line
+    assert layout.caption_top - layout.view_size[1] > 2 * layout.line
 
 
 def test_plan_sheet_terminates_when_titles_are_long_and_the_sheet_is_small():
