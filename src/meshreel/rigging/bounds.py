@@ -12,7 +12,7 @@ DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT = 0.5, 1.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the errors of a rig must not exceed, in percent.
+    """Largest allowed errors of a rig, in percent.
 
     Raises
     ------

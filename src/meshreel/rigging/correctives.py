@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Singles
-from meshreel.rigging.decomposition import farther
+from meshreel.rigging.decomposition import extend
 
 BYTE = 127
 MAX_TARGETS = 64
@@ -44,8 +44,8 @@ class Correctives:
         is not the lowest.
         """
         lowest = np.minimum(self.weights.min(axis=0), 0)
-        moved = np.tensordot(lowest, self.targets / np.float32(BYTE), 1)
-        return moved, Correctives(self.targets, self.weights - lowest)
+        displacements = np.tensordot(lowest, self.targets / np.float32(BYTE), 1)
+        return displacements, Correctives(self.targets, self.weights - lowest)
 
 
 class CorrectiveSearch:
@@ -54,7 +54,7 @@ class CorrectiveSearch:
     Parameters
     ----------
     residuals : float32 array of shape (T, V, 3)
-        What a skin lacks.
+        The animation minus the skin.
     blended : float32 array of shape (T, V, 3, 3)
         Blended matrices of the skin.
     unit : float
@@ -78,50 +78,50 @@ class CorrectiveSearch:
 
         Afterwards, the aims are farther beyond the residuals whose error exceeds the bound.
         """
-        pulled = self._pulled()
-        targets = self._targets(pulled, n_targets)
+        rest_aims = self._pull_back()
+        targets = self._targets(rest_aims, n_targets)
         values = targets.reshape(len(targets), -1) * np.float32(self._unit / BYTE)
         # As if blended matrices were rotations; aims make up for the difference.
         gram = (values @ values.T).astype(np.float64)
         gram += 1e-9 * (np.trace(gram) + 1e-30) / len(targets) * np.eye(len(targets))
-        matches = (values @ pulled.T).astype(np.float64)
+        matches = (values @ rest_aims.T).astype(np.float64)
         weights = np.linalg.solve(gram, matches).T.astype(np.float32)
         errors = [
-            self._move_aims(frame, (own @ values).reshape(-1, 3), bound)
-            for frame, own in enumerate(weights)
+            self._move_aims(frame, (frame_weights @ values).reshape(-1, 3), bound)
+            for frame, frame_weights in enumerate(weights)
         ]
         lengths = np.stack(errors)
         mean = math.sqrt(float(np.square(lengths).mean()))
         return Correctives(targets, weights), mean, float(lengths.max())
 
     def count_for(self, share: float) -> int:
-        """Return the number of modes without which this share of the squared residual remains."""
-        pulled = self._pulled()
-        squares = np.linalg.eigvalsh((pulled @ pulled.T).astype(np.float64))[::-1]
+        """Return how many modes leave at most this share of the squared residual."""
+        rest_aims = self._pull_back()
+        squares = np.linalg.eigvalsh((rest_aims @ rest_aims.T).astype(np.float64))[::-1]
         remaining = 1 - np.cumsum(np.maximum(squares, 0)) / max(float(squares.sum()), 1e-300)
         return int(np.count_nonzero(remaining > share)) + 1
 
-    def _pulled(self) -> Singles:
+    def _pull_back(self) -> Singles:
         """Return the aims in the rest pose, of shape (T, 3 V)."""
         pairs = zip(self._pull, self._aims, strict=True)
         return np.stack([np.einsum("vab,vb->va", pull, aims).ravel() for pull, aims in pairs])
 
-    def _targets(self, pulled: Singles, n_targets: int) -> npt.NDArray[np.int8]:
+    def _targets(self, rest_aims: Singles, n_targets: int) -> npt.NDArray[np.int8]:
         """Return the main modes of aims in the rest pose, of shape (K, V, 3)."""
-        _, vectors = np.linalg.eigh((pulled @ pulled.T).astype(np.float64))
+        _, vectors = np.linalg.eigh((rest_aims @ rest_aims.T).astype(np.float64))
         main = vectors[:, ::-1][:, :n_targets].astype(np.float32)
-        modes = main.T @ pulled
+        modes = main.T @ rest_aims
         largest = np.maximum(np.abs(modes).max(axis=1), 1e-30)
         # A mode with weights of length 1 has a mean weight of T^-1/2.
-        step = math.sqrt(12 * len(pulled)) * self._rounding
+        step = math.sqrt(12 * len(rest_aims)) * self._rounding
         levels = np.clip(np.ceil(largest / step), MIN_LEVELS, BYTE)
         integers = np.rint(modes * (levels / largest)[:, np.newaxis]).astype(np.int8)
         return np.asarray(integers.reshape(len(modes), -1, 3))
 
     def _move_aims(self, frame: int, displacements: Singles, bound: float) -> Singles:
         """Move the aims of a frame, and return the error of each vertex."""
-        shown = np.einsum("vab,vb->va", self._blended[frame], displacements)
-        missing = self._residuals[frame] - shown
-        pulls = farther(self._aims[frame] - self._residuals[frame], missing, bound)
+        skinned = np.einsum("vab,vb->va", self._blended[frame], displacements)
+        missing = self._residuals[frame] - skinned
+        pulls = extend(self._aims[frame] - self._residuals[frame], missing, bound)
         self._aims[frame] = self._residuals[frame] + pulls
         return np.asarray(np.linalg.norm(missing, axis=1))

@@ -5,8 +5,8 @@ The alternation of Le and Deng, "Smooth skinning decomposition with rigid bones"
 vertex. Added to it are the rest pose, which is fitted too, bones added where the error is largest,
 and the excess of errors over a bound, which pulls the fit towards the worst vertices.
 
-All steps need only moments: sums over vertices or frames of products, from matrix products. So the
-cost of a round is two products of all frames with the bones, however many frames there are.
+All steps need only moments: sums of products over vertices or frames, from matrix products. So a
+round costs two matrix products of all frames with the bones.
 """
 
 import math
@@ -21,7 +21,7 @@ from meshreel.runtime.threads import in_chunks
 
 MAX_INFLUENCES = 4
 N_CANDIDATES = 10
-"""Bones of which the weights of a vertex are chosen: the nearest in motion, and its former ones."""
+"""Candidate bones of a vertex: those nearest in motion, and its former ones."""
 
 N_SWEEPS = 4
 """Sweeps over all bones in each round."""
@@ -95,8 +95,8 @@ def _weighted_rest(weights: Floats, rest: Floats) -> Floats:
     return (weights[:, :, np.newaxis] * points[:, np.newaxis]).reshape(len(rest), -1)
 
 
-def farther(pulls: Real, residuals: Real, bound: float) -> Real:
-    """Return vectors from positions to the aims of a fit, moved on where residuals exceed a bound.
+def extend(pulls: Real, residuals: Real, bound: float) -> Real:
+    """Return vectors from positions to the aims of a fit, longer where residuals exceed a bound.
 
     Aims beyond the positions pull a fit towards the worst vertices.
 
@@ -125,7 +125,7 @@ def fit_rigid(moments: Floats, gram: Floats, former: Floats) -> Floats:
     gram : float64 array of shape (4, 4)
         Sum of w^2 (p, 1) (p, 1).
     former : float64 array of shape (T, 3, 4)
-        Former transforms, which a few points leave as they are as far as they are free.
+        Former transforms, which determine the rotation as far as the points do not.
     """
     total = gram[3, 3]
     if total <= 0:
@@ -174,9 +174,9 @@ class Decomposition:
 
     def copy(self) -> "Decomposition":
         """Return a copy that changes independently."""
-        copied = copy(self)
-        copied.set_skin(self.skin)
-        return copied
+        duplicate = copy(self)
+        duplicate.set_skin(self.skin)
+        return duplicate
 
     def set_skin(self, skin: Skin) -> None:
         """Continue from another skin of the same animation."""
@@ -188,12 +188,12 @@ class Decomposition:
         self.transforms = skin.transforms
 
     def prune(self, error: float) -> None:
-        """Leave out influences that hardly count, and update the transforms.
+        """Remove influences with little effect, and update the transforms.
 
         Parameters
         ----------
         error : float
-            Root mean squared error of a vertex that leaving out an influence may add.
+            Root mean squared error of a vertex that removing an influence may add.
         """
         self._update_weights(*self._products(), cost=self._n_frames * error**2)
         self._update_transforms()
@@ -213,33 +213,33 @@ class Decomposition:
         order = np.argsort(self._components, kind="stable")
         sizes = np.bincount(self._components)
         sets = np.split(order, np.cumsum(sizes)[:-1])
-        alone = np.array([self._error(own, self._rigid(own)) for own in sets])
+        least_errors = np.array([self._error(verts, self._rigid(verts)) for verts in sets])
         errors = np.full(len(sets), np.inf)
-        allowed = alone + sizes * self._n_frames * tolerance**2
+        limits = least_errors + sizes * self._n_frames * tolerance**2
         chosen_sets: list[Integers] = []
         while len(chosen_sets) < max_bones:
-            gains = np.where(errors > allowed, np.minimum(errors, 1e300) - alone, -1.0)
+            gains = np.where(errors > limits, np.minimum(errors, 1e300) - least_errors, -1.0)
             if chosen_sets and gains.max() <= 0:
                 break
             worst = int(np.where(np.isinf(errors), sizes, gains).argmax())
             chosen_sets.append(sets[worst])
             bone = self._rigid(sets[worst])
-            errors = np.minimum(errors, [self._error(own, bone) for own in sets])
+            errors = np.minimum(errors, [self._error(verts, bone) for verts in sets])
         return chosen_sets
 
-    def _error(self, own: Integers, bone: Floats) -> float:
+    def _error(self, verts: Integers, bone: Floats) -> float:
         """Return the squared error of vertices that a bone moves."""
-        points = np.column_stack([self.rest[own], np.ones(len(own))])
-        return float(np.square(self._frames[:, own] - bone.reshape(-1, 4) @ points.T).sum())
+        points = np.column_stack([self.rest[verts], np.ones(len(verts))])
+        return float(np.square(self._frames[:, verts] - bone.reshape(-1, 4) @ points.T).sum())
 
-    def add_bones(self, vertices: list[Integers]) -> None:
+    def add_bones(self, sets: list[Integers]) -> None:
         """Add a bone for each set of vertices, which moves them rigidly."""
-        new = [self._rigid(own) for own in vertices]
-        self.transforms = np.concatenate([self.transforms, np.stack(new, axis=1)], axis=1)
+        bones = [self._rigid(verts) for verts in sets]
+        self.transforms = np.concatenate([self.transforms, np.stack(bones, axis=1)], axis=1)
 
-    def _rigid(self, own: Integers) -> Floats:
-        points = np.column_stack([self.rest[own], np.ones(len(own))])
-        moments = (self._frames[:, own] @ points).reshape(-1, 3, 4)
+    def _rigid(self, verts: Integers) -> Floats:
+        points = np.column_stack([self.rest[verts], np.ones(len(verts))])
+        moments = (self._frames[:, verts] @ points).reshape(-1, 3, 4)
         former = np.tile(np.eye(3, 4), (self._n_frames, 1, 1))
         return fit_rigid(moments, points.T @ points, former)
 
@@ -280,11 +280,11 @@ class Decomposition:
             pairs = grams[candidates[:, :, np.newaxis], candidates[:, np.newaxis]]
             gram = np.einsum("vijm,vm->vij", pairs, monomials)
             weights = convex_weights(gram, np.take_along_axis(matches, candidates, axis=1), cost)
-            n_kept = min(MAX_INFLUENCES, n_candidates)
-            largest = np.argsort(-weights, axis=1)[:, :n_kept]
+            n_influences = min(MAX_INFLUENCES, n_candidates)
+            largest = np.argsort(-weights, axis=1)[:, :n_influences]
             self.bones[part], self.weights[part] = 0, 0
-            self.bones[part, :n_kept] = np.take_along_axis(candidates, largest, axis=1)
-            self.weights[part, :n_kept] = np.take_along_axis(weights, largest, axis=1)
+            self.bones[part, :n_influences] = np.take_along_axis(candidates, largest, axis=1)
+            self.weights[part, :n_influences] = np.take_along_axis(weights, largest, axis=1)
 
         in_chunks(choose, len(self.rest), CHUNK)
 
@@ -310,32 +310,32 @@ class Decomposition:
         moments = product(self._aims, weighted).T.reshape(n_bones, 4, -1, 3)
         grams = (weighted.T @ weighted).reshape(n_bones, 4, n_bones, 4)
         matrices = self.transforms.transpose(1, 3, 0, 2).copy()
-        touching = np.abs(grams).max(axis=(1, 3)) > 0
-        np.fill_diagonal(touching, False)
-        neighbors = [np.flatnonzero(row) for row in touching]
+        is_neighbor = np.abs(grams).max(axis=(1, 3)) > 0
+        np.fill_diagonal(is_neighbor, False)
+        neighbors = [np.flatnonzero(row) for row in is_neighbor]
         for bone, near in N_SWEEPS * list(enumerate(neighbors)):
-            left = moments[bone] - np.tensordot(grams[bone][:, near], matrices[near], 2)
+            own = moments[bone] - np.tensordot(grams[bone][:, near], matrices[near], 2)
             matrices[bone] = fit_rigid(
-                left.transpose(1, 2, 0), grams[bone, :, bone], matrices[bone].transpose(1, 2, 0)
+                own.transpose(1, 2, 0), grams[bone, :, bone], matrices[bone].transpose(1, 2, 0)
             ).transpose(2, 0, 1)
         self.transforms = matrices.transpose(2, 0, 3, 1)
 
     def residuals(self) -> Floats:
-        """Return what the skin lacks of the animation, of shape (3 T, V)."""
-        shown = self.skin.frames()
-        return np.subtract(self._frames, shown, out=shown)
+        """Return the animation minus the skin, of shape (3 T, V)."""
+        skinned = self.skin.frames()
+        return np.subtract(self._frames, skinned, out=skinned)
 
     def aim(self, residuals: Floats, bound: float) -> None:
-        """Move the positions that are fitted beyond those with an error above a bound.
+        """Move the aims of the fit beyond positions with an error above a bound.
 
-        They move farther in each call, up to a limit.
+        Aims move farther in each call, up to a limit.
         """
         shape = self._n_frames, 3, -1
         frames, aims = self._frames.reshape(shape), self._aims.reshape(shape)
         moved, errors = np.empty_like(frames), residuals.reshape(shape)
 
         def move(part: slice) -> None:
-            moved[part] = frames[part] + farther(aims[part] - frames[part], errors[part], bound)
+            moved[part] = frames[part] + extend(aims[part] - frames[part], errors[part], bound)
 
         in_chunks(move, self._n_frames, math.ceil(self._n_frames / N_PIECES))
         self._aims = moved.reshape(residuals.shape)
@@ -361,7 +361,7 @@ class Decomposition:
 
 
 def convex_weights(gram: Floats, matches: Floats, cost: float = 0.0) -> Floats:
-    """Return weights of at most four candidates, not negative with sum 1, per vertex.
+    """Return nonnegative weights of at most four candidates per vertex, with sum 1.
 
     Minimize w A w - 2 w b by backward elimination: of the weights that solve the equations, the
     most negative is removed, or else the one whose removal costs least, until four remain.
@@ -388,16 +388,16 @@ def convex_weights(gram: Floats, matches: Floats, cost: float = 0.0) -> Floats:
         inverse = np.where(both, inverse, 0)
         sums = inverse.sum(axis=2)
         total = sums.sum(axis=1, keepdims=True)
-        free = np.einsum("vij,vj->vi", inverse, matches[pending])
-        solution = free + sums * (1 - free.sum(axis=1, keepdims=True)) / total
+        unconstrained = np.einsum("vij,vj->vi", inverse, matches[pending])
+        solution = unconstrained + sums * (1 - unconstrained.sum(axis=1, keepdims=True)) / total
         variances = np.einsum("vii->vi", inverse) - np.square(sums) / total
         costs = np.where(mask, np.square(solution) / np.maximum(variances, 1e-300), np.inf)
         lowest = np.where(mask, solution, np.inf)
         is_negative = lowest.min(axis=1) < 0
         n_active = mask.sum(axis=1)
         removed = np.where(is_negative, lowest.argmin(axis=1), costs.argmin(axis=1))
-        is_dear = costs.min(axis=1) * scale[pending, 0, 0] > cost
-        is_done = ~is_negative & (n_active <= MAX_INFLUENCES) & is_dear | (n_active == 1)
+        is_costly = costs.min(axis=1) * scale[pending, 0, 0] > cost
+        is_done = ~is_negative & (n_active <= MAX_INFLUENCES) & is_costly | (n_active == 1)
         done = pending[is_done]
         weights[done] = np.where(mask, solution, 0)[is_done]
         pending, removed = pending[~is_done], removed[~is_done]

@@ -38,11 +38,11 @@ AIM_SHARE = 0.8
 """Share of the bound of the largest error above which vertices count more."""
 
 NEAR_KG, NEAR_LARGEST = 1.3, 2.0
-"""Multiples of the bounds that further rounds may reduce to them."""
+"""Errors, in multiples of the bounds, from which further rounds may still meet them."""
 
 GROWING_ROUNDS, FINAL_ROUNDS = 3, 10
 N_RIGID_BONES = 8
-"""Bones with which the rest pose is the first frame, as fewer would distort it."""
+"""Number of bones from which the rest pose is fitted; fewer would distort it."""
 
 MIN_GAIN, MAX_STALLED, ENOUGH = 0.2, 3, 0.6
 """More bones are of no use if the logarithm of the KG error falls by less than this share of the
@@ -54,17 +54,17 @@ FIT_KG, FIT_LARGEST = 0.95, 0.985
 
 ROUNDING_SHARE, MAX_ROUNDING = 0.45, 1e-3
 """Root mean squared rounding error of rotations, translations and positions each: as share of the
-error that is left, and relative to the deviation of the vertices from the centroid of a frame, so
-that what rests does not tremble."""
+remaining error, and relative to the deviation of the vertices from the centroid of a frame, so that
+resting vertices do not tremble."""
 
 PRUNING = 1.0
-"""Error that leaving out an influence may add, in rounding errors."""
+"""Error that removing an influence may add, in rounding errors."""
 
 KEY_TOLERANCE = 2.0
-"""Largest error by keys that are left out, in rounding errors."""
+"""Largest error from removed keys, in rounding errors."""
 
 MIN_LEVELS = 2047
-"""Positive coordinates of the rest pose."""
+"""Minimum number of positive quantization levels of coordinates in the rest pose."""
 
 CORRECTIVE_ROUNDS = 4
 """Rounds with the same number of correctives."""
@@ -118,8 +118,8 @@ def bounds_of(
                 Keyword("quality"), " of a rig sets its error bounds; omit it, or ", Keyword(name)
             )
     _check_faces(sequence)
-    bare = sequence.replace(tracks={})
-    stream = encode(bare, quality=quality, order="keep", attributes="none")
+    without_tracks = sequence.replace(tracks={})
+    stream = encode(without_tracks, quality=quality, order="keep", attributes="none")
     errors = position_errors(sequence.vertices, decode(stream).vertices)
     return Bounds(max(errors.kg_error_percent, 1e-6), max(errors.max_error_percent, 1e-6))
 
@@ -217,45 +217,45 @@ class _Search:
     def run(self, max_bones: int) -> Rig:
         """Return the first rig within the bounds, or the best one."""
         fit = self._decomposition
-        allowed = self._allowed()
+        rms_limit = self._rms_limit()
         max_bones = min(max_bones, self._vertices.shape[1])
-        fit.add_bones(fit.component_seeds(max_bones, 0.1 * allowed))
-        target, former, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
+        fit.add_bones(fit.component_seeds(max_bones, 0.1 * rms_limit))
+        target, previous_kg, growth, n_stalled = 1.0, math.inf, MAX_GROWTH, 0
         while True:
-            residuals = self._grown()
+            residuals = self._fit_new_bones()
             kg, largest = self._fit_errors(residuals)
             self._show_progress((kg, largest))
             is_near = kg <= NEAR_KG * target and largest <= NEAR_LARGEST * target
             if is_near or fit.n_bones == max_bones:
-                residuals = self._refined(residuals, target)
+                residuals = self._refine(residuals, target)
                 kg, largest = self._fit_errors(residuals)
                 self._show_progress((kg, largest))
             if max(kg, largest) <= target:
-                rig = self._quantized()
+                rig = self._quantize()
                 if self._excess(rig) <= 1:
                     return rig
                 target *= 0.95
-            gain = math.log(former / kg) / max(growth, MIN_GROWTH) if kg > 0 else 0.0
+            gain = math.log(previous_kg / kg) / max(growth, MIN_GROWTH) if kg > 0 else 0.0
             n_stalled = n_stalled + 1 if gain < MIN_GAIN else 0
             if fit.n_bones == max_bones or n_stalled == MAX_STALLED or kg < ENOUGH * target:
                 break
-            former = kg
+            previous_kg = kg
             growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
             fit.add_bones(fit.seeds(residuals, n_new))
-        return self._with_correctives(self._quantized())
+        return self._with_correctives(self._quantize())
 
-    def _allowed(self) -> float:
+    def _rms_limit(self) -> float:
         """Return the root mean squared error that is allowed."""
         return self._bounds.kg / 100 * self._deviation
 
-    def _grown(self) -> Floats:
+    def _fit_new_bones(self) -> Floats:
         """Fit some rounds after new bones, and return the residuals."""
         for _ in range(GROWING_ROUNDS):
             self._round()
         return self._decomposition.residuals()
 
-    def _refined(self, residuals: Floats, target: float) -> Floats:
+    def _refine(self, residuals: Floats, target: float) -> Floats:
         """Fit until the errors meet the target, the worst vertices most; return the residuals."""
         fit = self._decomposition
         bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal
@@ -288,16 +288,16 @@ class _Search:
     def _excess(self, rig: Rig) -> float:
         return self._bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent)
 
-    def _quantized(self) -> Rig:
+    def _quantize(self) -> Rig:
         """Return the current skin as it is stored, with the coarsest rounding that suffices."""
         fit = self._decomposition
         residuals = fit.residuals()
-        reached = math.sqrt(np.square(residuals).sum() / (residuals.size / 3))
-        left = math.sqrt(max(self._allowed() ** 2 - reached**2, (0.1 * self._allowed()) ** 2))
-        rounding = min(ROUNDING_SHARE * left, MAX_ROUNDING * self._deviation)
+        rms = math.sqrt(np.square(residuals).sum() / (residuals.size / 3))
+        remaining = math.sqrt(max(self._rms_limit() ** 2 - rms**2, (0.1 * self._rms_limit()) ** 2))
+        rounding = min(ROUNDING_SHARE * remaining, MAX_ROUNDING * self._deviation)
         best: Rig | None = None
         for attempt in range(MAX_ATTEMPTS):
-            rig = self._stored(max(rounding / 2**attempt, 1e-7))
+            rig = self._quantize_with(max(rounding / 2**attempt, 1e-7))
             if best is not None and self._excess(rig) > FIT_LARGEST * self._excess(best):
                 break  # rounding does not matter
             best = rig
@@ -306,7 +306,7 @@ class _Search:
         assert best is not None
         return best
 
-    def _stored(self, rounding: float) -> Rig:
+    def _quantize_with(self, rounding: float) -> Rig:
         fit = self._decomposition.copy()
         fit.prune(PRUNING * rounding)
         skin, skeleton = build_skeleton(fit.skin)
@@ -346,7 +346,7 @@ class _Search:
             Correctives.none(len(self._times_s), len(weights)),
             RigErrors(0.0, 0.0, 0.0),
         )
-        # What the rounded bones do to the rest pose: matrices from the rest pose, in scaled units.
+        # Refit the rest pose to the rounded bones; matrices are in scaled units.
         matrices = rig.matrices.astype(np.float64)
         matrices[..., 3] /= unit
         fit.set_skin(Skin(skin.rest, skin.bones, skin.weights, matrices))
@@ -358,13 +358,13 @@ class _Search:
         levels = min(max(MIN_LEVELS, math.ceil(reach / (rounding * unit))), SHORT)
         scale = float(np.float32(reach / levels * SHORT))
         coordinates = np.rint((rest - offset) / scale * SHORT).astype(np.int16)
-        return self._measured(replace(rig, coordinates=coordinates, scale=scale, offset=offset))
+        return self._with_errors(replace(rig, coordinates=coordinates, scale=scale, offset=offset))
 
-    def _measured(self, rig: Rig) -> Rig:
+    def _with_errors(self, rig: Rig) -> Rig:
         """Return the rig with its errors."""
-        shown = rig.positions() + self._origin
-        positions = position_errors(self._vertices, shown)
-        angle = normal_angles(self._vertices, shown, self._faces).mean_deg
+        positions_hat = rig.positions() + self._origin
+        positions = position_errors(self._vertices, positions_hat)
+        angle = normal_angles(self._vertices, positions_hat, self._faces).mean_deg
         errors = RigErrors(positions.kg_error_percent, positions.max_error_percent, angle)
         return replace(rig, errors=errors)
 
@@ -373,19 +373,19 @@ class _Search:
         if self._excess(rig) <= 1 or len(self._times_s) < 2:
             return rig
         residuals = (self._vertices - rig.positions() - self._origin).astype(np.float32)
-        rounding = CORRECTIVE_ROUNDING * self._allowed() * self._unit
+        rounding = CORRECTIVE_ROUNDING * self._rms_limit() * self._unit
         search = CorrectiveSearch(residuals, rig.blended(), rig.scale, rounding)
         share = (FIT_KG * self._bounds.kg / rig.errors.kg_percent) ** 2
         n_targets = min(search.count_for(min(share, 0.5)), MAX_TARGETS, len(self._times_s))
         bound = AIM_SHARE * self._bounds.largest / 100 * self._diagonal * self._unit
         max_targets = min(MAX_TARGETS, len(self._times_s))
-        best, smallest, n_rounds = rig.correctives, self._excess(rig), 0
-        while smallest > FIT_LARGEST:
+        best, best_excess, n_rounds = rig.correctives, self._excess(rig), 0
+        while best_excess > FIT_LARGEST:
             correctives, mean, largest = search.round(n_targets, bound)
             kg = _percent(mean, self._deviation * self._unit)
             excess = self._bounds.excess(kg, _percent(largest, self._diagonal * self._unit))
-            if excess < smallest:
-                best, smallest = correctives, excess
+            if excess < best_excess:
+                best, best_excess = correctives, excess
             n_rounds += 1
             if n_rounds == CORRECTIVE_ROUNDS:
                 if n_targets == max_targets:
@@ -393,12 +393,12 @@ class _Search:
                 n_new = max(1, round(min(max(excess - 1, 0.15), 0.5) * n_targets))
                 n_targets, n_rounds = min(n_targets + n_new, max_targets), 0
             self._progress("rigging", 0.95 + 0.05 * n_targets / MAX_TARGETS)
-        moved, correctives = best.nonnegative()
-        coordinates = np.rint(rig.coordinates + SHORT * moved)
+        displacements, correctives = best.nonnegative()
+        coordinates = np.rint(rig.coordinates + SHORT * displacements)
         if np.abs(coordinates).max() > SHORT:
-            return self._measured(replace(rig, correctives=best))
-        moved_rig = replace(rig, coordinates=coordinates.astype(np.int16), correctives=correctives)
-        return self._measured(moved_rig)
+            return self._with_errors(replace(rig, correctives=best))
+        best_rig = replace(rig, coordinates=coordinates.astype(np.int16), correctives=correctives)
+        return self._with_errors(best_rig)
 
 
 def round_to(values: Floats, exponent: int) -> Floats:
@@ -406,9 +406,9 @@ def round_to(values: Floats, exponent: int) -> Floats:
     return np.asarray(np.ldexp(np.rint(np.ldexp(values, -exponent)), exponent) + 0.0)
 
 
-def _percent(value: float, whole: float) -> float:
-    if whole > 0:
-        return 100 * value / whole
+def _percent(value: float, reference: float) -> float:
+    if reference > 0:
+        return 100 * value / reference
     return 0.0 if value <= 1e-12 else math.inf
 
 

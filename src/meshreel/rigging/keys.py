@@ -1,4 +1,4 @@
-"""Keyframes of bones: quantized, relative to parents, and left out where interpolation suffices."""
+"""Keyframes of bones: quantized, relative to parents, and removed where interpolation suffices."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -50,7 +50,7 @@ class BoneTrack:
     def poses(self, times_s: Floats) -> tuple[Singles, Singles]:
         """Return unit quaternions and translations in all frames, in float32 as in engines."""
         quaternions = unit(self.rotations.astype(np.float32))
-        return _interpolated(times_s, self.frames, quaternions, self.translations)
+        return _interpolate(times_s, self.frames, quaternions, self.translations)
 
     def matrices(self, times_s: Floats) -> Singles:
         """Return the transforms in all frames, of shape (T, 3, 4)."""
@@ -63,7 +63,7 @@ def unit(quaternions: Real) -> Real:
     return quaternions / length
 
 
-def _interpolated(
+def _interpolate(
     times_s: Floats,
     frames: Integers,
     quaternions: npt.NDArray[Any],
@@ -86,12 +86,12 @@ def _interpolated(
     angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
     is_arc = angle > 1e-6
     sine = np.where(is_arc, np.sin(angle), 1)
-    mixed: npt.NDArray[Any] = (
+    slerp: npt.NDArray[Any] = (
         np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
         + np.where(is_arc, np.sin(share * angle) / sine, share) * b
     )
     moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
-    return unit(mixed), moved
+    return unit(slerp), moved
 
 
 def to_matrices(quaternions: Real, translations: Real) -> Real:
@@ -148,11 +148,11 @@ def decode_rotations(codes: Shorts) -> Shorts:
     scale = (codes[:, 3:] | 3).astype(np.float64)
     small = codes[:, :3] / scale * np.sqrt(0.5)
     largest = np.sqrt(np.maximum(0, 1 - np.square(small).sum(axis=1, keepdims=True)))
-    places = ((codes[:, 3:] & 3) + [1, 2, 3, 0]) % 4
+    components = ((codes[:, 3:] & 3) + [1, 2, 3, 0]) % 4
     values = np.concatenate([small, largest], axis=1) * SHORT
     quaternions = np.empty_like(codes)
     rounded = np.trunc(values + np.copysign(0.5, values)).clip(-SHORT, SHORT)
-    np.put_along_axis(quaternions, places.astype(np.int64), rounded.astype(np.int16), axis=1)
+    np.put_along_axis(quaternions, components.astype(np.int64), rounded.astype(np.int16), axis=1)
     return quaternions
 
 
@@ -166,8 +166,8 @@ def fit_tracks(
 ) -> tuple[BoneTrack, ...]:
     """Return the keys of all bones.
 
-    Each bone is placed relative to its parent as the keys of the latter move it, so that rounding
-    errors do not add up along the hierarchy.
+    Each bone is relative to its parent as decoded from the parent's keys, so that rounding errors
+    do not add up along the hierarchy.
 
     Parameters
     ----------
@@ -176,20 +176,20 @@ def fit_tracks(
     radii : float64 array of shape (B,)
         Typical distance of the vertices of a bone from its joint.
     tolerance : float
-        Largest error by keys that are left out, at that distance.
+        Largest error from removed keys, at that distance.
     """
-    placed: list[Floats] = []
+    poses_hat: list[Floats] = []
     tracks = []
     for bone, parent in enumerate(skeleton.parents.tolist()):
         matrices = at_joint(transforms[:, bone], skeleton.joints[bone])
-        above = placed[parent] if parent >= 0 else None
-        local = matrices if above is None else relative_to(above, matrices)
+        parent_pose = poses_hat[parent] if parent >= 0 else None
+        local = matrices if parent_pose is None else relative_to(parent_pose, matrices)
         # The keys of the root tell readers the times of all frames.
-        own_tolerance = tolerance if above is not None else -1.0
-        track = _fit_track(local, float(radii[bone]), times_s, steps, own_tolerance)
+        bone_tolerance = tolerance if parent_pose is not None else -1.0
+        track = _fit_track(local, float(radii[bone]), times_s, steps, bone_tolerance)
         tracks.append(track)
         local_hat = track.matrices(times_s).astype(np.float64)
-        placed.append(local_hat if above is None else composed(above, local_hat))
+        poses_hat.append(local_hat if parent_pose is None else composed(parent_pose, local_hat))
     return tuple(tracks)
 
 
@@ -200,11 +200,11 @@ def at_joint(transforms: Floats, joint: Floats) -> Floats:
     return moved
 
 
-def relative_to(above: Floats, transforms: Floats) -> Floats:
+def relative_to(parent_pose: Floats, transforms: Floats) -> Floats:
     """Return rigid transforms of shape (T, 3, 4) in the space of others."""
-    inverse = above[:, :, :3].transpose(0, 2, 1)
+    inverse = parent_pose[:, :, :3].transpose(0, 2, 1)
     offset = transforms.copy()
-    offset[:, :, 3] -= above[:, :, 3]
+    offset[:, :, 3] -= parent_pose[:, :, 3]
     return inverse @ offset
 
 
@@ -225,11 +225,11 @@ def _fit_track(
     keys = np.arange(len(times_s))
     if tolerance >= 0 and len(keys) > 1:
         exact = unit(decode_rotations(codes).astype(np.float64))
-        keys = _reduced(exact, translations, quaternions, local, radius, times_s, tolerance)
+        keys = _reduce_keys(exact, translations, quaternions, local, radius, times_s, tolerance)
     return BoneTrack(keys, codes[keys], translations[keys].astype(np.float32))
 
 
-def _reduced(
+def _reduce_keys(
     rounded: Floats,
     translations: Floats,
     quaternions: Floats,
@@ -246,8 +246,8 @@ def _reduced(
     n_frames = len(times_s)
     keys = np.array([0])
     while len(keys) <= MAX_KEY_SHARE * n_frames:
-        turned, moved = _interpolated(times_s, keys, rounded[keys], translations[keys])
-        cosine = np.abs((turned * quaternions).sum(axis=1)).clip(0, 1)
+        rotations_hat, moved = _interpolate(times_s, keys, rounded[keys], translations[keys])
+        cosine = np.abs((rotations_hat * quaternions).sum(axis=1)).clip(0, 1)
         angles = 2 * np.sqrt(2 * (1 - cosine))
         errors = radius * angles + np.linalg.norm(moved - local[:, :, 3], axis=1)
         errors[keys] = 0

@@ -42,29 +42,29 @@ def build_skeleton(skin: Skin) -> tuple[Skin, Skeleton]:
     """
     n_frames, n_bones = skin.transforms.shape[:2]
     dense = skin.dense_weights()
-    amounts = dense.sum(axis=0)
+    total_weights = dense.sum(axis=0)
     points = np.column_stack([skin.rest, np.ones(len(skin.rest))])
-    centers = (dense.T @ skin.rest) / np.maximum(amounts, 1e-12)[:, np.newaxis]
+    centers = (dense.T @ skin.rest) / np.maximum(total_weights, 1e-12)[:, np.newaxis]
     matrices = skin.transforms.transpose(0, 2, 1, 3).reshape(-1, 4 * n_bones)
     squares = (matrices.T @ matrices).reshape(n_bones, 4, n_bones, 4) / n_frames
-    own = squares[np.arange(n_bones), :, np.arange(n_bones)]
+    diagonal = squares[np.arange(n_bones), :, np.arange(n_bones)]
     cross = squares.transpose(0, 2, 1, 3)
-    differences = own[:, np.newaxis] + own - cross - cross.transpose(0, 1, 3, 2)
+    differences = diagonal[:, np.newaxis] + diagonal - cross - cross.transpose(0, 1, 3, 2)
     shared = np.einsum("vj,vk,va->jka", dense, dense, points, optimize=True)
     mass = shared[:, :, 3:]
     middle = (centers[:, np.newaxis] + centers) / 2
     is_shared = mass > 1e-9
-    near = np.where(is_shared, shared[:, :, :3] / np.where(is_shared, mass, 1), middle)
+    anchors = np.where(is_shared, shared[:, :, :3] / np.where(is_shared, mass, 1), middle)
     gram, motion = differences[:, :, :3, :3], differences[:, :, :3, 3]
     damping = PIVOT_DAMPING * np.eye(3)
-    pivots = np.linalg.solve(gram + damping, (PIVOT_DAMPING * near - motion)[..., np.newaxis])[
+    pivots = np.linalg.solve(gram + damping, (PIVOT_DAMPING * anchors - motion)[..., np.newaxis])[
         ..., 0
     ]
-    lifted = np.concatenate([pivots, np.ones((n_bones, n_bones, 1))], axis=2)
-    gaps = np.einsum("jka,jkab,jkb->jk", lifted, differences, lifted)
-    gaps += PIVOT_DAMPING * np.square(pivots - near).sum(axis=2)
+    homogeneous = np.concatenate([pivots, np.ones((n_bones, n_bones, 1))], axis=2)
+    gaps = np.einsum("jka,jkab,jkb->jk", homogeneous, differences, homogeneous)
+    gaps += PIVOT_DAMPING * np.square(pivots - anchors).sum(axis=2)
     distances = np.sqrt(np.maximum(gaps, 0)) * np.where(is_shared[:, :, 0], 1, UNRELATED_FACTOR)
-    order, parents = _spanning_tree(distances, int(amounts.argmax()))
+    order, parents = _spanning_tree(distances, int(total_weights.argmax()))
     joints = np.array(
         [
             centers[bone] if parent < 0 else pivots[bone, order[parent]]
