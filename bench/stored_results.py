@@ -25,7 +25,7 @@ import numpy as np
 import measuring
 import meshreel
 from meshreel.evaluation.comparison import ERRORS, CodecResults
-from meshreel.evaluation.positions import compare_positions, own_sweeps
+from meshreel.evaluation.positions import compare_positions, method_sweeps
 from meshreel.evaluation.recorded import read_recorded
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.findings import findings
@@ -38,9 +38,9 @@ from meshreel.studies.rate_distortion import bd_rate
 from meshreel.studies.runs import (
     Result,
     Store,
-    done,
     file_name,
     result_of,
+    usable,
     without_identities,
 )
 from meshreel.studies.study import Study, Subject, measure
@@ -182,7 +182,7 @@ def full_bases(folder: Path) -> dict[str, Any]:
     for side in FULL_SIDES:
         sequence = meshreel.simulate_flag(3, n_rows=side, n_columns=side)
         run = full_decomposition_run(sequence)
-        measured += done([result_of(run, Store.for_sequence(folder, sequence))])
+        measured += usable([result_of(run, Store.for_sequence(folder, sequence))])
     n_verts, seconds = ([basis[name] for basis in measured] for name in ("n_verts", "seconds"))
     exponent = np.polyfit(np.log(n_verts), np.log(seconds), 1)[0]
     extrapolated = [extrapolated_basis(measured[-1], *SHAPES[name]) for name in LARGE_MESHES]
@@ -218,7 +218,7 @@ def default_figures(sequence: MeshSequence) -> dict[str, Any]:
 def codec_figures(sequence: MeshSequence, folder: Path, reference: Path | None) -> dict[str, Any]:
     """Results with default options, and BD-rates of `reel` relative to `pca-qp` and FAMC."""
     recorded = read_recorded(reference) if reference else []
-    sweeps = {**own_sweeps(quick=False), **option_sweeps(quick=False)}
+    sweeps = {**method_sweeps(quick=False), **option_sweeps(quick=False)}
     study = compare_positions({name: sweeps[name] for name in ("reel", "pca-qp")}, (), recorded)
     results: CodecResults = run_study(study, sequence, folder)
     kg, sted = (results.curves(error) for error in ERRORS[:2])

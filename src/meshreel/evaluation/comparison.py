@@ -23,9 +23,9 @@ from meshreel.studies.runs import (
     Outcome,
     Result,
     Run,
-    done,
     file_name,
     finite,
+    usable,
     without_identities,
 )
 from meshreel.studies.study import Subject
@@ -118,13 +118,13 @@ class CodecResults:
     @property
     def methods(self) -> list[str]:
         """Our methods with results."""
-        kinds = {r["codec"]: r["identity"]["setting"]["kind"] for r in done(self.measured)}
+        kinds = {r["codec"]: r["identity"]["setting"]["kind"] for r in usable(self.measured)}
         return [codec for codec, kind in kinds.items() if kind == METHOD]
 
     @property
     def points(self) -> list[Result]:
         """Results with figures: methods, then peers, then recorded codecs."""
-        return [*done(self.measured), *self.recorded]
+        return [*usable(self.measured), *self.recorded]
 
     def curves(self, error: Error) -> dict[str, list[Point]]:
         """Points (rate, error above 0) by codec."""
@@ -177,11 +177,11 @@ class Comparison:
     def notes(self, measured: Sequence[CodecResults]) -> list[str]:
         """Missing packages, and sequences without recorded points."""
         unrecorded = [
-            f"no recorded row matches {each.sequence['name'] or 'a sequence without a name'} "
-            f"with {each.sequence['n_verts']} vertices (n) and {each.sequence['n_frames']} "
+            f"no recorded row matches {results.sequence['name'] or 'a sequence without a name'} "
+            f"with {results.sequence['n_verts']} vertices (n) and {results.sequence['n_frames']} "
             "frames (k)"
-            for each in measured
-            if self.recorded and not each.recorded
+            for results in measured
+            if self.recorded and not results.recorded
         ]
         return why_missing(self.peers) + unrecorded
 
@@ -316,7 +316,7 @@ def _seconds(result: Result) -> tuple[float, float]:
 def seconds_table(results: CodecResults) -> Table:
     """Range of seconds over the settings of each codec, and the lowest frames per second."""
     runs: dict[str, list[tuple[float, float]]] = {}
-    for result in done(results.measured):
+    for result in usable(results.measured):
         runs.setdefault(result["codec"], []).append(_seconds(result))
     rows = []
     for codec, pairs in runs.items():
@@ -339,7 +339,7 @@ def runs_table(results: CodecResults) -> Table:
             str(result["size_bytes"]),
             *(_cell(result, keys) for keys in COLUMNS.values()),
         )
-        for result in done(results.measured)
+        for result in usable(results.measured)
     ]
     header = ("codec and setting", "bytes", *COLUMNS)
     return Table(f"All runs, {results.name}", header, tuple(rows))
@@ -366,23 +366,23 @@ def refusals_of(results: CodecResults) -> tuple[str, ...]:
     )
 
 
-def method_run(method: str, options: dict[str, Any], measure: Measure, **about: Any) -> Run:
+def method_run(method: str, options: dict[str, Any], measure: Measure, **context: Any) -> Run:
     """A run of one of our methods with options of `meshreel.encode`; each tune is a codec.
 
-    `about` is what its figures depend on besides the options.
+    Its figures depend on `context` besides the options.
     """
     tune = options.get("tune", "visual")
     label = method if tune == "visual" else f"{method}-{tune}"
     names = {"n_modes": "modes", "block_frames": "frames"}
     params = " ".join(f"{names.get(name, name)} {value}" for name, value in options.items())
-    setting = {"kind": METHOD, "method": method, "options": options, **about}
+    setting = {"kind": METHOD, "method": method, "options": options, **context}
     return codec_run(label, params, setting, measure)
 
 
-def peer_run(peer: Peer, params: str, measure: Measure, **about: Any) -> Run:
-    """A run of another codec; `about` is what its figures depend on."""
+def peer_run(peer: Peer, params: str, measure: Measure, **context: Any) -> Run:
+    """A run of another codec; its figures depend on `context`."""
     codec = {"codec": peer.name, "summary": peer.summary, "version": peer.package.version}
-    setting = {"kind": PEER, **codec, **about}
+    setting = {"kind": PEER, **codec, **context}
     return codec_run(peer.name, params, setting, measure, is_foreign=True)
 
 

@@ -30,7 +30,7 @@ Sweep = Callable[[int, int], list[dict[str, Any]]]
 """Returns the options to measure for a sequence of this many frames and vertices."""
 
 
-def own_sweeps(*, quick: bool) -> dict[str, Sweep]:
+def method_sweeps(*, quick: bool) -> dict[str, Sweep]:
     """The sweeps of our methods that are not the paper's, by name."""
     steps: tuple[float, ...] = (1.6e-3, 8e-4, 4e-4, 2e-4, 1e-4, 5e-5, 2.5e-5, 1.25e-5)
     profiles: tuple[tuple[str, int], ...] = (("visual", 5), ("visual", 9), ("geometry", 9))

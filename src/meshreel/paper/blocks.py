@@ -54,11 +54,11 @@ def stored_block(opened: OpenStream, number: int) -> StoredBlock:
     MemoryLimitError
         If decoding it would take more than allowed.
     """
-    place, sections, n_verts = opened.file.block(number), dict(opened.group(number)), opened.n_verts
+    entry, sections, n_verts = opened.file.block(number), dict(opened.group(number)), opened.n_verts
     n_frames, n_modes = read_block_counts(sections[Section.BLOCK])
-    if n_frames != place.n_frames:
+    if n_frames != entry.n_frames:
         raise CorruptStreamError(
-            f"block {number} has {n_frames} frames; the index has {place.n_frames}"
+            f"block {number} has {n_frames} frames; the index has {entry.n_frames}"
         )
     is_on_graph = variant_named(opened.method).basis is Basis.GRAPH
     max_modes = n_verts if is_on_graph else n_frames
@@ -68,9 +68,9 @@ def stored_block(opened: OpenStream, number: int) -> StoredBlock:
         )
     n_bytes = MODE_BYTES * n_modes * (n_verts + 3 * n_frames)
     n_bytes += 3 * n_frames * n_verts * opened.dtype.itemsize
-    what = f"block {number} of {n_frames} frames, {n_verts} vertices and {n_modes} modes"
-    opened.limit.require(n_bytes, what)
-    return StoredBlock(place.first_frame, n_frames, n_modes, sections)
+    description = f"block {number} of {n_frames} frames, {n_verts} vertices and {n_modes} modes"
+    opened.limit.require(n_bytes, description)
+    return StoredBlock(entry.first_frame, n_frames, n_modes, sections)
 
 
 def only_section(opened: OpenStream, section: Section) -> bytes:
@@ -119,9 +119,9 @@ def read_anchor_vertices(payload: bytes, n_verts: int) -> Integers:
 def write_curves(curves: Quantized) -> bytes:
     """Payload of rows over time, each with its best order of differences."""
     n_rows, n_frames = curves.integers.shape[1:]
-    differenced = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
-    orders = np.array([order for order, _ in differenced], np.int64)
-    rows = [orders, *(row for _, row in differenced)]
+    differences = [_best_difference(row) for row in curves.integers.reshape(-1, n_frames)]
+    orders = np.array([order for order, _ in differences], np.int64)
+    rows = [orders, *(row for _, row in differences)]
     return _write_steps(curves.steps) + encode_integers(rows, [0, *_shared_tables(n_rows, 1)])
 
 
@@ -131,10 +131,10 @@ def read_curves(payload: bytes, n_rows: int, n_frames: int) -> Quantized:
     lengths = [3 * n_rows, *[n_frames] * (3 * n_rows)]
     orders, *rows = decode_integers(coded, lengths, [0, *_shared_tables(n_rows, 1)])
     _check_orders(orders)
-    summed = np.empty((3 * n_rows, n_frames), np.int64)
-    for curve, order, row in zip(summed, orders, rows, strict=True):
+    curves = np.empty((3 * n_rows, n_frames), np.int64)
+    for curve, order, row in zip(curves, orders, rows, strict=True):
         curve[:] = _integrate(row, int(order))
-    return Quantized(summed.reshape(3, n_rows, n_frames), steps)
+    return Quantized(curves.reshape(3, n_rows, n_frames), steps)
 
 
 def write_rows(rows: Quantized) -> bytes:
@@ -290,7 +290,7 @@ def _read_tracked_dictionary(stored: StoredBlock, previous: Quantized | None) ->
     return Quantized(previous.integers + basis.integers, basis.steps)
 
 
-def tracked_from(method: Variant, previous: Quantized | None, n_frames: int) -> Quantized | None:
+def initial_basis(method: Variant, previous: Quantized | None, n_frames: int) -> Quantized | None:
     """Return the dictionary that orthogonal iterations start from; None for a decomposition.
 
     A block of another length than the previous one (usually the last) cannot be tracked.

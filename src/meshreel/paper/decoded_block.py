@@ -37,7 +37,7 @@ class DecodedBlock:
     """float array of shape (T_b, N, 3), or None. Positions of some vertices that replace the
     computed ones.
     """
-    exact_places: Integers | None = None
+    exact_vertices: Integers | None = None
     """Integer array of shape (N,), or None. These vertices, in output order."""
 
     def fill(self, out: Vertices, first: int) -> None:
@@ -50,11 +50,11 @@ class DecodedBlock:
             Number of the first of these frames within the block.
         """
         last = first + len(out)
-        n_together = max(1, min(MAX_FRAMES_TOGETHER, CHUNK_BYTES // (24 * out.shape[1])))
+        chunk_frames = max(1, min(MAX_FRAMES_TOGETHER, CHUNK_BYTES // (24 * out.shape[1])))
 
         # Products of matrices round by their shape: the same frames are always computed together.
         def fill(start: int) -> None:
-            chunk = slice(start, min(start + n_together, self.n_frames))
+            chunk = slice(start, min(start + chunk_frames, self.n_frames))
             requested = slice(max(start, first), min(chunk.stop, last))
             matrices = self.frames_of(chunk)[:, requested.start - start : requested.stop - start]
             out[requested.start - first : requested.stop - first] = from_matrices(
@@ -63,6 +63,6 @@ class DecodedBlock:
 
         # Damaged values may overflow; the caller checks whether frames are finite.
         with np.errstate(over="ignore", invalid="ignore"):
-            in_threads(fill, range(first // n_together * n_together, last, n_together))
+            in_threads(fill, range(first // chunk_frames * chunk_frames, last, chunk_frames))
         if self.exact is not None:
-            out[:, self.exact_places] = self.exact[first : first + len(out)]
+            out[:, self.exact_vertices] = self.exact[first : first + len(out)]

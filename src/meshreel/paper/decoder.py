@@ -95,7 +95,7 @@ class PaperBlockDecoder:
             frames_of=frames_of,
             frame=self._opened.frame,
             exact=exact,
-            exact_places=np.argsort(order)[self.mesh.isolated],
+            exact_vertices=np.argsort(order)[self.mesh.isolated],
         )
 
     def exact(self, stored: StoredBlock) -> Vertices | None:
@@ -174,7 +174,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         anchors = read_anchor_vertices(payload, opened.n_verts)
     if opened.laplacian is Laplacian.COTANGENT:
         shape = stored_shape(opened).values[:, 0].T
-    is_own = opened.limit == UNLIMITED  # this process chose its number of graph frequencies
+    is_trusted = opened.limit == UNLIMITED  # this process chose its number of graph frequencies
     return MeshModel(
         faces=opened.internal_faces,
         n_verts=opened.n_verts,
@@ -182,7 +182,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         laplacian_choice=opened.laplacian,
         shape=shape,
         n_frames=opened.n_frames,
-        basis_memory=OWN_STREAM if is_own else None,
+        basis_memory=OWN_STREAM if is_trusted else None,
     )
 
 

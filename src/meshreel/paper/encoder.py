@@ -19,7 +19,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
-from meshreel.paper.blocks import tracked_from, write_coded_block
+from meshreel.paper.blocks import initial_basis, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import (
     Quantized,
@@ -44,7 +44,7 @@ class PaperBlockCoder:
 
     Parameters
     ----------
-    known : iterable of float arrays of shape (T_b, V, 3)
+    known_blocks : iterable of float arrays of shape (T_b, V, 3)
         Blocks that determine the number of modes of a tracked basis, which is the same in all
         blocks: all blocks, or only the first if the others are not known yet.
     progress : callable, optional
@@ -53,22 +53,22 @@ class PaperBlockCoder:
     Raises
     ------
     InvalidInputError
-        If the anchors do not fit the mesh, or the graph Fourier basis takes too much memory, or too
-        much time for a number of frequencies that nobody has chosen.
+        If the anchors do not fit the mesh, or the graph Fourier basis takes too much memory, or,
+        with the default number of frequencies, too much time.
     """
 
     def __init__(
         self,
         mesh: CodedMesh,
         frame: BoundingFrame,
-        known: Iterable[Vertices],
+        known_blocks: Iterable[Vertices],
         progress: Progress = silent,
     ) -> None:
         self._frame = frame
         config = mesh.config
         assert isinstance(config, PaperOptions)  # those of these methods
         self._variant = variant_named(config.method)
-        blocks = iter(known)
+        blocks = iter(known_blocks)
         first = next(blocks)
         _check_modes(mesh, self._variant, len(first))
         self._config = _with_modes_for_all(config, frame, chain([first], blocks))
@@ -100,7 +100,7 @@ class PaperBlockCoder:
             Always empty: these methods code positions.
         """
         variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
-        reference = tracked_from(variant, self._dictionary, n_frames)
+        reference = initial_basis(variant, self._dictionary, n_frames)
         block = analyse(vertices, self._frame, mesh, self._config, reference)
         self._dictionary = block.basis
         if choices(self._config).dictionary == "whole":
@@ -161,5 +161,5 @@ def _with_modes_for_all(
     """The configuration with the number of modes of a tracked basis, which all blocks share."""
     if variant_named(config.method).basis is not Basis.TRACKED or config.n_modes is not None:
         return config
-    needed = max(modes_needed(vertices, frame, config) for vertices in blocks)
-    return replace(config, n_modes=needed, energy=None)
+    n_modes = max(modes_needed(vertices, frame, config) for vertices in blocks)
+    return replace(config, n_modes=n_modes, energy=None)

@@ -135,9 +135,9 @@ def check_basis_size(n_verts: int, n_modes: int) -> None:
     _check_range(n_verts, n_modes)
     if _work(n_verts, n_modes) <= MAX_WORK:
         return
-    possible = min(int((MAX_WORK / n_verts) ** 0.5), n_verts // 3)
+    max_modes = min(int((MAX_WORK / n_verts) ** 0.5), n_verts // 3)
     raise InvalidInputError(
-        f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {possible} (",
+        f"{_frequencies_text(n_verts, n_modes)} may take many minutes; use at most {max_modes} (",
         Keyword("n_modes"),
         "). If you accept the time, encode with ",
         Keyword("n_modes"),

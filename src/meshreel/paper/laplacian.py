@@ -1,6 +1,6 @@
-"""Adjacency and Laplacian matrices of a mesh, its components, and delta coordinates.
+"""Adjacency and Laplacian matrices of a mesh, and delta coordinates.
 
-Loops of degenerate faces and repeated edges are left out, as in `model.geometry.connectivity`.
+Self-loops of degenerate faces and repeated edges are omitted, as in `model.geometry.connectivity`.
 """
 
 import numpy as np

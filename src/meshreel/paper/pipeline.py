@@ -189,13 +189,13 @@ def analyse(
     anchors = None
     if method.has_anchors:
         at_anchors = projected[:, :, mesh.anchors], matrices[:, :, mesh.anchors]
-        anchors = _coded_anchors(*at_anchors, basis, config)
+        anchors = _code_anchors(*at_anchors, basis, config)
     if choices(config).quantize == "deltas":
         # The other reading of variant (ii): quantize deltas, project them, round finely.
         deltas = _deltas(matrices, mesh)
         rounded = Quantized.of(deltas, _coefficient_steps(deltas, config))
         signal = project(_columns(basis), rounded.values)
-        coefficients = _fine(signal, FINE_BITS)
+        coefficients = _quantize(signal, FINE_BITS)
     else:
         signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
         coefficients = Quantized.of(signal, _coefficient_steps(signal, config))
@@ -262,13 +262,13 @@ def _dictionary(
     correlation = _correlation(matrices, frame, config)
     if reference is not None:
         start = _columns(reference)
-        tracked = advance_basis(correlation, start, config.n_iterations)
+        basis = advance_basis(correlation, start, config.n_iterations)
         if choices(config).rotation == "ritz":
-            tracked = ritz_vectors(correlation, tracked)
-        return Quantized.of(np.swapaxes(align_basis(tracked, start), 1, 2), reference.steps)
+            basis = ritz_vectors(correlation, basis)
+        return Quantized.of(np.swapaxes(align_basis(basis, start), 1, 2), reference.steps)
     n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
     _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))
-    return _fine(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
+    return _quantize(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
 
 
 def _modes_needed(correlation: Floats, matrices: Floats, config: PaperOptions) -> int:
@@ -284,7 +284,7 @@ def _deltas(rows: Floats, mesh: MeshModel) -> Floats:
     return np.stack([delta_coordinates(mesh.laplacian, axis.T).T for axis in rows])
 
 
-def _coded_anchors(
+def _code_anchors(
     coefficients: Floats, positions: Floats, basis: Quantized, config: PaperOptions
 ) -> Anchors:
     """The anchors of a block on eigen-trajectories.
@@ -300,7 +300,7 @@ def _coded_anchors(
         # Deviation from Eq. 12, optional: motion outside the span of the modes is not coded, and
         # least squares spreads the error over the mesh. Without anchors (Eq. 11) the one vertex
         # of each component only translates it; its residual would move the whole component.
-        return Anchors(_fine(coefficients, anchor_bits(config)), None)
+        return Anchors(_quantize(coefficients, anchor_bits(config)), None)
     steps = step_for_all_rows(positions, anchor_bits(config))
     coded = Quantized.of(coefficients, steps * np.float32(PREDICTION_STEP_RATIO))
     residuals = positions - expand(_columns(basis), coded.values)
@@ -310,8 +310,8 @@ def _coded_anchors(
 def _residual_frames(mesh: MeshModel, values: Floats, order: Integers) -> FramesOf:
     """Return a function that computes the contribution of anchor residuals of shape (3, A, T)."""
     n_anchors, n_frames = values.shape[1:]
-    are_few = n_anchors <= 3 * max(n_frames, mesh.n_frames)
-    if are_few and n_anchors * mesh.n_verts <= MAX_RESPONSES:
+    has_few_anchors = n_anchors <= 3 * max(n_frames, mesh.n_frames)
+    if has_few_anchors and n_anchors * mesh.n_verts <= MAX_RESPONSES:
         responses = mesh.anchor_responses[order].T
         return lambda frames: np.swapaxes(values[:, :, frames], 1, 2) @ responses
 
@@ -328,7 +328,7 @@ def _columns(basis: Quantized) -> Floats:
     return np.swapaxes(basis.values, 1, 2)
 
 
-def _fine(values: Floats, bits: int) -> Quantized:
+def _quantize(values: Floats, bits: int) -> Quantized:
     return Quantized.of(values, step_for_all_rows(values, bits))
 
 
@@ -356,7 +356,7 @@ def _analyse_on_graph(matrices: Floats, mesh: MeshModel, config: PaperOptions) -
     positions = np.swapaxes(matrices[:, :, mesh.anchors], 1, 2)
     return CodedBlock(
         basis=None,
-        anchors=Anchors(None, _fine(positions, anchor_bits(config))),
+        anchors=Anchors(None, _quantize(positions, anchor_bits(config))),
         coefficients=Quantized.of(spectra, _coefficient_steps(spectra, config)),
     )
 
@@ -383,10 +383,10 @@ def _frame_by_frame(
 
     def frames_of(frames: slice) -> Floats:
         deltas, anchors = deltas_of(frames), anchors_of(frames)
-        solved = [
+        solutions = [
             mesh.reconstruct_uncached(deltas[:, frame].T, anchors[:, frame].T).T
             for frame in range(deltas.shape[1])
         ]
-        return np.stack(solved, axis=1)[:, :, order]
+        return np.stack(solutions, axis=1)[:, :, order]
 
     return frames_of

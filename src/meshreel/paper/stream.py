@@ -188,7 +188,7 @@ class PaperStream:
         vertices = np.empty((self.n_frames, self.n_verts, 3), self.dtype)
         n_done = 0
         for block in self.blocks:
-            self._decoded(block, n_modes).fill(vertices[n_done : n_done + block.n_frames], 0)
+            self._decode(block, n_modes).fill(vertices[n_done : n_done + block.n_frames], 0)
             n_done += block.n_frames
         if not np.isfinite(vertices).all():
             raise CorruptStreamError(
@@ -205,7 +205,7 @@ class PaperStream:
         )
         return f"<PaperStream {self.method}: {counts}>"
 
-    def _decoded(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
+    def _decode(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
         """Convert a block to the form of the decoder, which uses internal order."""
         _check_shapes(block, self)
         variant, coefficients = variant_named(self.method), block.coefficients
@@ -229,7 +229,7 @@ class PaperStream:
             frames_of=frames_of,
             frame=BoundingFrame(self.origin, self.scale),
             exact=block.isolated_positions,
-            exact_places=self.isolated,
+            exact_vertices=self.isolated,
         )
 
     def _output_numbers(self, vertices: Integers) -> Integers:
@@ -255,11 +255,11 @@ def read(
     data : bytes or path
         A stream from `meshreel.encode` with one of `METHODS`, or the path of a `.reel` file.
     all_frequencies : bool, default False
-        Compute any number of graph frequencies of `gft`. By default `PaperStream` refuses, like
-        `meshreel.decode`, what takes more than a few minutes, because a damaged or hostile stream
-        of a few bytes may announce any number. All frequencies of 10,000 vertices take minutes and
-        1.6 GB, of 20,000 vertices eight times as long and 6.4 GB. The computed basis is kept with
-        the stream.
+        Compute any number of graph frequencies of `gft`. By default `PaperStream`, like
+        `meshreel.decode`, refuses bases that take more than a few minutes, because a damaged or
+        hostile small stream may announce any number. All frequencies of 10,000 vertices take
+        minutes and 1.6 GB, of 20,000 vertices eight times as long and 6.4 GB. The computed basis is
+        kept with the stream.
     memory : float or str, optional
         Upper limit for a block and for the graph Fourier basis: bytes, or text such as "2GiB".
         Default: 8 GiB.

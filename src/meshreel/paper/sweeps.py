@@ -204,7 +204,7 @@ def variants(
         if method == "pca-qp" and table.anchors == ANCHORS:
             settings.append(replace(setting, anchors=FEW_ANCHORS))
         settings.append(setting)
-    return [_fit(setting, n_frames) for setting in settings if setting.method in methods]
+    return [_limit_modes(setting, n_frames) for setting in settings if setting.method in methods]
 
 
 def alternatives(
@@ -217,10 +217,10 @@ def alternatives(
             setting = replace(table.setting(method), choices=choices)
             if choices == QUANTIZED_DELTAS:  # deltas of all frames have one step
                 setting = replace(setting, allocation=_DEFAULTS["allocation"])
-            settings.append(_fit(setting, n_frames))
+            settings.append(_limit_modes(setting, n_frames))
     if "pca-qp" in methods:
         settings += [
-            _fit(replace(table.setting("pca-qp"), laplacian=laplacian), n_frames)
+            _limit_modes(replace(table.setting("pca-qp"), laplacian=laplacian), n_frames)
             for laplacian in ("combinatorial", "cotangent")
         ]
     existing = {setting.key for setting in variants(n_frames, methods, table)}
@@ -232,7 +232,7 @@ def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[S
     if "pca-qp" not in methods:
         return []
     settings = [Setting("pca-qp", modes, anchors=ANCHORS) for modes in ROW_COUNTS]
-    return _distinct(_fit(setting, n_frames) for setting in settings)
+    return _distinct(_limit_modes(setting, n_frames) for setting in settings)
 
 
 def sweep(
@@ -252,7 +252,7 @@ def sweep(
     if "gft" in methods and not quick:
         counts = [max(1, round(share * n_verts)) for share in LOW_FREQUENCIES]
         points += [Setting("gft", count, anchors=ANCHORS) for count in counts]
-    return _distinct(_fit(setting, n_frames) for setting in points)
+    return _distinct(_limit_modes(setting, n_frames) for setting in points)
 
 
 def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[str, Any]]]]:
@@ -261,7 +261,7 @@ def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[st
     def options(method: str, n_frames: int, n_verts: int) -> list[dict[str, Any]]:
         settings = sweep(n_frames, n_verts, (method,), quick=quick) or variants(n_frames, (method,))
         all_options = [setting.options() for setting in settings]
-        return [{name: each[name] for name in each if name != "method"} for each in all_options]
+        return [{name: row[name] for name in row if name != "method"} for row in all_options]
 
     return {method: partial(options, method) for method in METHOD_NAMES}
 
@@ -272,7 +272,7 @@ def check_table(table: TableSettings, methods: Sequence[str]) -> None:
     Raises
     ------
     InvalidInputError
-        Naming the setting.
+        If one is not; the message names it.
     """
     settings = [table.setting(method) for method in methods]
     for setting in settings:
@@ -295,7 +295,7 @@ def _effective(choices: str, method: str) -> str:
     )
 
 
-def _fit(setting: Setting, n_frames: int) -> Setting:
+def _limit_modes(setting: Setting, n_frames: int) -> Setting:
     """Limit the modes of a setting to the number of frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
     modes = setting.n_modes

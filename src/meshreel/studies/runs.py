@@ -158,7 +158,7 @@ def _within(progress: Progress, run: str, count: Count) -> Progress:
     return lambda stage, _: progress(f"{run}, {stage}" if stage else run, count)
 
 
-def done(results: Iterable[Result]) -> list[Result]:
+def usable(results: Iterable[Result]) -> list[Result]:
     """The results that are not refusals."""
     return [result for result in results if "refused" not in result]
 

@@ -14,7 +14,7 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import PEERS
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
-from meshreel.studies.runs import Result, Run, Store, done, file_name, run_all, write_text
+from meshreel.studies.runs import Result, Run, Store, file_name, run_all, usable, write_text
 from meshreel.studies.timing import machines_text
 
 
@@ -232,11 +232,11 @@ def parts_of_report(
     study: Study[R], measured: Sequence[tuple[R, Sequence[Picture]]], command: str
 ) -> list[Part]:
     """The report of a study, which quotes the command line."""
-    all_results = [results for results, _ in measured]
-    machines = machines_text(result for results in all_results for result in done(results.measured))
+    collected = [results for results, _ in measured]
+    machines = machines_text(result for results in collected for result in usable(results.measured))
     parts: list[Part] = [f"# {study.title}", study.introduction, f"```\n{command}\n```"]
     parts += [machines] if machines else []
-    parts += study.preface(all_results)
+    parts += study.preface(collected)
     for results, pictures in measured:
         parts += [f"## {results.name}", _shape_text(results.sequence)]
         parts += study.section(results, pictures)

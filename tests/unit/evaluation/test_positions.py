@@ -27,7 +27,7 @@ from meshreel.evaluation.positions import (
     compare_positions,
     measure_method,
     measure_peer,
-    own_sweeps,
+    method_sweeps,
 )
 from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence
@@ -36,7 +36,7 @@ from meshreel.runtime.progress import silent
 from meshreel.studies.runs import Store, result_of
 from meshreel.studies.study import evaluate
 
-SWEEPS = {**option_sweeps(quick=True), **own_sweeps(quick=True)}
+SWEEPS = {**option_sweeps(quick=True), **method_sweeps(quick=True)}
 KG, STED, _ = ERRORS
 [NPZ] = [peer for peer in ARRAY_PEERS if peer.name == "npz"]
 MISSING = replace(NPZ, name="future", package=Package(name="package_of_the_future"))

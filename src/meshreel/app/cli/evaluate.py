@@ -70,7 +70,7 @@ def evaluate_command(
         DEFAULT_METHODS,
         PEERS,
         compare_positions,
-        own_sweeps,
+        method_sweeps,
     )
     from meshreel.evaluation.recorded import read_recorded
     from meshreel.runtime.extras import PAPER
@@ -86,7 +86,7 @@ def evaluate_command(
     from meshreel.paper.sweeps import option_sweeps  # imports SciPy
 
     recorded = read_recorded(reference) if reference else []
-    sweeps = {**option_sweeps(quick=quick), **own_sweeps(quick=quick)}
+    sweeps = {**option_sweeps(quick=quick), **method_sweeps(quick=quick)}
     write_report(
         compare_positions(
             {name: sweeps[name] for name in method_names}, codecs, recorded, quick=quick

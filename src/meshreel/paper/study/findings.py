@@ -26,7 +26,7 @@ from meshreel.paper.sweeps import (
 )
 from meshreel.runtime.counting import duration_text
 from meshreel.studies.rate_distortion import error_at_equal_rate
-from meshreel.studies.runs import Result, done
+from meshreel.studies.runs import Result, usable
 
 KG, STED, NMSVE = "quality.kg_error_percent", "quality.sted", "quality.nmsve_mean"
 ERRORS = {"KG": KG, "STED": STED, "NMSVE": NMSVE}
@@ -49,7 +49,7 @@ PRINTED_DICTIONARY_BITS = (8.5, 10.6)
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the results of a sequence say about a claim."""
+    """Evidence for or against a claim in the results of a sequence."""
 
     value: float | None
     """The claim's measure; None if the results do not allow a verdict."""
@@ -150,19 +150,19 @@ def _at_equal_rate(
     rate: str = RATE,
 ) -> Evidence | None:
     """The errors of a variant relative to another at equal rate; the largest ratio decides."""
-    ratios, listed = {}, []
+    ratios, texts = {}, []
     for name in errors:
         points = results.points(ERRORS[name].removeprefix("quality."), rate)
         change = error_at_equal_rate(points.get(first, []), points.get(second, []))
         if change.percent is not None:
             ratios[name] = 1 + change.percent / 100
             rates = f"{change.low_error:.2g} to {change.high_error:.2g} bpvf"
-            listed.append(f"{name} {ratios[name]:.2f} ({rates})")
+            texts.append(f"{name} {ratios[name]:.2f} ({rates})")
     if not ratios:
         return None
     return Evidence(
         max(ratios.values()),
-        f"Errors of `{first}` relative to `{second}`: {', '.join(listed)}.",
+        f"Errors of `{first}` relative to `{second}`: {', '.join(texts)}.",
         ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items()),
     )
 
@@ -187,7 +187,7 @@ def _increase(pairs: Sequence[Pair]) -> float:
     return 100 * (first / (second or 1.0) - 1)
 
 
-def _compared(
+def _compare(
     results: PaperResults,
     first: str,
     second: str,
@@ -211,17 +211,17 @@ def _compared(
     pair = [
         long and {"seconds": long[label]} if run else results.variant(label) for label in labels
     ]
-    compared = [result for result in pair if result is not None]
-    if len(compared) < 2:
+    found = [result for result in pair if result is not None]
+    if len(found) < 2:
         return None
-    values = {name: [_value(result, keys) for result in compared] for name, keys in figures.items()}
-    listed = [f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()]
-    rates = "" if long else " and ".join(f"{_value(result, RATE):.3g}" for result in compared)
+    values = {name: [_value(result, keys) for result in found] for name, keys in figures.items()}
+    texts = [f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()]
+    rates = "" if long else " and ".join(f"{_value(result, RATE):.3g}" for result in found)
     setting = f"{long['n_frames']} frames" if long else f"{rates} bpvf"
     return Evidence(
         measure(list(values.values())),
-        f"`{first}` against `{second}`, {setting}: {', '.join(listed)}.",
-        listed[0],
+        f"`{first}` against `{second}`, {setting}: {', '.join(texts)}.",
+        texts[0],
     )
 
 
@@ -230,14 +230,14 @@ def _anchor_choice(results: PaperResults) -> Evidence | None:
     others = _random_changes(results, _QP_COEFFICIENTS, RANDOM_COEFFICIENTS)
     if not changes:
         return None
-    listed, of_coefficients = (
-        ", ".join(f"{change:+.1f} %" for change in each) for each in (changes, others)
+    texts, coefficient_texts = (
+        ", ".join(f"{change:+.1f} %" for change in group) for group in (changes, others)
     )
     return Evidence(
         max(map(abs, changes)),
-        f"KG with random anchors against farthest points, by seed: {listed}."
-        + (f" With coefficients instead of positions: {of_coefficients}." if others else ""),
-        f"KG {listed}",
+        f"KG with random anchors against farthest points, by seed: {texts}."
+        + (f" With coefficients instead of positions: {coefficient_texts}." if others else ""),
+        f"KG {texts}",
     )
 
 
@@ -253,27 +253,27 @@ def _random_changes(results: PaperResults, label: str, choices: Sequence[str]) -
 
 
 def _lowest_error(results: PaperResults) -> Evidence | None:
-    finished = sorted(done(results.variants), key=lambda result: _value(result, NMSVE))
+    ranked = sorted(usable(results.variants), key=lambda result: _value(result, NMSVE))
     best: dict[bool, float] = {}
-    for result in reversed(finished):
+    for result in reversed(ranked):
         best[method_of_result(result) in ("pca-qs", "pca-qp")] = _value(result, NMSVE)
     if len(best) < 2:
         return None
-    listed = ", ".join(
+    texts = ", ".join(
         f"`{label_of_result(result)}` {_value(result, NMSVE):.2e} at {_value(result, RATE):.2g}"
-        for result in finished
+        for result in ranked
     )
     ratio = best[True] / (best[False] or 1.0)
-    lowest = label_of_result(finished[0])
+    lowest = label_of_result(ranked[0])
     return Evidence(
-        ratio, f"Mean NMSVE at bpvf, the lowest first: {listed}.", f"{ratio:.2f}, lowest {lowest}"
+        ratio, f"Mean NMSVE at bpvf, the lowest first: {texts}.", f"{ratio:.2f}, lowest {lowest}"
     )
 
 
 def _similar_pattern(results: PaperResults) -> Evidence | None:
     curves = [
         np.array(result["quality"]["nmsve"], float)
-        for result in done(results.variants)
+        for result in usable(results.variants)
         if method_of_result(result) not in ("gft", "pca-qs")
     ]
     varying = [curve for curve in curves if np.ptp(curve) > 0]
@@ -285,15 +285,15 @@ def _similar_pattern(results: PaperResults) -> Evidence | None:
 
 
 def _rows_enough(results: PaperResults) -> Evidence | None:
-    rows = {result["identity"]["setting"]["n_modes"]: result for result in done(results.rows)}
+    rows = {result["identity"]["setting"]["n_modes"]: result for result in usable(results.rows)}
     if 20 not in rows or 30 not in rows:
         return None
-    listed = ", ".join(
+    texts = ", ".join(
         f"{n_modes}: {_value(result, KG):.3g} % and {_value(result, STED):.3g}"
         for n_modes, result in sorted(rows.items())
     )
     fall = -_increase([(_value(rows[30], STED), _value(rows[20], STED))])
-    return Evidence(fall, f"KG and STED by k_l, 8 bits: {listed}.", f"STED {-fall:+.0f} %")
+    return Evidence(fall, f"KG and STED by k_l, 8 bits: {texts}.", f"STED {-fall:+.0f} %")
 
 
 def _differences(results: PaperResults) -> Evidence | None:
@@ -400,7 +400,7 @@ _ENCODE, _DECODE = (
     for verb, phase in (("encode", "encode"), ("reconstruct", "decode"))
 )
 _equal_kg = partial(_at_equal_rate, errors=("KG",))
-_long = partial(_compared, first="blocks", second="pca-qp", run="long sequence")
+_long = partial(_compare, first="blocks", second="pca-qp", run="long sequence")
 
 CLAIMS = tuple(
     Claim(*row)
@@ -419,10 +419,10 @@ CLAIMS = tuple(
          "fall of STED from 20 to 30 rows, percent", 10.0, 20.0, _rows_enough),
         ("Anchors raise the level of detail (PCA+qp, PCA+q)",
          "largest of KG, STED and NMSVE over those without, at the settings of the tables",
-         *RATIO, partial(_compared, first="pca-qp", second="pca-q")),
+         *RATIO, partial(_compare, first="pca-qp", second="pca-q")),
         ("1 % of the vertices as anchors are better than 0.5 %",
          "largest of KG, STED and NMSVE over those with 0.5 %, at the settings of the tables",
-         *RATIO, partial(_compared, first="pca-qp", second="pca-qp (0.5 %)")),
+         *RATIO, partial(_compare, first="pca-qp", second="pca-qp (0.5 %)")),
         ("The choice of anchors hardly affects the results",
          "largest change of KG with three random sets, percent", 5.0, 15.0, _anchor_choice),
         ("Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp",
@@ -431,11 +431,11 @@ CLAIMS = tuple(
          _KG_RATE, *RATIO, partial(_equal_kg, first="blocks", second=_BLOCKS_COEFFICIENTS)),
         ("Anchors need 16 bits for each position",
          "increase of KG with 12 bits, percent", 10.0, 2.0,
-         partial(_compared, first="pca-qp", second=f"pca-qp ({CHOICE_NAMES[FINE_ANCHORS]})",
+         partial(_compare, first="pca-qp", second=f"pca-qp ({CHOICE_NAMES[FINE_ANCHORS]})",
                  figures={"KG": KG, "q_a": "rates.stored.q_a"}, measure=_increase)),
         ("Variant (ii) read as the projection of quantized deltas is better than Eq. 10",
          "largest of q, KG and STED over those of Eq. 10", *RATIO,
-         partial(_compared, first=f"pca-q ({CHOICE_NAMES[QUANTIZED_DELTAS]})", second="pca-q",
+         partial(_compare, first=f"pca-q ({CHOICE_NAMES[QUANTIZED_DELTAS]})", second="pca-q",
                  figures={"q": "rates.stored.q", "KG": KG, "STED": STED})),
         ("PCA+qs and PCA+qp have the lowest NMSVE at the settings of the tables",
          "their mean NMSVE over the lowest of the others", *RATIO, _lowest_error),
@@ -445,17 +445,17 @@ CLAIMS = tuple(
          "standard deviation over the mean, percent", 10.0, 20.0, _steadiness),
         ("PCA+qs and PCA+qp have equal quality",
          "largest difference of KG, STED and NMSVE, percent", 0.1, 1.0,
-         partial(_compared, first="pca-qs", second="pca-qp", measure=_difference)),
+         partial(_compare, first="pca-qs", second="pca-qp", measure=_difference)),
         ("PCA+qs has temporal artifacts that PCA+qp does not have",
          "temporal part of STED of PCA+qp over that of PCA+qs", *RATIO,
-         partial(_compared, first="pca-qp", second="pca-qs",
+         partial(_compare, first="pca-qp", second="pca-qs",
                  figures={"temporal part of STED": "quality.sted_temporal"})),
         ("PCA+qp is much faster to reconstruct than PCA+qs", _SECONDS, 0.5, 1.0,
-         partial(_compared, first="pca-qp", second="pca-qs", figures=_DECODE)),
+         partial(_compare, first="pca-qp", second="pca-qs", figures=_DECODE)),
         ("Blocks are faster to encode than PCA+qp", _SECONDS, *RATIO,
-         partial(_compared, first="blocks", second="pca-qp", figures=_ENCODE)),
+         partial(_compare, first="blocks", second="pca-qp", figures=_ENCODE)),
         ("Blocks are faster to reconstruct than PCA+qp", _SECONDS, *RATIO,
-         partial(_compared, first="blocks", second="pca-qp", figures=_DECODE)),
+         partial(_compare, first="blocks", second="pca-qp", figures=_DECODE)),
         ("Blocks are faster to encode than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,
          partial(_long, figures=_ENCODE)),
         ("Blocks are faster to reconstruct than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,

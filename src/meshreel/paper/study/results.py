@@ -6,7 +6,7 @@ from typing import Any
 from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
 from meshreel.runtime.counting import duration_text, size_text
 from meshreel.studies.rate_distortion import Point
-from meshreel.studies.runs import Result, done
+from meshreel.studies.runs import Result, usable
 
 RATE, ENTROPY_RATE = "rate_order_dropped_bpvf", "rate_order_dropped_entropy_bpvf"
 """Figures of a result: the rate of the file without order, and the same if coefficients took their
@@ -66,7 +66,7 @@ class PaperResults:
 
     def variant(self, label: str) -> Result | None:
         """The variant or alternative with this label; None if it was not run or failed."""
-        results = done([*self.variants, *self.alternatives])
+        results = usable([*self.variants, *self.alternatives])
         return next((result for result in results if label_of_result(result) == label), None)
 
     def points(self, figure: str, rate: str = RATE) -> dict[str, list[Point]]:
@@ -76,7 +76,7 @@ class PaperResults:
         `pca-qs`, which has the quality of `pca-qp`.
         """
         curves: dict[str, set[Point]] = {}
-        for result in done([*self.sweep, *self.variants, *self.rows]):
+        for result in usable([*self.sweep, *self.variants, *self.rows]):
             setting, error = setting_of_result(result), result["quality"][figure]
             is_default = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
             if error is not None and is_default and setting.method != "pca-qs":
@@ -96,7 +96,7 @@ class FullBasis:
     """Of one decomposition."""
     memory_bytes: float
     source: str
-    """What it is extrapolated from."""
+    """The measurement from which it is extrapolated."""
 
     @property
     def seconds(self) -> float:

@@ -171,8 +171,8 @@ def quiet_blocks_run(sequence: MeshSequence) -> Run:
             progress("blocks", number / len(blocks))
             payload = write_rows(Quantized.of(row, steps))
             bits.append(8 * len(payload) / 3 / (sequence.n_verts * block.shape[1]))
-            moves = np.diff(block, axis=1)
-            motion.append(100 * float(np.sqrt(3 * np.mean(moves**2))))
+            displacements = np.diff(block, axis=1)
+            motion.append(100 * float(np.sqrt(3 * np.mean(displacements**2))))
         n_modes = [row.shape[1] for row in rows]
         return Outcome({"motion_percent": motion, "bits": bits, "n_modes": n_modes})
 

@@ -42,7 +42,7 @@ from meshreel.paper.sweeps import (
 )
 from meshreel.rendering.documents import Part, Picture, bullets
 from meshreel.runtime.progress import Progress
-from meshreel.studies.runs import Result, Run, done, result_of
+from meshreel.studies.runs import Result, Run, result_of, usable
 from meshreel.studies.study import Subject
 
 ALTERNATIVES_NOTE = (
@@ -94,7 +94,8 @@ CHOICES = (
 
 def variant_lines(measured: Sequence[PaperResults]) -> tuple[str, ...]:
     """The distinct settings as text."""
-    settings = (setting_of_result(result) for each in measured for result in each.variants)
+    variants = (result for results in measured for result in results.variants)
+    settings = map(setting_of_result, variants)
     lines = (f"`{setting.label}`: {settings_line(setting)}" for setting in settings)
     return tuple(dict.fromkeys(lines))
 
@@ -126,12 +127,12 @@ def _rate_note(results: PaperResults) -> str:
 
 
 def _seconds_note(results: PaperResults) -> str:
-    text = f"Measured: {MEASURED}. " if done(results.variants) else ""
+    text = f"Measured: {MEASURED}. " if usable(results.variants) else ""
     text += "The median of three runs if one takes less than two seconds, else one run."
     if results.decompositions is not None:
-        each = results.decompositions["seconds_each"]
+        seconds = results.decompositions["seconds_each"]
         text += (
-            f" * Extrapolated from {N_DECOMPOSITIONS} decompositions: {each:.3g} s each for "
+            f" * Extrapolated from {N_DECOMPOSITIONS} decompositions: {seconds:.3g} s each for "
             f"{results.decompositions['n_modes']} graph frequencies, added for every frame after "
             "the first, both to encoding and to reconstruction. All other values are measured in "
             "full."
@@ -213,7 +214,7 @@ class PaperStudy:
         if graph is None:
             return results
         run = decompositions_run(sequence, max(graph["stream"]["n_modes"]))
-        decompositions = done([result_of(run, store, progress)])
+        decompositions = usable([result_of(run, store, progress)])
         full = None if self.quick else result_of(full_decomposition_run(sequence), store, progress)
         return replace(
             results,
@@ -227,9 +228,9 @@ class PaperStudy:
         """Functions that each draw a figure, in the paper's order."""
         sequence, slug, store = subject.sequence, subject.slug, subject.store
         yield partial(matrices.draw_projected_deltas, sequence, slug, folder)
-        if done(results.rows):
+        if usable(results.rows):
             yield partial(meshes.draw_row_counts, sequence, results.rows, store, slug, folder)
-        if not done(results.variants):
+        if not usable(results.variants):
             return
         yield partial(diagrams.draw_error_per_frame, results, folder)
         yield partial(diagrams.draw_bits_per_row, results, folder)

@@ -162,11 +162,11 @@ def rate_table(results: PaperResults) -> Table:
     header += ["q, zero-order entropy", "bpvf of the file", "bpvf, order dropped"]
 
     def cells(result: Result) -> list[str]:
-        rates, beside = result["rates"], _printed_for(result, printed)
+        rates, paper_values = result["rates"], _printed_for(result, printed)
         values = []
         for name in RATES:
             values.append(rates["eq13"][name])
-            values += [getattr(beside, name, None)] if printed else []
+            values += [getattr(paper_values, name, None)] if printed else []
         values += [rates["stored"][name] for name in RATES]
         return [number(rate) for rate in (*values, rates["q_entropy"], result["rate_bpvf"],
                                           result[RATE])]  # fmt: skip
@@ -238,10 +238,10 @@ def alternatives_table(results: PaperResults) -> Table:
         stored = result["rates"]["stored"]
         return [number(stored["q"]), number(stored["q_a"]), *_rate_and_errors(result)]
 
-    compared = {method_of_result(result) for result in results.alternatives}
-    defaults = [result for result in results.variants if label_of_result(result) in compared]
-    shown = sorted((*defaults, *results.alternatives), key=method_of_result)
-    return _table(f"What the paper leaves open, {results.name}", header, shown, cells)
+    methods = {method_of_result(result) for result in results.alternatives}
+    defaults = [result for result in results.variants if label_of_result(result) in methods]
+    ordered = sorted((*defaults, *results.alternatives), key=method_of_result)
+    return _table(f"What the paper leaves open, {results.name}", header, ordered, cells)
 
 
 def seconds_table(results: PaperResults) -> Table:
@@ -262,11 +262,11 @@ def seconds_table(results: PaperResults) -> Table:
             seconds = [result["seconds"][part] for part in PHASES]
             name = f"{label}, decomposed once" if is_graph else label
             # The paper's values of `gft` belong to the row with all frequencies.
-            beside = None if is_graph else _printed_for(result, printed)
-            rows.append([name, *map(significant, seconds), *_printed_seconds(beside)])
+            paper_values = None if is_graph else _printed_for(result, printed)
+            rows.append([name, *map(significant, seconds), *_printed_seconds(paper_values)])
             if is_graph and results.decompositions is not None:
-                each, n_more = results.decompositions, results.sequence["n_frames"] - 1
-                extra = 2 * [each["seconds_each"], each["processor_seconds_each"]]
+                costs, n_more = results.decompositions, results.sequence["n_frames"] - 1
+                extra = 2 * [costs["seconds_each"], costs["processor_seconds_each"]]
                 pairs = zip(seconds, extra, strict=True)
                 cells = (f"{once + n_more * more:.0f}" for once, more in pairs)
                 rows.append([f"{label}, decomposed for each frame *", *cells])

@@ -10,7 +10,7 @@ from meshreel.paper.study.results import PaperResults, label_of_result, method_o
 from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.studies.plots import draw_envelopes, line_style, list_lines, plain_ticks, tidy
-from meshreel.studies.runs import Result, done
+from meshreel.studies.runs import Result, usable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,9 +39,9 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
     """Fig. 4: NMSVE of every frame for all variants."""
     figure = blank_figure(8, 4.2)
     axes = figure.add_subplot()
-    finished = done(results.variants)
-    errors = [np.array(result["quality"]["nmsve"], float) for result in finished]
-    for result, values in zip(finished, errors, strict=True):
+    measured = usable(results.variants)
+    errors = [np.array(result["quality"]["nmsve"], float) for result in measured]
+    for result, values in zip(measured, errors, strict=True):
         label, marker = label_of_result(result), "o" if len(values) == 1 else None
         axes.plot(values, marker=marker, label=label, **line_style(label))
     positive = np.concatenate(errors)
@@ -62,7 +62,7 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
         "NMSVE of every frame, all variants at the settings of the tables. Positions are divided "
         "by the diagonal of the first frame's bounding box. Rates differ: Table I has them."
     )
-    if {"pca-qs", "pca-qp"} <= {method_of_result(result) for result in finished}:
+    if {"pca-qs", "pca-qp"} <= {method_of_result(result) for result in measured}:
         caption += " The wide line of `pca-qs` is drawn under that of `pca-qp`."
     return Picture(path, "Fig. 4", caption, 1)
 
@@ -70,7 +70,7 @@ def draw_error_per_frame(results: PaperResults, folder: Path) -> Picture:
 def draw_bits_per_row(results: PaperResults, folder: Path) -> Picture:
     """Fig. 5: bits of an entry in each row of coefficients, for all variants."""
     groups: dict[str, list[Result]] = {}
-    for result in done(results.variants):
+    for result in usable(results.variants):
         method = method_of_result(result)
         groups.setdefault(method if method in ROW_AXES else "", []).append(result)
     figure = blank_figure(8, 0.4 + 2.7 * len(groups))
@@ -117,16 +117,16 @@ def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
 
 def _group_equal_rows(group: Sequence[Result]) -> list[tuple[str, Result]]:
     """Results with distinct rows, each with the labels of all results that share them."""
-    labeled: list[tuple[str, Result]] = []
+    groups: list[tuple[str, Result]] = []
     for result in group:
         label = label_of_result(result)
-        for number, (labels, other) in enumerate(labeled):
+        for number, (labels, other) in enumerate(groups):
             if other["bits_per_row"] == result["bits_per_row"]:
-                labeled[number] = (f"{labels},\n{label}", result)
+                groups[number] = (f"{labels},\n{label}", result)
                 break
         else:
-            labeled.append((label, result))
-    return labeled
+            groups.append((label, result))
+    return groups
 
 
 def _draw_rows(axes: "Axes", labels: str, result: Result) -> "Line2D":

@@ -94,7 +94,7 @@ def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
 
 
 def draw_dictionaries(
-    sequence: MeshSequence, block_frames: int, n_kept: int, slug: str, folder: Path
+    sequence: MeshSequence, block_frames: int, n_stored: int, slug: str, folder: Path
 ) -> Picture:
     """Fig. 6: whole dictionaries of consecutive blocks, and the differences between them.
 
@@ -102,7 +102,7 @@ def draw_dictionaries(
     ----------
     block_frames : int
         Frames of each block.
-    n_kept : int
+    n_stored : int
         Columns that streams of `blocks` contain.
     """
     shown = dictionaries(sequence, block_frames, block_frames)[:MAX_BLOCKS]
@@ -122,7 +122,7 @@ def draw_dictionaries(
         for column, (values, name) in enumerate(zip(row, names, strict=True)):
             left = 2 * column + number
             axes = figure.add_subplot(grid[number, left : left + 2])
-            image = _draw_matrix(axes, values, largest, n_kept)
+            image = _draw_matrix(axes, values, largest, n_stored)
             axes.set_title(name, fontsize=8, pad=4)
             if column == 0:
                 axes.set_ylabel("frame of the block", fontsize=7, labelpad=2)
@@ -135,7 +135,7 @@ def draw_dictionaries(
     bar.ax.tick_params(labelsize=7)
     path = folder / f"{slug}-fig6-dictionaries.png"
     save_figure(figure, path, overwrite=True, dpi=DPI)
-    line = f"The dashed line follows column {n_kept}: `blocks` keeps {n_kept} columns. "
+    line = f"The dashed line follows column {n_stored}: `blocks` keeps {n_stored} columns. "
     caption = (
         f"Whole dictionaries of x ({block_frames} x {block_frames}) of the first "
         f"{counted(n_blocks, 'block')}"
@@ -145,19 +145,19 @@ def draw_dictionaries(
             ", and below them the differences between consecutive dictionaries, on the same color "
             "scale; columns have the order and signs closest to those of the block before"
         )
-    caption += f". {line if n_kept < block_frames else ''}Findings list the bits of an entry."
+    caption += f". {line if n_stored < block_frames else ''}Findings list the bits of an entry."
     return Picture(path, "Fig. 6", caption, sum(map(len, rows)))
 
 
-def _draw_matrix(axes: "Axes", values: Floats, largest: float, n_kept: int) -> "AxesImage":
-    """Draw a dictionary or a difference, with a dashed line after the first `n_kept` columns."""
+def _draw_matrix(axes: "Axes", values: Floats, largest: float, n_stored: int) -> "AxesImage":
+    """Draw a dictionary or a difference, with a dashed line after the first `n_stored` columns."""
     n_rows, n_columns = values.shape
     extent = (0.5, n_columns + 0.5, n_rows + 0.5, 0.5)
     image = axes.imshow(
         values, vmin=-largest, vmax=largest, extent=extent, interpolation="nearest", cmap="RdBu_r"
     )
-    if n_kept < n_columns:
-        axes.axvline(n_kept + 0.5, color="#000000", linewidth=0.8, linestyle="--")
+    if n_stored < n_columns:
+        axes.axvline(n_stored + 0.5, color="#000000", linewidth=0.8, linestyle="--")
     _number_from_1(axes)
     axes.tick_params(labelsize=7, length=2, pad=2)
     return image

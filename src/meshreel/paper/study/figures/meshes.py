@@ -21,7 +21,7 @@ from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.rendering.rasterizer import render
 from meshreel.rendering.visibility import nearness, visible_faces
-from meshreel.studies.runs import Result, Store, done
+from meshreel.studies.runs import Result, Store, usable
 
 Frame = npt.NDArray[np.floating]
 
@@ -60,7 +60,9 @@ def draw_row_counts(
     """Fig. 3: one frame with growing numbers of rows, and the original."""
     frame = uncommon_frame(sequence)
     original = sequence.vertices[frame]
-    shown = [(_row_title(result), _decoded_frame(result, store, frame)) for result in done(results)]
+    shown = [
+        (_row_title(result), _decoded_frame(result, store, frame)) for result in usable(results)
+    ]
     shown.append((f"original\nframe {frame}", original))
     camera = _camera(original)
     columns = [(title, [render(vertices, sequence.faces, camera)]) for title, vertices in shown]
@@ -79,7 +81,7 @@ def draw_variants(
 ) -> Picture:
     """Fig. 7: the original and every variant, with an enlarged detail and errors of normals."""
     frame = uncommon_frame(sequence)
-    original, faces, shown = sequence.vertices[frame], sequence.faces, done(results)
+    original, faces, shown = sequence.vertices[frame], sequence.faces, usable(results)
     decoded = [_decoded_frame(result, store, frame) for result in shown]
     angles = [vertex_normal_angle_deg(original, vertices, faces) for vertices in decoded]
     top_deg = _heat_top_deg(shown, angles)
@@ -92,12 +94,12 @@ def draw_variants(
         shaded = render(vertices, faces, camera)
         detail = render_detail(vertices, faces, camera, corner, size)
         if number == 0:
-            shaded = _outlined(shaded, corner, size)
+            shaded = _outline(shaded, corner, size)
             heat = draw_color_bar(0.0, top_deg, unit="degrees", height=max(camera.height, 80))
         else:
             colors = colorize(angles[number - 1], 0.0, top_deg)
             heat = render(vertices, faces, camera, colors=colors, glow=HEAT_GLOW)
-        detail = _outlined(detail, (0, 0), (detail.shape[1], detail.shape[0]))
+        detail = _outline(detail, (0, 0), (detail.shape[1], detail.shape[0]))
         columns.append((titles[number], [shaded, detail, heat]))
     path = folder / f"{slug}-fig7-variants.png"
     save_sheet(columns, path, ("shaded", f"detail, {ENLARGEMENT} times", "error of normals"))
@@ -120,7 +122,7 @@ def save_sheet(
     n_bands = -(-len(columns) // max(1, SHEET_PX // width))
     n_across = -(-len(columns) // n_bands)
     left = 3 * GAP_PX if row_titles else GAP_PX
-    titles = [_wrapped(title, width // LETTER_PX) for title, _ in columns]
+    titles = [_wrap(title, width // LETTER_PX) for title, _ in columns]
     title_px = LINE_PX * max(len(title.splitlines()) for title in titles) + GAP_PX
     band_px = title_px + sum(height + GAP_PX for height in heights)
     sheet_width, sheet_height = left + n_across * (width + GAP_PX), n_bands * band_px
@@ -152,7 +154,7 @@ def detail_corner(
     """Find the part of a picture where the errors of variants differ most.
 
     Each pixel is weighted by the squared interquartile range of the angles of its face over all
-    variants: places where all are equally wrong have no weight, a single bad variant has little,
+    variants: pixels where all are equally wrong have no weight, a single bad variant has little,
     and a few large differences count more than many invisible ones. A single variant is compared
     with the original. Hidden faces have no pixels, and the background no weight.
 
@@ -174,8 +176,8 @@ def detail_corner(
     visible = visible_faces(points, nearness(depths), faces, (camera.width, camera.height))
     if len(angles) == 1:
         angles = [np.zeros(len(original)), *angles]
-    of_faces = np.array([angle[faces].mean(axis=1) for angle in angles])
-    differences = np.subtract(*np.percentile(of_faces, (75, 25), axis=0)) ** 2
+    face_angles = np.array([angle[faces].mean(axis=1) for angle in angles])
+    differences = np.subtract(*np.percentile(face_angles, (75, 25), axis=0)) ** 2
     weights = np.zeros(len(visible))
     weights[visible >= 0] = differences[visible[visible >= 0]]
     if not weights.any():
@@ -209,7 +211,7 @@ def render_detail(
     return render(vertices, faces, enlarged)[top : top + height, left : left + width]
 
 
-def _outlined(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> Image:
+def _outline(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> Image:
     """The image with a thin rectangle around a part of it."""
     outlined = image.copy()
     outlined[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]] = MARK_COLOR
@@ -221,7 +223,7 @@ def _outlined(image: Image, corner: tuple[int, int], size: tuple[int, int]) -> I
     return outlined
 
 
-def _wrapped(title: str, n_letters: int) -> str:
+def _wrap(title: str, n_letters: int) -> str:
     return "\n".join(textwrap.fill(line, n_letters) for line in title.splitlines())
 
 
@@ -249,12 +251,12 @@ def _camera(vertices: Frame) -> Camera:
 
 def _heat_top_deg(results: Sequence[Result], angles: Sequence[Floats]) -> float:
     """The top of the color scale, chosen to distinguish the better variants."""
-    solved = [
+    selected = [
         angle
         for result, angle in zip(results, angles, strict=True)
         if method_of_result(result) in HEAT_METHODS
     ]
-    values = np.concatenate(solved or list(angles))
+    values = np.concatenate(selected or list(angles))
     return round_up(float(np.percentile(values, HEAT_PERCENTILE)))
 
 
