@@ -38,7 +38,7 @@ from meshreel.registration.register import Registration, register
 from meshreel.registration.transfer import items_at_corners
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.rendering.camera import Camera, fit_camera
-from meshreel.rendering.visibility import nearness, visible_faces
+from meshreel.rendering.visibility import inverse_depths, visible_faces
 from meshreel.studies.timing import timed_once
 from registration import remeshed
 
@@ -133,7 +133,7 @@ def rendered(frame: MeshFrame, corners: Floats, image: Image.Image, camera: Came
     side = camera.width
     vertices = frame.vertices.astype(np.float64)
     points, depths = camera.project(vertices)
-    near = nearness(depths)
+    near = inverse_depths(depths)
     faces = visible_faces(points, near, frame.faces, (side, side))
     pixels = np.flatnonzero(faces >= 0)
     owners = faces[pixels]

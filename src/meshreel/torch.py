@@ -225,7 +225,7 @@ class ReelDataset(Dataset[Window]):
         if not 0 <= first < n_windows:
             raise IndexError(f"no window starts with frame {first}; the sequence has {n_windows}")
         frames = range(first, first + self.span, self.step)
-        vertices, *values = (self._decoded(sequence, name, frames) for name in ("", *self.tracks))
+        vertices, *values = (self._decode(sequence, name, frames) for name in ("", *self.tracks))
         tracks = dict(zip(self.tracks, values, strict=True))
         return Window(vertices, tracks, sequence, torch.tensor(frames))
 
@@ -245,20 +245,20 @@ class ReelDataset(Dataset[Window]):
 
         def load(key: Key) -> None:
             try:
-                loaded[key] = self._loaded(*key)
+                reels[key] = self._load_block(*key)
             except Exception as error:  # raised below, when no thread opens a file any more
                 errors.append(error)
 
         for start in range(0, len(missing), n_cores()):  # few at a time, to bound the memory
-            loaded: dict[Key, ReelFile] = {}
+            reels: dict[Key, ReelFile] = {}
             errors: list[Exception] = []
             in_threads(load, missing[start : start + n_cores()])
-            for key, entry in loaded.items():
+            for key, entry in reels.items():
                 cache.put(key, entry)
             for error in errors:
                 raise error
 
-    def _decoded(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
+    def _decode(self, sequence: int, name: str, frames: range) -> "torch.Tensor":
         """Return positions (name "") or values of a track at some frames, of shape (W, N, C)."""
         # A file holds two blocks at a time; opened once for each, all of them can be cached.
         key = sequence, self._block(sequence, frames[0])
@@ -285,7 +285,7 @@ class ReelDataset(Dataset[Window]):
         """Close the block that contains a frame."""
         self._open().close((sequence, self._block(sequence, frame)))
 
-    def _loaded(self, sequence: int, block: int) -> ReelFile:
+    def _load_block(self, sequence: int, block: int) -> ReelFile:
         with ExitStack() as on_error:
             reel = on_error.enter_context(self._reel(sequence))
             reel.load(block)

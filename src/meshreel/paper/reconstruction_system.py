@@ -48,7 +48,7 @@ class ReconstructionSystem:
         is_long = np.diff(laplacian.indptr) > MAX_ROW_ENTRIES
         short, long = laplacian[~is_long], laplacian[is_long]
         matrix = short.T @ short + diags_array(selected)
-        if is_long.any():  # y = long x, so that eliminating y adds long^T long
+        if is_long.any():  # y = B x for the long rows B: eliminating y adds B^T B
             matrix = block_array([[matrix, long.T], [long, -eye_array(long.shape[0])]])
         try:
             self._factor = splu(

@@ -125,14 +125,14 @@ def check_textured(raw: MeshSequence) -> None:
 
 def _n_color_images(surface: Surface) -> int:
     """Return the number of images that color the faces."""
-    used = {
+    names = {
         group.labels[number]
         for group in surface.groups
         if group.name == "material"
         for number in np.unique(group.numbers[group.numbers >= 0]).tolist()
     }
     textures = [
-        material.base_color_texture for material in surface.materials if material.name in used
+        material.base_color_texture for material in surface.materials if material.name in names
     ]
     return len({texture.image for texture in textures if texture is not None})
 
@@ -159,8 +159,8 @@ def with_atlases(registration: Registration, size: Size) -> tuple[Registration, 
         local = registered.key - registered.first
         key = registration.frames.normalized(segment.read(local, local + 1)[0])
         new_uv = generate_uv(key.astype(np.float32), segment.faces, size)
-        whole = frames_of(segment, range(segment.n_frames))
-        segments[number] = whole.replace(surface=_with_uv(segment.surface, new_uv))
+        loaded = frames_of(segment, range(segment.n_frames))
+        segments[number] = loaded.replace(surface=_with_uv(segment.surface, new_uv))
         n_generated += 1
     with_uvs = MeshSequence.of_segments(
         segments, registration.sequence.name, registration.sequence.timing

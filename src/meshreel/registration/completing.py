@@ -82,13 +82,13 @@ def may_lack_surface(mesh: TriangleMesh, tolerance: Tolerance) -> bool:
 
 
 def complete_key(
-    key: KeyMesh, whole: TriangleMesh, patches: Iterable[TriangleMesh], tolerance: Tolerance
+    key: KeyMesh, cleaned: TriangleMesh, patches: Iterable[TriangleMesh], tolerance: Tolerance
 ) -> KeyMesh:
     """Return a key extended by patches beyond its boundary, the largest first; or the key itself.
 
     Parameters
     ----------
-    whole : TriangleMesh
+    cleaned : TriangleMesh
         The cleaned raw mesh of the key, to which the corners of the key refer.
     patches : iterable of TriangleMesh
         In the pose of the key.
@@ -96,7 +96,7 @@ def complete_key(
     for patch in sorted(patches, key=lambda patch: -patch.areas.sum()):
         edge = _mean_edge(patch)
         for part in list(_patches_beyond(key.mesh, patch, tolerance)):
-            key = _join(key, whole, part, edge, tolerance)
+            key = _join(key, cleaned, part, edge, tolerance)
     return key
 
 
@@ -132,7 +132,7 @@ def _match_boundary(
 
 
 def _join(
-    key: KeyMesh, whole: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
+    key: KeyMesh, cleaned: TriangleMesh, patch: TriangleMesh, edge: float, tolerance: Tolerance
 ) -> KeyMesh:
     """Return the key joined with a decimated patch along its boundary, if possible."""
     patch_key = KeyMesh.of_mesh(patch)
@@ -147,7 +147,7 @@ def _join(
         return key
     vertices = np.concatenate([mesh.vertices, patch.vertices])
     added = np.concatenate([added, _close_slits(vertices, mesh.faces, added, MAX_SLIT * edge)])
-    closest = whole.closest(vertices[added].mean(axis=1))
+    closest = cleaned.closest(vertices[added].mean(axis=1))
     weights = np.eye(3)[closest.weights.argmax(axis=1)]
     return KeyMesh(
         TriangleMesh(*_compact(vertices, np.concatenate([mesh.faces, added]))),

@@ -26,17 +26,17 @@ SMOOTHNESS = 0.03, 0.01, 0.003
 """Smoothness of the steps that fit the mesh."""
 
 
-def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyMesh:
-    """Return a mesh with fewer vertices, fitted to the surface; `whole` itself if none is near.
+def decimated_key(full: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyMesh:
+    """Return a mesh with fewer vertices, fitted to the surface; `full` itself if none is near.
 
     Parameters
     ----------
-    whole : KeyMesh
+    full : KeyMesh
         The mesh of a cleaned frame, in longest sides of the box.
     wedges : int64 array of shape (M, 3)
         Corners of a vertex have the same number if they have the same attributes.
     """
-    mesh, length = whole.mesh, tolerance.length
+    mesh, length = full.mesh, tolerance.length
     max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
     rms = min(RMS * error_scale(tolerance.quality), MAX_RMS)
     faces, remaining_wedges = decimated(
@@ -48,7 +48,7 @@ def decimated_key(whole: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyM
     for smoothness in SMOOTHNESS:
         coarse = TriangleMesh(fit.step(coarse, rest, mesh, smoothness), coarse.faces)
     if measure(coarse, mesh, tolerance).exceeds(tolerance):
-        return whole
+        return full
     corners = np.zeros(int(wedges.max()) + 1, np.int64)
     corners[wedges.ravel()] = np.arange(wedges.size)
     kept_corners = corners[remaining_wedges]

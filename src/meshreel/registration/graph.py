@@ -103,10 +103,10 @@ class DeformationGraph:
         nearest, weights = _nearest_nodes(lengths, nodes, spacing)
         sparse = REGISTER_SCIPY.load("sparse")
         rows = np.repeat(np.arange(len(vertices)), nearest.shape[1])
-        used = weights.ravel() > 0
+        has_weight = weights.ravel() > 0
         shape = len(vertices), len(nodes)
         moves = sparse.csr_matrix(
-            (np.ones(int(used.sum())), (rows[used], nearest.ravel()[used])), shape
+            (np.ones(int(has_weight.sum())), (rows[has_weight], nearest.ravel()[has_weight])), shape
         )
         shared = (moves.T @ moves).tocoo()
         is_edge = shared.row != shared.col

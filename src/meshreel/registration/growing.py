@@ -145,7 +145,7 @@ class Topology(NamedTuple):
         return cls(mesh.n_components - n_fragments, euler_number, -n_fragments)
 
 
-class RegisteredFrame(NamedTuple):
+class Success(NamedTuple):
     """A key mesh registered to a frame.
 
     Attributes
@@ -267,13 +267,13 @@ def grow_segments(
         segment = _longest(frames, key, run, tolerance, store, partial(report_all, key))
         n_growing[key] = segment.n_frames
         remaining = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
-        return [segment, *divided(filter(None, remaining))]
+        return [segment, *divide_all(filter(None, remaining))]
 
-    def divided(runs: Iterable[range]) -> Iterator[Segment]:
+    def divide_all(runs: Iterable[range]) -> Iterator[Segment]:
         return chain(*in_threads(divide, list(runs)))
 
     segments = sorted(
-        divided(run for _, run in consecutive_runs(np.array(numbers))),
+        divide_all(run for _, run in consecutive_runs(np.array(numbers))),
         key=lambda segment: segment.first,
     )
     report(REGISTERING, frames.n_frames)
@@ -302,13 +302,13 @@ def _longest(
     report: Callable[[str, int], None],
 ) -> Segment:
     """Return the segment of a decimated key within a run, or of a refined one if it is smaller."""
-    whole, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
-    initial_key = whole if wedges is None else decimated_key(whole, wedges, tolerance)
+    full, wedges = KeyMesh.of_mesh(frames.mesh(key)), frames.wedges(key)
+    initial_key = full if wedges is None else decimated_key(full, wedges, tolerance)
     report_first, report_completing, report_refined = (
         partial(report, stage)
         for stage in (REGISTERING, "completing a mesh", "registering a refined mesh")
     )
-    key_mesh = _complete(frames, key, initial_key, run, whole.mesh, tolerance, report_completing)
+    key_mesh = _complete(frames, key, initial_key, run, full.mesh, tolerance, report_completing)
     segment = _grow(frames, key, key_mesh, f"{key}", run, tolerance, store, report_first)
     # Added faces may not belong to the surface. If they are smaller than a patch, no frame fails.
     if key_mesh.added_area > tolerance.patch_area and segment.reasons:
@@ -316,8 +316,8 @@ def _longest(
         segment = max(segment, other, key=lambda choice: choice.n_frames)
     if segment.key_mesh is not initial_key or not segment.may_lack_vertices:
         return segment
-    refined = whole.refined(MAX_SAGITTA * tolerance.length)
-    if len(refined.mesh.vertices) < MIN_REFINEMENT * len(whole.mesh.vertices):
+    refined = full.refined(MAX_SAGITTA * tolerance.length)
+    if len(refined.mesh.vertices) < MIN_REFINEMENT * len(full.mesh.vertices):
         return segment
     if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # even if it follows all
         return segment
@@ -330,13 +330,13 @@ def _complete(
     key: int,
     key_mesh: KeyMesh,
     run: range,
-    whole: TriangleMesh,
+    cleaned: TriangleMesh,
     tolerance: Tolerance,
     report: Callable[[int], None],
 ) -> KeyMesh:
     """Return a key extended by the surface that frames of a run show beyond its boundary.
 
-    `whole` is the cleaned raw mesh of the key.
+    `cleaned` is the cleaned raw mesh of the key.
     """
     mesh = key_mesh.mesh
     if not may_lack_surface(mesh, tolerance):
@@ -352,7 +352,7 @@ def _complete(
             report(next(n_seen))
 
     in_threads(collect_patches, directions)
-    return complete_key(key_mesh, whole, chain(*patches.values()), tolerance)
+    return complete_key(key_mesh, cleaned, chain(*patches.values()), tolerance)
 
 
 def _grow(
@@ -396,16 +396,12 @@ def _grow(
     earlier = courses[before].errors if before else []
     later = courses[after].errors if after else []
     span = range(key - len(earlier), key + len(later) + 1)
-    ends = {
-        direction[len(course.errors)]: course
-        for direction, course in courses.items()
-        if course.reason
-    }
+    ends = {side[len(course.errors)]: course for side, course in courses.items() if course.reason}
     n_components = frames.cleaned(key).n_components
     return Segment(
         span.start,
         key,
-        store.stacked(name, span),
+        store.stack(name, span),
         key_mesh,
         (*reversed(earlier), measure(mesh, frames.mesh(key), tolerance), *later),
         sum(course.n_folded for course in courses.values()),
@@ -455,7 +451,7 @@ class Follower:
         self._faces, self._orientation = key.faces, key.orientation
         self._tolerance = tolerance
 
-    def follow(self, state: State, target: TriangleMesh) -> RegisteredFrame | Failure:
+    def follow(self, state: State, target: TriangleMesh) -> Success | Failure:
         """Return the next frame, or why no attempt meets the tolerance.
 
         While faces fold over, the next attempt is tried. Folds in a close fit of the first attempt
@@ -481,7 +477,7 @@ class Follower:
             fit = min(accepted, key=lambda fit: fit.n_folded)
             self._restore_folds(fit, target)
             next_state = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
-            return RegisteredFrame(next_state, fit.mesh.vertices, fit.errors, fit.n_folded)
+            return Success(next_state, fit.mesh.vertices, fit.errors, fit.n_folded)
         if self._orientation * target.orientation < 0:
             return Failure(INSIDE_OUT, np.inf)
         nearest = min((fit.errors for fit in fits), key=self._excess)

@@ -210,8 +210,8 @@ class Registration:
     def listed_cuts(self) -> Iterator[Note]:
         """Yield notes on the first of the `cuts`, and on the number of the others."""
         cuts = list(self.cuts())
-        more = f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
-        for cut in [*cuts[:MAX_CUTS], *([more] if len(cuts) > MAX_CUTS else [])]:
+        summary = f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
+        for cut in [*cuts[:MAX_CUTS], *([summary] if len(cuts) > MAX_CUTS else [])]:
             yield Note(NoteKind.RESULT, cut)
 
     @property

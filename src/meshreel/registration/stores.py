@@ -72,7 +72,7 @@ class TemporaryStore:
             file.seek(number * positions.nbytes)
             file.write(positions.tobytes())
 
-    def stacked(self, key: str, numbers: range) -> Vertices:
+    def stack(self, key: str, numbers: range) -> Vertices:
         """Return consecutive frames of a key as one array of shape (T, V, 3), and drop them."""
         (file, dtype, shape) = self._files.pop(key)
         offset = numbers.start * math.prod(shape) * dtype.itemsize
@@ -128,7 +128,7 @@ class FolderStore(TemporaryStore):
         with path.open("wb") as file:
             np.save(file, positions)
 
-    def stacked(self, key: str, numbers: range) -> Vertices:
+    def stack(self, key: str, numbers: range) -> Vertices:
         """Return frames of a key as one array in a file, and remove their files."""
         path = self._folder / f"{key}.npy"
         frames = [self._folder / f"{key}_frame_{number}.npy" for number in numbers]

@@ -251,20 +251,20 @@ class Tracker:
         n_rows, n_near = nearest.shape
         n_nodes = len(self._graph.nodes)
         ends = np.arange(0, n_near * n_rows + 1, n_near)
-        moved = weights[:, None] * self._graph.weights[verts]
-        turned = np.cross(arms, normals[:, None])
-        along = np.broadcast_to(normals[:, None], arms.shape)
-        values = moved[:, :, None] * np.concatenate([turned, along], axis=2)
+        node_weights = weights[:, None] * self._graph.weights[verts]
+        rotations = np.cross(arms, normals[:, None])
+        translations = np.broadcast_to(normals[:, None], arms.shape)
+        values = node_weights[:, :, None] * np.concatenate([rotations, translations], axis=2)
         blocks = values.reshape(-1, 1, 6)
-        across = sparse.bsr_matrix((blocks, nearest.ravel(), ends), (n_rows, 6 * n_nodes))
-        shares = (tangential[:, None] * moved).ravel()
+        jacobian = sparse.bsr_matrix((blocks, nearest.ravel(), ends), (n_rows, 6 * n_nodes))
+        shares = (tangential[:, None] * node_weights).ravel()
         share = sparse.csr_matrix((shares, nearest.ravel(), ends), (n_rows, n_nodes))
         products = (share.T @ share).tocsr()
-        translations = products.data[:, None, None] * np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
-        normal = across.T @ across + sparse.bsr_matrix(
-            (translations, products.indices, products.indptr), (6 * n_nodes, 6 * n_nodes)
+        tangents = products.data[:, None, None] * np.diag([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+        normal = jacobian.T @ jacobian + sparse.bsr_matrix(
+            (tangents, products.indices, products.indptr), (6 * n_nodes, 6 * n_nodes)
         )
-        rhs = -(across.T @ (weights * np.einsum("nc,nc->n", gaps, normals))).reshape(-1, 6)
+        rhs = -(jacobian.T @ (weights * np.einsum("nc,nc->n", gaps, normals))).reshape(-1, 6)
         rhs[:, 3:] -= share.T @ ((tangential * weights)[:, None] * gaps)
         return normal, rhs.ravel()
 

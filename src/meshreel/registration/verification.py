@@ -226,8 +226,8 @@ def _regions_within(
 ) -> npt.NDArray[np.bool_]:
     """Return the connected regions with enough of an outline, of shape (V + M,)."""
     _, first, second = _links(mesh, is_inside)
-    both = is_inside[first] & is_inside[second]
-    regions = lowest_connected(len(is_inside), first[both], second[both])
+    is_internal = is_inside[first] & is_inside[second]
+    regions = lowest_connected(len(is_inside), first[is_internal], second[is_internal])
     crossing = np.flatnonzero(is_inside[first] != is_inside[second])
     first, second = first[crossing], second[crossing]
     owners = regions[np.where(is_inside[first], first, second)]
@@ -274,8 +274,8 @@ def largest_patch(mesh: TriangleMesh, values: Floats) -> float:
         return 0.0
     numbers, first, second = _links(mesh, is_positive)
     parts, areas = first.reshape(-1, 3), np.repeat(mesh.areas[numbers] / 3, 3)
-    both = is_positive[first] & is_positive[second]
-    regions = lowest_connected(len(values), first[both], second[both])
+    is_internal = is_positive[first] & is_positive[second]
+    regions = lowest_connected(len(values), first[is_internal], second[is_internal])
     highest = np.take_along_axis(parts, values[parts].argmax(axis=1)[:, np.newaxis], axis=1)[:, 0]
     return float(
         np.bincount(regions[highest], areas * _positive_share(values[parts])).max(initial=0.0)

@@ -30,7 +30,7 @@ class ProjectedSurface:
     """Shading inputs of one frame of M faces; normals in camera axes."""
 
     first: Floats  # (M, 2): the first corner of each face, pixels
-    near: Floats  # (M, 3)
+    inv_depths: Floats  # (M, 3)
     slopes: Floats  # (M, 2, 2): gradients of the second and third barycentric coordinate
     normals: Singles  # (M, 3, 3), or (M, 3) when flat
     colors: Singles  # (M, 3, 3), or (3,) when all are the same
@@ -41,7 +41,7 @@ class ProjectedSurface:
 def project_surface(
     positions: Floats,
     points: Floats,
-    near: Floats,
+    inv_depths: Floats,
     faces: Faces,
     camera: Camera,
     colors: Singles,
@@ -54,8 +54,8 @@ def project_surface(
     Parameters
     ----------
     positions : float64 array of shape (V, 3), in model units
-    points, near : float64 arrays of shape (V, 2) and (V,)
-        From `Camera.project` and `nearness`.
+    points, inv_depths : float64 arrays of shape (V, 2) and (V,)
+        From `Camera.project` and `inverse_depths`.
     faces : int32 array of shape (M, 3)
     colors : float32 array of shape (3,), (V, 3) or (M, 3, 3), sRGB in 0..255
     smooth, glow, shading
@@ -74,7 +74,7 @@ def project_surface(
     local = (normals @ camera.axes.T).astype(np.float32)
     return ProjectedSurface(
         first=points[faces[:, 0]],
-        near=near[faces],
+        inv_depths=inv_depths[faces],
         slopes=np.divide(
             slopes, area[:, None, None], out=np.zeros_like(slopes), where=area[:, None, None] != 0
         ),
@@ -151,7 +151,7 @@ def _shade_chunk(surface: ProjectedSurface, ids: Integers, centers: Floats) -> S
     weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
     # Clipped because weights of slivers leave 0..1 by rounding; perspective-correct because
     # linear functions on the surface are not linear in the picture.
-    weights = np.clip(weights, 0, 1) * surface.near[ids]
+    weights = np.clip(weights, 0, 1) * surface.inv_depths[ids]
     share = (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32)
     normals = _blend(share, surface.normals[ids]) * surface.side[ids, None]
     if surface.colors.ndim == 1:

@@ -11,7 +11,7 @@ from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.validation import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, project_surface, shade_box
-from meshreel.rendering.visibility import nearness, visible_faces
+from meshreel.rendering.visibility import inverse_depths, visible_faces
 
 CLAY: Color = (188, 198, 214)
 PAPER: Color = (247, 248, 250)
@@ -71,20 +71,20 @@ def render(
         raise InvalidInputError(f"supersample must be in 1..{_MAX_SUPERSAMPLE}; got {supersample}")
     if not 0 <= glow <= 1:
         raise InvalidInputError(f"glow must be in 0..1; got {glow}")
-    positions = validate_vertices(np.asarray(vertices, np.float64)[None])[0].astype(np.float64)
-    faces = validate_faces(faces, len(positions))
+    verts = validate_vertices(np.asarray(vertices, np.float64)[None])[0].astype(np.float64)
+    faces = validate_faces(faces, len(verts))
     fine = replace(
         camera,
         focal_px=camera.focal_px * supersample,
         width=camera.width * supersample,
         height=camera.height * supersample,
     )
-    paint = _checked_colors(colors, len(positions), len(faces))
-    points, depths = fine.project(positions)
-    near = nearness(depths)
+    rgb = _checked_colors(colors, len(verts), len(faces))
+    points, depths = fine.project(verts)
+    inv_depths = inverse_depths(depths)
     size = fine.width, fine.height
-    visible = visible_faces(points, near, faces, size, shown).reshape(fine.height, fine.width)
-    surface = project_surface(positions, points, near, faces, fine, paint, smooth, glow, shading)
+    visible = visible_faces(points, inv_depths, faces, size, shown).reshape(fine.height, fine.width)
+    surface = project_surface(verts, points, inv_depths, faces, fine, rgb, smooth, glow, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)
     if (box := covered_box(visible, supersample)) is not None:

@@ -224,8 +224,8 @@ class Scene:
 
     def read(self, number: int) -> SceneFrame:
         """Read a frame of each sequence."""
-        places = [segment_of_frame(source.starts, number) for source in self._sources]
-        segments = [segment for segment, _ in places]
+        pairs = [segment_of_frame(source.starts, number) for source in self._sources]
+        segments = [segment for segment, _ in pairs]
         looks = [look(segment) for look, segment in zip(self._looks, segments, strict=True)]
         return SceneFrame(
             [source[number].vertices for source in self._sources],
@@ -236,7 +236,7 @@ class Scene:
             self._field(segments[0], segments[-1]) if self.heat not in (None, TRACK_HEAT) else None,
             [
                 None if look.is_cut else _shown_triangles(source.segments[segment], local)
-                for source, look, (segment, local) in zip(self._sources, looks, places, strict=True)
+                for source, look, (segment, local) in zip(self._sources, looks, pairs, strict=True)
             ],
         )
 

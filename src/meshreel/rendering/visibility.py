@@ -19,7 +19,7 @@ _NEAR = 1e-6
 """Points nearer than this fraction of the largest depth count as behind the eye."""
 
 
-def nearness(depths: Floats) -> Floats:
+def inverse_depths(depths: Floats) -> Floats:
     """The largest depth divided by each depth, linear in picture space; 0 behind the eye."""
     farthest = max(float(depths.max()), 0.0)
     in_front = depths > _NEAR * farthest
@@ -35,7 +35,7 @@ def signed_areas(points: Floats, faces: Faces) -> Floats:
 
 def visible_faces(
     points: Floats,
-    near: Floats,
+    inv_depth: Floats,
     faces: Faces,
     size: tuple[int, int],
     shown: npt.NDArray[np.bool_] | None = None,
@@ -46,8 +46,8 @@ def visible_faces(
     ----------
     points : float array of shape (V, 2)
         In pixels, from `Camera.project`.
-    near : float array of shape (V,)
-        From `nearness`; faces with a vertex behind the eye are skipped.
+    inv_depth : float array of shape (V,)
+        From `inverse_depths`; faces with a vertex behind the eye are skipped.
     faces : integer array of shape (M, 3)
     size : tuple of 2 ints
         Width and height of the picture.
@@ -62,24 +62,24 @@ def visible_faces(
     last one is visible.
     """
     width, height = size
-    is_drawn = (near[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0)
+    is_drawn = (inv_depth[faces] > 0).all(axis=1) & (signed_areas(points, faces) != 0)
     ids = np.flatnonzero(is_drawn if shown is None else is_drawn & shown)
-    corners = np.concatenate([points, near[:, None]], axis=1)[faces[ids]]
+    corners = np.concatenate([points, inv_depth[:, None]], axis=1)[faces[ids]]
     order = np.argsort(corners[:, :, 1], axis=1)
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
-    # Keys contain nearness in the high and the face number in the low bits: positive floats sort
-    # like their bits, so the maximum is the nearest face, in any order of evaluation.
+    # Keys contain the inverse depth in the high and the face number in the low bits: positive
+    # floats sort like their bits, so the maximum is the nearest face, in any order of evaluation.
     buffer = np.full(width * height, -1, np.int64)
     top, n_rows = _pixel_span(corners[:, 0, 1], corners[:, 2, 1], height)
     for group in _chunks(n_rows):
         owner, row = _expand(top[group], n_rows[group])
-        x_left, x_right, near_left, slope = _row_ends(corners[group][owner], row)
+        x_left, x_right, left_inv_depth, slope = _row_ends(corners[group][owner], row)
         first, n_columns = _pixel_span(x_left, x_right, width)
         for rows in _chunks(n_columns):
             line, column = _expand(first[rows], n_columns[rows])
             offset = column + 0.5 - x_left[rows][line]
-            pixel_near = (near_left[rows][line] + slope[rows][line] * offset).astype(np.float32)
-            key = pixel_near.view(np.int32).astype(np.int64) << 32
+            inverse = (left_inv_depth[rows][line] + slope[rows][line] * offset).astype(np.float32)
+            key = inverse.view(np.int32).astype(np.int64) << 32
             key |= ids[group][owner[rows]][line]
             np.maximum.at(buffer, row[rows][line] * width + column, key)
     return np.where(buffer < 0, -1, buffer & 0xFFFFFFFF)
@@ -106,13 +106,13 @@ def _chunks(count: Integers) -> Iterator[slice]:
 
 
 def _row_ends(corners: Floats, row: Integers) -> tuple[Floats, Floats, Floats, Floats]:
-    """Left x, right x, left nearness and its slope where a row intersects its triangle.
+    """Left x, right x, left inverse depth and its slope where a row intersects its triangle.
 
     Parameters
     ----------
     corners : float array of shape (N, 3, 3)
-        x, y and nearness of each corner, by ascending y. Edges are always evaluated from smaller
-        to larger y, so that two faces agree on their common edge to the last bit.
+        x, y and inverse depth of each corner, by ascending y. Edges are always evaluated from
+        smaller to larger y, so that two faces agree on their common edge to the last bit.
     row : integer array of shape (N,)
     """
     y = np.asarray(row + 0.5, np.float64)
@@ -129,7 +129,7 @@ def _row_ends(corners: Floats, row: Integers) -> tuple[Floats, Floats, Floats, F
 
 
 def _along_edge(start: Floats, end: Floats, y: Floats) -> Floats:
-    """The x and nearness of edges at height y, shape (N, 2)."""
+    """The x and inverse depth of edges at height y, shape (N, 2)."""
     height = end[:, 1] - start[:, 1]
     share = np.divide(y - start[:, 1], height, out=np.zeros_like(y), where=height > 0)
     values: Floats = start[:, ::2] + share[:, None] * (end[:, ::2] - start[:, ::2])

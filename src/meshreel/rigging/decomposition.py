@@ -63,7 +63,7 @@ class Skin:
 
     def dense_weights(self) -> Floats:
         """Return the weights of all bones, of shape (V, B)."""
-        return scattered(self.weights, self.bones, self.n_bones)
+        return scatter(self.weights, self.bones, self.n_bones)
 
     def frames(self) -> Floats:
         """Return the positions in all frames, as rows x, y, z of each frame: (3 T, V)."""
@@ -82,7 +82,7 @@ def product(left: Floats, right: Floats) -> Floats:
     return result
 
 
-def scattered(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
+def scatter(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
     """Return the weights of all bones, of shape (V, B), from those of a few bones per vertex."""
     dense = np.zeros((len(weights), n_bones), weights.dtype)
     np.add.at(dense, (np.arange(len(weights))[:, np.newaxis], bones), weights)
@@ -295,8 +295,8 @@ class Decomposition:
             bones, weights = self.bones[part], self.weights[part]
             pairs = squares[bones[:, :, np.newaxis], :, bones[:, np.newaxis], :]
             gram = np.einsum("vj,vk,vjkab->vab", weights, weights, pairs, optimize=True)
-            own = np.take_along_axis(projections[part], bones[:, :, np.newaxis], axis=1)
-            matches = np.einsum("vj,vja->va", weights, own)[:, :3] - gram[:, :3, 3]
+            selected = np.take_along_axis(projections[part], bones[:, :, np.newaxis], axis=1)
+            matches = np.einsum("vj,vja->va", weights, selected)[:, :3] - gram[:, :3, 3]
             matches += damping * self.rest[part]
             self.rest[part] = np.linalg.solve(
                 gram[:, :3, :3] + damping * np.eye(3), matches[:, :, np.newaxis]
@@ -314,9 +314,9 @@ class Decomposition:
         np.fill_diagonal(is_neighbor, False)
         neighbors = [np.flatnonzero(row) for row in is_neighbor]
         for bone, near in N_SWEEPS * list(enumerate(neighbors)):
-            own = moments[bone] - np.tensordot(grams[bone][:, near], matrices[near], 2)
+            target = moments[bone] - np.tensordot(grams[bone][:, near], matrices[near], 2)
             matrices[bone] = fit_rigid(
-                own.transpose(1, 2, 0), grams[bone, :, bone], matrices[bone].transpose(1, 2, 0)
+                target.transpose(1, 2, 0), grams[bone, :, bone], matrices[bone].transpose(1, 2, 0)
             ).transpose(2, 0, 1)
         self.transforms = matrices.transpose(2, 0, 3, 1)
 

@@ -76,11 +76,11 @@ def _interpolate(
         n_frames = len(times_s)
         return np.repeat(quaternions, n_frames, axis=0), np.repeat(translations, n_frames, axis=0)
     numbers = np.arange(len(times_s))
-    before = np.clip(np.searchsorted(frames, numbers, "right") - 1, 0, len(frames) - 2)
-    first, second = frames[before], frames[before + 1]
+    index = np.clip(np.searchsorted(frames, numbers, "right") - 1, 0, len(frames) - 2)
+    first, second = frames[index], frames[index + 1]
     share = (times_s - times_s[first]) / (times_s[second] - times_s[first])
     share = np.clip(share, 0, 1).astype(quaternions.dtype)[:, np.newaxis]
-    a, b = quaternions[before], quaternions[before + 1]
+    a, b = quaternions[index], quaternions[index + 1]
     cosine = (a * b).sum(axis=1, keepdims=True)
     b = np.where(cosine < 0, -b, b)
     angle = 2 * np.arcsin(np.minimum(np.linalg.norm(b - a, axis=1, keepdims=True) / 2, 1))
@@ -90,7 +90,7 @@ def _interpolate(
         np.where(is_arc, np.sin((1 - share) * angle) / sine, 1 - share) * a
         + np.where(is_arc, np.sin(share * angle) / sine, share) * b
     )
-    moved: npt.NDArray[Any] = (1 - share) * translations[before] + share * translations[before + 1]
+    moved: npt.NDArray[Any] = (1 - share) * translations[index] + share * translations[index + 1]
     return unit(slerp), moved
 
 
@@ -189,7 +189,7 @@ def fit_tracks(
         track = _fit_track(local, float(radii[bone]), times_s, steps, bone_tolerance)
         tracks.append(track)
         local_hat = track.matrices(times_s).astype(np.float64)
-        poses_hat.append(local_hat if parent_pose is None else composed(parent_pose, local_hat))
+        poses_hat.append(local_hat if parent_pose is None else compose(parent_pose, local_hat))
     return tuple(tracks)
 
 
@@ -208,7 +208,7 @@ def relative_to(parent_pose: Floats, transforms: Floats) -> Floats:
     return inverse @ offset
 
 
-def composed(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def compose(first: npt.NDArray[Any], second: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the transforms that apply `second`, then `first`; both of shape (T, 3, 4)."""
     product: npt.NDArray[Any] = first[:, :, :3] @ second
     product[:, :, 3] += first[:, :, 3]

@@ -8,8 +8,8 @@ import numpy as np
 from meshreel.arrays import Bytes, Floats, Singles
 from meshreel.model.sequence import Faces
 from meshreel.rigging.correctives import Correctives
-from meshreel.rigging.decomposition import scattered
-from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, composed
+from meshreel.rigging.decomposition import scatter
+from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, compose
 from meshreel.rigging.skeleton import Skeleton
 
 FULL = 255
@@ -103,13 +103,13 @@ class Rig:
         world: list[Singles] = []
         for track, parent in zip(self.tracks, self.skeleton.parents.tolist(), strict=True):
             local = track.matrices(self.times_s)
-            world.append(local if parent < 0 else composed(world[parent], local))
+            world.append(local if parent < 0 else compose(world[parent], local))
         return np.stack(world, axis=1) @ self.inverse_binds
 
     def dense_weights(self) -> Singles:
         """Return the weights of all bones, of shape (V, B)."""
         weights = self.weights.astype(np.float32) / np.float32(FULL)
-        return scattered(weights, self.joints, self.n_bones)
+        return scatter(weights, self.joints, self.n_bones)
 
     def blended(self) -> Singles:
         """Return the blended rotations of each vertex, in model units: (T, V, 3, 3)."""

@@ -11,15 +11,7 @@ from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration import growing
 from meshreel.registration.cleaning import CleanMesh, clean
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import (
-    Failure,
-    Fit,
-    Follower,
-    Frames,
-    RegisteredFrame,
-    Segment,
-    Topology,
-)
+from meshreel.registration.growing import Failure, Fit, Follower, Frames, Segment, Success, Topology
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
@@ -153,7 +145,7 @@ def test_folds_are_restored_only_within_the_tolerance(plane):
 def test_an_easy_frame_takes_one_attempt(plane, n_attempts):
     follower = Follower(plane, TOLERANCE)
     raised = lifted(plane, 0.01 * plane.vertices[:, 0])
-    assert isinstance(follower.follow(follower.tracker.start(), raised), RegisteredFrame)
+    assert isinstance(follower.follow(follower.tracker.start(), raised), Success)
     assert n_attempts == [ATTEMPTS[0]]
 
 

@@ -76,8 +76,8 @@ def test_a_store_returns_the_frames_of_each_key():
     for number in (3, 2, 4):
         store.put("first", number, frames[number])
         store.put("other", number, -frames[number])
-    assert np.array_equal(store.stacked("first", range(2, 5)), frames[2:5])
-    assert np.array_equal(store.stacked("other", range(2, 4)), -frames[2:4])
+    assert np.array_equal(store.stack("first", range(2, 5)), frames[2:5])
+    assert np.array_equal(store.stack("other", range(2, 4)), -frames[2:4])
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):

@@ -5,7 +5,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.flag import simulate_flag
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.rasterizer import PAPER, render
-from meshreel.rendering.visibility import nearness, visible_faces
+from meshreel.rendering.visibility import inverse_depths, visible_faces
 
 TRIANGLE = np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0]])
 FACE = np.array([[0, 1, 2]])
@@ -173,7 +173,7 @@ def seen(points, faces, *, depths=None, size=(100, 80)):
     depths = np.ones(len(points)) if depths is None else np.asarray(depths, float)
     camera = flat_camera(*size)
     size = camera.width, camera.height
-    return visible_faces(np.asarray(points, float), nearness(depths), np.asarray(faces), size)
+    return visible_faces(np.asarray(points, float), inverse_depths(depths), np.asarray(faces), size)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [0, 2, 1], [2, 0, 1]])

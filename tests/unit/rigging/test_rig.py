@@ -10,7 +10,7 @@ from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_ri
 from meshreel.rigging.fitting import byte_weights
 from meshreel.rigging.keys import (
     Steps,
-    composed,
+    compose,
     decode_rotations,
     encode_rotations,
     fit_tracks,
@@ -218,7 +218,7 @@ def placed(tracks, skeleton):
     world = []
     for track, parent in zip(tracks, skeleton.parents, strict=True):
         local = track.matrices(TIMES_S)
-        world.append(local if parent < 0 else composed(world[parent], local))
+        world.append(local if parent < 0 else compose(world[parent], local))
     return world
 
 
@@ -229,7 +229,7 @@ def test_rounding_errors_do_not_add_up_along_a_chain():
     transforms, above = [], np.tile(np.eye(3, 4), (40, 1, 1))
     for joint in joints:
         local = moving([turn(angle) for angle in angles], [joint - turn(a) @ joint for a in angles])
-        above = composed(above, local)
+        above = compose(above, local)
         transforms.append(above)
     skeleton = Skeleton(np.arange(n_bones) - 1, joints)
     steps = Steps(bits=10, exponent=-10)

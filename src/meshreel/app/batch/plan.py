@@ -75,20 +75,20 @@ def plan_batch(
         output = out_dir / batch_input.output
         output_exists = output.exists()
         if batch_input in conflicts:
-            plan.refused[batch_input.name] = _refused(record, earlier, conflicts[batch_input])
+            plan.refused[batch_input.name] = _refusal(record, earlier, conflicts[batch_input])
         elif not force and _is_up_to_date(record, earlier, output):
             plan.up_to_date.append(batch_input.name)
         elif output_exists and any(output.samefile(file) for file in batch_input.files):
-            plan.refused[batch_input.name] = _refused(record, earlier, _is_input(output))
+            plan.refused[batch_input.name] = _refusal(record, earlier, _is_input(output))
         elif output_exists and not force and not _owns(earlier):
-            plan.refused[batch_input.name] = _refused(record, earlier, _exists(output))
+            plan.refused[batch_input.name] = _refusal(record, earlier, _exists(output))
         else:
             plan.to_encode[batch_input] = record
             plan.replaced.update([batch_input] if output_exists else [])
     return plan
 
 
-def _refused(record: Record, earlier: Record | None, reason: str) -> Record:
+def _refusal(record: Record, earlier: Record | None, reason: str) -> Record:
     return Record(
         FAILED, record.output, _owns(earlier), record.fingerprint, record.options, error=reason
     )

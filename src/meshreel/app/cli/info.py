@@ -160,8 +160,8 @@ def mesh_table(source: "SourceInfo") -> list[Sequence[str]]:
         )
         for mesh in source.meshes[:MAX_MESHES]
     ]
-    if (more := len(source.meshes) - MAX_MESHES) > 0:
-        rows.append((f"and {more} more (--json lists all)", "", "", "", "", ""))
+    if (n_more := len(source.meshes) - MAX_MESHES) > 0:
+        rows.append((f"and {n_more} more (--json lists all)", "", "", "", "", ""))
     return rows
 
 

@@ -59,7 +59,7 @@ class Page:
     @property
     def served(self) -> str:
         """HTML for a server that serves the script as `SCRIPT_NAME`."""
-        return self._filled("", SCRIPT_TAG)
+        return self._fill("", SCRIPT_TAG)
 
     def split(self, data: Mapping[str, Any]) -> str:
         """HTML with embedded data and a separate script.
@@ -69,7 +69,7 @@ class Page:
         data : mapping
             As `npm/src/page/data.ts` reads it.
         """
-        return self._filled(_data_script(data), SCRIPT_TAG)
+        return self._fill(_data_script(data), SCRIPT_TAG)
 
     def whole(self, data: Mapping[str, Any], *, level: int = zlib.Z_BEST_COMPRESSION) -> str:
         """HTML with embedded data and script.
@@ -81,11 +81,11 @@ class Page:
         level : int
             Compression level of the script, 1..9.
         """
-        packed = _packed(self.script, level)
+        packed = _deflate(self.script, level)
         element = f'<script id="packed-script" type="text/plain">{packed}</script>'
-        return self._filled(_data_script(data), f"{element}<script>{UNPACK_SCRIPT}</script>")
+        return self._fill(_data_script(data), f"{element}<script>{UNPACK_SCRIPT}</script>")
 
-    def _filled(self, data: str, script: str) -> str:
+    def _fill(self, data: str, script: str) -> str:
         before, after = self.html.split(DATA)
         middle, end = after.split(SCRIPT)
         return before + data + middle + script + end
@@ -125,7 +125,7 @@ def base64_of(data: bytes) -> str:
     return base64.b64encode(data).decode()
 
 
-def _packed(script: str, level: int) -> str:
+def _deflate(script: str, level: int) -> str:
     """Base64 text of a deflated script."""
     packing = zlib.compressobj(level, zlib.DEFLATED, -zlib.MAX_WBITS)
     return base64_of(packing.compress(script.encode()) + packing.flush())

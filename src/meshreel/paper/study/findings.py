@@ -207,17 +207,17 @@ def _compare(
     run : str
         The run of `results.claims` that contains both; empty for the settings of the tables.
     """
-    labels, long = (first, second), results.claims.get(run)
+    labels, timing = (first, second), results.claims.get(run)
     pair = [
-        long and {"seconds": long[label]} if run else results.variant(label) for label in labels
+        timing and {"seconds": timing[label]} if run else results.variant(label) for label in labels
     ]
     found = [result for result in pair if result is not None]
     if len(found) < 2:
         return None
     values = {name: [_value(result, keys) for result in found] for name, keys in figures.items()}
     texts = [f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()]
-    rates = "" if long else " and ".join(f"{_value(result, RATE):.3g}" for result in found)
-    setting = f"{long['n_frames']} frames" if long else f"{rates} bpvf"
+    rates = "" if timing else " and ".join(f"{_value(result, RATE):.3g}" for result in found)
+    setting = f"{timing['n_frames']} frames" if timing else f"{rates} bpvf"
     return Evidence(
         measure(list(values.values())),
         f"`{first}` against `{second}`, {setting}: {', '.join(texts)}.",

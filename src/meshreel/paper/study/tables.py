@@ -133,12 +133,12 @@ def misprints(sequence_name: str) -> str:
 
     Rounding of the parts explains a difference of 1.5e-4.
     """
-    wrong = [
+    texts = [
         f"{method} {rates.q_s:.4f} (the sum is {rates.total:.4f})"
         for method, rates in printed_rates(sequence_name).items()
         if abs(rates.q_s - rates.total) > 1.5e-4
     ]
-    return f"Printed q_s that are not the sums of their parts: {', '.join(wrong)}." if wrong else ""
+    return f"Printed q_s that are not the sums of their parts: {', '.join(texts)}." if texts else ""
 
 
 def printed_seconds(sequence_name: str, n_verts: int) -> dict[str, PrintedSeconds]:
@@ -268,7 +268,7 @@ def seconds_table(results: PaperResults) -> Table:
                 costs, n_more = results.decompositions, results.sequence["n_frames"] - 1
                 extra = 2 * [costs["seconds_each"], costs["processor_seconds_each"]]
                 pairs = zip(seconds, extra, strict=True)
-                cells = (f"{once + n_more * more:.0f}" for once, more in pairs)
+                cells = (f"{once + n_more * cost:.0f}" for once, cost in pairs)
                 rows.append([f"{label}, decomposed for each frame *", *cells])
         if is_graph:
             rows += _all_frequencies(results, printed.get("gft"))

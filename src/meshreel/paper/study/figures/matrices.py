@@ -44,16 +44,16 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
     shades = ["#FFFFFF", *colormaps["viridis_r"](np.linspace(0.0, 1.0, N_SHADES))]
     colors = LinearSegmentedColormap.from_list("viridis from white", shades)
     corner = magnitudes[:CORNER_ROWS, :CORNER_COLUMNS]
-    shown = {"all entries": magnitudes}
+    views = {"all entries": magnitudes}
     if corner.shape != magnitudes.shape:
         n_rows, n_columns = corner.shape
-        shown[f"detail: rows 1 to {n_rows}, vertices 1 to {n_columns}"] = corner
+        views[f"detail: rows 1 to {n_rows}, vertices 1 to {n_columns}"] = corner
     figure = blank_figure(9.6, 6)
     figure.set_layout_engine("constrained", wspace=0.06, hspace=0.06)
-    widths = (1.6, 1)[: len(shown)]
-    panels = figure.subplots(len(scales), len(shown), width_ratios=widths, squeeze=False)
+    widths = (1.6, 1)[: len(views)]
+    panels = figure.subplots(len(scales), len(views), width_ratios=widths, squeeze=False)
     for row, (scale, norm) in zip(panels, scales.items(), strict=True):
-        for axes, (title, values) in zip(row, shown.items(), strict=True):
+        for axes, (title, values) in zip(row, views.items(), strict=True):
             n_rows, n_columns = values.shape
             image = axes.imshow(
                 np.maximum(values, smallest),
@@ -66,14 +66,14 @@ def draw_projected_deltas(sequence: MeshSequence, slug: str, folder: Path) -> Pi
             axes.set_title(f"{title}, {scale} scale", fontsize=10)
             axes.set(xlabel="vertex", ylabel="row (eigen-trajectory)")
             _number_from_1(axes)
-        if len(shown) > 1:
+        if len(views) > 1:
             size = corner.shape[1], len(corner)
             row[0].add_patch(Rectangle((0.5, 0.5), *size, fill=False, color="#D55E00", lw=1.2))
         extend = "min" if scale == "log" else "neither"
         figure.colorbar(image, ax=row, label="magnitude (diagonals)", extend=extend, pad=0.02)
     path = folder / f"{slug}-fig2-projected-deltas.png"
     save_figure(figure, path, overwrite=True, dpi=DPI)
-    return Picture(path, "Fig. 2", _deltas_caption(magnitudes, len(shown) > 1), panels.size)
+    return Picture(path, "Fig. 2", _deltas_caption(magnitudes, len(views) > 1), panels.size)
 
 
 def _deltas_caption(magnitudes: Floats, has_detail: bool) -> str:
@@ -105,9 +105,9 @@ def draw_dictionaries(
     n_stored : int
         Columns that streams of `blocks` contain.
     """
-    shown = dictionaries(sequence, block_frames, block_frames)[:MAX_BLOCKS]
-    n_blocks = len(shown)
-    rows = [[dictionary.values[AXIS].T for dictionary in shown]]
+    bases = dictionaries(sequence, block_frames, block_frames)[:MAX_BLOCKS]
+    n_blocks = len(bases)
+    rows = [[basis.values[AXIS].T for basis in bases]]
     titles = [[f"U[{number}]" for number in range(1, n_blocks + 1)]]
     if n_blocks > 1:
         rows.append([after - before for before, after in pairwise(rows[0])])

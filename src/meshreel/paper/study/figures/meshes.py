@@ -20,7 +20,7 @@ from meshreel.rendering.colormap import Image, colorize, round_up
 from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.rendering.rasterizer import render
-from meshreel.rendering.visibility import nearness, visible_faces
+from meshreel.rendering.visibility import inverse_depths, visible_faces
 from meshreel.studies.runs import Result, Store, usable
 
 Frame = npt.NDArray[np.floating]
@@ -60,9 +60,7 @@ def draw_row_counts(
     """Fig. 3: one frame with growing numbers of rows, and the original."""
     frame = uncommon_frame(sequence)
     original = sequence.vertices[frame]
-    shown = [
-        (_row_title(result), _decoded_frame(result, store, frame)) for result in usable(results)
-    ]
+    shown = [(_row_title(item), _decoded_frame(item, store, frame)) for item in usable(results)]
     shown.append((f"original\nframe {frame}", original))
     camera = _camera(original)
     columns = [(title, [render(vertices, sequence.faces, camera)]) for title, vertices in shown]
@@ -173,7 +171,7 @@ def detail_corner(
     area of the mesh.
     """
     points, depths = camera.project(original)
-    visible = visible_faces(points, nearness(depths), faces, (camera.width, camera.height))
+    visible = visible_faces(points, inverse_depths(depths), faces, (camera.width, camera.height))
     if len(angles) == 1:
         angles = [np.zeros(len(original)), *angles]
     face_angles = np.array([angle[faces].mean(axis=1) for angle in angles])
