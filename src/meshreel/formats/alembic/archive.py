@@ -41,8 +41,8 @@ NUMBER_TYPES: dict[int, np.dtype[Any]] = {
 """NumPy types by Alembic's number for plain old data types; 0 is a boolean of one byte."""
 TEXT = 12
 
-OWN_METADATA = 0xFF
-"""Metadata index of metadata that follow inline."""
+INLINE_METADATA = 0xFF
+"""Index that marks metadata stored inline."""
 ACYCLIC_S = np.finfo(np.float64).max / 32
 """Cycle length that marks acyclic sampling, where every time is listed."""
 MAX_SAMPLES = 1_000_000
@@ -55,9 +55,9 @@ References = npt.NDArray[np.uint64]
 Item = TypeVar("Item")
 
 
-def damage_error(what: str) -> FormatError:
+def damage_error(reason: str) -> FormatError:
     """Return the error for a file that contradicts itself."""
-    return FormatError(f"is damaged: {what}; export it again")
+    return FormatError(f"is damaged: {reason}; export it again")
 
 
 class Records:
@@ -92,7 +92,7 @@ class Records:
         pairs = (pair.partition("=") for pair in self.text(size_bytes).split(";"))
         return {key: value for key, _, value in pairs}
 
-    def all(self, read: Callable[[], Item]) -> list[Item]:
+    def read_all(self, read: Callable[[], Item]) -> list[Item]:
         """Call a function that reads one item until the end; return the items."""
         items = []
         while not self.is_at_end:
@@ -110,7 +110,7 @@ class Records:
 class TimeSampling:
     """The times of samples: uniform, cyclic or acyclic."""
 
-    stored_s: Floats
+    stored_times_s: Floats
     """float64 array of shape (N,). Times of the first cycle, or of all samples if acyclic, in
     seconds.
     """
@@ -120,7 +120,7 @@ class TimeSampling:
     @property
     def is_uniform(self) -> bool:
         """Whether all samples are evenly spaced."""
-        return self.cycle_s is not None and len(self.stored_s) == 1
+        return self.cycle_s is not None and len(self.stored_times_s) == 1
 
     def times(self, n_samples: int) -> Floats:
         """Return the times of the first samples, ascending, of shape (n_samples,).
@@ -131,13 +131,13 @@ class TimeSampling:
             If fewer times are stored, or they do not ascend.
         """
         if self.cycle_s is not None:
-            cycles, phases = np.divmod(np.arange(n_samples), len(self.stored_s))
+            cycles, phases = np.divmod(np.arange(n_samples), len(self.stored_times_s))
             with np.errstate(all="ignore"):
-                times = self.stored_s[phases] + cycles * self.cycle_s
-        elif n_samples <= len(self.stored_s):
-            times = self.stored_s[:n_samples]
+                times = self.stored_times_s[phases] + cycles * self.cycle_s
+        elif n_samples <= len(self.stored_times_s):
+            times = self.stored_times_s[:n_samples]
         else:
-            raise damage_error(f"it lists {len(self.stored_s)} times for {n_samples} samples")
+            raise damage_error(f"it lists {len(self.stored_times_s)} times for {n_samples} samples")
         if not (np.abs(times) < MAX_TIME_S).all() or (np.diff(times) < 0).any():
             raise damage_error("sample times do not ascend")
         if 0 < times[-1] - times[0] < MIN_INTERVAL_S * (n_samples - 1):
@@ -192,10 +192,10 @@ class Archive:
         samplings, metadata = (
             Records(self.data(root[section])) for section in (SAMPLINGS, METADATA)
         )
-        self.samplings: list[TimeSampling] = samplings.all(lambda: _read_sampling(samplings))
+        self.samplings: list[TimeSampling] = samplings.read_all(lambda: _read_sampling(samplings))
         # Headers refer to metadata by index; index 0 is empty.
-        shared = metadata.all(lambda: metadata.metadata(metadata.number(1)))
-        self._metadata: list[Metadata] = [{}, *shared]
+        shared_metadata = metadata.read_all(lambda: metadata.metadata(metadata.number(1)))
+        self._metadata: list[Metadata] = [{}, *shared_metadata]
         self.top: AbcObject = AbcObject(self, root[OBJECTS], "", {})
 
     def group(self, reference: int) -> References:
@@ -243,7 +243,7 @@ class Archive:
             name = records.text(records.number(4))
             return name, self._read_metadata(records, records.number(1), 4)
 
-        headers = records.all(header)
+        headers = records.read_all(header)
         _check_count(headers, len(group) - 2, "objects")
         children = zip(group[1:-1].tolist(), headers, strict=True)
         return [AbcObject(self, child, *header) for child, header in children]
@@ -254,7 +254,7 @@ class Archive:
         if len(group) < 2:  # at least one property and the headers
             return {}
         records = Records(self.data(int(group[-1])))
-        headers = records.all(lambda: self._property_header(records))
+        headers = records.read_all(lambda: self._property_header(records))
         _check_count(headers, len(group) - 1, "properties")
         children = zip(group[:-1].tolist(), headers, strict=True)
         return {header["name"]: Property(self, child, **header) for child, header in children}
@@ -294,7 +294,7 @@ class Archive:
         }  # fmt: skip
 
     def _read_metadata(self, records: Records, index: int, width: int) -> Metadata:
-        if index == OWN_METADATA:
+        if index == INLINE_METADATA:
             return records.metadata(records.number(width))
         if index >= len(self._metadata):
             raise damage_error(f"there is no metadata {index}")
@@ -325,9 +325,9 @@ def _read_sampling(records: Records) -> TimeSampling:
     return TimeSampling(times_s, None if cycle_s == ACYCLIC_S else cycle_s)
 
 
-def _check_count(headers: list[Any], count: int, what: str) -> None:
+def _check_count(headers: list[Any], count: int, noun: str) -> None:
     if len(headers) != count:
-        raise damage_error(f"its headers list {len(headers)} {what}, but it has {count}")
+        raise damage_error(f"its headers list {len(headers)} {noun}, but it has {count}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +338,7 @@ class AbcObject:
     reference: int
     """Reference to its Ogawa group."""
     name: str
-    """Its own name, without the path."""
+    """Name without the path."""
     metadata: Metadata
 
     @property
@@ -415,7 +415,7 @@ class Property:
         return self.sampling.times(1 if self.is_constant else self.n_samples)
 
     def stored_index(self, index: int) -> int:
-        """Return the index of a sample among those stored: repeated ones at both ends are not."""
+        """Return the index of a sample in storage, which omits repeated samples at both ends."""
         last = 0 if self.is_constant else self.last_changed - self.first_changed + 1
         return min(max(0, index - self.first_changed + 1), last)
 
@@ -457,10 +457,10 @@ class Property:
 
     def _contents(self, index: int) -> bytes:
         # Array samples alternate between data and dimensions.
-        place = self.stored_index(index) * (2 if self.is_array else 1)
-        if not self.n_samples or place >= len(self._samples):
+        reference_index = self.stored_index(index) * (2 if self.is_array else 1)
+        if not self.n_samples or reference_index >= len(self._samples):
             raise damage_error(f"{self.name} has no sample {index}")
-        return self.archive.data(int(self._samples[place]))[KEY_BYTES:]
+        return self.archive.data(int(self._samples[reference_index]))[KEY_BYTES:]
 
     @cached_property
     def _samples(self) -> References:

@@ -80,8 +80,8 @@ class GeometryParam:
     @property
     def width(self) -> int:
         """Components of a value, which may span several values of the file."""
-        packed = self.source.metadata.get("arrayExtent", "")
-        return self.values.extent * (int(packed) if packed.isdecimal() else 1)
+        array_extent = self.source.metadata.get("arrayExtent", "")
+        return self.values.extent * (int(array_extent) if array_extent.isdecimal() else 1)
 
     @property
     def interpretation(self) -> str:
@@ -103,10 +103,10 @@ class GeometryParam:
         return self.values.is_constant and (self.indices is None or self.indices.is_constant)
 
     def numbers(self, time_s: float) -> Values | None:
-        """Return the values at a time, of shape (N, width); None if not numeric or miscounted."""
+        """Return the values at a time, of shape (N, width); None if not numeric or incomplete."""
         if self.values.dtype is None or self.width == 0:
             return None
-        numbers = self.values.numbers(_sample(self.values, time_s)).ravel()
+        numbers = self.values.numbers(_sample_index(self.values, time_s)).ravel()
         if len(numbers) % self.width:
             return None
         is_half = numbers.dtype == np.float16
@@ -117,7 +117,7 @@ class GeometryParam:
         """Return the value index of each item at a time, of shape (N,); None if not indexed."""
         if self.indices is None:
             return None
-        indices = self.indices.integers(_sample(self.indices, time_s))
+        indices = self.indices.integers(_sample_index(self.indices, time_s))
         if len(indices) and not 0 <= indices.min() <= indices.max() < n_values:
             raise damage_error(f"{self.name} has indices beyond its {n_values} values")
         return indices.astype(np.int32)
@@ -144,7 +144,7 @@ class GeometryParam:
         role: str,
         to_world: Callable[[Values, Floats], Values] | None = None,
     ) -> Quantity:
-        """Return it as a quantity, interpolated between samples if its kind allows that."""
+        """Return the parameter as a quantity, interpolated between samples if its kind allows."""
         times, unit = self.times_s(), self.source.metadata.get(UNIT, "")
         is_blended = not role and (not kind or kind in BLENDED)
 
@@ -165,7 +165,7 @@ class GeometryParam:
         )
 
 
-def _sample(values: Property, time_s: float) -> int:
+def _sample_index(values: Property, time_s: float) -> int:
     """Return the index of the sample in effect at a time."""
     return neighbors(values.times_s, time_s).before
 
@@ -198,13 +198,13 @@ def animated_quantities(path: str, geometry: Properties, notes: Notes) -> dict[s
 
 
 def _animated(geometry: Properties) -> Iterator[tuple[str, Quantity]]:
-    marked = segment_attributes(geometry)
+    segment_names = segment_attributes(geometry)
     for param in geometry_params(geometry):
-        declared = param.source.metadata.get(TRACK_KIND, "")
+        declared_kind = param.source.metadata.get(TRACK_KIND, "")
         is_numeric = not (_is_single(param, geometry) or param.values.is_text)
-        is_track = is_numeric and (declared or not param.is_constant)
-        if is_track and param.source.name not in marked:
-            kind = declared or ("" if param.kind is Kind.OTHER else str(param.kind))
+        is_track = is_numeric and (declared_kind or not param.is_constant)
+        if is_track and param.source.name not in segment_names:
+            kind = declared_kind or ("" if param.kind is Kind.OTHER else str(param.kind))
             role = NORMALS_ROLE if param.interpretation == "normal" else ""
             yield param.source.name, param.quantity(param.name, kind, role)
     user = geometry.get(".userProperties")
@@ -243,9 +243,9 @@ def read_attributes(
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
     changing, constants, unsupported = (list[str]() for _ in range(3))
-    marked = segment_attributes(geometry)
+    segment_names = segment_attributes(geometry)
     for param in geometry_params(geometry):
-        is_fixed = param.is_constant or param.source.name in marked
+        is_fixed = param.is_constant or param.source.name in segment_names
         if param.source.name in animated:
             continue
         if _is_single(param, geometry):
@@ -323,7 +323,7 @@ def _face_indices(properties: Properties, name: str, n_faces: int, time_s: float
         raise damage_error(f"the face set {name} lacks {FACES}")
     if face_property.n_samples == 0:
         return np.zeros(0, np.int64)
-    faces = face_property.integers(_sample(face_property, time_s))
+    faces = face_property.integers(_sample_index(face_property, time_s))
     if len(faces) and not 0 <= faces.min() <= faces.max() < n_faces:
         raise damage_error(f"the face set {name} refers to faces outside 0..{n_faces - 1}")
     return faces
@@ -334,10 +334,10 @@ def _attribute(param: GeometryParam, mesh: PolygonMesh, time_s: float) -> Attrib
     if values is None:
         return None
     if values.dtype not in VALUE_TYPES:
-        narrow = values.astype(np.int32)
-        if (narrow != values).any():  # integers beyond 32 bits
+        narrow_values = values.astype(np.int32)
+        if (narrow_values != values).any():  # integers beyond 32 bits
             return None
-        values = narrow
+        values = narrow_values
     rows = param.rows(time_s, len(values))
     domain = domain_of(param.domain, len(values if rows is None else rows), mesh)
     if domain is Domain.CORNER:
@@ -356,12 +356,12 @@ def domain_of(declared: Domain | None, n_values: int, mesh: PolygonMesh) -> Doma
 def _groups(param: GeometryParam, mesh: PolygonMesh, time_s: float) -> FaceGroups | None:
     if not (param.values.is_text and param.domain is Domain.FACE):
         return None
-    texts = param.values.texts(_sample(param.values, time_s))
+    texts = param.values.texts(_sample_index(param.values, time_s))
     indices = param.rows(time_s, len(texts))
     rows = np.arange(len(texts)) if indices is None else indices
     if len(rows) != len(mesh.counts):
         return None
     labels = dict.fromkeys(text for text in texts if text)  # faces without a group have ""
-    new = {text: number for number, text in enumerate(labels)}
-    numbers = np.array([new.get(text, -1) for text in texts], np.int32)[rows]
+    label_numbers = {text: number for number, text in enumerate(labels)}
+    numbers = np.array([label_numbers.get(text, -1) for text in texts], np.int32)[rows]
     return FaceGroups(param.name, tuple(labels), numbers)

@@ -12,7 +12,7 @@ from meshreel.runtime.extras import ALEMBIC, IMATH
 
 UNNAMED = "mesh"
 
-IN_NAMES, IN_METADATA, IN_TEXTS = "/\0", ";=\0", "\0"
+NOT_IN_NAMES, NOT_IN_METADATA, NOT_IN_TEXTS = "/\0", ";=\0", "\0"
 """Reserved characters of path components, of metadata, and of strings.
 
 The Alembic library aborts the process if the name of texture coordinates contains a reserved
@@ -45,7 +45,7 @@ def clean(text: str, reserved: str) -> str:
 
 def clean_unique_name(name: str, used: set[str]) -> str:
     """Return the name without slashes, made unique, and add it to `used`."""
-    return unique_name(clean(name, IN_NAMES) or UNNAMED, used)
+    return unique_name(clean(name, NOT_IN_NAMES) or UNNAMED, used)
 
 
 def param_sample(

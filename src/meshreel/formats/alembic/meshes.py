@@ -76,10 +76,10 @@ class Transform:
             return np.eye(4)
         before, after, weight = neighbors(values.times_s, time_s)
         if weight == 0:
-            return self._sample(before)
-        return _interpolate(self._sample(before), self._sample(after), weight)
+            return self._sample_matrix(before)
+        return _interpolate(self._sample_matrix(before), self._sample_matrix(after), weight)
 
-    def _sample(self, index: int) -> Floats:
+    def _sample_matrix(self, index: int) -> Floats:
         operations = self.properties[".ops"].integers() >> 4
         values = self.properties[".vals"].numbers(index).ravel().astype(np.float64)
         matrix, start = np.eye(4), 0
@@ -220,7 +220,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
 
 
 class _AnimatedMesh:
-    """A mesh at its place in the hierarchy.
+    """A mesh at a path of the hierarchy.
 
     Parameters
     ----------
@@ -283,21 +283,21 @@ class _AnimatedMesh:
             self._notes.left_out(f"visibility of {node.path}")
         if node.object.schema == SUBDIVISION:
             self._notes.left_out(CAGES, [node.path])
-        sets = {
+        face_sets = {
             child.name: child.properties[".faceset"].properties
             for child in node.object.children
             if ".faceset" in child.properties
         }
-        materials = read_face_sets(sets, len(mesh.counts), time_s)
+        materials = read_face_sets(face_sets, len(mesh.counts), time_s)
         return replace(surface, groups=(*materials, *surface.groups), hard_edges=hard_edges)
 
     def _tracks(self, frames: range) -> Mapping[str, TrackSource]:
         if not self._animated:
             return {}
         path, notes = self._node.path, self._notes
-        span = float(self._times_s[-1] - self._times_s[0]) / max(1, len(self._times_s) - 1)
+        interval_s = float(self._times_s[-1] - self._times_s[0]) / max(1, len(self._times_s) - 1)
         note_quantities(
-            path, self._animated.values(), self._times_s, 1e-3 * span, notes,
+            path, self._animated.values(), self._times_s, 1e-3 * interval_s, notes,
             is_transform_animated=bool(self._transform_times),
         )  # fmt: skip
         times = self._times_s[frames.start : frames.stop]
@@ -411,7 +411,7 @@ def describe_contents(nodes: Sequence[Node]) -> str:
     """Return the contents of a file without meshes in words: "cameras (2), curves (1)"."""
     schemas = (node.object.schema for node in nodes)
     counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
-    contents = [f"{what} ({count})" for what, count in sorted(counts.items())]
+    contents = [f"{noun} ({count})" for noun, count in sorted(counts.items())]
     return ", ".join(contents) or ("only transforms" if nodes else "no objects")
 
 

@@ -16,8 +16,8 @@ from meshreel.formats.alembic.attributes import (
     VELOCITIES,
 )
 from meshreel.formats.alembic.library import (
-    IN_METADATA,
-    IN_TEXTS,
+    NOT_IN_METADATA,
+    NOT_IN_TEXTS,
     NUMBER_TYPES,
     PropertyType,
     clean,
@@ -193,7 +193,7 @@ class PartWriter:
             what, (name, _), used = "track", self._standard[UVS], set(self._param_tracks)
         else:
             return
-        written_name = unique_name(clean(name, IN_METADATA), used)
+        written_name = unique_name(clean(name, NOT_IN_METADATA), used)
         note_name(what, name, written_name, ".abc", self._notes)
         self._schema.setUVSourceName(written_name)
 
@@ -249,7 +249,7 @@ class PartWriter:
         if groups.name not in self._params:
             name, kind = self._new_name("group", groups.name), ("String", "String", 1)
             self._params[groups.name] = self._param(name, Domain.FACE, kind, is_indexed=True)
-        labels = [clean(label, IN_TEXTS) for label in groups.labels]
+        labels = [clean(label, NOT_IN_TEXTS) for label in groups.labels]
         for label, cleaned in zip(groups.labels, labels, strict=True):
             note_name("label", label, cleaned, ".abc", self._notes)
         empty = len(groups.labels)  # index of the empty text at the end
@@ -282,10 +282,10 @@ class PartWriter:
         kind = _track_type(track)
         if name not in self._track_params:
             written_name = clean_unique_name(name, self._names)
-            is_valid = clean(name, IN_METADATA) == name
+            is_valid = clean(name, NOT_IN_METADATA) == name
             # Readers show the source name if there is one.
             note_name("track", name, name if is_valid else written_name, ".abc", self._notes)
-            unit = clean(track.unit, IN_METADATA)
+            unit = clean(track.unit, NOT_IN_METADATA)
             note_name("unit", track.unit, unit, ".abc", self._notes)
             entries = {
                 TRACK_KIND: str(track.kind),

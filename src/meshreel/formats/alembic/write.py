@@ -13,8 +13,8 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.library import (
-    IN_NAMES,
-    IN_TEXTS,
+    NOT_IN_NAMES,
+    NOT_IN_TEXTS,
     UNNAMED,
     clean,
     clean_unique_name,
@@ -51,7 +51,7 @@ def object_paths(names: Sequence[str]) -> list[ObjectPath]:
     "body" becomes "/body/body".
     """
     requested = [
-        tuple(clean(component, IN_NAMES) for component in name.split("/") if component)
+        tuple(clean(component, NOT_IN_NAMES) for component in name.split("/") if component)
         or (UNNAMED,)
         for name in names
     ]
@@ -107,7 +107,7 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
         if rounding is None:
             rounding = Rounding(segment.first, "Alembic")
             for part in parts:
-                note_name("part", part.name, clean(part.name, IN_TEXTS), ".abc", stream.notes)
+                note_name("part", part.name, clean(part.name, NOT_IN_TEXTS), ".abc", stream.notes)
             segment_data = shared if stream.n_segments > 1 else None
             transforms: dict[ObjectPath, Any] = {(): archive.getTop()}
             for part, place in zip(parts, object_paths([p.name for p in parts]), strict=True):

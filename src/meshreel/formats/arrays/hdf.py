@@ -80,31 +80,31 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
             )
         arrays = _named_arrays(root, positions)
         candidates = list(_candidates_next_to(root, positions))
-        places = [candidate.path for candidate in candidates]
-        _note_left_out(root, positions, arrays, places, options.notes)
+        candidate_paths = [candidate.path for candidate in candidates]
+        _note_left_out(root, positions, arrays, candidate_paths, options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
             positions.shape, vertex_numbers(arrays), positions.name, is_documented=name == POSITIONS
         )
         n_frames, n_verts = layout.sizes(positions.shape)
-        own_name = path.stem if name == POSITIONS else name
-        about = read_description(arrays, own_name, options, n_frames, n_verts)
+        default_name = path.stem if name == POSITIONS else name
+        description = read_description(arrays, default_name, options, n_frames, n_verts)
     if min(n_frames, n_verts) < 1:
         raise InvalidInputError(f"{positions.name} is empty: {positions.shape}", path=path)
     dtype = positions.dtype.newbyteorder("=")
     with errors_naming(path), hdf_errors():
         tracks = {
-            name: track.stored(
+            name: track.stored_track(
                 CheckedReader(path, _reader(path, require_dataset(root, track.path)))
             )
             for name, track in named_tracks(
-                candidates, n_frames, n_verts, about, options.notes
+                candidates, n_frames, n_verts, description, options.notes
             ).items()
         }
     shape, max_bytes = (n_frames, n_verts), options.max_loaded_bytes
     read = CheckedReader(path, _reader(path, positions, layout))
     with errors_naming(path):
-        return about.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
+        return description.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
 
 
 def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:
@@ -131,9 +131,9 @@ def _write_tracks(output: HdfOutput, stream: FrameStream) -> None:
     if not stream.tracks:
         return
     group = output.root.create_group(TRACKS_FOLDER)
-    places = array_names(stream.tracks)
+    dataset_names = array_names(stream.tracks)
     for name, track in stream.tracks.items():
-        dataset = _create_dataset(group, places[name], track.shape, track.dtype)
+        dataset = _create_dataset(group, dataset_names[name], track.shape, track.dtype)
         describe_track(dataset, name, track)
         for start, values in output.blocks(track):
             dataset[start : start + len(values)] = values
@@ -173,23 +173,23 @@ def _candidates_next_to(root: Node, positions: Dataset) -> Iterator[Candidate]:
         group = find_group(root, folder or "/")
         for name in group if group is not None else ():
             is_reserved = folder == parent and RESERVED_NAMES.fullmatch(name)
-            place = f"{folder}/{name}".lstrip("/")
-            if not is_reserved and f"/{place}" != positions.name:
-                yield from _candidate(group, name, place)
+            path = f"{folder}/{name}".lstrip("/")
+            if not is_reserved and f"/{path}" != positions.name:
+                yield from _candidate(group, name, path)
 
 
-def _candidate(group: Node, name: str, place: str) -> Iterator[Candidate]:
+def _candidate(group: Node, name: str, path: str) -> Iterator[Candidate]:
     h5py = HDF.load()
     if not isinstance(group.get(name, getlink=True), h5py.HardLink):
         return
     try:
         dataset = find_dataset(group, name)
     except FormatError:  # external data: listed in the notes
-        yield Candidate(place, name, (), np.dtype(object))
+        yield Candidate(path, name, (), np.dtype(object))
         return
     if dataset is not None:
         yield Candidate(
-            place,
+            path,
             read_text_attribute(dataset, "name") or name,
             dataset.shape,
             dataset.dtype,
@@ -215,10 +215,10 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
         raise FormatError(
             "has no dataset of positions: float32 or float64, of shape (T, V, 3) or (V, 3, T)"
         )
-    which = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
+    prefix = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
     raise InvalidInputError(
-        f"{which}holds positions in {len(names)} datasets: {listed(names, MAX_LISTED)}; choose one "
-        "with ",
+        f"{prefix}holds positions in {len(names)} datasets: {listed(names, MAX_LISTED)}; "
+        "choose one with ",
         Keyword("dataset"),
     )
 
@@ -233,10 +233,10 @@ def _note_left_out(
     """Add a note on datasets that belong to neither the sequence nor its tracks."""
     parent = positions.name.rpartition("/")[0]
     known = {positions.name, *(f"{parent}/{name}" for name in arrays)}
-    known |= {f"/{place}" for place in candidates}
+    known |= {f"/{path}" for path in candidates}
     if "faces" not in (find_group(root, parent or "/") or ()):
-        above = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
-        known |= {next((path for path in above if find_dataset(root, path) is not None), "")}
+        faces_paths = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
+        known |= {next((path for path in faces_paths if find_dataset(root, path) is not None), "")}
     unread_names = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
     notes.left_out("datasets", unread_names)
 

@@ -99,7 +99,7 @@ def _surface_arrays(surface: Surface) -> dict[str, Array]:
 
 
 def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int | None) -> Timing:
-    """Return the timing of named arrays; a given frame rate replaces their own, and times."""
+    """Return the timing of named arrays; `fps` replaces their rate and times."""
     start_s, times = _number(arrays, "start_s"), arrays.get("times")
     if times is not None:
         timing = Timing.of_times(times, n_frames)
@@ -125,7 +125,7 @@ def read_description(
     n_frames : int, optional
         Required number of times.
     n_verts : int
-        Of a mesh of cells.
+        Number of vertices of a mesh of cells.
 
     Raises
     ------
@@ -136,8 +136,8 @@ def read_description(
     """
     surface, faces = _read_surface(arrays), arrays.get("faces", np.empty((0, 3), np.int32))
     if "cells" in arrays:
-        faces, of_cells = surface_of_cells(_read_cells(arrays), n_verts)
-        surface = replace(surface, face_sizes=of_cells.face_sizes, cells=of_cells.cells)
+        faces, cell_surface = surface_of_cells(_read_cells(arrays), n_verts)
+        surface = replace(surface, face_sizes=cell_surface.face_sizes, cells=cell_surface.cells)
     return Description(
         faces,
         _text(arrays.get("name")) or name,
@@ -172,7 +172,7 @@ def _read_surface(arrays: Mapping[str, Array]) -> Surface:
         If an array is missing or invalid; the message names it.
     """
     names, kinds, domains = (
-        text_list(arrays, f"attribute_{what}") for what in ("names", "kinds", "domains")
+        text_list(arrays, f"attribute_{field}") for field in ("names", "kinds", "domains")
     )
     if not len(names) == len(kinds) == len(domains):
         raise FormatError(
@@ -182,8 +182,8 @@ def _read_surface(arrays: Mapping[str, Array]) -> Surface:
     attributes = tuple(
         Attribute(
             name,
-            _one_of(Kind, kinds[index], "attribute_kinds"),
-            _one_of(Domain, domains[index], "attribute_domains"),
+            _parse_enum(Kind, kinds[index], "attribute_kinds"),
+            _parse_enum(Domain, domains[index], "attribute_domains"),
             native(_required(arrays, f"attribute_{index}_values")),
             arrays.get(f"attribute_{index}_indices"),
         )
@@ -281,11 +281,11 @@ def _required(arrays: Mapping[str, Array], name: str) -> Array:
     return arrays[name]
 
 
-def _one_of(kind: Any, text: str, name: str) -> Any:
+def _parse_enum(kind: Any, text: str, name: str) -> Any:
     try:
         return kind(text)
     except ValueError:
-        raise FormatError(f"{name} must be of {', '.join(kind)}; got {text!r}") from None
+        raise FormatError(f"{name} must be one of {', '.join(kind)}; got {text!r}") from None
 
 
 class Layout(Enum):
@@ -337,9 +337,9 @@ def find_layout(
     fitting = [layout for layout in possible if layout.sizes(shape)[1] > largest]
     if len(fitting) == 1 or (is_documented and Layout.FRAMES_FIRST in fitting):
         return fitting[0]
-    ending = [layout for layout in fitting if layout.sizes(shape)[1] == largest + 1]
-    if len(ending) == 1:
-        return ending[0]
+    exact_fits = [layout for layout in fitting if layout.sizes(shape)[1] == largest + 1]
+    if len(exact_fits) == 1:
+        return exact_fits[0]
     raise InvalidInputError(
         f"{name} has shape {shape} and faces use vertices up to {largest}: it may be "
         "(T, V, 3) or (V, 3, T); store it as (T, V, 3) under the name vertices"

@@ -70,7 +70,7 @@ class NamedTrack:
     shape: tuple[int, int, int]
     """(T, N, C)."""
 
-    def stored(self, read: ReadNumbers) -> StoredTrack:
+    def stored_track(self, read: ReadNumbers) -> StoredTrack:
         """Return the track, given a function that reads frames start..stop - 1 of its array."""
         read_values = partial(self._values, read)  # can be pickled, unlike a closure
         return StoredTrack(self.domain, self.kind, self.unit, self.dtype, self.shape, read_values)
@@ -84,7 +84,7 @@ def named_tracks(
     candidates: Iterable[Candidate],
     n_frames: int,
     n_verts: int,
-    about: Description,
+    description: Description,
     notes: Notes,
 ) -> dict[str, NamedTrack]:
     """Return the tracks among the candidates by name; a note lists the others and what is needed.
@@ -94,7 +94,7 @@ def named_tracks(
     InvalidInputError
         If two tracks share a name.
     """
-    sizes = domain_sizes(n_verts, len(about.faces), about.surface)
+    sizes = domain_sizes(n_verts, len(description.faces), description.surface)
     tracks: dict[str, NamedTrack] = {}
     other_paths = []
     for candidate in candidates:

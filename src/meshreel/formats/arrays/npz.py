@@ -46,7 +46,7 @@ from meshreel.model.tracks import Track, TrackSource, track_blocks
 
 Numbers = npt.NDArray[Any]
 
-LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip member: lengths of the name and extra after it
+LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip member: lengths of its name and extra field
 
 POSITIONS = "vertices"
 
@@ -81,21 +81,22 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     n_frames, n_verts = (
         raw_vertices.shape if raw_vertices is not None else arrays[positions].shape
     )[:2]
+    counts = n_frames, n_verts
     with errors_naming(path):
-        about = read_description(arrays, path.stem, options, n_frames, n_verts)
-    named_tracks = find_tracks(path, arrays, positions, (n_frames, n_verts), about, options.notes)
+        description = read_description(arrays, path.stem, options, n_frames, n_verts)
+    named_tracks = find_tracks(path, arrays, positions, counts, description, options.notes)
     if raw_vertices is not None and max_bytes is not None:
         sizes = [(raw_vertices.shape, raw_vertices.dtype)]
         sizes += [(track.shape, track.dtype) for track in named_tracks.values()]
         if sum(math.prod(shape) * dtype.itemsize for shape, dtype in sizes) > max_bytes:
-            tracks = {name: _track(path, track) for name, track in named_tracks.items()}
+            tracks = {name: _open_track(path, track) for name, track in named_tracks.items()}
             verify_member(path, positions)
-            return about.open_array(raw_vertices, tracks, max_bytes, options.progress)
+            return description.open_array(raw_vertices, tracks, max_bytes, options.progress)
         arrays |= read_members(path, [positions])
     values = read_members(path, [track.path for track in named_tracks.values()])
-    loaded = {name: _loaded(track, values[track.path]) for name, track in named_tracks.items()}
+    loaded_tracks = {name: _load(track, values[track.path]) for name, track in named_tracks.items()}
     with errors_naming(path):
-        sequence = about.loaded(native(arrays[positions]), loaded)
+        sequence = description.loaded(native(arrays[positions]), loaded_tracks)
     options.progress("reading", 1.0)
     return sequence
 
@@ -112,30 +113,30 @@ def _frames_first(path: Path, arrays: Mapping[str, Numbers], positions: str) -> 
     return np.ascontiguousarray(vertices)
 
 
-def _track(path: Path, track: NamedTrack) -> TrackSource:
+def _open_track(path: Path, track: NamedTrack) -> TrackSource:
     """Return a track that stays in the file, after verifying it; a loaded one if compressed."""
-    raw_values = _find_plain(path, track.path)
+    raw_values = _find_raw_array(path, track.path)
     if raw_values is None:
-        return _loaded(track, read_members(path, [track.path])[track.path])
+        return _load(track, read_members(path, [track.path])[track.path])
     verify_member(path, track.path)
-    return track.stored(CheckedReader(path, raw_values.read))
+    return track.stored_track(CheckedReader(path, raw_values.read))
 
 
-def _loaded(track: NamedTrack, values: Numbers) -> Track:
-    stored = track.stored(lambda start, stop: values[start:stop])
-    return Track(stored.read(0, len(values)), track.domain, track.kind, track.unit)
+def _load(track: NamedTrack, values: Numbers) -> Track:
+    stored_track = track.stored_track(lambda start, stop: values[start:stop])
+    return Track(stored_track.read(0, len(values)), track.domain, track.kind, track.unit)
 
 
 def _find_vertices(path: Path, positions: str) -> RawArray | None:
     """Locate positions that can stay in the file; None if they must be loaded."""
-    array = _find_plain(path, positions)
+    array = _find_raw_array(path, positions)
     if array is None or array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
         return None
     # Shapes that may also be (V, 3, T) are loaded.
     return array if has_positions(array.shape) and array.shape[2] == 3 != array.shape[1] else None
 
 
-def _find_plain(path: Path, name: str) -> RawArray | None:
+def _find_raw_array(path: Path, name: str) -> RawArray | None:
     """Locate an uncompressed array in C order; None if it is missing or stored otherwise."""
     member = f"{name}.npy"
     with archive_errors(path):
@@ -163,18 +164,18 @@ def write_npz(path: Path, segments: SegmentedStream, options: WriteOptions) -> N
     omitted: a start of 0, a plain surface.
     """
     stream = segments.only()
-    rest = described_arrays(stream) | track_arrays(stream.tracks)
-    places = array_names(stream.tracks)
+    arrays = described_arrays(stream) | track_arrays(stream.tracks)
+    stored_names = array_names(stream.tracks)
     shape = (stream.n_frames, stream.n_verts, 3)
     with zipfile.ZipFile(path, "w") as archive:
         _write_member(archive, "vertices", stream.dtype, shape, stream.frames())
-        for name, array in rest.items():
+        for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, array, allow_pickle=False)
         for name, track in stream.tracks.items():
             blocks = (values for _, values in track_blocks(track))
-            place = f"{TRACKS_FOLDER}/{places[name]}"
-            _write_member(archive, place, track.dtype, track.shape, blocks)
+            array_path = f"{TRACKS_FOLDER}/{stored_names[name]}"
+            _write_member(archive, array_path, track.dtype, track.shape, blocks)
 
 
 def _write_member(

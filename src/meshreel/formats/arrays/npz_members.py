@@ -65,7 +65,7 @@ def verify_member(path: Path, name: str) -> None:
                 pass
         except zipfile.BadZipFile:
             raise FormatError(
-                f"is damaged: {member} does not have its checksum; save it again"
+                f"is damaged: {member} does not match its checksum; save it again"
             ) from None
 
 
@@ -162,7 +162,7 @@ def find_tracks(
     arrays: Mapping[str, Array],
     positions: str,
     sizes: tuple[int, int],
-    about: Description,
+    description: Description,
     notes: Notes,
 ) -> dict[str, NamedTrack]:
     """Find the tracks of an archive, without reading their values.
@@ -185,38 +185,39 @@ def find_tracks(
     InvalidInputError
         If two tracks share a name.
     """
-    described = _described(arrays)
+    descriptions = _track_descriptions(arrays)
     with archive_errors(path), zipfile.ZipFile(path) as archive:
         candidates = [
-            _candidate(archive, info, described)
+            _candidate(archive, info, descriptions)
             for info in archive.infolist()
             for name in [info.filename.removesuffix(".npy")]
             if name != positions and not RESERVED_NAMES.fullmatch(name)
         ]
-        if missing := described.keys() - {candidate.path for candidate in candidates}:
+        if missing := descriptions.keys() - {candidate.path for candidate in candidates}:
             raise FormatError(f"has no array {min(missing)!r}, which other arrays refer to")
-    return named_tracks(candidates, *sizes, about, notes)
+    return named_tracks(candidates, *sizes, description, notes)
 
 
 def _candidate(
-    archive: zipfile.ZipFile, info: zipfile.ZipInfo, described: Mapping[str, tuple[str, ...]]
+    archive: zipfile.ZipFile, info: zipfile.ZipInfo, descriptions: Mapping[str, tuple[str, ...]]
 ) -> Candidate:
-    place = info.filename.removesuffix(".npy")
-    name, *description = described.get(place, (place.removeprefix(f"{TRACKS_FOLDER}/"),))
+    array_path = info.filename.removesuffix(".npy")
+    default_name = array_path.removeprefix(f"{TRACKS_FOLDER}/")
+    name, *description = descriptions.get(array_path, (default_name,))
     try:
         header = read_array_header(archive, info)
     # Damaged or other members are not part of the sequence; the notes list them.
     except Exception:
-        return Candidate(place, name, (), NO_NUMBERS)
-    if place == info.filename:  # numpy does not load members without the extension .npy
-        return Candidate(place, name, (), NO_NUMBERS)
-    return Candidate(place, name, header.shape, header.dtype, *description)
+        return Candidate(array_path, name, (), NO_NUMBERS)
+    if array_path == info.filename:  # numpy does not load members without the extension .npy
+        return Candidate(array_path, name, (), NO_NUMBERS)
+    return Candidate(array_path, name, header.shape, header.dtype, *description)
 
 
-def _described(arrays: Mapping[str, Array]) -> dict[str, tuple[str, ...]]:
+def _track_descriptions(arrays: Mapping[str, Array]) -> dict[str, tuple[str, ...]]:
     """Name, domain, kind and unit of each track, by the name of its array."""
     columns = [
-        text_list(arrays, f"track_{what}") for what in ("names", "domains", "kinds", "units")
+        text_list(arrays, f"track_{field}") for field in ("names", "domains", "kinds", "units")
     ]
     if len({len(column) for column in columns}) > 1:
         counts = ", ".join(str(len(column)) for column in columns)
@@ -224,8 +225,8 @@ def _described(arrays: Mapping[str, Array]) -> dict[str, tuple[str, ...]]:
             f"has {counts} track_names, track_domains, track_kinds and track_units; the numbers "
             "must be equal"
         )
-    places = array_names(columns[0])
-    if len(places) < len(columns[0]):
+    names = array_names(columns[0])
+    if len(names) < len(columns[0]):
         raise FormatError(f"has duplicate track names in {', '.join(columns[0])}")
     rows = zip(*columns, strict=True)
-    return {f"{TRACKS_FOLDER}/{places[row[0]]}": row for row in rows}
+    return {f"{TRACKS_FOLDER}/{names[row[0]]}": row for row in rows}

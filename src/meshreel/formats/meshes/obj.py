@@ -108,7 +108,7 @@ def _mesh(lines: _Lines) -> PolygonMesh:
         vertices,
         lines.counts,
         np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
-        place=lambda face: all_lines.place(face_lines[face]),
+        place=lambda face: all_lines.location(face_lines[face]),
         file_index=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )

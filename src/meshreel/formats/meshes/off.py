@@ -58,7 +58,7 @@ def read_off(data: bytes) -> Frame:
     counts = _corner_counts(lines, faces)
     corners = lines.integers(ragged_indices(lines.first[faces] + 1, counts))
     mesh = polygon_mesh(
-        lines.positions(verts), counts, corners, place=lambda face: lines.place(faces[face])
+        lines.positions(verts), counts, corners, place=lambda face: lines.location(faces[face])
     )
     attributes, notes = list[Attribute | None](), Notes()
     n_texture = 2 if keyword.startswith("ST") else 0
@@ -85,15 +85,15 @@ def _read_header(lines: TokenLines) -> tuple[str, int, int, int]:
     n_words = 0 if keyword.lstrip("+").isdigit() else 1
     if n_words and not re.fullmatch(r"(?:ST)?C?N?OFF", keyword):
         raise FormatError(
-            f"{lines.place(0)}: expected the word OFF (with C, N or ST before it); got {keyword!r}"
+            f"{lines.location(0)}: expected OFF (with C, N or ST before it); got {keyword!r}"
         )
     line = 1 if lines.counts[0] == n_words else 0
     offset = 0 if line else n_words
     if line == lines.n_lines or lines.counts[line] < offset + 2:
-        raise FormatError(f"{lines.place(0)}: expected the numbers of vertices and faces next")
+        raise FormatError(f"{lines.location(0)}: expected the numbers of vertices and faces next")
     n_verts, n_faces = lines.integers(lines.first[line] + offset + np.arange(2)).tolist()
     if n_verts < 0 or n_faces < 0:
-        raise FormatError(f"{lines.place(line)}: counts must not be negative")
+        raise FormatError(f"{lines.location(line)}: counts must not be negative")
     return keyword if n_words else "OFF", n_verts, n_faces, line + 1
 
 
@@ -105,7 +105,7 @@ def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.
         face = int(np.argmax(wrong))
         line = face_lines[face]
         raise FormatError(
-            f"{lines.place(line)}: declares {counts[face]} corners; "
+            f"{lines.location(line)}: declares {counts[face]} corners; "
             f"{lines.counts[line] - 1} numbers follow"
         )
     return counts

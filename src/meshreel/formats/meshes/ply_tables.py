@@ -138,7 +138,7 @@ def _body(header: PlyHeader, data: bytes) -> PlyBody:
     lines = split_lines(data)
     first = int(np.searchsorted(lines.starts, header.body_start))
     values = lines.floats(np.arange(first, len(lines.starts)))
-    return PlyBody(values.tobytes(), "=", lambda at: lines.place_of_word(first + at // 8))
+    return PlyBody(values.tobytes(), "=", lambda at: lines.word_location(first + at // 8))
 
 
 def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:

@@ -91,16 +91,16 @@ def _parse_ascii(lines: TokenLines) -> npt.NDArray[np.float64]:
     facets, vertices = lines.beginning_with(b"facet"), lines.beginning_with(b"vertex")
     if lines.n_lines - 1 not in lines.beginning_with(b"endsolid"):
         raise FormatError(
-            f"{lines.place(lines.n_lines - 1)}: expected endsolid at the end; the file is truncated"
+            f"{lines.location(lines.n_lines - 1)}: expected endsolid; the file is truncated"
         )
     n_corners = np.bincount(np.searchsorted(facets, vertices), minlength=len(facets) + 1)
     if n_corners[0] or (n_corners[1:] != 3).any():
         line = vertices[0] if n_corners[0] else facets[np.argmax(n_corners[1:] != 3)]
-        raise FormatError(f"{lines.place(line)}: a facet must have three vertex lines")
+        raise FormatError(f"{lines.location(line)}: a facet must have three vertex lines")
     wrong = lines.counts[vertices] != 4
     if wrong.any():
         raise FormatError(
-            f"{lines.place(vertices[np.argmax(wrong)])}: a vertex needs exactly x, y and z"
+            f"{lines.location(vertices[np.argmax(wrong)])}: a vertex needs exactly x, y and z"
         )
     return lines.floats(lines.first[vertices][:, None] + np.arange(1, 4))
 

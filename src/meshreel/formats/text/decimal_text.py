@@ -43,7 +43,7 @@ def vertex_rows(
     starts = range(0, len(vertices), BLOCK_ROWS)
     blocks = [slice(start, start + BLOCK_ROWS) for start in starts]
     return b"".join(
-        _filled(line, vertices[block], None if suffixes is None else suffixes[block])
+        _format_rows(line, vertices[block], None if suffixes is None else suffixes[block])
         for block in blocks
     )
 
@@ -88,7 +88,7 @@ class Narrowing:
         return math.isfinite(self._change) and self._change <= FLOAT32_TOLERANCE * self._size
 
 
-def _filled(line: str, rows: Vertices, suffixes: Sequence[str] | None) -> bytes:
+def _format_rows(line: str, rows: Vertices, suffixes: Sequence[str] | None) -> bytes:
     """Fill the line template with the numbers and suffix of each row."""
     if suffixes is None:
         template = f"{line}\n" * len(rows)

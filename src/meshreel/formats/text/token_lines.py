@@ -37,7 +37,7 @@ class TokenLines:
     """The words of a text grouped by line; empty lines are omitted."""
 
     text: bytes
-    """The text that contains the words, extension with a line feed."""
+    """The text, extended by a line feed."""
     physical: bytes
     """Text of the same length with the line ends of the file; only for line numbers."""
     starts: npt.NDArray[np.int64]
@@ -57,11 +57,11 @@ class TokenLines:
         word = self.text[self.starts[token] : self.ends[token]].decode("latin-1")
         return word if len(word) <= 40 else word[:37] + "..."
 
-    def place(self, line: int) -> str:
+    def location(self, line: int) -> str:
         """Describe the location of a line in the file, such as "line 12"."""
-        return self.place_of_word(int(self.first[line]))
+        return self.word_location(int(self.first[line]))
 
-    def place_of_word(self, token: int) -> str:
+    def word_location(self, token: int) -> str:
         """Describe the location of a word in the file, such as "line 12"."""
         lines_before = self.physical.count(b"\n", 0, int(self.starts[token]))
         return f"line {lines_before + 1}"
@@ -89,7 +89,7 @@ class TokenLines:
         Parameters
         ----------
         tokens : integer array
-            Numbers of words, ascending when flattened.
+            Word indices, ascending when flattened.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class TokenLines:
             try:
                 block_values[:] = words
             except ValueError:
-                raise self._not_a_float(block, words) from None
+                raise self._float_error(block, words) from None
         return values.reshape(tokens.shape)
 
     def integers(self, tokens: Integers, *, stop_at_slash: bool = False) -> npt.NDArray[np.int64]:
@@ -112,7 +112,7 @@ class TokenLines:
         Parameters
         ----------
         tokens : integer array of shape (number of tokens,)
-            Numbers of words.
+            Word indices.
         stop_at_slash : bool, default False
             Whether to ignore a slash and the rest of a word, as in ``7/3/1``.
 
@@ -123,38 +123,40 @@ class TokenLines:
         """
         values = np.empty(len(tokens), dtype=np.int64)
         for block, block_values in _blocks(tokens, values):
-            block_values[:], good = integer_values(self._codes(), self.starts[block], stop_at_slash)
-            if not good.all():
-                raise self._not_a(int(block[np.argmin(good)]), "an integer")
+            block_values[:], valid = integer_values(
+                self._codes(), self.starts[block], stop_at_slash
+            )
+            if not valid.all():
+                raise self._syntax_error(int(block[np.argmin(valid)]), "an integer")
         return values
 
     def integers_after_slash(
         self, tokens: Integers, n_slashes: int = 1
     ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        """Parse the integer after a slash of each word, as 7 in ``3/7/1``, and tell which exist.
+        """Parse the integer after a slash of each word, as 7 in ``3/7/1``, and whether it exists.
 
         Parameters
         ----------
         tokens : integer array of shape (number of tokens,)
-            Numbers of words.
+            Word indices.
         n_slashes : int, default 1
-            After which slash: 2 selects 1 in ``3/7/1``.
+            Slashes before the integer: 2 selects 1 in ``3/7/1``.
 
         Raises
         ------
         FormatError
-            If it is not an integer; the message names the first such word and its line.
+            If an integer is invalid; the message names the first such word and its line.
         """
         codes = self._codes()
         slashes = np.append(np.flatnonzero(codes == ord("/")), [len(codes) - 1] * n_slashes)
-        begins = slashes[np.searchsorted(slashes, self.starts[tokens]) + n_slashes - 1] + 1
+        starts = slashes[np.searchsorted(slashes, self.starts[tokens]) + n_slashes - 1] + 1
         ends = self.ends[tokens]
-        is_there = begins < ends
-        is_there[is_there] = codes[begins[is_there]] != ord("/")
-        suffixes = replace(self, starts=begins[is_there], ends=ends[is_there])
+        has_value = starts < ends
+        has_value[has_value] = codes[starts[has_value]] != ord("/")
+        suffixes = replace(self, starts=starts[has_value], ends=ends[has_value])
         values = np.zeros(len(tokens), dtype=np.int64)
-        values[is_there] = suffixes.integers(np.arange(len(suffixes.starts)), stop_at_slash=True)
-        return values, is_there
+        values[has_value] = suffixes.integers(np.arange(len(suffixes.starts)), stop_at_slash=True)
+        return values, has_value
 
     def have_points(self, tokens: Integers) -> bool:
         """Whether any of the words has a decimal point."""
@@ -179,7 +181,7 @@ class TokenLines:
         if (is_short := n_numbers < len("xyz")).any():
             row = int(np.argmax(is_short))
             raise FormatError(
-                f"{self.place(rows[row])}: a vertex needs x, y and z; got {n_numbers[row]} numbers"
+                f"{self.location(rows[row])}: a vertex needs x, y and z; got {n_numbers[row]}"
             )
         return self.floats(self.first[rows][:, None] + n_before + np.arange(3))
 
@@ -191,20 +193,20 @@ class TokenLines:
             words = self.text[self.starts[first] : self.ends[last]].split()
             if len(words) == len(tokens):
                 return words
-            return [words[place] for place in (tokens - first).tolist()]
+            return [words[index] for index in (tokens - first).tolist()]
         ranges = zip(self.starts[tokens].tolist(), self.ends[tokens].tolist(), strict=True)
         return [self.text[start:end] for start, end in ranges]
 
     def _codes(self) -> npt.NDArray[np.uint8]:
         return np.frombuffer(self.text, dtype=np.uint8)
 
-    def _not_a_float(self, tokens: Integers, words: list[bytes]) -> FormatError:
+    def _float_error(self, tokens: Integers, words: list[bytes]) -> FormatError:
         bad = (i for i, word in enumerate(words) if not _is_number(word))
-        return self._not_a(int(tokens[next(bad, 0)]), "a number")
+        return self._syntax_error(int(tokens[next(bad, 0)]), "a number")
 
-    def _not_a(self, token: int, expected: str) -> FormatError:
-        place, word = self.place_of_word(token), self.word(token)
-        return FormatError(f"{place}: expected {expected}; got {word!r}")
+    def _syntax_error(self, token: int, expected: str) -> FormatError:
+        location, word = self.word_location(token), self.word(token)
+        return FormatError(f"{location}: expected {expected}; got {word!r}")
 
 
 def split_lines(data: bytes, *, continuation: bool = False) -> TokenLines:
@@ -260,8 +262,8 @@ def _find_words(text: bytes, physical: bytes) -> TokenLines:
     starts, ends = edges[0::2], edges[1::2]
     words_so_far = np.searchsorted(starts, np.flatnonzero(codes == ord("\n")))
     counts = np.diff(words_so_far, prepend=0)
-    filled = counts > 0
-    return TokenLines(text, physical, starts, ends, (words_so_far - counts)[filled], counts[filled])
+    lines = np.flatnonzero(counts)
+    return TokenLines(text, physical, starts, ends, (words_so_far - counts)[lines], counts[lines])
 
 
 def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
@@ -274,7 +276,7 @@ def are_spaces(codes: Codes) -> npt.NDArray[np.bool_]:
 def integer_values(
     codes: Codes, starts: npt.NDArray[np.int64], stop_at_slash: bool
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """Parse words at the given offsets as int64, and tell which are integers.
+    """Parse words at the given offsets as int64, and return which are integers.
 
     Parameters
     ----------
@@ -287,15 +289,15 @@ def integer_values(
     values = np.zeros(len(starts), dtype=np.int64)
     sign = codes[starts]
     begin = starts + ((sign == ord("-")) | (sign == ord("+")))
-    at = begin.copy()
+    offsets = begin.copy()
     for _ in range(MAX_DIGITS):
-        digit = codes[at] - np.uint8(ord("0"))  # other characters wrap around to above 9
-        more = digit < 10
-        if not more.any():
+        digit = codes[offsets] - np.uint8(ord("0"))  # other characters wrap around to above 9
+        is_digit = digit < 10
+        if not is_digit.any():
             break
-        values[more] = values[more] * 10 + digit[more]
-        at += more
-    ends = codes[at]
-    are_good = (at > begin) & (are_spaces(ends) | (stop_at_slash & (ends == ord("/"))))
+        values[is_digit] = values[is_digit] * 10 + digit[is_digit]
+        offsets += is_digit
+    ends = codes[offsets]
+    are_integers = (offsets > begin) & (are_spaces(ends) | (stop_at_slash & (ends == ord("/"))))
     values[sign == ord("-")] *= -1
-    return values, are_good
+    return values, are_integers

@@ -165,9 +165,9 @@ def _motion(
 ) -> Motion:
     """Return the motion of the vertices that faces use, near the origin."""
     frames = sequence.vertices
-    if n_isolated := sequence.n_verts - len(mesh.used):
+    if n_isolated := sequence.n_verts - len(mesh.used_verts):
         notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
-        frames = frames[:, mesh.used]
+        frames = frames[:, mesh.used_verts]
     placement = placement_for(frames, budget.added or np.inf)
     if placement is not IDENTITY:
         origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)

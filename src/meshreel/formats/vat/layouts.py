@@ -188,5 +188,5 @@ def remap_document(fps: float, grid: TexelGrid, remap: Remap, name: str) -> Any:
 
 def _float32_below(values: Floats) -> Singles:
     """Return the largest float32 values that are not above the given values."""
-    near = values.astype(np.float32)
-    return np.where(near > values, np.nextafter(near, np.float32(-np.inf)), near)
+    nearest = values.astype(np.float32)
+    return np.where(nearest > values, np.nextafter(nearest, np.float32(-np.inf)), nearest)

@@ -123,7 +123,7 @@ class RestMesh:
 
     Attributes
     ----------
-    used : int64 array of shape (V,)
+    used_verts : int64 array of shape (V,)
         Indices of the vertices that faces use, ascending.
     faces : int32 array of shape (M, 3)
         Faces as indices into these vertices.
@@ -132,11 +132,11 @@ class RestMesh:
     def __init__(self, faces: Faces, surface: Surface, n_verts: int) -> None:
         self._n_verts = n_verts
         # Textures store one normal per vertex, so hard edges are lost.
-        self._n_hard = 0 if surface.hard_edges is None else len(surface.hard_edges)
-        self._whole_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
+        self._n_hard_edges = 0 if surface.hard_edges is None else len(surface.hard_edges)
+        self._all_faces, self._surface = faces, replace(surface, parts=(), hard_edges=None)
         is_used = np.zeros(n_verts, bool)
         is_used[faces] = True
-        self.used: npt.NDArray[np.intp] = np.flatnonzero(is_used)
+        self.used_verts: npt.NDArray[np.intp] = np.flatnonzero(is_used)
         self._compact_indices = np.cumsum(is_used) - 1
         self.faces: npt.NDArray[np.int32] = self._compact_indices[faces].astype(np.int32)
 
@@ -159,10 +159,10 @@ class RestMesh:
         notes : Notes
             Gains a sentence for everything of a material that glTF cannot store.
         """
-        if self._n_hard:
+        if self._n_hard_edges:
             notes.unwritten(
-                f"left out {counted(self._n_hard, 'hard edge')}: textures store one normal per "
-                "vertex"
+                f"left out {counted(self._n_hard_edges, 'hard edge')}: textures store one normal "
+                "per vertex"
             )
         surface = self._with_texel_uvs(uvs)
         normals, rest = next(motion.normals()).astype(np.float32), motion.rest
@@ -172,8 +172,8 @@ class RestMesh:
         name = path.stem
         scene = SceneWriter(name, [0.0], WriteOptions(compression=False), notes)
         materials = Materials(surface, scene.buffer, notes)
-        [whole] = split_parts(self._whole_faces, surface, self._n_verts, "")
-        split = split_at_seams(whole).with_indices(self._compact_indices, self._compact_indices)
+        [part] = split_parts(self._all_faces, surface, self._n_verts, "")
+        split = split_at_seams(part).with_indices(self._compact_indices, self._compact_indices)
         morph_mesh = MorphMesh(motion.placement, rest, None, NormalTargets(normals), np.zeros(1))
         node = scene.tree.add(name, 0, motion.placement)
         if space.rotation is not None:
@@ -184,9 +184,9 @@ class RestMesh:
         write_document(path, document, scene.buffer, "leave out attributes (--attributes)")
 
     def _with_texel_uvs(self, uvs: Floats) -> Surface:
-        """Return the surface with these as its second UV set; the first is zeros if it has none."""
+        """Return the surface with `uvs` as its second UV set; the first is zeros if it has none."""
         rows = np.zeros((self._n_verts, 2))
-        rows[self.used] = uvs
+        rows[self.used_verts] = uvs
         texel_uvs = Attribute(TEXEL_UVS, Kind.UV, Domain.VERTEX, rows)
         attributes = list(self._surface.attributes)
         uv_indices = [

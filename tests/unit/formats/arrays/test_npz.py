@@ -101,7 +101,7 @@ def test_oversized_declared_shape_is_rejected_before_allocation(tmp_path):
                 "attribute_kinds": np.array(["taste"]),
                 "attribute_domains": np.array(["vertex"]),
             },
-            "attribute_kinds must be of uv, color, other; got 'taste'",
+            "attribute_kinds must be one of uv, color, other; got 'taste'",
         ),
         ({"attribute_names": np.arange(3)}, r"attribute_names must be text of shape \(N,\)"),
         ({"group_names": np.array(["a"])}, "has no array 'group_0_numbers'"),

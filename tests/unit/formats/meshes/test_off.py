@@ -49,8 +49,8 @@ def test_parse_off_reads_mixed_polygons():
     ("data", "message"),
     [
         (b"", "is empty"),
-        (b"ply\n3 1 0\n" + BODY, "line 1: expected the word OFF"),
-        (b"4OFF\n3 1 0\n" + BODY, "line 1: expected the word OFF"),
+        (b"ply\n3 1 0\n" + BODY, "line 1: expected OFF"),
+        (b"4OFF\n3 1 0\n" + BODY, "line 1: expected OFF"),
         (b"OFF BINARY\n3 1 0\n" + BODY, "line 1: expected the numbers of vertices and faces"),
         (b"OFF\n", "line 1: expected the numbers of vertices and faces"),
         (b"OFF3\n" + BODY, "line 1: expected the numbers of vertices and faces"),

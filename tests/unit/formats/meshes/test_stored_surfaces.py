@@ -179,7 +179,7 @@ def test_stl_encoder_rejects_positions_beyond_float32():
     ("data", "message"),
     [
         (b"", "is 0 bytes long; .* has 84"),
-        (ASCII[:-20], "line 15: expected endsolid at the end"),
+        (ASCII[:-20], "line 15: expected endsolid; the file"),
         (b"solid\nendsolid\n", "holds 0 vertices and 0 faces"),
         (b"solid\nvertex 0 0 0\nendsolid", "line 2: a facet must have three vertex lines"),
         (ASCII.replace(b"VERTEX 1 0 0", b""), "line 9: a facet must have three vertex lines"),

@@ -29,7 +29,7 @@ def test_backslash_joins_lines():
 
 def test_joined_lines_keep_their_line_numbers():
     lines = split_lines(b"f 1 \\\n2\n# comment\n\nv", continuation=True)
-    assert lines.place(1) == "line 5"
+    assert lines.location(1) == "line 5"
 
 
 def test_split_lines_skips_the_byte_order_mark():
