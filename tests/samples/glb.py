@@ -17,7 +17,8 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 def stream_of(sequence, notes=None):
     """Return a stream of all frames of a sequence, without tracks."""
-    return SegmentedStream(sequence, notes=notes).changed(lambda mesh: replace(mesh, tracks={}))
+    stream = SegmentedStream(sequence, notes=notes)
+    return stream.map_segments(lambda mesh: replace(mesh, tracks={}))
 
 
 def written(folder, sequence, notes=None, **options):

@@ -1,4 +1,4 @@
-"""Textures of raw frames: read from images or a video, baked for registered segments, written."""
+"""Textures of raw frames: reading, baking for registered segments, and writing."""
 
 import glob
 import os
@@ -28,7 +28,7 @@ from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_extension, check_output_paths
 from meshreel.runtime.progress import Progress, silent
 
-WRITTEN = (".mp4", ".png")
+OUTPUT_EXTENSIONS = (".mp4", ".png")
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class TextureFrames:
     def images(self) -> Iterator[PillowImage.Image]:
         """Yield the image of each frame, in RGB."""
         is_video = self.paths[0].suffix.lower() in VIDEOS
-        return _decoded(self.paths[0]) if is_video else map(_opened, self.paths)
+        return _decode_video(self.paths[0]) if is_video else map(_open_image, self.paths)
 
 
 def open_textures(source: Source) -> TextureFrames:
@@ -65,9 +65,9 @@ def open_textures(source: Source) -> TextureFrames:
     if paths[0].suffix.lower() in VIDEOS:
         if len(paths) > 1:
             raise InvalidInputError(f"{source} contains {len(paths)} videos; choose one")
-        with closing(_decoded(paths[0])) as pictures:
+        with closing(_decode_video(paths[0])) as pictures:
             return TextureFrames(paths, _n_pictures(paths[0]), next(pictures).size)
-    return TextureFrames(paths, len(paths), _opened(paths[0]).size)
+    return TextureFrames(paths, len(paths), _open_image(paths[0]).size)
 
 
 @dataclass(frozen=True)
@@ -89,22 +89,22 @@ class TextureJob:
         Raises
         ------
         InvalidInputError
-            If the number of textures is not that of the frames, a frame has no texture
+            If the numbers of textures and frames differ, a frame has no texture
             coordinates or several images, or the output cannot or must not be written.
         FormatError
             As `open_textures`; also if writing a video needs an extra.
         """
         textures, path = open_textures(source), Path(output)
         if textures.n_frames != raw.n_frames:
-            is_several = textures.n_frames % raw.n_frames == 0
+            has_several = textures.n_frames % raw.n_frames == 0
             raise InvalidInputError(
                 f"there are {counted(textures.n_frames, 'texture')} for "
                 f"{counted(raw.n_frames, 'frame')}; each frame needs one"
-                + (f"; {COMBINE}" if is_several else "")
+                + (f"; {COMBINE}" if has_several else "")
             )
         check_textured(raw)
         job = cls(textures, path, overwrite)
-        check_extension(path, WRITTEN)
+        check_extension(path, OUTPUT_EXTENSIONS)
         if job.is_video:
             VIDEO.load()
         check_output_paths(
@@ -137,10 +137,10 @@ class TextureJob:
 
     def prepared(self, registration: Registration, notes: Notes) -> Registration:
         """Return a registration with texture coordinates that fit; call it before encoding."""
-        registration, n_made = with_atlases(registration, self.size)
-        if n_made:
+        registration, n_atlases = with_atlases(registration, self.size)
+        if n_atlases:
             notes.changed(
-                f"made new texture coordinates for {counted(n_made, 'segment')}, because "
+                f"made new texture coordinates for {counted(n_atlases, 'segment')}, because "
                 "triangles of the key share texels or have none; omitted materials of the key"
             )
         return registration
@@ -186,7 +186,7 @@ def _n_pictures(path: Path) -> int:
     return int(n_frames)
 
 
-def _decoded(path: Path) -> Generator[PillowImage.Image, None, None]:
+def _decode_video(path: Path) -> Generator[PillowImage.Image, None, None]:
     """Yield every stored picture of a video."""
     command = [
         VIDEO.load().get_ffmpeg_exe(), "-v", "quiet", "-i", str(path),
@@ -204,7 +204,7 @@ def _decoded(path: Path) -> Generator[PillowImage.Image, None, None]:
             decoder.kill()
 
 
-def _opened(path: Path) -> PillowImage.Image:
+def _open_image(path: Path) -> PillowImage.Image:
     try:
         with PillowImage.open(path) as image:
             return image.convert("RGB")

@@ -1,4 +1,4 @@
-"""Positions moved by a vector result, for files whose geometry stays as it was before the load."""
+"""Displacement of positions by a vector result, for files with undeformed geometry."""
 
 import math
 from collections.abc import Callable
@@ -16,7 +16,7 @@ NAMES = {"displacement", "displacements", "displ", "disp", "u"}
 """Usual names of displacements, in lower case."""
 
 
-def displaced(opened: MeshSequence, choice: str, max_loaded_bytes: int | None) -> MeshSequence:
+def displace(sequence: MeshSequence, choice: str, max_loaded_bytes: int | None) -> MeshSequence:
     """Return a sequence whose vertices are moved by a track, which it no longer has.
 
     Parameters
@@ -33,14 +33,14 @@ def displaced(opened: MeshSequence, choice: str, max_loaded_bytes: int | None) -
         If there is no such track, the factor is not a number other than 0, or a displacement is
         not finite.
     """
-    segments = [_displaced(segment, choice, max_loaded_bytes) for segment in opened.segments]
-    return MeshSequence.of_segments(segments, opened.name, opened.timing)
+    segments = [_displace(segment, choice, max_loaded_bytes) for segment in sequence.segments]
+    return MeshSequence.of_segments(segments, sequence.name, sequence.timing)
 
 
-def note_displacement(opened: MeshSequence, notes: Notes) -> None:
-    """Suggest to move a mesh without motion by its only track with a usual name."""
-    segment = opened.segments[0]
-    if opened.n_segments > 1 or segment.n_frames < 2:
+def note_displacement(sequence: MeshSequence, notes: Notes) -> None:
+    """Suggest the only track with a usual name as displacement of a mesh without motion."""
+    segment = sequence.segments[0]
+    if sequence.n_segments > 1 or segment.n_frames < 2:
         return
     tracks = segment.tracks.items()
     names = [name for name, track in tracks if name.lower() in NAMES and _moves_vertices(track)]
@@ -63,8 +63,8 @@ def _moves_vertices(track: TrackSource) -> bool:
     return track.domain is Domain.VERTEX and track.shape[2] == 3 and track.dtype.kind == "f"
 
 
-def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) -> FrameSource:
-    name, factor = _parsed(choice, segment)
+def _displace(segment: FrameSource, choice: str, max_loaded_bytes: int | None) -> FrameSource:
+    name, factor = _parse_choice(choice, segment)
     track = track_by_name(segment.tracks, name)
     if not _moves_vertices(track):
         raise InvalidInputError(
@@ -73,10 +73,10 @@ def _displaced(segment: FrameSource, choice: str, max_loaded_bytes: int | None) 
             f"{track.domain}, {track.dtype}",
         )
     tracks = {other: other_track for other, other_track in segment.tracks.items() if other != name}
-    about = Description(segment.faces, segment.name, segment.timing, segment.surface)
+    description = Description(segment.faces, segment.name, segment.timing, segment.surface)
     shape, files = (segment.n_frames, segment.n_verts), getattr(segment, "files", ())
     read = _reader(segment, track, factor)
-    return about.open(shape, segment.dtype, read, files, tracks, max_loaded_bytes)
+    return description.open(shape, segment.dtype, read, files, tracks, max_loaded_bytes)
 
 
 def _reader(
@@ -87,13 +87,13 @@ def _reader(
         if not (is_finite := np.isfinite(values).all(axis=(1, 2))).all():
             frame = start + int(np.argmin(is_finite))
             raise InvalidInputError(f"a displacement of frame {frame} is not finite")
-        displaced = segment.read(start, stop).astype(np.float64) + factor * values
-        return displaced.astype(segment.dtype)
+        displaced_positions = segment.read(start, stop).astype(np.float64) + factor * values
+        return displaced_positions.astype(segment.dtype)
 
     return read
 
 
-def _parsed(choice: str, segment: FrameSource) -> tuple[str, float]:
+def _parse_choice(choice: str, segment: FrameSource) -> tuple[str, float]:
     """Return name and factor; names may contain colons."""
     name, colon, text = choice.rpartition(":")
     if choice in segment.tracks or not colon:

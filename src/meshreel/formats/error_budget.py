@@ -19,7 +19,7 @@ MARGIN = 4e-7
 class ErrorBudget:
     """The error that may be added to the frames, and the error that they already have."""
 
-    added: float
+    max_added: float
     """Error that may be added, in model units; 0 for as little as possible."""
     diagonal: float
     """Length that is 100 percent, in model units."""
@@ -30,7 +30,7 @@ class ErrorBudget:
         """Return a length in model units as percent of the diagonal."""
         return 100 * length / (self.diagonal or 1.0)
 
-    def describe(self, added: float) -> list[Note]:
+    def describe(self, max_added: float) -> list[Note]:
         """Return notes on the error relative to the original, given the error added.
 
         There are none if the frames are the original.
@@ -44,7 +44,7 @@ class ErrorBudget:
             )
             return [Note(NoteKind.RESULT, "error", text=text)]
         stream_percent = self.percent(self.origin.error)
-        total = self.percent(self.origin.error + added + MARGIN * self.diagonal)
+        total = self.percent(self.origin.error + max_added + MARGIN * self.diagonal)
         text = (
             f"against the original the largest error is at most {_round_up(total)} % of the "
             f"diagonal, of which the stream contributes {_round_up(stream_percent)} %"
@@ -57,8 +57,8 @@ def requested_budget(
 ) -> tuple[float, ErrorBudget]:
     """Return the error bound of options in percent, and the budget of targets or textures.
 
-    A bound of the options is for the error against the original, so the error of the stream is
-    subtracted; the default is for the error added.
+    A bound of the options limits the error against the original, so the error of the stream is
+    subtracted; the default limits the error added.
 
     Parameters
     ----------
@@ -77,23 +77,23 @@ def requested_budget(
     """
     diagonal = float(np.linalg.norm(high - low))
     bound, origin = options.max_error, options.origin
-    allowed = default if bound is None else bound_of(bound).percent(diagonal or 1.0)
+    allowed_percent = default if bound is None else bound_of(bound).percent(diagonal or 1.0)
     if origin is None or not math.isfinite(origin.error):
-        return allowed, ErrorBudget(allowed / 100 * diagonal, diagonal, origin)
-    smaller = min(diagonal or origin.diagonal, origin.diagonal)
-    budget = ErrorBudget(allowed / 100 * smaller, smaller, origin)
+        return allowed_percent, ErrorBudget(allowed_percent / 100 * diagonal, diagonal, origin)
+    min_diagonal = min(diagonal or origin.diagonal, origin.diagonal)
+    budget = ErrorBudget(allowed_percent / 100 * min_diagonal, min_diagonal, origin)
     if bound is None:
-        return allowed, budget
-    remaining = budget.added - origin.error - MARGIN * smaller
+        return allowed_percent, budget
+    remaining = budget.max_added - origin.error - MARGIN * min_diagonal
     if remaining <= 0:
         raise InvalidInputError(
             Keyword("max_error"),
-            f" {allowed:g} % leaves nothing for {consumer}: the stream itself has an "
+            f" {allowed_percent:g} % leaves nothing for {consumer}: the stream itself has an "
             f"error of up to {_round_up(budget.percent(origin.error))} % of the diagonal; allow a "
             "larger error, or encode the original with a smaller ",
             Keyword("max_error"),
         )
-    return allowed, replace(budget, added=remaining)
+    return allowed_percent, replace(budget, max_added=remaining)
 
 
 def _round_up(percent: float, n_digits: int = 4) -> str:

@@ -6,7 +6,7 @@ from meshreel.errors import FormatError, Keyword
 from meshreel.formats.options import ReadOptions
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
-DOWNLOADED: dict[Path, str] = {}
+DOWNLOAD_ADDRESSES: dict[Path, str] = {}
 """Address of the downloaded file in each temporary folder that exists."""
 
 
@@ -64,12 +64,12 @@ def download_sibling(path: Path) -> bool:
     StoreError
         If the store cannot be reached.
     """
-    for place, address in DOWNLOADED.items():
-        if path.is_relative_to(place):
-            other = sibling(address, path.relative_to(place).as_posix())
-            if not exists(other):
+    for folder, address in DOWNLOAD_ADDRESSES.items():
+        if path.is_relative_to(folder):
+            sibling_address = sibling(address, path.relative_to(folder).as_posix())
+            if not exists(sibling_address):
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
-            download(other, path)
+            download(sibling_address, path)
             return True
     return False

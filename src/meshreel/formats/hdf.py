@@ -40,7 +40,7 @@ HEAP_START = b"GCOL\1\0\0\0"
 
 HEAP_OBJECT = struct.Struct("<HHIQ")
 MAX_SCANNED_BYTES = 1 << 30
-"""Heaps are not looked for in larger files, because that would take seconds."""
+"""Larger files are not searched for heaps, because that would take seconds."""
 
 
 @contextmanager
@@ -76,18 +76,18 @@ def _check_heaps(path: Path) -> None:
     """Reject heaps with an object of no bytes, which the library reads again and again."""
     if not 0 < path.stat().st_size <= MAX_SCANNED_BYTES:
         return
-    with path.open("rb") as opened, mmap(opened.fileno(), 0, access=ACCESS_READ) as data:
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
         heap = data.find(HEAP_START)
         while 0 <= heap <= len(data) - 16:
             size = int.from_bytes(data[heap + 8 : heap + 16], "little")
-            place, end = heap + 16, min(heap + size, len(data))
-            while place + HEAP_OBJECT.size <= end:
-                number, _, _, n_bytes = HEAP_OBJECT.unpack_from(data, place)
+            offset, end = heap + 16, min(heap + size, len(data))
+            while offset + HEAP_OBJECT.size <= end:
+                number, _, _, n_bytes = HEAP_OBJECT.unpack_from(data, offset)
                 # Object 0 is free space, whose size includes its header.
                 n_bytes = n_bytes if number == 0 else HEAP_OBJECT.size + (n_bytes + 7) // 8 * 8
                 if n_bytes == 0:
                     raise FormatError(f"is damaged: the heap at byte {heap} has an empty object")
-                place += n_bytes
+                offset += n_bytes
             heap = data.find(HEAP_START, heap + 8)
 
 
@@ -137,7 +137,7 @@ def find_dataset(group: Node, name: str) -> Dataset | None:
     node = find_node(group, name)
     if not isinstance(node, HDF.load().Dataset):
         return None
-    _check_stored(node)
+    _check_storage(node)
     return node
 
 
@@ -190,23 +190,23 @@ def write_array(group: Node, name: str, array: npt.NDArray[Any]) -> None:
         group.create_dataset(name, data=array)
 
 
-def _check_stored(dataset: Dataset) -> None:
-    where = f"dataset {dataset.name}"
+def _check_storage(dataset: Dataset) -> None:
+    name = f"dataset {dataset.name}"
     if dataset.external or dataset.is_virtual:
-        raise FormatError(f"{where} is in other files, which are not read")
+        raise FormatError(f"{name} is in other files, which are not read")
     if dataset.dtype.kind not in "iufSO" or dataset.shape is None:
-        raise FormatError(f"{where} has type {dataset.dtype}; numbers and text are supported")
+        raise FormatError(f"{name} has type {dataset.dtype}; numbers and text are supported")
     if dataset.dtype.kind == "O" and HDF.load().check_string_dtype(dataset.dtype) is None:
-        raise FormatError(f"{where} contains lists; numbers and text are supported")
+        raise FormatError(f"{name} contains lists; numbers and text are supported")
     file_bytes = Path(dataset.file.filename).stat().st_size
-    size = math.prod(dataset.shape) * dataset.dtype.itemsize
-    if size > MAX_RATIO * min(dataset.id.get_storage_size(), file_bytes):
+    n_bytes = math.prod(dataset.shape) * dataset.dtype.itemsize
+    if n_bytes > MAX_RATIO * min(dataset.id.get_storage_size(), file_bytes):
         raise FormatError(
-            f"{where} declares {size} bytes of shape {dataset.shape}, more than the file contains"
+            f"{name} declares {n_bytes} bytes of shape {dataset.shape}, more than the file contains"
         )
-    chunk = math.prod(dataset.chunks or (0,)) * dataset.dtype.itemsize
-    if chunk > max(MAX_RATIO * file_bytes, SMALL_BYTES):
-        raise FormatError(f"{where} has chunks of {chunk} bytes, more than the file contains")
+    chunk_bytes = math.prod(dataset.chunks or (0,)) * dataset.dtype.itemsize
+    if chunk_bytes > max(MAX_RATIO * file_bytes, SMALL_BYTES):
+        raise FormatError(f"{name} has chunks of {chunk_bytes} bytes, more than the file contains")
 
 
 def describe_track(dataset: Dataset, name: str, track: TrackSource) -> None:
@@ -242,8 +242,8 @@ class DeferredErrorFile(io.RawIOBase):
 
     def __init__(self, file: io.FileIO) -> None:
         self._file = file
-        self._place = 0
-        self._refused: list[tuple[int, bytes]] = []
+        self._offset = 0
+        self._refused_writes: list[tuple[int, bytes]] = []
         self._error: OSError | None = None
 
     def check(self) -> None:
@@ -258,46 +258,48 @@ class DeferredErrorFile(io.RawIOBase):
 
     def write(self, data: memoryview) -> int:  # type: ignore[override]
         """Write bytes; keep those that the disk refuses."""
-        left = memoryview(data).cast("B")
-        n_bytes = len(left)
+        remaining = memoryview(data).cast("B")
+        n_bytes = len(remaining)
         try:
-            self._file.seek(self._place)
-            while left:
-                n_written = self._file.write(left) or 0
-                left, self._place = left[n_written:], self._place + n_written
+            self._file.seek(self._offset)
+            while remaining:
+                n_written = self._file.write(remaining) or 0
+                remaining, self._offset = remaining[n_written:], self._offset + n_written
         except OSError as error:
             self._error = self._error or error
-            self._refused.append((self._place, bytes(left)))
-            self._place += len(left)
+            self._refused_writes.append((self._offset, bytes(remaining)))
+            self._offset += len(remaining)
         return n_bytes
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         """Read back written bytes; zeros where nothing was written."""
-        self._file.seek(self._place)
+        self._file.seek(self._offset)
         n_read = self._file.readinto(buffer) or 0
         buffer[n_read:] = bytes(len(buffer) - n_read)
-        for start, data in self._refused:
-            first, last = max(start, self._place), min(start + len(data), self._place + len(buffer))
+        for start, data in self._refused_writes:
+            stop = self._offset + len(buffer)
+            first, last = max(start, self._offset), min(start + len(data), stop)
             if first < last:
                 part = data[first - start : last - start]
-                buffer[first - self._place : last - self._place] = part
-        self._place += len(buffer)
+                buffer[first - self._offset : last - self._offset] = part
+        self._offset += len(buffer)
         return len(buffer)
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         """Move to an offset in the file."""
-        ends = [start + len(data) for start, data in self._refused]
+        ends = [start + len(data) for start, data in self._refused_writes]
         size = max([self._file.seek(0, io.SEEK_END), *ends])
-        self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: size}[whence]
-        return self._place
+        origins = {io.SEEK_SET: 0, io.SEEK_CUR: self._offset, io.SEEK_END: size}
+        self._offset = offset + origins[whence]
+        return self._offset
 
     def tell(self) -> int:
         """Return the offset in the file."""
-        return self._place
+        return self._offset
 
     def truncate(self, size: int | None = None) -> int:
         """Truncate the file, or extend it by zeros."""
-        length = self._place if size is None else size
+        length = self._offset if size is None else size
         try:
             self._file.truncate(length)
         except OSError as error:
@@ -320,9 +322,9 @@ class HdfOutput:
 
     def frames(self, stream: FrameStream) -> Iterator[tuple[int, Vertices]]:
         """Yield number and positions of each frame; raises when the disk is full."""
-        for numbered in enumerate(stream.frames()):
+        for numbered_frame in enumerate(stream.frames()):
             self._file.check()
-            yield numbered
+            yield numbered_frame
 
     def blocks(self, track: TrackSource) -> Iterator[tuple[int, Values]]:
         """Yield blocks of frames of a track's values, with the number of their first frame."""

@@ -63,7 +63,7 @@ class MeshInfo:
     """Distinct meshes among the segments."""
     raw_size_bytes: int = 0
     """Uncompressed bytes of the positions and tracks of all frames, and of the triangles and
-    surfaces of all segments; that of a stream counts the same.
+    surfaces of all segments; streams count the same.
     """
     times: tuple[float, ...] | None = None
     """Time of each frame in seconds, if they are not evenly spaced."""
@@ -126,7 +126,7 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     with local_copy(source, options.notes) as files:
         source_files = find_files(files)
         check_read_options(source_files.format, options)
-        meshes = tuple(_infos(source_files, options))
+        meshes = tuple(_mesh_infos(source_files, options))
         return SourceInfo(
             source_files.format.title,
             sum(path.stat().st_size for path in (*source_files.paths, *source_files.other_files)),
@@ -151,18 +151,18 @@ def animations_of(files: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
         return tuple(files.format.list_animations(files.paths[0], options))
 
 
-def _infos(files: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
-    path, form = files.paths[0], files.format
-    if not isinstance(form, SequenceFormat) or form.read_meshes is None or len(files.paths) > 1:
+def _mesh_infos(files: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
+    path, entry = files.paths[0], files.format
+    if not isinstance(entry, SequenceFormat) or entry.read_meshes is None or len(files.paths) > 1:
         yield _sequence_info(open_any(files, replace(options, max_loaded_bytes=0)))
         return
     with errors_naming(path):
-        meshes = selected_meshes(form.read_meshes, path, options)
+        meshes = selected_meshes(entry.read_meshes, path, options)
     for number, mesh in enumerate(meshes):
         progress = _with_mesh_number(options.progress, number, len(meshes))
-        reading = replace(options, progress=progress, max_loaded_bytes=0)
+        mesh_options = replace(options, progress=progress, max_loaded_bytes=0)
         try:
-            runs = list(open_mesh(mesh, path, reading))
+            runs = list(open_mesh(mesh, path, mesh_options))
         except MeshReelError as error:
             if len(meshes) == 1:
                 raise
@@ -200,7 +200,7 @@ def _sequence_info(sequence: MeshSequence) -> MeshInfo:
 
 
 def _segment_info(segment: FrameSource) -> MeshInfo:
-    """Describe a segment without what depends on the others: bounding box and times."""
+    """Describe a segment, except for properties of the whole sequence: bounding box and times."""
     n_faces = len(segment.faces)
     texts: dict[str, Any] = describe_surface(segment.surface)
     return MeshInfo(
@@ -225,8 +225,8 @@ def _segment_info(segment: FrameSource) -> MeshInfo:
 
 def _bad_mesh_info(mesh: SceneMesh, problem: str) -> MeshInfo:
     start_s = float(mesh.times_s[0]) if len(mesh.times_s) else 0.0
-    bad = MeshInfo(mesh.name, len(mesh.times_s), 0, 0, 0, mesh.fps or 0.0, start_s, "float32")
-    return replace(bad, problem=problem)
+    info = MeshInfo(mesh.name, len(mesh.times_s), 0, 0, 0, mesh.fps or 0.0, start_s, "float32")
+    return replace(info, problem=problem)
 
 
 def _with_mesh_number(progress: Progress, number: int, n_meshes: int) -> Progress:

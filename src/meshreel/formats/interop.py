@@ -6,7 +6,7 @@
     meshreel.to_pyvista(sequence, frame=3).plot()
 
 Both libraries are optional. PyVista's meshes pass through VTK files, so that polygons and arrays of
-points and cells are kept as those formats keep them.
+points and cells are stored as in those formats.
 """
 
 from collections.abc import Iterable
@@ -60,9 +60,9 @@ def to_pyvista(sequence: MeshSequence, frame: int = 0) -> Any:
     IndexError
         If there is no such frame.
     """
-    pyvista = _imported("pyvista")
+    pyvista = _import("pyvista")
     with TemporaryDirectory(prefix="meshreel-") as folder:
-        [path] = save(_part(sequence, frame), Path(folder) / "frame.vtp")
+        [path] = save(_frame_sequence(sequence, frame), Path(folder) / "frame.vtp")
         return pyvista.read(path)
 
 
@@ -72,8 +72,8 @@ def from_trimesh(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
     Parameters
     ----------
     meshes : iterable of trimesh.Trimesh
-        Consecutive ones of equal faces become a segment. Colors that change become a track. Texture
-        coordinates, materials and other attributes are not kept.
+        Consecutive meshes with equal faces become a segment. Colors that change become a track.
+        Texture coordinates, materials and other attributes are not kept.
     fps : float, default 0
         Frames per second; 0 if unknown.
 
@@ -83,24 +83,24 @@ def from_trimesh(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
         If there is no mesh, or one without faces.
     """
 
-    def constant(mesh: Any) -> tuple[Any, ...]:
+    def run_key(mesh: Any) -> tuple[Any, ...]:
         return len(mesh.vertices), mesh.faces.tobytes(), mesh.visual.kind == "vertex"
 
-    parts = []
-    for (_, _, has_colors), run in groupby(meshes, constant):
-        group = list(run)
-        vertices = np.stack([np.asarray(mesh.vertices) for mesh in group])
+    segments = []
+    for (_, _, has_colors), run in groupby(meshes, run_key):
+        meshes_of_run = list(run)
+        vertices = np.stack([np.asarray(mesh.vertices) for mesh in meshes_of_run])
         surface, tracks = Surface(), {}
         if has_colors:
-            colors = np.stack([np.asarray(mesh.visual.vertex_colors) for mesh in group])
+            colors = np.stack([np.asarray(mesh.visual.vertex_colors) for mesh in meshes_of_run])
             if (colors == colors[0]).all():
                 color = Attribute("color", Kind.COLOR, Domain.VERTEX, colors[0])
                 surface = Surface(attributes=(color,))
             else:
                 tracks = {"color": Track(colors, Domain.VERTEX, TrackKind.COLOR)}
-        faces = np.asarray(group[0].faces)
-        parts.append(MeshSequence(vertices, faces, fps, surface=surface, tracks=tracks))
-    return concatenate(parts)
+        faces = np.asarray(meshes_of_run[0].faces)
+        segments.append(MeshSequence(vertices, faces, fps, surface=surface, tracks=tracks))
+    return concatenate(segments)
 
 
 def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
@@ -113,25 +113,25 @@ def to_trimesh(sequence: MeshSequence, frame: int = 0) -> Any:
     IndexError
         If there is no such frame.
     """
-    trimesh = _imported("trimesh")
-    [segment] = _part(sequence, frame).segments
+    trimesh = _import("trimesh")
+    [segment] = _frame_sequence(sequence, frame).segments
     colors = segment.surface.of_kind(Kind.COLOR)
-    of_vertices = [color.per_item() for color in colors if color.domain is Domain.VERTEX]
+    vertex_colors = [color.per_item() for color in colors if color.domain is Domain.VERTEX]
     return trimesh.Trimesh(
         np.asarray(segment.read(0, 1)[0]),
         np.asarray(segment.faces),
         process=False,
-        vertex_colors=of_vertices[0] if of_vertices else None,
+        vertex_colors=vertex_colors[0] if vertex_colors else None,
     )
 
 
-def _part(sequence: MeshSequence, frame: int) -> MeshSequence:
+def _frame_sequence(sequence: MeshSequence, frame: int) -> MeshSequence:
     """Return a frame as a sequence; negative numbers count from the end, as those of lists."""
     number = range(sequence.n_frames)[frame]
     return sequence[number : number + 1]
 
 
-def _imported(name: str) -> ModuleType:
+def _import(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ImportError as error:

@@ -65,7 +65,7 @@ Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
 
 @dataclass(frozen=True)
 class Format:
-    """What formats of all kinds may have."""
+    """Properties of formats of all kinds."""
 
     extension: str
     """File extension in lower case, with the dot."""
@@ -146,10 +146,10 @@ class SequenceFormat(Format):
     @property
     def options(self) -> frozenset[str]:
         """All read and write options that have an effect."""
-        of_meshes = {"object", "merge", "skip_bad"} if self.read_meshes else set()
-        of_files = {"allow_outside"} if self.names_files else set()
-        of_animations = {"animation"} if self.list_animations else set()
-        return super().options | of_meshes | of_files | of_animations
+        mesh_options = {"object", "merge", "skip_bad"} if self.read_meshes else set()
+        file_options = {"allow_outside"} if self.names_files else set()
+        animation_options = {"animation"} if self.list_animations else set()
+        return super().options | mesh_options | file_options | animation_options
 
 
 @dataclass(frozen=True)

@@ -64,11 +64,11 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
     """
     topology = None if options.topology is None else Path(options.topology)
     notes = Notes()
-    given = vars(options) | {"topology": topology, "notes": notes}
-    loaded = load_any(source, ReadOptions(**given))
+    values = vars(options) | {"topology": topology, "notes": notes}
+    sequence = load_any(source, ReadOptions(**values))
     if options.notes is not None:
         options.notes.extend(notes)
-    return loaded
+    return sequence
 
 
 def load_any(source: Source, options: ReadOptions) -> MeshSequence:
@@ -101,9 +101,9 @@ def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> Fram
         If they do; the message names the purpose.
     """
     files = find_files(source)
-    opened = open_any(files, loading_for(None, options))
+    sequence = open_any(files, loading_for(None, options))
     with errors_naming(files.paths[0]):
-        return single_segment(opened, purpose)
+        return single_segment(sequence, purpose)
 
 
 def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:

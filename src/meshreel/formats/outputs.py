@@ -9,8 +9,8 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.kinds import FolderFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import (
+    ADVICE,
     FOLDER_FORMATS,
-    INSTEAD,
     format_of,
     is_written,
     written_extensions,
@@ -133,11 +133,11 @@ def _check_folder(
     check_output_paths(paths, overwrite=overwrite, inputs=inputs, makes_folder=True)
     extensions = {file.suffix for file in paths} | {".png", ".exr"}
     other_files = set(path.iterdir()) - set(paths) if path.is_dir() else set()
-    if conflicting := sorted(
+    if conflicts := sorted(
         other.name for other in other_files if other.suffix.lower() in extensions
     ):
         raise InvalidInputError(
-            f"{path} contains files that must not be mixed with the output: {listed(conflicting)}; "
+            f"{path} contains files that must not be mixed with the output: {listed(conflicts)}; "
             "remove them, or choose another folder"
         )
     return paths
@@ -148,7 +148,7 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
     if not is_written(file_format := format_of(path)):
         raise FormatError(
             f"{path}: {file_format.extension} files can be read, but not written; "
-            + INSTEAD.get(file_format.extension, f"writable are {', '.join(written_extensions())}")
+            + ADVICE.get(file_format.extension, f"writable are {', '.join(written_extensions())}")
         )
     _check_start_number(path, start_number)
     if isinstance(file_format, SequenceFormat):
@@ -166,10 +166,10 @@ def _files_of(path: Path, n_frames: int | None, start_number: int | None) -> lis
         first = start_number or 0
         numbers = range(first, first + (1 if n_frames is None else n_frames))
         return numbered_paths(path, fields[0], numbers)
-    if other := OTHER_FIELD.search(path.name):
-        name = path.name.replace(other[0], f"%0{_n_digits(other[0])}d")
+    if foreign_field := OTHER_FIELD.search(path.name):
+        name = path.name.replace(foreign_field[0], f"%0{_n_digits(foreign_field[0])}d")
         raise InvalidInputError(
-            f"{path}: {other[0]} is not a number field here; use {path.with_name(name)}"
+            f"{path}: {foreign_field[0]} is not a number field here; use {path.with_name(name)}"
         )
     if n_frames is not None and n_frames > 1:
         pattern = path.with_name(f"{path.stem}_%04d{path.suffix}")

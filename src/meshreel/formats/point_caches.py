@@ -65,8 +65,8 @@ def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
         options.notes.unknown("start", text)
     start_s = first_frame / (fps * interval) if fps else 0.0
     positions = RawArray(path, PC2_HEADER.size, (n_frames, n_verts, 3), PC2_NUMBER)
-    about = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
-    return about.open_array(positions, {}, options.max_loaded_bytes, options.progress)
+    description = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
+    return description.open_array(positions, {}, options.max_loaded_bytes, options.progress)
 
 
 def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -93,8 +93,8 @@ def _first_frame(stream: FrameStream) -> float:
             f"start_s of {start_s:g} is too large for PC2, which stores float32"
         )
     if timing.fps:
-        what = "frame rate" if timing.times is None else "frame times"
-        text = f"PC2 has no {what}: set {fps:g} fps when reading it ("
+        lost_value = "frame rate" if timing.times is None else "frame times"
+        text = f"PC2 has no {lost_value}: set {fps:g} fps when reading it ("
         advice = Message(text, Keyword("fps"), ")")
         stream.notes.unwritten("frame rate", advice)
     if first_frame / fps != start_s or (start_s and not timing.fps):
@@ -133,8 +133,8 @@ def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
     timing = timing.at_rate(options.fps or None)
     start_byte = MDD_HEADER.size + times.nbytes
     positions = RawArray(path, start_byte, (len(times), n_verts, 3), MDD_NUMBER)
-    about = Description(faces, path.stem, timing, surface)
-    return about.open_array(positions, {}, options.max_loaded_bytes, options.progress)
+    description = Description(faces, path.stem, timing, surface)
+    return description.open_array(positions, {}, options.max_loaded_bytes, options.progress)
 
 
 def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -182,17 +182,17 @@ def _timing(times: npt.NDArray[Any]) -> Timing:
     Starts at a whole frame number are preferred, then the shortest decimal of the first time (0.1
     rather than 0.10000000149).
     """
-    decimal = float(str(np.float32(times[0])))
+    decimal_start_s = float(str(np.float32(times[0])))
     if (np.diff(times) <= 0).any():
-        return Timing(0.0, decimal)
+        return Timing(0.0, decimal_start_s)
     timing = Timing.of_times(times.astype(np.float64))
     rates = dict.fromkeys([timing.fps, round(timing.fps, 2), round(timing.fps, 3)])
     rates.pop(0.0, None)
-    on_frame = [(fps, round(float(times[0]) * fps) / fps) for fps in rates]
-    for fps, start_s in on_frame + [(fps, decimal) for fps in rates]:
+    whole_frame_starts = [(fps, round(float(times[0]) * fps) / fps) for fps in rates]
+    for fps, start_s in whole_frame_starts + [(fps, decimal_start_s) for fps in rates]:
         if np.array_equal(_times(fps, start_s, len(times)), times):
             return Timing(fps, start_s)
-    return timing if timing.times is not None else Timing(timing.fps, decimal)
+    return timing if timing.times is not None else Timing(timing.fps, decimal_start_s)
 
 
 def _times(fps: float, start_s: float, n_frames: int) -> npt.NDArray[Any]:
@@ -226,12 +226,12 @@ def check_cache_size(header_bytes: int, n_frames: int, n_verts: int, size_bytes:
     """
     if n_frames < 1 or n_verts < 1:
         raise FormatError(f"declares {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')}")
-    expected = header_bytes + n_frames * n_verts * VERTEX_BYTES
-    if size_bytes != expected:
-        problem = "is truncated" if size_bytes < expected else "is damaged"
+    expected_bytes = header_bytes + n_frames * n_verts * VERTEX_BYTES
+    if size_bytes != expected_bytes:
+        problem = "is truncated" if size_bytes < expected_bytes else "is damaged"
         raise FormatError(
             f"{problem}: {counted(n_frames, 'frame')} of {counted(n_verts, 'vertex')} take "
-            f"{expected} bytes; "
+            f"{expected_bytes} bytes; "
             f"the file has {size_bytes}"
         )
 
@@ -284,11 +284,11 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         )
     mesh_format = FRAME_FORMATS.get(path.suffix.lower())
     if mesh_format is None or mesh_format.has_unshared_vertices:
-        known = [
+        extensions = [
             entry.extension for entry in FRAME_FORMATS.values() if not entry.has_unshared_vertices
         ]
         raise FormatError(
-            f"the faces of a point cache must be in a {', '.join(known)} file", path=path
+            f"the faces of a point cache must be in a {', '.join(extensions)} file", path=path
         )
     refuse_pipe(path)
     data = read_bytes(path)

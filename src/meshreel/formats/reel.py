@@ -100,10 +100,10 @@ def read_info(
     """
     limit = memory_limit(memory)
     with _open_binary(path) as file, errors_naming(path):
-        whole = OpenFile(file, limit.limit_bytes)
-        for stream in whole.segments if segment is None else whole.segments[segment : segment + 1]:
+        reel = OpenFile(file, limit.limit_bytes)
+        for stream in reel.segments if segment is None else reel.segments[segment : segment + 1]:
             limit.require_mesh(stream.n_verts, stream.n_triangles)
-        return file_info(whole, segment, limit, is_remote=is_remote(path))
+        return file_info(reel, segment, limit, is_remote=is_remote(path))
 
 
 def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
@@ -136,14 +136,14 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
         If the file is not a complete stream that this version supports; errors name the file.
     """
     if options.max_loaded_bytes is not None:
-        sequence = _stored(path, options)
+        sequence = _open_stored(path, options)
         if sum(map(positions_size_bytes, sequence.segments)) > options.max_loaded_bytes:
             return sequence
     with errors_naming(path):
-        decoded = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
+        sequence = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
     options.progress("reading", 1.0)
-    timing = decoded.timing.at_rate(options.fps)
-    return decoded.replace(timing=timing, name=decoded.name or path.stem)
+    timing = sequence.timing.at_rate(options.fps)
+    return sequence.replace(timing=timing, name=sequence.name or path.stem)
 
 
 class _SelfClosingFile(FileIO):
@@ -153,7 +153,7 @@ class _SelfClosingFile(FileIO):
         self.close()
 
 
-def _stored(path: Path, options: ReadOptions) -> MeshSequence:
+def _open_stored(path: Path, options: ReadOptions) -> MeshSequence:
     """Open the sequence of a complete `.reel` file, whose frames stay in the file."""
     file = cast("BinaryIO", _SelfClosingFile(path))
     with errors_naming(path):
@@ -168,7 +168,7 @@ def _stored(path: Path, options: ReadOptions) -> MeshSequence:
 
 
 def _stored_segment(
-    whole: ReelFile, number: int, path: Path, name: str, timing: Timing
+    reel_file: ReelFile, number: int, path: Path, name: str, timing: Timing
 ) -> StoredFrames:
     """Return the frames of a segment.
 
@@ -176,14 +176,14 @@ def _stored_segment(
     sequence of many segments takes little memory.
     """
 
-    def read(what: Callable[[ReelFile], Any]) -> Any:
+    def read(get: Callable[[ReelFile], Any]) -> Any:
         with errors_naming(path):
-            return what(whole.segments[number])
+            return get(reel_file.segments[number])
 
     def pieces(frames: range) -> Iterator[tuple[int, Vertices]]:
         with errors_naming(path):
-            for start, vertices in whole.segments[number].pieces(frames):
-                yield start, _finite(vertices, start)
+            for start, vertices in reel_file.segments[number].pieces(frames):
+                yield start, _check_finite(vertices, start)
 
     def read_extent() -> Extent:
         survey = FrameSurvey()
@@ -191,14 +191,14 @@ def _stored_segment(
             survey.add(vertices)
         return survey.extent
 
-    n_frames = whole.starts[number + 1] - whole.starts[number]
+    n_frames = reel_file.starts[number + 1] - reel_file.starts[number]
     return StoredFrames(
         n_frames=n_frames,
         n_verts=read(lambda segment: segment.n_verts),
         dtype=read(lambda segment: segment.dtype),
         name=name,
         read_range=lambda start, stop: read(
-            lambda segment: _finite(segment.read(start, stop), start)
+            lambda segment: _check_finite(segment.read(start, stop), start)
         ),
         read_faces=lambda: read(lambda segment: segment.faces),
         read_surface=lambda: read(lambda segment: segment.surface),
@@ -211,7 +211,7 @@ def _stored_segment(
     )
 
 
-def _finite(vertices: Vertices, first_frame: int) -> Vertices:
+def _check_finite(vertices: Vertices, first_frame: int) -> Vertices:
     """Return decoded positions; raises CorruptStreamError unless all are finite."""
     try:
         validate_finite(vertices, first_frame=first_frame)

@@ -102,7 +102,7 @@ PROGRAMS = {
 }
 """Extensions of scenes that only their programs read completely, and these programs."""
 
-INSTEAD = dict.fromkeys((".xdmf", ".xmf"), "ParaView and VisIt also read .vtkhdf and .pvd")
+ADVICE = dict.fromkeys((".xdmf", ".xmf"), "ParaView and VisIt also read .vtkhdf and .pvd")
 """Advice for formats that are read, but not written; otherwise all written formats are listed."""
 
 

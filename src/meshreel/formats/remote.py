@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import cast
 
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
-from meshreel.formats.file_references import DOWNLOADED, download_sibling
+from meshreel.formats.file_references import DOWNLOAD_ADDRESSES, download_sibling
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.model.notes import Notes
@@ -52,23 +52,23 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
             "some frames are remote and some are local files; use only one kind"
         )
     addresses = [os.fspath(address) for address in sources]
-    place = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
-    folder = place / _folder_name(addresses[0])
+    root = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
+    folder = root / _folder_name(addresses[0])
     try:
-        yield _downloaded(addresses, folder, notes)
+        yield _download(addresses, folder, notes)
     except MeshReelError as error:
-        local, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
-        # The user knows files by their address. Paths are also within the parts: messages about
-        # several files, or about references, name them, and so do texts of libraries.
-        error.path = error.path.replace(local, address)
+        prefix, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
+        # Users know files by their address. Parts of the message may contain paths too: of
+        # several files, of references, or in texts of libraries.
+        error.path = error.path.replace(prefix, address)
         error.args = tuple(
-            part.replace(local, address) if isinstance(part, str) else part for part in error.args
+            part.replace(prefix, address) if isinstance(part, str) else part for part in error.args
         )
         raise
     finally:
-        for folder in [path for path in DOWNLOADED if path.is_relative_to(place)]:
-            del DOWNLOADED[folder]
-        shutil.rmtree(place, ignore_errors=True)
+        for folder in [path for path in DOWNLOAD_ADDRESSES if path.is_relative_to(root)]:
+            del DOWNLOAD_ADDRESSES[folder]
+        shutil.rmtree(root, ignore_errors=True)
 
 
 @contextmanager
@@ -90,7 +90,7 @@ def _folder_name(address: str) -> str:
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 
-def _downloaded(addresses: list[str], folder: Path, notes: Notes | None) -> Source:
+def _download(addresses: list[str], folder: Path, notes: Notes | None) -> Source:
     """Download files into a new folder; return the copies as a source."""
     files = [file for address in addresses for file in _resolve(address)]
     names = [name_of(file) for file in files]
@@ -100,12 +100,12 @@ def _downloaded(addresses: list[str], folder: Path, notes: Notes | None) -> Sour
     for file, name in zip(files, names, strict=True):
         download(file, folder / name)
     if len(files) == 1:
-        DOWNLOADED[folder] = without_query(files[0])
+        DOWNLOAD_ADDRESSES[folder] = without_query(files[0])
         _fetch_companion(folder / names[0])
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
-        what = files[0] if len(files) == 1 else f"{counted(len(files), 'file')} of {addresses[0]}"
-        notes.result(f"downloaded {what} ({size_mb:.3g} MB) to read it")
+        source = files[0] if len(files) == 1 else f"{counted(len(files), 'file')} of {addresses[0]}"
+        notes.result(f"downloaded {source} ({size_mb:.3g} MB) to read it")
     if len(files) == 1 and len(addresses) == 1 and addresses[0] == files[0]:
         return folder / names[0]
     return [folder / name for name in names]
@@ -132,8 +132,8 @@ def _resolve(address: str) -> list[str]:
 
 
 def _natural_order(addresses: Iterable[str]) -> list[str]:
-    of_name = {name_of(address): address for address in addresses}
-    return [of_name[path.name] for path in natural_order(map(Path, of_name))]
+    by_name = {name_of(address): address for address in addresses}
+    return [by_name[path.name] for path in natural_order(map(Path, by_name))]
 
 
 def _has_magic(text: str) -> bool:

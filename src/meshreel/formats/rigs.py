@@ -61,7 +61,7 @@ def rig_of(
         sequence, quality=options.quality, kg=options.kg, max_error=options.max_error
     )
     _, budget = requested_budget(low, high, options, bounds.largest, consumer="the rig")
-    bounds = replace(bounds, largest=100 * budget.added / (diagonal or 1.0))
+    bounds = replace(bounds, largest=100 * budget.max_added / (diagonal or 1.0))
     rig = fit_sequence(
         sequence,
         times_s,

@@ -10,7 +10,7 @@ from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
 from meshreel.errors import ConnectivityChangeError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.shared_data import sharing_materials
+from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import (
@@ -106,8 +106,8 @@ def save(
     """
     check_names(settings, [field.name for field in fields(WriteOptions)])
     options = replace(options, **settings)
-    added = None if notes is None else Notes()
-    written = save_part(
+    new_notes = None if notes is None else Notes()
+    paths = save_part(
         sequence,
         range(sequence.n_frames),
         output,
@@ -115,11 +115,11 @@ def save(
         start_number=start_number,
         options=options,
         progress=progress,
-        notes=added,
+        notes=new_notes,
     )
     if notes is not None:
-        notes.extend(added or ())
-    return written
+        notes.extend(new_notes or ())
+    return paths
 
 
 def save_part(
@@ -160,8 +160,8 @@ def save_part(
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     stream = SegmentedStream(sequence, frames, progress=progress, notes=notes, figures=figures)
-    stream = stream.changed(partial(_with_supported_tracks, output))
-    paths = _checked_paths(
+    stream = stream.map_segments(partial(_with_supported_tracks, output))
+    paths = _check_paths(
         output,
         len(frames),
         n_segments=stream.n_segments,
@@ -173,11 +173,11 @@ def save_part(
     return _save(stream, paths, output, overwrite=overwrite, options=options)
 
 
-def _checked_paths(
-    output: AnyPath, n_frames: int, *, n_segments: int = 1, **checked: Any
+def _check_paths(
+    output: AnyPath, n_frames: int, *, n_segments: int = 1, **checks: Any
 ) -> list[Path]:
     """Return the files to write; checks as `check_output`, and whether faces may change."""
-    paths = check_output(output, n_frames, **checked)
+    paths = check_output(output, n_frames, **checks)
     output_format = output_format_of(Path(output))
     if n_segments > 1 and not output_format.holds_segments:
         formats = ", ".join(name for name, row in SEQUENCE_FORMATS.items() if row.holds_segments)
@@ -202,26 +202,26 @@ def _save(
     """Write a stream to checked paths, which appear together; return them and those of images."""
     output_format = output_format_of(Path(output))
     if output_format.has_image_folder:
-        stream, _ = sharing_materials(stream)
+        stream, _ = share_materials(stream)
     images = _image_files(output_format, paths[0], stream)
     with replace_all_when_done(
         [*images, *paths],
         overwrite=overwrite,
         makes_folder=bool(images) or is_pattern(output) or len(paths) > 1,
-    ) as hidden:
-        temporaries = hidden[len(images) :]
-        for path, image in zip(hidden, images.values(), strict=False):
+    ) as hidden_paths:
+        hidden_outputs = hidden_paths[len(images) :]
+        for path, image in zip(hidden_paths, images.values(), strict=False):
             path.write_bytes(image.data)
         if isinstance(output_format, FrameFormat):
-            _write_frames(output_format, stream, temporaries)
+            _write_frames(output_format, stream, hidden_outputs)
             return paths
         if isinstance(output_format, FolderFormat):
-            output_format.write(hidden[0].parent, Path(output).stem, stream.only(), options)
+            output_format.write(hidden_paths[0].parent, Path(output).stem, stream.only(), options)
         else:
             if output_format.data_files is not None:
                 names = [path.relative_to(paths[0].parent).as_posix() for path in paths[1:]]
-                stream.data_files = list(zip(names, temporaries[1:], strict=True))
-            _write_sequence(output_format, temporaries, stream, options)
+                stream.data_files = list(zip(names, hidden_outputs[1:], strict=True))
+            _write_sequence(output_format, hidden_outputs, stream, options)
         stream.progress("writing", 1.0)
     return [*paths, *images]
 
@@ -246,8 +246,8 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
         [domain for domain in SURFACE_DOMAINS if domain not in domains] if domains else []
     ):
         names = [name for name, track in left_out.items() if track.domain is missing]
-        which = f"tracks of {plural(missing)}"
-        note_unwritten_tracks(names, output_format.extension, mesh.notes, which)
+        reason = f"tracks of {plural(missing)}"
+        note_unwritten_tracks(names, output_format.extension, mesh.notes, reason)
     if not domains:
         note_unwritten_tracks(left_out, output_format.extension, mesh.notes)
     attributes = (*mesh.surface.attributes, *constant.values())
@@ -280,9 +280,9 @@ def _constant_attributes(
         kind = ATTRIBUTE_KINDS.get(track.kind)
         if kind is None or name in names or track.dtype not in VALUE_TYPES:
             continue
-        [first] = track.read(0, 1)
-        if all((block == first).all() for _, block in track_blocks(track)):
-            attributes[name] = Attribute(name, kind, track.domain, first).indexed(first)
+        [values] = track.read(0, 1)
+        if all((block == values).all() for _, block in track_blocks(track)):
+            attributes[name] = Attribute(name, kind, track.domain, values).indexed(values)
     return attributes
 
 
@@ -300,13 +300,13 @@ def _image_files(
 
 def _write_frames(output_format: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
     """Write one file per frame."""
-    numbered = iter(paths)
+    remaining_paths = iter(paths)
     assert output_format.encoder is not None  # check_output rejects read-only formats
     for segment in stream.segments():
         note_unwritten_materials(segment.surface, output_format.extension, segment.notes)
         encode = output_format.encoder(segment)
         for index, frame in enumerate(segment.frames()):
-            next(numbered).write_bytes(encode(frame, segment.values(index)))
+            next(remaining_paths).write_bytes(encode(frame, segment.values(index)))
 
 
 def _write_sequence(
@@ -318,11 +318,11 @@ def _write_sequence(
         note_unwritten_materials(mesh.surface, output_format.extension, stream.notes)
         return mesh
 
-    noting = stream if output_format.holds_materials else stream.changed(note_materials)
+    noted_stream = stream if output_format.holds_materials else stream.map_segments(note_materials)
     if output_format.companion:
-        only = noting.only()
+        segment = noted_stream.only()
         encoder = FRAME_FORMATS[output_format.companion].encoder
         assert encoder is not None
-        paths[1].write_bytes(encoder(only)(only.first, only.values(0)))
+        paths[1].write_bytes(encoder(segment)(segment.first, segment.values(0)))
     assert output_format.write is not None  # check_output rejects read-only formats
-    output_format.write(paths[0], noting, options)
+    output_format.write(paths[0], noted_stream, options)

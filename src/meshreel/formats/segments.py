@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from meshreel.formats.displacement import displaced, note_displacement
+from meshreel.formats.displacement import displace, note_displacement
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
@@ -35,22 +35,22 @@ def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
     check_read_options(files.format, options)
-    reading = replace(options, notes=Notes())
+    read_options = replace(options, notes=Notes())
     if options.register is not None:
-        reading = replace(reading, matches_frames=False)
-    opened = _open(files, reading)
+        read_options = replace(read_options, matches_frames=False)
+    sequence = _open(files, read_options)
     if options.displace is None:
-        note_displacement(opened, reading.notes)
+        note_displacement(sequence, read_options.notes)
     else:
-        opened = displaced(opened, options.displace, options.max_loaded_bytes)
-    options.notes.extend(dict.fromkeys(reading.notes))
-    return opened if options.register is None else registered(opened, options)
+        sequence = displace(sequence, options.displace, options.max_loaded_bytes)
+    options.notes.extend(dict.fromkeys(read_options.notes))
+    return sequence if options.register is None else registered(sequence, options)
 
 
 def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
     """Return a sequence registered with the tolerance of the options.
 
-    They receive the registration, and notes on it.
+    The options receive the registration, and notes on it.
 
     Raises
     ------
@@ -75,9 +75,9 @@ def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
 
 
 def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:
-    path, form = files.paths[0], files.format
-    if isinstance(form, SequenceFormat) and form.open is not None:
-        opened = MeshSequence.of_segments([form.open(path, options)])
+    path, file_format = files.paths[0], files.format
+    if isinstance(file_format, SequenceFormat) and file_format.open is not None:
+        opened = MeshSequence.of_segments([file_format.open(path, options)])
         segments = [
             select_attributes(segment, options.attributes, path) for segment in opened.segments
         ]
@@ -98,15 +98,15 @@ def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:
 
 def _runs(files: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
     """Yield each range of frames with the same faces, of a file of meshes or of frame files."""
-    path, form = files.paths[0], files.format
-    if not isinstance(form, SequenceFormat):
-        yield from read_runs(FrameFiles(files.paths, form), files.name, options)
-    elif form.read_meshes is not None:
+    path, file_format = files.paths[0], files.format
+    if not isinstance(file_format, SequenceFormat):
+        yield from read_runs(FrameFiles(files.paths, file_format), files.name, options)
+    elif file_format.read_meshes is not None:
         if len(files.paths) == 1:
-            mesh = select_mesh(form.read_meshes, path, options)
+            mesh = select_mesh(file_format.read_meshes, path, options)
             yield from open_mesh(mesh, path, options)
         else:
-            mesh = select_frames(form.read_meshes, files.paths, options)
+            mesh = select_frames(file_format.read_meshes, files.paths, options)
             yield from open_mesh(mesh, path.parent, options)
 
 

@@ -141,7 +141,7 @@ def _from_list(paths: list[Path]) -> SourceFiles:
                 else missing_source(path)
             )
         format_of(path)
-    return _of_one_format(paths, "the list")
+    return _check_one_format(paths, "the list")
 
 
 def _from_folder(folder: Path) -> SourceFiles:
@@ -158,7 +158,7 @@ def _from_folder(folder: Path) -> SourceFiles:
         raise FormatError(
             f"the folder {folder} contains no frames ({', '.join(FRAME_FORMATS)}){advice}"
         )
-    return _of_one_format(natural_order(frames), f"the folder {folder}")
+    return _check_one_format(natural_order(frames), f"the folder {folder}")
 
 
 def _from_pattern(pattern: str) -> SourceFiles:
@@ -166,13 +166,13 @@ def _from_pattern(pattern: str) -> SourceFiles:
     files = natural_order(path for path in files if path.is_file())
     if not files:
         raise InvalidInputError(f"the pattern {pattern!r} matches no file; check it")
-    known = [path for path in files if extension_of(path) in FORMATS]
-    if not known:
+    supported_files = [path for path in files if extension_of(path) in FORMATS]
+    if not supported_files:
         format_of(files[0])
-    return _of_one_format(known, f"the pattern {pattern!r}")
+    return _check_one_format(supported_files, f"the pattern {pattern!r}")
 
 
-def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
+def _check_one_format(paths: list[Path], origin: str) -> SourceFiles:
     counts = Counter(extension_of(path) for path in paths)
     if len(counts) > 1:
         kinds = " and ".join(f"{count} {extension}" for extension, count in counts.items())
@@ -181,11 +181,11 @@ def _of_one_format(paths: list[Path], origin: str) -> SourceFiles:
             f"choose one with a pattern such as {paths[0].parent / f'*{paths[0].suffix}'}"
         )
     file_format = format_of(paths[0])
-    is_one = len(paths) == 1 and isinstance(file_format, SequenceFormat)
-    if isinstance(file_format, SequenceFormat) and not is_one and file_format.read_meshes is None:
+    is_file = len(paths) == 1 and isinstance(file_format, SequenceFormat)
+    if isinstance(file_format, SequenceFormat) and not is_file and file_format.read_meshes is None:
         raise FormatError(
             f"{origin} contains {len(paths)} {file_format.extension} files, each a whole "
             "sequence; choose one"
         )
-    name = paths[0].stem if is_one else paths[0].resolve().parent.name
+    name = paths[0].stem if is_file else paths[0].resolve().parent.name
     return SourceFiles(tuple(paths), file_format, name)

@@ -30,7 +30,7 @@ def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOpti
     Raises
     ------
     InvalidInputError
-        Naming the option and the formats that support it.
+        If there is one; the message names it and the formats that support it.
     """
     requested: dict[ReadOption, bool] = {
         "skip_bad": options.skip_bad,
@@ -59,7 +59,7 @@ def check_read_options(file_format: FrameFormat | SequenceFormat, options: ReadO
     Raises
     ------
     InvalidInputError
-        Naming the option and the formats that support it.
+        If there is one; the message names it and the formats that support it.
     """
     if options.skip_bad and options.object is not None:
         raise InvalidInputError(
@@ -82,7 +82,7 @@ def check_write_options(
     Raises
     ------
     InvalidInputError
-        Naming the option and the formats that support it.
+        If there is one; the message names it and the formats that support it.
     """
     choices = [field for field in fields(options) if field.name in get_args(WriteOption)]
     _check(

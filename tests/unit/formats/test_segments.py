@@ -192,7 +192,7 @@ def test_a_damaged_segment_is_named_with_its_file_when_it_is_read(path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("limit", "n_decodings"), [(1 << 26, 1), (0, 3)])
 def test_meshes_are_decoded_once_if_they_are_small(path, tmp_path, monkeypatch, limit, n_decodings):
-    monkeypatch.setattr(frame_stream, "MAX_KEPT_BYTES", limit)
+    monkeypatch.setattr(frame_stream, "MAX_CACHED_BYTES", limit)
     monkeypatch.setattr(reel_file, "MAX_OPEN_SEGMENTS", 1)
     surface_of, numbers = vars(ReelFile)["surface"].fget, []
 

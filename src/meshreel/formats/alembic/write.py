@@ -83,7 +83,7 @@ def write_alembic(path: Path, stream: SegmentedStream, options: WriteOptions) ->
     """
     shared = SharedData.of(stream.meshes())
     shared.note_others(".abc", stream.notes)
-    stream = stream.changed(shared.only)
+    stream = stream.map_segments(shared.restrict)
     check_free_space(path, stream)
     try:
         rounding = _write_archive(path, stream, shared)

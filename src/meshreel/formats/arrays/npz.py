@@ -96,7 +96,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     values = read_members(path, [track.path for track in named_tracks.values()])
     loaded_tracks = {name: _load(track, values[track.path]) for name, track in named_tracks.items()}
     with errors_naming(path):
-        sequence = description.loaded(native(arrays[positions]), loaded_tracks)
+        sequence = description.sequence(native(arrays[positions]), loaded_tracks)
     options.progress("reading", 1.0)
     return sequence
 

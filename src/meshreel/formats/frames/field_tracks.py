@@ -65,9 +65,9 @@ def add_field(fields: dict[Key, Field], key: Key, field: Field) -> None:
         If the domain already has an array of that name.
     """
     if key in fields:
-        where = "points" if key[0] is Domain.VERTEX else "cells"
+        location = "points" if key[0] is Domain.VERTEX else "cells"
         raise InvalidInputError(
-            f"has two arrays {key[1]!r} at {where} in a frame, with {fields[key].n_columns} and "
+            f"has two arrays {key[1]!r} at {location} in a frame, with {fields[key].n_columns} and "
             f"{field.n_columns} components; rename one of them"
         )
     fields[key] = field
@@ -102,8 +102,8 @@ def field_tracks(
         while name in tracks:
             name += SUFFIXES[key[0]]
         if name != key[1]:
-            where = "also at corners" if key[0] is Domain.CORNER else "at points and at cells"
-            text = f"{key[1]!r} is {where}; the one of {plural(key[0])} is called {name!r}"
+            location = "also at corners" if key[0] is Domain.CORNER else "at points and at cells"
+            text = f"{key[1]!r} is {location}; the one of {plural(key[0])} is called {name!r}"
             notes.changed(name, text)
         tracks[name] = track
     return tracks
@@ -116,7 +116,7 @@ def _track(
     read: ReadField,
     notes: Notes,
 ) -> StoredTrack | None:
-    has = [key in frame for frame in frames]
+    present = [key in frame for frame in frames]
     fields = [frame[key] for frame in frames if key in frame]
     widths = sorted({field.n_columns for field in fields})
     if len(widths) > 1:
@@ -129,18 +129,18 @@ def _track(
         notes.left_out(f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
         return None
     dtype = np.result_type(*(field.dtype for field in fields))
-    if not all(has):
+    if not all(present):
         is_float = dtype.kind == "f"
         dtype = dtype if is_float else np.dtype(np.float64)
-        text = f"{key[1]!r} is in {sum(has)} of {len(has)} frames, and NaN in the others"
+        text = f"{key[1]!r} is in {sum(present)} of {len(present)} frames, and NaN in the others"
         text += "" if is_float else ", as float64"
         notes.changed(key[1], text)
     shape = len(frames), n_items, widths[0]
 
     def read_range(start: int, stop: int) -> Values:
-        values: Values = np.full((stop - start, *shape[1:]), np.nan if not all(has) else 0, dtype)
+        values: Values = np.full((stop - start, *shape[1:]), 0 if all(present) else np.nan, dtype)
         for index in range(start, stop):
-            if has[index]:
+            if present[index]:
                 values[index - start] = read(index, key).reshape(shape[1:])
         return values
 
@@ -156,14 +156,14 @@ def _kind(
     n_frames: int,
 ) -> TrackKind:
     """Infer the track kind from the declared kind, the name and the values of an array."""
-    width, is_float, lower = field.n_columns, dtype.kind == "f", name.lower()
-    if declared := parse_track_kind(field.kind, width, dtype):
-        return declared
-    if width in (3, 4) and (dtype == np.uint8 or (is_float and lower in COLOR_NAMES)):
+    width, is_float, lower_name = field.n_columns, dtype.kind == "f", name.lower()
+    if declared_kind := parse_track_kind(field.kind, width, dtype):
+        return declared_kind
+    if width in (3, 4) and (dtype == np.uint8 or (is_float and lower_name in COLOR_NAMES)):
         return TrackKind.COLOR
-    if width == 2 and is_float and lower in UV_NAMES:
+    if width == 2 and is_float and lower_name in UV_NAMES:
         return TrackKind.UV
-    if width == 3 and is_float and (lower == "normals" or field.role == NORMALS):
+    if width == 3 and is_float and (lower_name == "normals" or field.role == NORMALS):
         is_unit = all(_are_unit(read(index, index + 1)) for index in range(n_frames))
         return TrackKind.NORMAL if is_unit else TrackKind.VECTOR
     return default_kind(width)

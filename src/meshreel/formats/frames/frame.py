@@ -25,7 +25,7 @@ def fields_of(attributes: Iterable[Attribute]) -> dict[Key, tuple[Values, Field]
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The contents of the file of a frame."""
+    """Contents of a file with one frame."""
 
     mesh: PolygonMesh
     surface: Surface = PLAIN
@@ -41,14 +41,14 @@ class Frame:
 
     def surface_with_edges(self, notes: Notes) -> Surface:
         """Return the surface with its hard edges; notes receive figures on the normals."""
-        if (hard := self.find_hard_edges()) is None:
+        if (hard_edges := self.find_hard_edges()) is None:
             return self.surface
-        NormalNotes(notes).add("", hard)
-        return replace(self.surface, hard_edges=hard.edges)
+        NormalNotes(notes).add("", hard_edges)
+        return replace(self.surface, hard_edges=hard_edges.edges)
 
 
 class FrameData:
-    """The data of consecutive frames: descriptions, checksums and, until forgotten, values.
+    """The data of consecutive frames: descriptions, checksums and, unless forgotten, values.
 
     Values that are equal to those of the first frame are kept once.
 
@@ -88,10 +88,10 @@ class FrameData:
         Complete once all frames are added.
         """
         keys = {key for sums in self._checksums for key in sums}
-        declared = {
+        declared_keys = {
             key for fields in self._descriptions for key, field in fields.items() if field.is_track
         }
-        return declared | {
+        return declared_keys | {
             key for key in keys if len({sums.get(key) for sums in self._checksums}) > 1
         }
 
@@ -110,7 +110,7 @@ class FrameData:
             Receives a sentence for each array that only some frames have.
         """
         frames, changing_keys = self._frames, self.changing_keys
-        described = [
+        descriptions = [
             {key: field for key, field in fields.items() if key in changing_keys}
             for fields in self._descriptions
         ]
@@ -118,4 +118,4 @@ class FrameData:
         def read_field(index: int, key: Key) -> Values:
             return (frames[index] if frames else read(index))[key][0]
 
-        return field_tracks(described, mesh.n_items, read_field, notes)
+        return field_tracks(descriptions, mesh.n_items, read_field, notes)

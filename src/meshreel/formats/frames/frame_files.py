@@ -133,12 +133,12 @@ class _Run:
         self.first = first
         self.kept_bytes: int = 0
         self._files, self._start, self._max_bytes = files, start, max_bytes
-        form = files.format
-        self._survey = FrameSurvey(is_decimal=form.is_decimal)
-        self._welder = CornerWelder() if form.has_unshared_vertices else None
+        file_format = files.format
+        self._survey = FrameSurvey(is_decimal=file_format.is_decimal)
+        self._welder = CornerWelder() if file_format.has_unshared_vertices else None
         self._positions: deque[tuple[Vertices, npt.NDArray[np.int64] | None]] = deque()
         self._data = FrameData(first.fields)
-        self._differing: dict[str, None] = {}
+        self._differing_names: dict[str, None] = {}
         self._n_frames = 0
         self._keep(first.mesh.vertices)
 
@@ -148,7 +148,7 @@ class _Run:
             return False
         self.kept_bytes += self._data.add(frame.fields)
         names = differing_names(_without_data(self.first), _without_data(frame))
-        self._differing.update(dict.fromkeys(names))
+        self._differing_names.update(dict.fromkeys(names))
         self._keep(frame.mesh.vertices)
         return True
 
@@ -185,18 +185,18 @@ class _Run:
             notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=text))
         tracks = self._data.tracks(mesh, self._read_fields, notes)
         options.notes.add_all(notes)
-        about = Description(faces, name, timing, surface)
+        description = Description(faces, name, timing, surface)
         if self._positions:
-            return about.loaded(self._stacked(rows), read_tracks(tracks))
+            return description.sequence(self._stack_positions(rows), read_tracks(tracks))
         shape = self._n_frames, len(mesh.vertices[rows])
         files = self._files.paths[self._start : self._start + self._n_frames]
         read = partial(self._read_range, rows)
-        return about.stored(shape, self._survey, read, files, tracks)
+        return description.stored_frames(shape, self._survey, read, files, tracks)
 
     def _surface(self, notes: Notes) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
         changing_keys, surface = self._data.changing_keys, self.first.surface_with_edges(notes)
-        constant = [
+        attributes = [
             attribute
             for attribute in surface.attributes
             if (attribute.domain, attribute.name) not in changing_keys
@@ -206,10 +206,10 @@ class _Run:
             for key in changing_keys & {*self.first.fields}
         ):
             notes.discard(NORMALS_SUBJECT)
-        notes.left_out("changes over time, kept as in the first frame", self._differing)
-        return replace(surface, attributes=tuple(constant))
+        notes.left_out("changes over time, kept as in the first frame", self._differing_names)
+        return replace(surface, attributes=tuple(attributes))
 
-    def _stacked(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:
+    def _stack_positions(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:
         """Return the kept positions as one array, releasing each frame once it is copied."""
         shape = self._n_frames, *self.first.mesh.vertices[rows].shape
         vertices: Vertices = np.empty(shape, self._survey.dtype)

@@ -1,4 +1,4 @@
-"""What a writer receives: the frames of a sequence, in segments of constant connectivity."""
+"""The frames of a sequence as writers receive them, in segments of constant connectivity."""
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
 Tracks = Mapping[str, TrackSource]
 
-MAX_KEPT_BYTES = 1 << 26
-"""Faces and surfaces up to this size are decoded once, though writers go over them several times;
-positions and tracks are always read again."""
+MAX_CACHED_BYTES = 1 << 26
+"""Size up to which faces and surfaces are cached, since writers make several passes over them;
+positions and tracks are read in each pass."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameStream:
-    """Consecutive frames with the same faces; positions and values are read when asked for."""
+    """Consecutive frames with the same faces; positions and values are read on demand."""
 
     source: Any
     """A segment of the sequence."""
-    numbers: range
+    frame_numbers: range
     """Frames of the segment."""
     faces: Faces
     """int32 array of shape (M, 3)."""
     surface: Surface
     tracks: Tracks
-    """Those that the format supports."""
+    """Tracks that the format supports."""
     name: str
     timing: Timing
     """As in `MeshSequence`."""
@@ -53,7 +53,7 @@ class FrameStream:
     @property
     def n_frames(self) -> int:
         """Number of frames, T."""
-        return len(self.numbers)
+        return len(self.frame_numbers)
 
     @property
     def n_verts(self) -> int:
@@ -69,7 +69,7 @@ class FrameStream:
     @cached_property
     def first(self) -> Vertices:
         """Positions of the first frame, of shape (V, 3)."""
-        first: Vertices = next(_blocks(self.source, self.numbers[:1]))[0]
+        first: Vertices = next(_blocks(self.source, self.frame_numbers[:1]))[0]
         return first
 
     def frames(self) -> Iterator[Vertices]:
@@ -81,7 +81,7 @@ class FrameStream:
             If a position is not finite.
         """
         index = 0
-        for block in _blocks(self.source, self.numbers):
+        for block in _blocks(self.source, self.frame_numbers):
             validate_finite(block, first_frame=index)
             for frame in block:
                 yield frame
@@ -94,7 +94,7 @@ class FrameStream:
 
     def gather(self) -> MeshSequence:
         """Load all frames into memory."""
-        vertices = self.source.read(self.numbers.start, self.numbers.stop)
+        vertices = self.source.read(self.frame_numbers.start, self.frame_numbers.stop)
         tracks = {
             name: read_track(track, range(self.n_frames)) for name, track in self.tracks.items()
         }
@@ -145,12 +145,12 @@ class SegmentedStream:
     ) -> None:
         selection = range(sequence.n_frames) if selection is None else selection
         self._sequence: Any = sequence
-        self._parts = tuple(frames_by_segment(self._sequence.starts, selection))
-        sizes = (len(frames) for _, frames in self._parts)
+        self._segment_frames = tuple(frames_by_segment(self._sequence.starts, selection))
+        sizes = (len(frames) for _, frames in self._segment_frames)
         self.starts: tuple[int, ...] = (0, *accumulate(sizes))
         self.name: str = sequence.name
         self.timing: Timing = sequence.timing.part(selection)
-        self.n_segments: int = len(self._parts)
+        self.n_segments: int = len(self._segment_frames)
         self.n_frames: int = len(selection)
         self.progress = progress
         self.wants_notes: bool = notes is not None
@@ -159,14 +159,14 @@ class SegmentedStream:
         self.data_files: list[tuple[str, Path]] = []
         self.figures = figures
         self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
-        self._kept: dict[int, tuple[Faces, Surface]] = {}
-        self._kept_bytes = 0
+        self._cached_meshes: dict[int, tuple[Faces, Surface]] = {}
+        self._cached_bytes = 0
 
-    def changed(self, change: Callable[[FrameStream], FrameStream]) -> "SegmentedStream":
-        """Return the stream with another surface and other tracks in each segment."""
-        changed, before = copy(self), self._change
-        changed._change = lambda segment: change(before(segment))
-        return changed
+    def map_segments(self, change: Callable[[FrameStream], FrameStream]) -> "SegmentedStream":
+        """Return the stream with `change` applied to each of its segments."""
+        map_segments, previous_change = copy(self), self._change
+        map_segments._change = lambda segment: change(previous_change(segment))
+        return map_segments
 
     def report(self, figures: dict[str, Any], sentence: str) -> None:
         """Add figures of the written file, or a note with them."""
@@ -179,22 +179,22 @@ class SegmentedStream:
     def dtype(self) -> np.dtype[np.floating]:
         """Number type that holds the positions of all segments."""
         segments = self._sequence.segments
-        return np.result_type(*(segments[number].dtype for number, _ in self._parts))
+        return np.result_type(*(segments[number].dtype for number, _ in self._segment_frames))
 
     def frames(self) -> Iterator[Vertices]:
         """Yield the positions of all frames, without decoding surfaces."""
-        for number, frames in self._parts:
+        for number, frames in self._segment_frames:
             for block in _blocks(self._sequence.segments[number], frames):
                 yield from block
 
     def meshes(self) -> Iterator[FrameStream]:
         """Yield each segment for its mesh, without notes and progress."""
-        for number, frames in self._parts:
+        for number, frames in self._segment_frames:
             yield self._stream(number, frames, Notes(), silent, self.timing)
 
     def segments(self) -> Iterator[FrameStream]:
         """Yield each segment in order; read its frames before the next one."""
-        for first, (number, frames) in zip(self.starts, self._parts, strict=False):
+        for first, (number, frames) in zip(self.starts, self._segment_frames, strict=False):
             notes: Notes = self.notes if self.n_segments == 1 else Notes()
             timing = self.timing.part(range(first, first + len(frames)))
             progress = partial(self._report, first)
@@ -222,13 +222,13 @@ class SegmentedStream:
 
     def _mesh(self, number: int, source: Any) -> tuple[Faces, Surface]:
         """Return the faces and the surface of a segment."""
-        if number in self._kept:
-            return self._kept[number]
+        if number in self._cached_meshes:
+            return self._cached_meshes[number]
         faces, surface = source.faces, source.surface
         size_bytes = faces.nbytes + surface.size_bytes
-        if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
-            self._kept[number] = faces, surface
-            self._kept_bytes += size_bytes
+        if self._cached_bytes + size_bytes <= MAX_CACHED_BYTES:
+            self._cached_meshes[number] = faces, surface
+            self._cached_bytes += size_bytes
         return faces, surface
 
     def _report(self, first: int, stage: str, share: float) -> None:

@@ -18,7 +18,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
     Parameters
     ----------
     names : str or sequence of str
-        As `meshreel.model.surface_selection.select` takes them.
+        As in `meshreel.model.surface_selection.select`.
     path : Path
         File of the sequence, for errors.
 
@@ -32,7 +32,7 @@ def select_attributes(sequence: FrameSource, names: Names, path: Path) -> FrameS
     with errors_naming(path):
         surface = select(sequence.surface, names)
     if isinstance(sequence, StoredFrames) and not sequence.keeps_mesh:
-        return sequence.changed(partial(select, names=names))
+        return sequence.map_surface(partial(select, names=names))
     return with_surface(sequence, surface)
 
 

@@ -1,4 +1,4 @@
-"""What all segments of a sequence have in common, for formats that declare data once."""
+"""Data that all segments of a sequence share, for formats that declare data once."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -50,21 +50,21 @@ class SharedData:
         indexed: frozenset[Key] = frozenset()
         has_hard_edges = has_empty = False
         for number, mesh in enumerate(meshes):
-            attributes, groups, tracks = _keyed(mesh)
-            own_keys = [dict.fromkeys(keys) for keys in (attributes, groups, tracks)]
+            attributes, groups, tracks = _data_by_key(mesh)
+            mesh_keys = [dict.fromkeys(keys) for keys in (attributes, groups, tracks)]
             for key, group in groups.items():
                 labels.setdefault(key, {}).update(dict.fromkeys(group.labels))
             has_hard_edges = has_hard_edges or mesh.surface.hard_edges is not None
             part_names = tuple(part.name for part in mesh.surface.parts)
             if number == 0:
-                shared, parts = own_keys, part_names
+                shared, parts = mesh_keys, part_names
                 indexed = frozenset(
                     key for key, attribute in attributes.items() if attribute.indices is not None
                 )
-            for names, known, own in zip(unshared_names, shared, own_keys, strict=True):
-                names.update((str(key[0]), None) for key in sorted(known.keys() ^ own.keys()))
-                for key in known.keys() - own.keys():
-                    del known[key]
+            for names, common, keys in zip(unshared_names, shared, mesh_keys, strict=True):
+                names.update((str(key[0]), None) for key in sorted(common.keys() ^ keys.keys()))
+                for key in common.keys() - keys.keys():
+                    del common[key]
             has_empty = has_empty or any(not part.n_faces for part in mesh.surface.parts)
             if part_names != parts or (number and has_empty):
                 unshared_names[1]["the names of parts"] = None
@@ -82,9 +82,9 @@ class SharedData:
             tuple(unshared_names[2]),
         )
 
-    def only(self, mesh: FrameStream) -> FrameStream:
+    def restrict(self, mesh: FrameStream) -> FrameStream:
         """Return the mesh of a segment without data that other segments lack."""
-        attributes, groups, tracks = _keyed(mesh)
+        attributes, groups, tracks = _data_by_key(mesh)
         surface = replace(
             mesh.surface,
             attributes=tuple(
@@ -103,17 +103,17 @@ class SharedData:
         if self.other_data:
             text = f"left out, as only some segments have it: {listed(self.other_data)}"
             notes.unwritten("data of some segments", text)
-        which = "those of some segments only"
-        note_unwritten_tracks(self.other_tracks, extension, notes, which)
+        reason = "those of some segments only"
+        note_unwritten_tracks(self.other_tracks, extension, notes, reason)
 
 
-def sharing_materials(
+def share_materials(
     stream: SegmentedStream, visit: Callable[[FrameStream], None] | None = None
 ) -> tuple[SegmentedStream, SharedData]:
     """Return the stream with the materials and images of all segments in each, and what they share.
 
     Different materials with the same name are numbered. All of this takes one pass over the meshes,
-    in which `visit` is called with each as it is.
+    in which `visit` is called with each unchanged mesh.
     """
     table = MaterialTable()
 
@@ -130,7 +130,7 @@ def sharing_materials(
 
     has_several = stream.n_segments > 1
     shared = SharedData.of(collect())
-    return stream.changed(share) if has_several else stream, shared
+    return stream.map_segments(share) if has_several else stream, shared
 
 
 def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
@@ -141,7 +141,7 @@ def _with_indices(attribute: Attribute, *, is_indexed: bool) -> Attribute:
     return replace(attribute, values=attribute.per_item(), indices=indices)
 
 
-def _keyed(
+def _data_by_key(
     mesh: FrameStream,
 ) -> tuple[dict[Key, Attribute], dict[Key, FaceGroups], dict[Key, TrackSource]]:
     """Return attributes, groups and tracks by what they have in common in all segments."""
@@ -154,7 +154,7 @@ def _keyed(
 
 
 def _attributes(surface: Surface) -> dict[Key, Attribute]:
-    seen: Counter[Key] = Counter()
+    counts: Counter[Key] = Counter()
     attributes: dict[Key, Attribute] = {}
     for attribute in surface.attributes:
         key = (
@@ -164,6 +164,6 @@ def _attributes(surface: Surface) -> dict[Key, Attribute]:
             attribute.values.shape[1],
             attribute.values.dtype.str,
         )
-        seen[key] += 1
-        attributes[(*key, seen[key])] = attribute
+        counts[key] += 1
+        attributes[(*key, counts[key])] = attribute
     return attributes

@@ -122,10 +122,10 @@ class Step:
         """The surface of the cells: 2D cells, and the boundary of solid cells."""
         return self.surface.mesh(self.read_points())
 
-    def sharing(self, before: "Step") -> "Step":
+    def share_data(self, previous: "Step") -> "Step":
         """Return the step with surface and arrays of another one where they are equal."""
-        surface = before.surface if before.surface.equals(self.surface) else self.surface
-        arrays = {_contents(array): array for array in before.data}
+        surface = previous.surface if previous.surface.equals(self.surface) else self.surface
+        arrays = {_contents(array): array for array in previous.data}
         data = [arrays.get(_contents(array), array) for array in self.data]
         return replace(self, surface=surface, data=data)
 
@@ -179,8 +179,8 @@ class Step:
             If an array does not have one value for each point or cell.
         """
         notes = Notes()
-        for what in self.left_out:
-            notes.left_out(what)
+        for contents in self.left_out:
+            notes.left_out(contents)
         self.surface.note_interior(notes)
         fields: dict[Key, tuple[Values, Field]] = {}
         attributes = []
@@ -200,8 +200,8 @@ class Step:
 def _contents(array: DataArray) -> object:
     """Return a key that is equal for arrays with the same description and values."""
     field = array.describe()
-    facts = None if field is None else tuple(vars(field).values())
-    return array.domain, array.name, array.identify(), facts
+    field_values = None if field is None else tuple(vars(field).values())
+    return array.domain, array.name, array.identify(), field_values
 
 
 def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -248,39 +248,39 @@ class StepFrames:
     def __init__(self, read: Callable[[int], Step], notes: Notes) -> None:
         self._read, self._notes = read, notes
         self._identities: dict[int, dict[Key, list[object]]] = {}
-        self._described: dict[int, list[tuple[Key, Field]]] = {}
-        self._tracks: set[Key] = set()
-        self._attributes: set[Key] = set()
+        self._fields: dict[int, list[tuple[Key, Field]]] = {}
+        self._track_keys: set[Key] = set()
+        self._attribute_keys: set[Key] = set()
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the surface of a step, whose arrays are compared with those of other frames."""
         step = self._read(index)
         identities: dict[Key, list[object]] = {}
-        described: list[tuple[Key, Field]] = []
+        fields: list[tuple[Key, Field]] = []
         for array in step.arrays:
             identities.setdefault(array.key, []).append(array.identify())
             if (field := array.describe()) is not None:
-                described.append((array.key, field))
-            self._tracks |= {array.key} if _is_track(array, field) else set()
-            self._attributes |= {array.key} if array.is_attribute else set()
-        self._identities[index], self._described[index] = identities, described
+                fields.append((array.key, field))
+            self._track_keys |= {array.key} if _is_track(array, field) else set()
+            self._attribute_keys |= {array.key} if array.is_attribute else set()
+        self._identities[index], self._fields[index] = identities, fields
         return step.mesh
 
     def surface(self, index: int) -> Surface:
         """Return the arrays of a step that are the same in all frames read so far."""
         step = self._read(index)
         step.surface.note_interior(self._notes)
-        changing = self._changing()
-        constant = [array for array in step.arrays if array.key not in changing]
+        changing_keys = self._changing_keys()
+        constant = [array for array in step.arrays if array.key not in changing_keys]
         return step.attributes(constant, self._notes)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the other arrays as tracks of consecutive steps that share their faces."""
-        changing = self._changing()
-        described: list[dict[Key, Field]] = [{} for _ in frames]
-        for fields, index in zip(described, frames, strict=True):
-            for key, field in self._described[index]:
-                if key in changing:
+        changing_keys = self._changing_keys()
+        frame_fields: list[dict[Key, Field]] = [{} for _ in frames]
+        for fields, index in zip(frame_fields, frames, strict=True):
+            for key, field in self._fields[index]:
+                if key in changing_keys:
                     add_field(fields, key, field)
 
         def read(index: int, key: Key) -> Values:
@@ -291,16 +291,16 @@ class StepFrames:
         step = self._read(frames.start)
         n_verts = step.surface.n_verts(step.n_points)
         sizes = {Domain.VERTEX: n_verts, step.surface.cell_domain: step.surface.n_cell_items}
-        return field_tracks(described, sizes, read, self._notes)
+        return field_tracks(frame_fields, sizes, read, self._notes)
 
-    def _changing(self) -> set[Key]:
+    def _changing_keys(self) -> set[Key]:
         """Arrays that differ or are missing in some frames read so far, or are always tracks."""
         steps = list(self._identities.values())
         keys = {key for step in steps for key in step}
-        differing = {
+        differing_keys = {
             key for key in keys if any(step.get(key) != steps[0].get(key) for step in steps)
         }
-        return self._tracks | (differing - self._attributes)
+        return self._track_keys | (differing_keys - self._attribute_keys)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,18 +340,18 @@ def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, tuple[str, ...]]:
         piece.cells.shifted(start, len(piece.points))
         for piece, start in zip(pieces, starts, strict=False)
     )
-    arrays = tuple(_joined_arrays(pieces))
+    arrays = tuple(_join_arrays(pieces))
     missing = {array.name for piece in pieces for array in piece.arrays}
     missing -= {array.name for array in arrays}
     left_out = (f"arrays that differ between pieces: {listed(sorted(missing))}",) if missing else ()
     return Piece(np.concatenate([piece.points for piece in pieces]), cells, arrays), left_out
 
 
-def _joined_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
+def _join_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
     for first in pieces[0].arrays:
-        same = [array for piece in pieces for array in piece.arrays if array.key == first.key]
-        values = [array.read() for array in same]
-        if len(same) == len(pieces) and len({value.shape[1:] for value in values}) == 1:
+        matches = [array for piece in pieces for array in piece.arrays if array.key == first.key]
+        values = [array.read() for array in matches]
+        if len(matches) == len(pieces) and len({value.shape[1:] for value in values}) == 1:
             field = first.describe()
             assert field is not None
             joined = np.concatenate(values)

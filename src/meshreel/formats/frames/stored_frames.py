@@ -36,7 +36,7 @@ from meshreel.model.validation import (
 )
 from meshreel.runtime.progress import Count, Progress, silent
 
-MESH = {"faces", "surface", "tracks"}
+MESH_FIELDS = {"faces", "surface", "tracks"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +96,13 @@ class StoredFrames(Timed):
         InvalidInputError
             If faces, surface or tracks do not fit.
         """
-        if changed_names := MESH & changes.keys():
-            mesh = {name: changes.pop(name, getattr(self, name)) for name in MESH}
+        if changed_names := MESH_FIELDS & changes.keys():
+            mesh = {name: changes.pop(name, getattr(self, name)) for name in MESH_FIELDS}
             readers = _mesh_readers(self.n_frames, self.n_verts, **mesh)
             changes |= {name: readers[name] for name in map("read_{}".format, changed_names)}
         return replace(self, **changes)
 
-    def changed(self, change: Callable[[Surface], Surface]) -> "StoredFrames":
+    def map_surface(self, change: Callable[[Surface], Surface]) -> "StoredFrames":
         """Return a copy with another surface, which `change` derives from the current one."""
         read = self.read_surface
         return replace(self, read_surface=lambda: change(read()))
@@ -125,10 +125,10 @@ def _mesh_readers(
     surface = surface.validated(n_verts, faces)
     check_tracks(tracks, n_frames, n_verts, len(faces), surface)
     mesh = {"faces": faces, "surface": surface, "tracks": tracks}
-    return {f"read_{name}": partial(_same, value) for name, value in mesh.items()}
+    return {f"read_{name}": partial(_identity, value) for name, value in mesh.items()}
 
 
-def _same(value: Any) -> Any:
+def _identity(value: Any) -> Any:
     """Return the value; unlike a lambda, a `partial` of this function can be pickled."""
     return value
 
@@ -160,10 +160,10 @@ class CheckedReader:
         return block
 
 
-def changed_error(place: str) -> InvalidInputError:
+def changed_error(location: str) -> InvalidInputError:
     """Error for a file whose contents differ from those that were read first."""
     return InvalidInputError(
-        f"{place} changed after it was first read; start again, and do not change the files "
+        f"{location} changed after it was first read; start again, and do not change the files "
         "until it is done"
     )
 
@@ -231,8 +231,8 @@ class FrameSurvey:
     @property
     def dtype(self) -> np.dtype[np.floating]:
         """The widest type of the frames; float32 for decimal text if that is precise enough."""
-        narrow = self._narrowing is not None and self._narrowing.is_harmless
-        return np.dtype(np.float32) if narrow else self._widest
+        is_narrow = self._narrowing is not None and self._narrowing.is_harmless
+        return np.dtype(np.float32) if is_narrow else self._widest
 
     @property
     def extent(self) -> Extent:
@@ -257,11 +257,11 @@ class Description:
     timing: Timing = UNTIMED
     surface: Surface = PLAIN
 
-    def loaded(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
+    def sequence(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
         """Return the sequence with positions of shape (T, V, 3) and tracks."""
         return MeshSequence.of_finite(validate_vertices(vertices), tracks=tracks, **vars(self))
 
-    def stored(
+    def stored_frames(
         self,
         shape: tuple[int, int],
         survey: FrameSurvey,
@@ -286,7 +286,7 @@ class Description:
             name=self.name,
             timing=self.timing,
             read_range=read_range,
-            read_extent=partial(_same, survey.extent),
+            read_extent=partial(_identity, survey.extent),
             files=tuple(files),
             **_mesh_readers(n_frames, n_verts, self.faces, self.surface, tracks),
         )
@@ -321,12 +321,12 @@ class Description:
         """
         n_frames, n_verts = shape
         frame_bytes = n_verts * 3 * dtype.itemsize
-        size = n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
-        is_loaded = max_loaded_bytes is None or size <= max_loaded_bytes
+        total_bytes = n_frames * frame_bytes + sum(map(size_bytes, tracks.values()))
+        is_loaded = max_loaded_bytes is None or total_bytes <= max_loaded_bytes
         vertices: Vertices = np.empty((n_frames * is_loaded, n_verts, 3), dtype)
-        survey, step = FrameSurvey(), max(1, BLOCK_BYTES // frame_bytes)
-        for start in range(0, n_frames, step):
-            stop = min(start + step, n_frames)
+        survey, block_frames = FrameSurvey(), max(1, BLOCK_BYTES // frame_bytes)
+        for start in range(0, n_frames, block_frames):
+            stop = min(start + block_frames, n_frames)
             block = read(start, stop)
             validate_finite(block, first_frame=start)
             if is_loaded:
@@ -335,8 +335,8 @@ class Description:
                 survey.add(block)
             progress("reading", Count(stop, n_frames, "frames"))
         if is_loaded:
-            return self.loaded(vertices, read_tracks(tracks))
-        return self.stored(shape, survey, read, files, tracks)
+            return self.sequence(vertices, read_tracks(tracks))
+        return self.stored_frames(shape, survey, read, files, tracks)
 
     def open_array(
         self,

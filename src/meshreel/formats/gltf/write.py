@@ -14,7 +14,7 @@ from meshreel.codec.error_bounds import bound_of
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.shared_data import sharing_materials
+from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.gltf.container import IDENTITY, JOINTS, Json, path_of, write_document
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
@@ -65,7 +65,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     def note_losses(mesh: FrameStream) -> None:
         notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
 
-    sharing, _ = sharing_materials(stream, note_losses)
+    sharing, _ = share_materials(stream, note_losses)
     times_s = frame_times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
@@ -80,7 +80,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         low, high, options, DEFAULT_MAX_ERROR, consumer="morph targets"
     )
     stream.progress("morph targets", 0.0)
-    scene = _MorphScene(stream.name, times_s, budget.added, options, notes)
+    scene = _MorphScene(stream.name, times_s, budget.max_added, options, notes)
     for segment in segments:
         scene.add_segment(segment)
     document = scene.document()
@@ -88,8 +88,8 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     errors = np.concatenate(scene.errors)
     error = _describe_error(errors, budget)
     n_targets = sorted(len(mesh.morphs.targets) for mesh in scene.morph_meshes if mesh.morphs)
-    if budget.added and n_targets and errors.max() > budget.added:
-        remaining = budget.percent(budget.added)
+    if budget.max_added and n_targets and errors.max() > budget.max_added:
+        remaining = budget.percent(budget.max_added)
         is_shared = not math.isclose(remaining, allowed)
         bound = f"{remaining:.4g} % of {allowed:g} % remain" if is_shared else f"{allowed:g} % is"
         raise InvalidInputError(

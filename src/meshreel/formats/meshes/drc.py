@@ -44,10 +44,10 @@ def read_drc(data: bytes) -> Frame:
     FormatError
         If the file is damaged, contains a point cloud, or DracoPy is not installed.
     """
-    decoded = _decode_points(data)
+    draco_mesh = _decode_points(data)
     by_type: dict[int, list[npt.NDArray[Any]]] = {}
     notes, left_out = Notes(), list[str]()
-    for attribute in decoded.attributes:
+    for attribute in draco_mesh.attributes:
         kind, values = attribute["attribute_type"], attribute["data"]
         if values is None or not _is_supported(kind, values):
             left_out.append(_describe(attribute))
@@ -57,7 +57,7 @@ def read_drc(data: bytes) -> Frame:
         raise FormatError("has no positions of three numbers that DracoPy can decode")
     points = by_type[POSITION][0]
     points = points.astype(np.result_type(np.float32, points.dtype))  # some are integers
-    triangles = np.asarray(decoded.faces).reshape(-1, 3).astype(np.int64)
+    triangles = np.asarray(draco_mesh.faces).reshape(-1, 3).astype(np.int64)
     counts = np.full(len(triangles), 3, np.int64)
     polygon_mesh(points, counts, triangles.ravel())  # checks the indices
     split = weld_seams(points, triangles)
@@ -115,8 +115,8 @@ def _is_supported(draco_type: int, values: npt.NDArray[Any]) -> bool:
 def _describe(attribute: dict[str, Any]) -> str:
     """Name an attribute that is left out: by its metadata, else by type and number."""
     kind = attribute["attribute_type"]
-    known = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
-    return attribute.get("name") or f"{known} {attribute['unique_id']}"
+    type_name = TYPE_NAMES[kind] if 0 <= kind < len(TYPE_NAMES) else "unknown"
+    return attribute.get("name") or f"{type_name} {attribute['unique_id']}"
 
 
 FORMATS = (FrameFormat(".drc", "Draco", read_drc, None, extra=LIBRARY),)

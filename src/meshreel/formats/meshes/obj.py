@@ -30,7 +30,7 @@ from meshreel.model.notes import Notes, note_normals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 
 N_COLORED = 6
-"""How many numbers a vertex with a color has."""
+"""Numbers of a vertex with a color."""
 
 LEFT_OUT = {
     b"l": "lines", b"p": "points", b"mtllib": "the material library",
@@ -63,7 +63,7 @@ class _Lines:
 def read_obj(data: bytes) -> Frame:
     """Read an OBJ file; positions are float64, and all other numbers float32.
 
-    Colors that are integers beyond 1 are taken as 0..255 and scaled to floats in 0..1. Corners
+    Colors that are integers beyond 1 are read as 0..255 and scaled to floats in 0..1. Corners
     without a valid texture coordinate get (0, 0) if others have one. Objects are parts if their
     faces use only their own vertices, otherwise groups; a single object is neither. Normals belong
     to vertices if each corner uses the same index for vertex and normal, otherwise to corners;
@@ -108,7 +108,7 @@ def _mesh(lines: _Lines) -> PolygonMesh:
         vertices,
         lines.counts,
         np.where(indices < 0, lines.n_above(rows) + indices, indices - 1),
-        place=lambda face: all_lines.location(face_lines[face]),
+        location=lambda face: all_lines.location(face_lines[face]),
         file_index=lambda corner: indices[corner],
         allowed=f"1..{len(vertices)}, or count back with -1..-{len(vertices)}",
     )
@@ -129,9 +129,9 @@ def _hard_edges(
         labels.setdefault(lines.all.words_after_first(statement), len(labels))
         for statement in statements.tolist()
     ]
-    above = _last_above(statements, lines.face_lines)
+    last_statements = _last_above(statements, lines.face_lines)
     # The format turns smoothing off above the first statement.
-    hard_edges = edges_between_groups(mesh, np.array([*statement_labels, 0])[above])
+    hard_edges = edges_between_groups(mesh, np.array([*statement_labels, 0])[last_statements])
     return None if hard_edges.edges is None else hard_edges
 
 
@@ -140,17 +140,17 @@ def _normals(lines: _Lines, mesh: PolygonMesh) -> tuple[Domain, npt.NDArray[np.f
     all_lines, row_lines = lines.all, lines.all.beginning_with(b"vn")
     if not len(row_lines):
         return None
-    rows, is_there = _rows(lines, row_lines, 2)
-    if not is_there.any():
+    rows, has_row = _rows(lines, row_lines, 2)
+    if not has_row.any():
         return None
-    is_whole = all_lines.counts[row_lines] > len("xyz")
+    is_complete = all_lines.counts[row_lines] > len("xyz")
     values = np.full((len(row_lines) + 1, 3), np.nan, np.float32)  # last row: missing normal
-    places = all_lines.first[row_lines[is_whole]][:, None] + np.arange(1, 4)
-    values[np.flatnonzero(is_whole)] = all_lines.floats(places)
-    are_vertex_normals = is_there.all() and len(row_lines) == len(mesh.vertices)
+    tokens = all_lines.first[row_lines[is_complete]][:, None] + np.arange(1, 4)
+    values[np.flatnonzero(is_complete)] = all_lines.floats(tokens)
+    are_vertex_normals = has_row.all() and len(row_lines) == len(mesh.vertices)
     if are_vertex_normals and (rows == mesh.corners).all():
         return Domain.VERTEX, values[:-1]
-    rows[~is_there] = len(row_lines)
+    rows[~has_row] = len(row_lines)
     return Domain.CORNER, values[rows]
 
 
@@ -165,16 +165,16 @@ def _rows(
 
 def _texture_coordinates(lines: _Lines) -> Attribute | None:
     row_lines = lines.all.beginning_with(b"vt")
-    rows, is_there = _rows(lines, row_lines, 1)
-    if not is_there.any():
+    rows, has_row = _rows(lines, row_lines, 1)
+    if not has_row.any():
         return None
     first, counts = lines.all.first[row_lines], lines.all.counts[row_lines]
     values = np.zeros((len(row_lines), 2), np.float32)  # v is 0 if a line has only u
     for column in range(2):
-        has_it = counts > column + 1
-        values[has_it, column] = lines.all.floats(first[has_it] + column + 1)
-    if not is_there.all():
-        rows[~is_there] = len(values)
+        has_column = counts > column + 1
+        values[has_column, column] = lines.all.floats(first[has_column] + column + 1)
+    if not has_row.all():
+        rows[~has_row] = len(values)
         values = np.concatenate([values, np.zeros((1, 2), np.float32)])
     return Attribute("uv", Kind.UV, Domain.CORNER, values, rows.astype(np.int32))
 
@@ -191,13 +191,13 @@ def _colors(lines: _Lines) -> Attribute | None:
 
 def _groups(lines: _Lines, name: str) -> FaceGroups:
     statements = lines.all.beginning_with(STATEMENTS[name])
-    above = _last_above(statements, lines.face_lines)
+    last_statements = _last_above(statements, lines.face_lines)
     labels: dict[str, int] = {}
     numbers = np.full(len(statements) + 1, -1, np.int32)  # last row: no statement above
-    for used in np.unique(above[above >= 0]):
-        if label := lines.all.words_after_first(int(statements[used])):
-            numbers[used] = labels.setdefault(label, len(labels))
-    return FaceGroups(name, tuple(labels), numbers[above])
+    for row in np.unique(last_statements[last_statements >= 0]):
+        if label := lines.all.words_after_first(int(statements[row])):
+            numbers[row] = labels.setdefault(label, len(labels))
+    return FaceGroups(name, tuple(labels), numbers[last_statements])
 
 
 def _is_redundant(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
@@ -212,18 +212,18 @@ def _parts(lines: _Lines, mesh: PolygonMesh) -> tuple[Part, ...]:
     vertex_objects = _last_above(statements, lines.all.beginning_with(b"v"))
     face_objects = _last_above(statements, lines.face_lines)
     names = [lines.all.words_after_first(statement) for statement in statements.tolist()]
-    used = np.unique(np.concatenate([vertex_objects, face_objects]))
-    if used[0] < 0 or len(used) < 2:
+    objects = np.unique(np.concatenate([vertex_objects, face_objects]))
+    if objects[0] < 0 or len(objects) < 2:
         return ()
-    labels = [names[number] for number in used]
+    labels = [names[number] for number in objects]
     if len({*labels}) < len(labels) or not all(labels):
         return ()
     if (vertex_objects[mesh.corners] != np.repeat(face_objects, mesh.counts)).any():
         return ()
     n_verts, n_faces = (
-        np.bincount(of, minlength=len(names)) for of in (vertex_objects, face_objects)
+        np.bincount(rows, minlength=len(names)) for rows in (vertex_objects, face_objects)
     )
-    return tuple(Part(names[number], int(n_verts[number]), int(n_faces[number])) for number in used)
+    return tuple(Part(names[row], int(n_verts[row]), int(n_faces[row])) for row in objects)
 
 
 def _last_above(statements: Integers, lines: Integers) -> Integers:

@@ -74,15 +74,15 @@ def obj_encoder(stream: FrameStream) -> Encode:
     static_colors = None if colors is None else _color_rows(colors.per_item())
 
     def encode(vertices: Vertices, values: Mapping[str, Values]) -> bytes:
-        track_values = {kind: _encoded(values[name]) for kind, name in written_tracks.items()}
+        track_values = {kind: _file_values(values[name]) for kind, name in written_tracks.items()}
         suffixes = (
             _color_rows(track_values[TrackKind.COLOR])
             if TrackKind.COLOR in track_values
             else static_colors
         )
-        changing = [(TrackKind.UV, "vt"), (TrackKind.NORMAL, "vn")]
+        statements = [(TrackKind.UV, "vt"), (TrackKind.NORMAL, "vn")]
         head = texture + "".join(
-            _lines(word, track_values[kind]) for kind, word in changing if kind in track_values
+            _lines(word, track_values[kind]) for kind, word in statements if kind in track_values
         )
         if shading is not None:
             head += _lines("vn", shading.of_frames(vertices[np.newaxis])[0].astype(np.float32))
@@ -97,7 +97,7 @@ def obj_encoder(stream: FrameStream) -> Encode:
     return encode
 
 
-def _encoded(values: Values) -> Values:
+def _file_values(values: Values) -> Values:
     """Return the values of a track in a frame as the file stores them: colors in 0..1."""
     return (values / 255 if values.dtype == np.uint8 else values).astype(np.float32)
 
@@ -132,8 +132,8 @@ def _face_text(faces: slice, face_lines: list[str], groups: list[FaceGroups]) ->
     """Lines of the given faces, with a statement wherever the group changes."""
     lines = face_lines[faces]
     for group in groups:
-        before = -2 if faces.start else -1  # a group of the object above would continue: restate it
-        changed = np.flatnonzero(np.diff(group.numbers[faces], prepend=before))
+        previous = -2 if faces.start else -1  # -2 restates a group that continues from above
+        changed = np.flatnonzero(np.diff(group.numbers[faces], prepend=previous))
         for face, number in zip(changed, group.numbers[faces][changed], strict=True):
             label = group.labels[number] if number >= 0 else ""
             lines[face] = _statement(group.name, label) + lines[face]
@@ -156,12 +156,12 @@ def _smoothing_groups(surface: Surface, faces: Faces) -> FaceGroups | None:
     edges = shared_edges(counts, join_triangles(counts, faces))
     is_hard = hard_flags(surface.hard_edges, edges)
     sides = np.flatnonzero(edges.of_side >= 0)
-    of_face, edge = np.repeat(np.arange(len(counts)), counts)[sides], edges.of_side[sides]
+    side_faces, edge = np.repeat(np.arange(len(counts)), counts)[sides], edges.of_side[sides]
     _, first = np.unique(edge, return_index=True)
-    other = of_face[first][edge]
+    first_faces = side_faces[first][edge]
     is_soft = ~is_hard[edge]
-    number = lowest_connected(len(counts), of_face[is_soft], other[is_soft])
-    if (number[of_face] == number[other])[~is_soft & (of_face != other)].any():
+    number = lowest_connected(len(counts), side_faces[is_soft], first_faces[is_soft])
+    if (number[side_faces] == number[first_faces])[~is_soft & (side_faces != first_faces)].any():
         return None
     sets, row, sizes = np.unique(number, return_inverse=True, return_counts=True)
     numbers = np.where(sizes == 1, 0, np.cumsum(sizes > 1))[row]
@@ -261,12 +261,12 @@ def select_tracks(
     attributes = {TrackKind.UV: uv, TrackKind.COLOR: colors}
     used_kinds = {kind for kind, attribute in attributes.items() if attribute is not None}
     name_of_kind: dict[TrackKind, str] = {}
-    missing: dict[str, list[str]] = {}
+    unwritten: dict[str, list[str]] = {}
     for name, track in tracks.items():
         if not _is_supported(track):
-            missing.setdefault(UNSUPPORTED, []).append(name)
+            unwritten.setdefault(UNSUPPORTED, []).append(name)
         elif track.kind in used_kinds:
-            missing.setdefault(TOO_MANY, []).append(name)
+            unwritten.setdefault(TOO_MANY, []).append(name)
         else:
             used_kinds.add(track.kind)
             name_of_kind[track.kind] = name
@@ -274,7 +274,7 @@ def select_tracks(
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
                 notes.unwritten(name, f"alpha of track {name!r} left out: .obj does not store it")
-    for reason, names in missing.items():
+    for reason, names in unwritten.items():
         note_unwritten_tracks(names, ".obj", notes, reason)
     units = {name: tracks[name].unit for name in name_of_kind.values()}
     note_unwritten_units(units, ".obj", notes)

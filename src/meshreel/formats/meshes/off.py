@@ -53,25 +53,26 @@ def read_off(data: bytes) -> Frame:
             f"declares {counted(n_verts, 'vertex')} and {counted(n_faces, 'face')}, one per line, "
             f"but {n_lines} lines follow; the file is truncated or damaged"
         )
-    verts = np.arange(begin, begin + n_verts)
-    faces = np.arange(begin + n_verts, lines.n_lines)
-    counts = _corner_counts(lines, faces)
-    corners = lines.integers(ragged_indices(lines.first[faces] + 1, counts))
+    vertex_lines = np.arange(begin, begin + n_verts)
+    face_lines = np.arange(begin + n_verts, lines.n_lines)
+    counts = _corner_counts(lines, face_lines)
+    corners = lines.integers(ragged_indices(lines.first[face_lines] + 1, counts))
+    vertices = lines.positions(vertex_lines)
     mesh = polygon_mesh(
-        lines.positions(verts), counts, corners, place=lambda face: lines.location(faces[face])
+        vertices, counts, corners, location=lambda face: lines.location(face_lines[face])
     )
     attributes, notes = list[Attribute | None](), Notes()
     n_texture = 2 if keyword.startswith("ST") else 0
     if "C" in keyword:
-        n_before = np.full(len(verts), 6 if "N" in keyword else 3)
-        attributes.append(_colors(lines, verts, n_before, n_texture, Domain.VERTEX))
+        n_before = np.full(len(vertex_lines), 6 if "N" in keyword else 3)
+        attributes.append(_colors(lines, vertex_lines, n_before, n_texture, Domain.VERTEX))
     if n_texture:
-        attributes.append(_texture_coordinates(lines, verts))
-    face_colors = _colors(lines, faces, counts + 1, 0, Domain.FACE)
+        attributes.append(_texture_coordinates(lines, vertex_lines))
+    face_colors = _colors(lines, face_lines, counts + 1, 0, Domain.FACE)
     attributes.append(face_colors)
     if "N" in keyword:
         note_normals(notes)
-    if face_colors is None and (lines.counts[faces] > counts + 1).any():
+    if face_colors is None and (lines.counts[face_lines] > counts + 1).any():
         notes.left_out("face colors, which not all faces have as three or four numbers")
     surface = Surface(attributes=tuple(filter(None, attributes)))
     return Frame(mesh, surface, notes=notes)
@@ -100,9 +101,9 @@ def _read_header(lines: TokenLines) -> tuple[str, int, int, int]:
 def _corner_counts(lines: TokenLines, face_lines: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     """Return the corner counts of the faces on the given lines; raises as `read_off`."""
     counts = lines.integers(lines.first[face_lines])
-    wrong = (counts < 0) | (counts >= lines.counts[face_lines])
-    if wrong.any():
-        face = int(np.argmax(wrong))
+    is_wrong = (counts < 0) | (counts >= lines.counts[face_lines])
+    if is_wrong.any():
+        face = int(np.argmax(is_wrong))
         line = face_lines[face]
         raise FormatError(
             f"{lines.location(line)}: declares {counts[face]} corners; "
@@ -124,7 +125,7 @@ def off_encoder(stream: FrameStream) -> Encode:
     uv = first_attribute(surface, Kind.UV, {Domain.VERTEX}, {2}, "f")
     note_unwritten(surface, (colors, uv, face_colors), ".off", stream.notes)
     keyword = f"{'ST' if uv else ''}{'C' if colors else ''}OFF"
-    suffixes = _join_columns([number_rows(each.per_item()) for each in (colors, uv) if each])
+    suffixes = _join_columns([number_rows(column.per_item()) for column in (colors, uv) if column])
     face_lines = _face_lines(stream.faces, surface, face_colors)
     face_text = "".join(face_lines).encode("ascii")
 
@@ -148,23 +149,23 @@ def _join_columns(columns: list[list[str]]) -> list[str] | None:
 
 
 def _colors(
-    lines: TokenLines, of: Integers, n_before: Integers, n_after: int, domain: Domain
+    lines: TokenLines, line_indices: Integers, n_before: Integers, n_after: int, domain: Domain
 ) -> Attribute | None:
     """Colors on the given lines, after `n_before` and before `n_after` words."""
-    lengths = lines.counts[of] - n_before - n_after
+    lengths = lines.counts[line_indices] - n_before - n_after
     if lengths[0] not in (3, 4) or (lengths != lengths[0]).any():
         return None
-    words = (lines.first[of] + n_before)[:, None] + np.arange(lengths[0])
+    words = (lines.first[line_indices] + n_before)[:, None] + np.arange(lengths[0])
     values = lines.floats(words)
     is_whole = (values == np.rint(values)) & (values >= 0) & (values <= 255)
     is_bytes = bool(is_whole.all()) and not lines.have_points(words)
     return Attribute("color", Kind.COLOR, domain, values.astype("u1" if is_bytes else "f4"))
 
 
-def _texture_coordinates(lines: TokenLines, verts: Integers) -> Attribute | None:
-    if (lines.counts[verts] < 5).any():
+def _texture_coordinates(lines: TokenLines, vertex_lines: Integers) -> Attribute | None:
+    if (lines.counts[vertex_lines] < 5).any():
         return None
-    ends = lines.first[verts] + lines.counts[verts]
+    ends = lines.first[vertex_lines] + lines.counts[vertex_lines]
     values = lines.floats(ends[:, None] + np.arange(-2, 0)).astype(np.float32)
     return Attribute("uv", Kind.UV, Domain.VERTEX, values)
 

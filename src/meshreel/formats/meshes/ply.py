@@ -103,12 +103,12 @@ def _note_left_out(tables: dict[str, PlyTable], notes: Notes, *, has_corner_uv: 
     names = {column.name for column in tables["vertex"].element.properties}
     if names & set(NORMALS):
         note_normals(notes)
-    known = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
+    read_names = {*INDEX_NAMES, *([CORNER_UV_NAME] if has_corner_uv else [])}
     lists = [
         f"{name}.{column.name}"
         for name in ("vertex", "face")
         for column in tables[name].element.properties
-        if column.count_code and not (name != "vertex" and column.name in known)
+        if column.count_code and not (name != "vertex" and column.name in read_names)
     ]
     notes.left_out("lists", lists)
     element_names = [name for name, table in tables.items() if table.element.n_rows]

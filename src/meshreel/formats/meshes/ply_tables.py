@@ -27,12 +27,12 @@ class PlyBody:
     """In the declared types, or float64 for all numbers of an ASCII file."""
     order: str
     """{"<", ">", "="}. Byte order."""
-    place: Callable[[int], str] | None = None
+    locate: Callable[[int], str] | None = None
     """For an ASCII file: describes the location in messages, such as "line 7"."""
 
     def code(self, declared: str) -> str:
         """Return the type code of numbers in the body, given the declared one."""
-        return declared if self.place is None else "f8"
+        return declared if self.locate is None else "f8"
 
     def width(self, declared: str) -> int:
         """Number of bytes of a number of the declared type."""
@@ -50,15 +50,15 @@ class PlyBody:
         if stride:  # a view is ten times faster than gathering bytes
             array = np.ndarray(len(offsets), code, self.data, int(offsets[0]), (stride,))
         else:
-            places = offsets[:, None] + np.arange(self.width(declared))
-            array = np.frombuffer(self.data, np.uint8)[places].view(code)[:, 0]
-        if self.place is not None and not declared.startswith("f"):
+            byte_indices = offsets[:, None] + np.arange(self.width(declared))
+            array = np.frombuffer(self.data, np.uint8)[byte_indices].view(code)[:, 0]
+        if self.locate is not None and not declared.startswith("f"):
             limits = np.iinfo(declared)
-            good = (array == np.rint(array)) & (array >= limits.min) & (array < limits.max + 1.0)
-            if not good.all():
-                first = int(np.argmin(good))
+            valid = (array == np.rint(array)) & (array >= limits.min) & (array < limits.max + 1.0)
+            if not valid.all():
+                first = int(np.argmin(valid))
                 raise FormatError(
-                    f"{self.place(int(offsets[first]))}: expected {np.dtype(declared).name}; got "
+                    f"{self.locate(int(offsets[first]))}: expected {np.dtype(declared).name}; got "
                     f"{array[first]:g}"
                 )
         with np.errstate(over="ignore"):
@@ -100,8 +100,8 @@ class PlyTable:
         lengths = self.body.take(offsets, column.count_code).astype(np.int64)
         starts, width = offsets + self.body.width(column.count_code), self.body.width(column.code)
         if (lengths[:1] == lengths).all() and 0 < lengths.max(initial=0) < len(lengths):
-            places = [starts + width * number for number in range(lengths[0])]
-            columns = [self.body.take(place, column.code) for place in places]
+            column_offsets = [starts + width * number for number in range(lengths[0])]
+            columns = [self.body.take(item_offsets, column.code) for item_offsets in column_offsets]
             return lengths, np.stack(columns, axis=1).ravel()
         offsets = np.repeat(starts, lengths) + width * ragged_indices(0 * lengths, lengths)
         return lengths, self.body.take(offsets, column.code)
@@ -138,7 +138,7 @@ def _body(header: PlyHeader, data: bytes) -> PlyBody:
     lines = split_lines(data)
     first = int(np.searchsorted(lines.starts, header.body_start))
     values = lines.floats(np.arange(first, len(lines.starts)))
-    return PlyBody(values.tobytes(), "=", lambda at: lines.word_location(first + at // 8))
+    return PlyBody(values.tobytes(), "=", lambda offset: lines.word_location(first + offset // 8))
 
 
 def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
@@ -149,11 +149,11 @@ def read_table(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
     FormatError
         If the declared rows do not fit in the file, or a list has a negative length.
     """
-    row_width = sum(body.width(each.count_code or each.code) for each in element.properties)
+    row_width = sum(body.width(column.count_code or column.code) for column in element.properties)
     _check_fits(element, element.n_rows * row_width, len(body.data) - start)
     if element.n_rows == 0 or not element.properties:
-        nowhere = {column.name: np.empty(0, np.int64) for column in element.properties}
-        return PlyTable(element, body, nowhere, start)
+        no_offsets = {column.name: np.empty(0, np.int64) for column in element.properties}
+        return PlyTable(element, body, no_offsets, start)
     return _table_of_equal_rows(element, body, start) or _table_of_rows(element, body, start)
 
 
@@ -164,7 +164,7 @@ def _table_of_equal_rows(element: PlyElement, body: PlyBody, start: int) -> PlyT
     if end > len(body.data):
         return None
     rows = row_width * np.arange(element.n_rows)
-    offsets = {name: rows + at for name, at in first.items()}
+    offsets = {name: rows + offset for name, offset in first.items()}
     for column in element.properties:
         if column.count_code:
             lengths = body.take(offsets[column.name], column.count_code)
@@ -174,32 +174,32 @@ def _table_of_equal_rows(element: PlyElement, body: PlyBody, start: int) -> PlyT
 
 
 def _table_of_rows(element: PlyElement, body: PlyBody, start: int) -> PlyTable:
-    places: dict[str, list[int]] = {column.name: [] for column in element.properties}
+    row_offsets: dict[str, list[int]] = {column.name: [] for column in element.properties}
     end = start
     for _ in range(element.n_rows):
         row, width = _walk_row(element, body, end)
-        for name, at in row.items():
-            places[name].append(at)
+        for name, offset in row.items():
+            row_offsets[name].append(offset)
         end += width
-    offsets = {name: np.array(starts, np.int64) for name, starts in places.items()}
+    offsets = {name: np.array(starts, np.int64) for name, starts in row_offsets.items()}
     return PlyTable(element, body, offsets, end)
 
 
 def _walk_row(element: PlyElement, body: PlyBody, start: int) -> tuple[dict[str, int], int]:
     """Return the offset of each property of the row at `start`, and the width of the row."""
-    offsets, at, left = {}, start, len(body.data) - start
+    offsets, offset, n_left = {}, start, len(body.data) - start
     for column in element.properties:
-        offsets[column.name] = at
+        offsets[column.name] = offset
         length = 1
         if column.count_code:
-            _check_fits(element, at + body.width(column.count_code) - start, left)
-            length = body.integer_at(at, column.count_code)
-            at += body.width(column.count_code)
+            _check_fits(element, offset + body.width(column.count_code) - start, n_left)
+            length = body.integer_at(offset, column.count_code)
+            offset += body.width(column.count_code)
         if length < 0:
             raise FormatError(f"element {element.name!r} has a list of {length} values")
-        at += length * body.width(column.code)
-    _check_fits(element, at - start, left)
-    return offsets, at - start
+        offset += length * body.width(column.code)
+    _check_fits(element, offset - start, n_left)
+    return offsets, offset - start
 
 
 def _check_fits(element: PlyElement, n_bytes: int, n_left: int) -> None:

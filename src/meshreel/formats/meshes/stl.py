@@ -97,10 +97,10 @@ def _parse_ascii(lines: TokenLines) -> npt.NDArray[np.float64]:
     if n_corners[0] or (n_corners[1:] != 3).any():
         line = vertices[0] if n_corners[0] else facets[np.argmax(n_corners[1:] != 3)]
         raise FormatError(f"{lines.location(line)}: a facet must have three vertex lines")
-    wrong = lines.counts[vertices] != 4
-    if wrong.any():
+    is_wrong = lines.counts[vertices] != 4
+    if is_wrong.any():
         raise FormatError(
-            f"{lines.location(vertices[np.argmax(wrong)])}: a vertex needs exactly x, y and z"
+            f"{lines.location(vertices[np.argmax(is_wrong)])}: a vertex needs exactly x, y and z"
         )
     return lines.floats(lines.first[vertices][:, None] + np.arange(1, 4))
 
@@ -109,9 +109,9 @@ def _normals(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     with np.errstate(over="ignore", invalid="ignore"):
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        usable = (lengths > 0) & np.isfinite(lengths)
+        is_usable = (lengths > 0) & np.isfinite(lengths)
     unit = np.zeros_like(normals)
-    np.divide(normals, lengths, out=unit, where=usable)
+    np.divide(normals, lengths, out=unit, where=is_usable)
     return unit
 
 

@@ -9,13 +9,13 @@ from meshreel.arrays import Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import (
-    Places,
+    Intervals,
     blend,
     neighbors,
     neighbors_of_times,
     unite_times,
 )
-from meshreel.formats.surfaces.cells import joined_cells
+from meshreel.formats.surfaces.cells import join_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumber_images
@@ -45,28 +45,28 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
     times = unite_times([mesh.times_s for mesh in meshes])
 
     def frame(index: int) -> PolygonMesh:
-        places = [neighbors(mesh.times_s, times[index]) for mesh in meshes]
-        pairs = [*zip(meshes, places, strict=True)]
-        before = [mesh.frame(place.before) for mesh, place in pairs]
+        intervals = [neighbors(mesh.times_s, times[index]) for mesh in meshes]
+        pairs = [*zip(meshes, intervals, strict=True)]
+        before = [mesh.frame(interval.before) for mesh, interval in pairs]
         after = [
-            mesh.frame(place.after) if place.after != place.before else first
-            for (mesh, place), first in zip(pairs, before, strict=True)
+            mesh.frame(interval.after) if interval.after != interval.before else first
+            for (mesh, interval), first in zip(pairs, before, strict=True)
         ]
         return _join_frames(
             [
-                replace(first, vertices=blend(first.vertices, second.vertices, place.share))
+                replace(first, vertices=blend(first.vertices, second.vertices, interval.share))
                 if second is not first and second.has_faces_of(first)
                 else first
-                for first, second, place in zip(before, after, places, strict=True)
+                for first, second, interval in zip(before, after, intervals, strict=True)
             ]
         )
 
     readers = [mesh.positions for mesh in meshes if mesh.positions is not None]
 
     def positions(start: int, stop: int) -> Vertices:
-        places = [neighbors_of_times(mesh.times_s, times[start:stop]) for mesh in meshes]
+        intervals = [neighbors_of_times(mesh.times_s, times[start:stop]) for mesh in meshes]
         parts = []
-        for read, (before, after, shares) in zip(readers, places, strict=True):
+        for read, (before, after, shares) in zip(readers, intervals, strict=True):
             block = read(before[0], after[-1] + 1)
             first = block[before - before[0]]
             if shares.any():
@@ -84,13 +84,13 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
 
     def tracks(frames: range) -> Mapping[str, TrackSource]:
         frame_times_s = times[frames.start : frames.stop]
-        places = [neighbors_of_times(mesh.times_s, frame_times_s) for mesh in meshes]
-        return merge_tracks(meshes, places, notes)
+        intervals = [neighbors_of_times(mesh.times_s, frame_times_s) for mesh in meshes]
+        return merge_tracks(meshes, intervals, notes)
 
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
-    fixed = positions if len(readers) == len(meshes) else None
-    return SceneMesh(name, times, frame, surface, fps, tracks, fixed)
+    read_positions = positions if len(readers) == len(meshes) else None
+    return SceneMesh(name, times, frame, surface, fps, tracks, read_positions)
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
@@ -100,12 +100,12 @@ def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:
         np.concatenate([frame.vertices for frame in frames]),
         np.concatenate([frame.counts for frame in frames]),
         np.concatenate(corners).astype(np.int32),
-        joined_cells([frame.cells for frame in frames], starts),
+        join_cells([frame.cells for frame in frames], starts),
     )
 
 
 def merge_tracks(
-    meshes: Sequence[SceneMesh], places: Sequence[Places], notes: Notes
+    meshes: Sequence[SceneMesh], intervals: Sequence[Intervals], notes: Notes
 ) -> dict[str, TrackSource]:
     """Return the tracks of several meshes that are merged into one.
 
@@ -117,64 +117,64 @@ def merge_tracks(
     places : sequence of Places
         For each mesh, its frames at or around the times of the merged frames.
     """
-    first = [int(before.min()) for before, _, _ in places]
+    starts = [int(before.min()) for before, _, _ in intervals]
     mesh_tracks = [
         mesh.tracks(range(start, int(after.max()) + 1))
-        for mesh, start, (_, after, _) in zip(meshes, first, places, strict=True)
+        for mesh, start, (_, after, _) in zip(meshes, starts, intervals, strict=True)
     ]
     if not any(mesh_tracks):
         return {}
-    sizes = [mesh.frame(start).n_items for mesh, start in zip(meshes, first, strict=True)]
+    sizes = [mesh.frame(start).n_items for mesh, start in zip(meshes, starts, strict=True)]
     names = dict.fromkeys(name for tracks in mesh_tracks for name in tracks)
-    merged = {name: _merged(name, mesh_tracks, first, places, sizes, notes) for name in names}
+    merged = {name: _merge(name, mesh_tracks, starts, intervals, sizes, notes) for name in names}
     return {name: track for name, track in merged.items() if track is not None}
 
 
-def _merged(
+def _merge(
     name: str,
     mesh_tracks: Sequence[Mapping[str, TrackSource]],
-    first: Sequence[int],
-    places: Sequence[Places],
+    starts: Sequence[int],
+    intervals: Sequence[Intervals],
     sizes: Sequence[Mapping[Domain, int]],
     notes: Notes,
 ) -> StoredTrack | None:
-    of_meshes = [tracks.get(name) for tracks in mesh_tracks]
-    known = [track for track in of_meshes if track is not None]
-    if len({(track.domain, track.kind, track.unit, track.shape[2]) for track in known}) > 1:
+    candidates = [tracks.get(name) for tracks in mesh_tracks]
+    tracks = [track for track in candidates if track is not None]
+    if len({(track.domain, track.kind, track.unit, track.shape[2]) for track in tracks}) > 1:
         notes.left_out(f"tracks that differ between meshes: {listed([name])}")
         return None
-    domain, kind = known[0].domain, known[0].kind
-    dtype = np.result_type(*(track.dtype for track in known))
-    if len(known) < len(of_meshes):
+    domain, kind = tracks[0].domain, tracks[0].kind
+    dtype = np.result_type(*(track.dtype for track in tracks))
+    if len(tracks) < len(candidates):
         dtype = dtype if dtype.kind == "f" else np.dtype(np.float64)
         notes.changed(
-            f"track {name!r} is in {len(known)} of {len(of_meshes)} meshes, and NaN in the others"
+            f"track {name!r} is in {len(tracks)} of {len(candidates)} meshes, and NaN in the others"
         )
     is_blended = kind in BLENDED and dtype.kind == "f"
-    n_columns = known[0].shape[2]
+    n_columns = tracks[0].shape[2]
 
     def read_part(part: int, index: int) -> Values:
-        track, (before, after, shares) = of_meshes[part], places[part]
+        track, (before, after, shares) = candidates[part], intervals[part]
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
-        at, next_at = before[index] - first[part], after[index] - first[part]
-        values: Values = track.read(at, at + 1)[0].astype(dtype)
-        if not is_blended or next_at == at:
+        row, next_row = before[index] - starts[part], after[index] - starts[part]
+        values: Values = track.read(row, row + 1)[0].astype(dtype)
+        if not is_blended or next_row == row:
             return values
-        return blend(values, track.read(next_at, next_at + 1)[0], shares[index])
+        return blend(values, track.read(next_row, next_row + 1)[0], shares[index])
 
     def read_range(start: int, stop: int) -> Values:
         values: Values = np.empty((stop - start, *shape[1:]), dtype)
         for index in range(start, stop):
-            parts = [read_part(part, index) for part in range(len(places))]
+            parts = [read_part(part, index) for part in range(len(intervals))]
             values[index - start] = np.concatenate(parts)
         return values
 
-    shape = len(places[0][0]), sum(size[domain] for size in sizes), n_columns
-    return StoredTrack(domain, kind, known[0].unit, dtype, shape, read_range)
+    shape = len(intervals[0][0]), sum(size[domain] for size in sizes), n_columns
+    return StoredTrack(domain, kind, tracks[0].unit, dtype, shape, read_range)
 
 
-Meaning = tuple[str, str, int]
+Signature = tuple[str, str, int]
 
 
 def merge_surfaces(
@@ -200,8 +200,8 @@ def merge_surfaces(
     )
     table = MaterialTable()
     surfaces = [table.add(surface) for surface in surfaces]
-    attributes = _merged_attributes(unify_domains(surfaces, frames), frames, notes)
-    groups = _merged_groups(surfaces, frames)
+    attributes = _merge_attributes(unify_domains(surfaces, frames), frames, notes)
+    groups = _merge_groups(surfaces, frames)
     hard_edges = merged_edges(
         [surface.hard_edges for surface in surfaces], [len(frame.vertices) for frame in frames]
     )
@@ -217,19 +217,19 @@ def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
     Parameters
     ----------
     frames : sequence of PolygonMesh
-        The mesh of each.
+        The mesh of each surface.
     """
-    domains: dict[Meaning, set[Domain]] = {}
-    twice: set[Meaning] = set()
+    domains: dict[Signature, set[Domain]] = {}
+    twice: set[Signature] = set()
     for surface in surfaces:
-        matches = [_meaning(attribute) for attribute in surface.attributes]
-        twice |= {meaning for meaning in matches if matches.count(meaning) > 1}
-        for meaning, attribute in zip(matches, surface.attributes, strict=True):
-            domains.setdefault(meaning, set()).add(attribute.domain)
-    mixed = {meaning for meaning, own in domains.items() if len(own) > 1} - twice
+        matches = [_signature(attribute) for attribute in surface.attributes]
+        twice |= {signature for signature in matches if matches.count(signature) > 1}
+        for signature, attribute in zip(matches, surface.attributes, strict=True):
+            domains.setdefault(signature, set()).add(attribute.domain)
+    mixed = {signature for signature, values in domains.items() if len(values) > 1} - twice
 
-    def unified(attribute: Attribute, frame: PolygonMesh) -> Attribute:
-        if attribute.domain is Domain.CORNER or _meaning(attribute) not in mixed:
+    def unify(attribute: Attribute, frame: PolygonMesh) -> Attribute:
+        if attribute.domain is Domain.CORNER or _signature(attribute) not in mixed:
             return attribute
         items = frame.items_of_corners(attribute.domain)
         rows = items if attribute.indices is None else attribute.indices[items]
@@ -237,17 +237,17 @@ def unify_domains(surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]) ->
 
     return [
         replace(
-            surface, attributes=tuple(unified(attribute, frame) for attribute in surface.attributes)
+            surface, attributes=tuple(unify(attribute, frame) for attribute in surface.attributes)
         )
         for surface, frame in zip(surfaces, frames, strict=True)
     ]
 
 
-def _meaning(attribute: Attribute) -> Meaning:
+def _signature(attribute: Attribute) -> Signature:
     return attribute.kind, attribute.name, attribute.values.shape[1]
 
 
-def _merged_attributes(
+def _merge_attributes(
     surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: Notes
 ) -> tuple[Attribute, ...]:
     """Merge attributes by kind, name, domain and width; zeros where a mesh lacks one."""
@@ -291,7 +291,7 @@ def _concatenate(
     return replace(sample, values=values, indices=joined)
 
 
-def _merged_groups(
+def _merge_groups(
     surfaces: Sequence[Surface], frames: Sequence[PolygonMesh]
 ) -> tuple[FaceGroups, ...]:
     names = dict.fromkeys(groups.name for surface in surfaces for groups in surface.groups)
@@ -304,8 +304,8 @@ def _merged_groups(
             if matches is None:
                 numbers.append(np.full(len(frame.counts), -1, np.int32))
                 continue
-            new = [labels.setdefault(label, len(labels)) for label in matches.labels]
-            numbers.append(np.array([*new, -1], np.int32)[matches.numbers])
+            new_numbers = [labels.setdefault(label, len(labels)) for label in matches.labels]
+            numbers.append(np.array([*new_numbers, -1], np.int32)[matches.numbers])
         merged.append(FaceGroups(name, tuple(labels), np.concatenate(numbers)))
     return tuple(merged)
 

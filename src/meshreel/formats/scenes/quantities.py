@@ -1,4 +1,4 @@
-"""Quantities of a mesh that change over time, as files of scenes store them: sampled anywhere."""
+"""Quantities of a mesh that change over time, which scene files sample at arbitrary times."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -37,8 +37,8 @@ class Quantity:
     to_world: Callable[[Values, Floats], Values] | None = None
     """Transforms the values with the mesh."""
 
-    def of_items(self, time: float, n_items: int) -> Values | None:
-        """Return its values at a time, of shape (n_items, C); None if missing or miscounted."""
+    def item_values(self, time: float, n_items: int) -> Values | None:
+        """Return its values at a time, of shape (n_items, C); None if missing or incomplete."""
         values = self.values(time)
         if values is not None and self.is_constant and len(values) == 1:
             values = np.repeat(values, n_items, axis=0)
@@ -53,7 +53,7 @@ def quantity_tracks(
     rows: Mapping[Domain, Any],
     to_world: Callable[[float], Floats],
     notes: Notes,
-    mismatched: str,
+    mismatch_label: str,
 ) -> dict[str, StoredTrack]:
     """Return the quantities of a mesh as tracks.
 
@@ -69,32 +69,32 @@ def quantity_tracks(
         The items of the mesh among those in the file.
     to_world : function of a time
         Returns the matrix that transforms the mesh, of shape (4, 4).
-    mismatched : str
+    mismatch_label : str
         What notes call quantities that fit the mesh in none of the frames.
     """
     file_sizes, mesh_sizes = sizes
 
     def read_frame(index: int, key: Key) -> Values:
         quantity, time = quantities[key], float(times[index])
-        values = quantity.of_items(time, file_sizes[key[0]])
+        values = quantity.item_values(time, file_sizes[key[0]])
         if values is None:
             raise changed_error(f"{path} (frame {index})")
         if quantity.to_world is not None:
             values = quantity.to_world(values, to_world(time))
-        of_mesh: Values = values[rows[key[0]]]
-        return of_mesh
+        mesh_values: Values = values[rows[key[0]]]
+        return mesh_values
 
     frames = []
     for time in times.tolist():
         fields: dict[Key, Field] = {}
         for key, quantity in quantities.items():
-            if (values := quantity.of_items(time, file_sizes[key[0]])) is not None:
+            if (values := quantity.item_values(time, file_sizes[key[0]])) is not None:
                 fields[key] = Field(
                     values.dtype, values.shape[1], quantity.role, quantity.kind, quantity.unit
                 )
         frames.append(fields)
     missing = (key[1] for key in quantities if not any(key in fields for fields in frames))
-    notes.left_out(mismatched, missing)
+    notes.left_out(mismatch_label, missing)
     return field_tracks(frames, mesh_sizes, read_frame, notes)
 
 
@@ -108,7 +108,7 @@ def note_quantities(
     is_transform_animated: bool,
 ) -> None:
     """Note samples of quantities without a frame, and velocities of animated transforms."""
-    names, has_rates = [], False
+    names, has_velocities = [], False
     for quantity in quantities:
         times = quantity.times()
         nearest = np.searchsorted(frames, times - tolerance).clip(max=len(frames) - 1)
@@ -116,9 +116,9 @@ def note_quantities(
         names += (
             [f"{quantity.name} ({n_other} of {len(times)})"] if n_other and len(times) > 1 else []
         )
-        has_rates = has_rates or quantity.to_world is transform_vectors
+        has_velocities = has_velocities or quantity.to_world is transform_vectors
     notes.left_out("samples where positions have no frame", names)
-    if has_rates and is_transform_animated:
+    if has_velocities and is_transform_animated:
         notes.left_out(f"velocity of the transforms above {path}")
 
 

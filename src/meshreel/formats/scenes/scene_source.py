@@ -108,7 +108,7 @@ def selected_meshes(
     """
     meshes = read_meshes(path, options)
     if options.object is not None:
-        return [_named(meshes, options.object)]
+        return [_find_named(meshes, options.object)]
     if options.skip_bad:
         meshes = readable_meshes(meshes, options)
     if options.merge and len(meshes) > 1:
@@ -139,8 +139,8 @@ def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
     if mesh.fps == 0:
         return Timing(options.fps or 0.0)
     timing = Timing.of_times(mesh.times_s)
-    declared = mesh.fps if timing.times is None else None
-    return timing.at_rate(options.fps or declared or None)
+    declared_fps = mesh.fps if timing.times is None else None
+    return timing.at_rate(options.fps or declared_fps or None)
 
 
 def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
@@ -149,28 +149,28 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
     n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
     if mesh.positions is not None and n_frames > 1:
         first = mesh.frame(0)
-        runs, step = (
+        runs, block_frames = (
             [_SceneRun(mesh, 0, first, budget)],
             max(1, BLOCK_BYTES // first.vertices.nbytes),
         )
-        for start in range(0, n_frames, step):
-            stop = min(start + step, n_frames)
+        for start in range(0, n_frames, block_frames):
+            stop = min(start + block_frames, n_frames)
             runs[0].add(mesh.positions(start, stop))
             options.progress("reading", Count(stop, n_frames, "frames"))
         return runs
     last: PolygonMesh | None = None
     for start, frames in _read_blocks(mesh):
-        begins = {
-            place
-            for place, (frame, before) in enumerate(zip(frames, [last, *frames], strict=False))
+        run_starts = {
+            row
+            for row, (frame, before) in enumerate(zip(frames, [last, *frames], strict=False))
             if before is None or not frame.has_faces_of(before)
         }
-        for place, stop in pairwise(sorted({0, *begins, len(frames)})):
-            if place in begins:
+        for row, stop in pairwise(sorted({0, *run_starts, len(frames)})):
+            if row in run_starts:
                 kept_bytes = sum(run.kept_bytes for run in runs)
                 limit = None if budget is None else max(0, budget - kept_bytes)
-                runs.append(_SceneRun(mesh, start + place, frames[place], limit))
-            runs[-1].add(np.array([frame.vertices for frame in frames[place:stop]]))
+                runs.append(_SceneRun(mesh, start + row, frames[row], limit))
+            runs[-1].add(np.array([frame.vertices for frame in frames[row:stop]]))
         last = frames[-1]
         options.progress("reading", Count(start + len(frames), n_frames, "frames"))
     return runs
@@ -228,7 +228,7 @@ class _SceneRun:
     def sequence(self, stop: int, path: Path, options: ReadOptions, timing: Timing) -> FrameSource:
         """Return the frames up to `stop`; raises as `open_mesh`."""
         mesh, first, n_frames = self._mesh, self.first, stop - self.start
-        about = Description(
+        description = Description(
             triangulated(first, options.notes),
             mesh.name.rstrip("/").rpartition("/")[2],
             timing,
@@ -238,9 +238,9 @@ class _SceneRun:
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
         if self._is_loaded and (self._max_bytes is None or size <= self._max_bytes):
             vertices = np.concatenate(self._blocks).astype(self._survey.dtype, copy=False)
-            return about.loaded(vertices, read_tracks(tracks))
+            return description.sequence(vertices, read_tracks(tracks))
         shape = n_frames, len(first.vertices)
-        return about.stored(shape, self._survey, self._read, [path], tracks)
+        return description.stored_frames(shape, self._survey, self._read, [path], tracks)
 
     def _read(self, start: int, stop: int) -> Vertices:
         """Return the positions of frames start..stop - 1 of the run, of shape (K, V, 3)."""
@@ -253,7 +253,7 @@ class _SceneRun:
         return vertices
 
 
-def _named(meshes: Sequence[SceneMesh], name: str) -> SceneMesh:
+def _find_named(meshes: Sequence[SceneMesh], name: str) -> SceneMesh:
     matches = [mesh for mesh in meshes if mesh.name == name]
     matches = matches or [
         mesh for mesh in meshes if f"/{mesh.name.strip('/')}".endswith(f"/{name.strip('/')}")
@@ -261,21 +261,21 @@ def _named(meshes: Sequence[SceneMesh], name: str) -> SceneMesh:
     # The name of a parent node, such as a transform, selects the only mesh below it.
     matches = matches or [mesh for mesh in meshes if _is_below(mesh.name, name)]
     if len(matches) != 1:
-        which = "no mesh" if not matches else f"{counted(len(matches), 'mesh')}"
-        raise InvalidInputError(f"has {which} named {name!r}; it holds {_listed(meshes)}")
+        count_text = "no mesh" if not matches else f"{counted(len(matches), 'mesh')}"
+        raise InvalidInputError(f"has {count_text} named {name!r}; it holds {_listed(meshes)}")
     return matches[0]
 
 
 def _is_below(name: str, node_path: str) -> bool:
     """Whether a node above the mesh has this path, or a path that ends with it."""
-    above, part = f"/{name.strip('/')}".rpartition("/")[0], node_path.strip("/")
-    return not part or f"/{part}/" in f"{above}/"
+    parent_path, part = f"/{name.strip('/')}".rpartition("/")[0], node_path.strip("/")
+    return not part or f"/{part}/" in f"{parent_path}/"
 
 
-def _listed(meshes: Sequence[SceneMesh], most: int = 20) -> str:
+def _listed(meshes: Sequence[SceneMesh], max_names: int = 20) -> str:
     if len(meshes) == 1:
         return f"the mesh {meshes[0].name}"
-    return f"{counted(len(meshes), 'mesh')}: {listed((mesh.name for mesh in meshes), most)}"
+    return f"{counted(len(meshes), 'mesh')}: {listed((mesh.name for mesh in meshes), max_names)}"
 
 
 def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[SceneMesh]:
@@ -291,19 +291,19 @@ def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[S
     FormatError
         If no mesh can be read.
     """
-    good, faults = [], []
+    readable, faults = [], []
     for number, mesh in enumerate(meshes):
         # Cache the surface, so that its notes are added only once.
         cached_mesh = replace(mesh, surface=cache(mesh.surface))
         if fault := _fault(cached_mesh):
             faults.append(f"{mesh.name} ({fault})")
         else:
-            good.append(cached_mesh)
+            readable.append(cached_mesh)
         options.progress("checking", Count(number + 1, len(meshes), "meshes"))
-    if not good:
+    if not readable:
         raise FormatError(f"has no readable mesh: {listed(faults)}")
     options.notes.left_out("meshes that cannot be read", faults)
-    return good
+    return readable
 
 
 def _fault(mesh: SceneMesh) -> str:

@@ -24,8 +24,8 @@ def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.floa
     if not moving:
         return np.asarray(times[0][:1], np.float64)
     all_times = np.sort(np.concatenate(moving))
-    least = min(float(np.diff(own).min()) for own in moving) / 1000
-    distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > least]
+    min_gap = min(float(np.diff(mesh_times).min()) for mesh_times in moving) / 1000
+    distinct: npt.NDArray[np.float64] = all_times[np.diff(all_times, prepend=-np.inf) > min_gap]
     return distinct
 
 
@@ -42,13 +42,13 @@ def file_order_times(n_frames: int, options: ReadOptions) -> Floats | None:
     return times
 
 
-def ascending_times(times_s: Floats, what: str, options: ReadOptions) -> Floats:
+def ascending_times(times_s: Floats, noun: str, options: ReadOptions) -> Floats:
     """Return times if they ascend, else those of `file_order_times`.
 
     Parameters
     ----------
     times_s : float64 array of shape (T,)
-    what : str
+    noun : str
         What the file calls a frame, for the message.
 
     Raises
@@ -62,8 +62,8 @@ def ascending_times(times_s: Floats, what: str, options: ReadOptions) -> Floats:
         return times
     index = int(descents[0])
     raise FormatError(
-        f"has {what} {index} at time {times_s[index]:g} and {what} {index + 1} at "
-        f"{times_s[index + 1]:g}; times must ascend; read the {what}s in file order with ",
+        f"has {noun} {index} at time {times_s[index]:g} and {noun} {index + 1} at "
+        f"{times_s[index + 1]:g}; times must ascend; read the {noun}s in file order with ",
         Keyword("fps"),
     )
 
@@ -96,14 +96,14 @@ def neighbors(times_s: npt.NDArray[np.float64], time_s: float) -> Neighbors:
     return Neighbors(before, after, share)
 
 
-Places = tuple[Integers, Integers, Floats]
+Intervals = tuple[Integers, Integers, Floats]
 """`Neighbors` of several times, as arrays of shape (T,)."""
 
 
-def neighbors_of_times(times_s: Floats, requested_s: Floats) -> Places:
+def neighbors_of_times(times_s: Floats, requested_s: Floats) -> Intervals:
     """Return the `neighbors` of at least one time as arrays of shape (T,)."""
-    places = [neighbors(times_s, time) for time in requested_s.tolist()]
-    before, after, shares = map(np.array, zip(*places, strict=True))
+    intervals = [neighbors(times_s, time) for time in requested_s.tolist()]
+    before, after, shares = map(np.array, zip(*intervals, strict=True))
     return before, after, shares
 
 

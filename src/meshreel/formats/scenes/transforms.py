@@ -77,7 +77,7 @@ class Rounding:
     ----------
     first : float array of shape (V, 3)
         Positions of the first frame.
-    program : str
+    format_name : str
         Name of the format, for messages.
 
     Attributes
@@ -88,13 +88,13 @@ class Rounding:
         Largest rounding error of a coordinate so far.
     """
 
-    def __init__(self, first: Vertices, program: str) -> None:
-        self._program = program
+    def __init__(self, first: Vertices, format_name: str) -> None:
+        self._format_name = format_name
         narrowing = Narrowing()
         narrowing.add(first)
         low, high = first.min(axis=0), first.max(axis=0)
-        middle = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
-        self.shift = np.zeros(3) if narrowing.is_harmless else middle
+        center = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
+        self.shift = np.zeros(3) if narrowing.is_harmless else center
         self.max_error = 0.0
 
     def add(self, frame: Vertices) -> Singles:
@@ -112,7 +112,7 @@ class Rounding:
         if not np.isfinite(rounded).all():
             limit, largest = np.finfo(np.float32).max, np.abs(frame).max()
             raise InvalidInputError(
-                f"{self._program} stores positions as float32, up to {limit:.3g}; got "
+                f"{self._format_name} stores positions as float32, up to {limit:.3g}; got "
                 f"{largest:.3g}; scale the model"
             )
         error = float(np.abs(frame - (rounded + self.shift)).max())
@@ -124,6 +124,6 @@ class Rounding:
         relative = ", relative to the center of the first frame" if self.shift.any() else ""
         if self.max_error:
             notes.changed(
-                f"{self._program} stores positions as float32{relative}: "
+                f"{self._format_name} stores positions as float32{relative}: "
                 f"coordinates change by up to {self.max_error:.2g}"
             )

@@ -30,7 +30,7 @@ from meshreel.formats.solvers.d3plot_files import (
     adapted_roots,
     other_files,
 )
-from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, used_points
+from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, prune_points
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.notes import NoteKind
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
@@ -82,10 +82,10 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         raise FormatError(
             "contains no states; the files with the results (d3plot01, ...) must be next to it"
         )
-    read = _States([(layout, start) for _, layout, start in states], options)
-    frames = StepFrames(read.step, options.notes)
+    reader = _States([(layout, start) for _, layout, start in states], options)
+    frames = StepFrames(reader.step, options.notes)
     times = np.array([time for time, _, _ in states])
-    return [SceneMesh(path.stem, times, frames.frame, read.surface, tracks=frames.tracks)]
+    return [SceneMesh(path.stem, times, frames.frame, reader.surface, tracks=frames.tracks)]
 
 
 def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
@@ -94,10 +94,10 @@ def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
         raise FormatError("contains neither shells nor solids; there is no surface")
     options.notes.left_out("elements without faces", layout.left_out)
     options.notes.left_out("results", _unread_results(layout))
-    if layout.n_rest:
+    if layout.n_leftover_words:
         options.notes.changed(
-            f"the last state is incomplete and not read: {counted(layout.n_rest, 'word')} of "
-            f"{layout.state_words}"
+            "the last state is incomplete and not read: "
+            f"{counted(layout.n_leftover_words, 'word')} of {layout.state_words}"
         )
     return layout
 
@@ -171,11 +171,11 @@ class _States:
         surface.note_interior(self._notes)
         numbers = layout.part_numbers.astype(np.int32)
         groups = FaceGroups(PARTS, layout.part_names, numbers[surface.cells])
-        of_cells: tuple[Attribute, ...] = ()
+        cell_attributes: tuple[Attribute, ...] = ()
         if surface.volume is not None:
             values = numbers[surface.volume_rows, None]
-            of_cells = (Attribute(PARTS, Kind.OTHER, Domain.CELL, values),)
-        return Surface(attributes=of_cells, groups=(groups,))
+            cell_attributes = (Attribute(PARTS, Kind.OTHER, Domain.CELL, values),)
+        return Surface(attributes=cell_attributes, groups=(groups,))
 
     def _surface(self, index: int) -> CellSurface:
         """Return the surface of the cells that exist in a state, cached while they are equal."""
@@ -206,7 +206,7 @@ def _surface_of(layout: D3plotLayout, rows: npt.NDArray[np.int64]) -> CellSurfac
     starts = np.cumsum(cells.counts) - cells.counts
     counts = cells.counts[rows]
     points = cells.points[ragged_indices(starts[rows], counts)]
-    surface = used_points(cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes))
+    surface = prune_points(cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes))
     return replace(surface, cells=rows[surface.cells], volume_rows=rows)
 
 

@@ -59,16 +59,16 @@ class Words:
     def __init__(self, root: Path) -> None:
         self._paths = [root, *members(root)]
         with os_errors_naming(root), root.open("rb") as file:
-            self._integer = _word_type(file.read(8 * (FILE_TYPE + 1)))
-        self._float = np.dtype(f"{self._integer.byteorder}f{self._integer.itemsize}")
-        self.float_type: np.dtype[Any] = self._float.newbyteorder("=")
-        sizes = [path.stat().st_size // self._integer.itemsize for path in self._paths]
+            self._integer_type = _word_type(file.read(8 * (FILE_TYPE + 1)))
+        self._float_type = np.dtype(f"{self._integer_type.byteorder}f{self._integer_type.itemsize}")
+        self.float_type: np.dtype[Any] = self._float_type.newbyteorder("=")
+        sizes = [path.stat().st_size // self._integer_type.itemsize for path in self._paths]
         self.starts: tuple[int, ...] = (0, *accumulate(sizes))
         self.n_words: int = self.starts[-1]
 
     def integers(self, start: int, count: int) -> Integers:
         """Read consecutive words as integers; raises as `floats`."""
-        return self._read(start, count, self._integer).astype(np.int64, copy=False)
+        return self._read(start, count, self._integer_type).astype(np.int64, copy=False)
 
     def floats(self, start: int, count: int) -> npt.NDArray[np.floating]:
         """Read consecutive words as floats, of the precision of the file.
@@ -78,18 +78,18 @@ class Words:
         FormatError
             If the files end before.
         """
-        return self._read(start, count, self._float).astype(self.float_type, copy=False)
+        return self._read(start, count, self._float_type).astype(self.float_type, copy=False)
 
     def text(self, start: int, n_bytes: int) -> str:
         """Read text from a word on, without its padding."""
-        n_words = -(-n_bytes // self._integer.itemsize)
-        words = self._read(start, n_words, self._integer)
-        data = words.astype(self._integer).tobytes()[:n_bytes]  # concatenation swaps bytes
+        n_words = -(-n_bytes // self._integer_type.itemsize)
+        words = self._read(start, n_words, self._integer_type)
+        data = words.astype(self._integer_type).tobytes()[:n_bytes]  # concatenation swaps bytes
         return data.decode("latin-1").replace("\0", " ").strip()
 
     def words_of(self, n_bytes: int) -> int:
         """Return the number of words that a number of bytes takes."""
-        return n_bytes // self._integer.itemsize
+        return n_bytes // self._integer_type.itemsize
 
     def end_of_file(self, position: int) -> int:
         """Return the end of the file that contains a position: the first word of the next file."""
@@ -99,7 +99,7 @@ class Words:
         """Whether all words from here to the end of the file are 0."""
         stop = self.end_of_file(start)
         return not any(
-            self._read(first, min(CHUNK, stop - first), self._integer).any()
+            self._read(first, min(CHUNK, stop - first), self._integer_type).any()
             for first in range(start, stop, CHUNK)
         )
 
@@ -124,16 +124,16 @@ class Words:
 
 def members(root: Path) -> list[Path]:
     """Return the numbered files that continue a root file, in order: d3plot01, d3plot02."""
-    return [path for _, path in sorted((int(end), path) for end, path in _named(root, r"\d{2,}"))]
+    return [path for _, path in sorted((int(end), path) for end, path in _matches(root, r"\d{2,}"))]
 
 
 def adapted_roots(root: Path) -> list[Path]:
     """Return the root files of adapted meshes, in order: d3plotaa, d3plotab."""
-    return [path for _, path in sorted(_named(root, "[a-z]{2}"))]
+    return [path for _, path in sorted(_matches(root, "[a-z]{2}"))]
 
 
-def _named(root: Path, ending: str) -> list[tuple[str, Path]]:
-    """Return endings and paths of the files next to a root file whose names begin with its name."""
+def _matches(root: Path, ending: str) -> list[tuple[str, Path]]:
+    """Return endings and paths of the files next to a root file that add an ending to its name."""
     pattern = re.compile(f"{re.escape(root.name)}({ending})")
     with os_errors_naming(root.parent):
         names = os.listdir(root.parent)
@@ -233,12 +233,12 @@ class Section:
 
 @dataclass(frozen=True)
 class ElementColumns:
-    """Place of a result in the rows of a section of elements."""
+    """Columns of a result in the rows of a section of elements."""
 
     n_points: int
     """Number of integration points."""
     width: int
-    """Columns of each."""
+    """Columns of each point."""
     first: int
     """First column of the result."""
 
@@ -256,7 +256,7 @@ class D3plotLayout:
         Columns of results in the sections of elements, by result and kind of element.
     states : dict of float to int
         First word of each complete state by its time, ascending.
-    n_rest : int
+    n_leftover_words : int
         Words of an incomplete state at the end.
 
     Raises
@@ -278,7 +278,7 @@ class D3plotLayout:
         self.sections: dict[str, Section] = {}
         self.state_words: int = self._place_sections(n_sph, particle_state_words)
         self.results: dict[str, dict[str, ElementColumns]] = self._find_results()
-        self.n_rest = 0
+        self.n_leftover_words = 0
         self.states: dict[float, int] = self._find_states()
 
     @property
@@ -356,10 +356,10 @@ class D3plotLayout:
         n_columns, tables = ELEMENT_RESULTS[name], []
         for kind, n_cells in self.counts.items():
             values = np.full((n_cells, n_columns), np.nan, self.words.float_type)
-            if (place := self.results[name].get(kind)) is not None:
+            if (columns := self.results[name].get(kind)) is not None:
                 table = self.read(state, kind)
-                points = range(place.n_points if kind == SOLIDS else 1)
-                starts = [place.first + point * place.width for point in points]
+                points = range(columns.n_points if kind == SOLIDS else 1)
+                starts = [columns.first + point * columns.width for point in points]
                 parts = [table[:, start : start + n_columns] for start in starts]
                 has_row = self.has_shell_results if kind == SHELLS else slice(None)
                 values[has_row] = np.mean(parts, axis=0) if len(parts) > 1 else parts[0]
@@ -370,16 +370,16 @@ class D3plotLayout:
         """Return which of the cells exist in a state."""
         n_cells = len(self.cells.types)
         if "deleted nodes" in self.sections:
-            is_gone = self.read(state, "deleted nodes")[:, 0] == 0
-            n_gone = np.cumsum(np.append(0, is_gone[self.cells.points]))
+            is_deleted = self.read(state, "deleted nodes")[:, 0] == 0
+            n_lost = np.cumsum(np.append(0, is_deleted[self.cells.points]))
             stops = np.cumsum(self.cells.counts)
-            is_whole: npt.NDArray[np.bool_] = n_gone[stops] == n_gone[stops - self.cells.counts]
-            return is_whole
+            is_intact: npt.NDArray[np.bool_] = n_lost[stops] == n_lost[stops - self.cells.counts]
+            return is_intact
         if "deleted elements" not in self.sections:
             return np.ones(n_cells, bool)
         # Beams come last.
-        is_kept: npt.NDArray[np.bool_] = self.read(state, "deleted elements")[:n_cells, 0] != 0
-        return is_kept
+        exists: npt.NDArray[np.bool_] = self.read(state, "deleted elements")[:n_cells, 0] != 0
+        return exists
 
     @cached_property
     def has_shell_results(self) -> npt.NDArray[np.bool_]:
@@ -405,7 +405,7 @@ class D3plotLayout:
             f"discrete elements (NPEFG {control['npefg']})": control["npefg"] >= 1_000_000,
             "state data of quadratic or cubic solids": control["quadr"] > 0 or control["cubic"] > 0,
         }
-        if unsupported := [name for name, has in problems.items() if has]:
+        if unsupported := [name for name, is_present in problems.items() if is_present]:
             raise FormatError(
                 f"contains {' and '.join(unsupported)}, which is not supported; run LS-DYNA "
                 "without, or export frames from LS-PrePost"
@@ -581,8 +581,8 @@ class D3plotLayout:
         results: dict[str, dict[str, ElementColumns]] = {name: {} for name in ELEMENT_RESULTS}
         for kind in self.counts.keys() & self.sections.keys():
             is_solid = kind == SOLIDS
-            at_least = 999 if is_solid else 1000
-            n_stress, n_strain = 6 * (control["ioshl1"] >= at_least), control["ioshl2"] >= at_least
+            min_flag = 999 if is_solid else 1000
+            n_stress, n_strain = 6 * (control["ioshl1"] >= min_flag), control["ioshl2"] >= min_flag
             width = n_stress + n_strain + control["neiph" if is_solid else "neips"]
             n_points = control["maxint"]
             if is_solid:
@@ -608,21 +608,21 @@ class D3plotLayout:
     def _find_states(self) -> dict[float, int]:
         """Return the first word of each state by time; states do not begin after the end mark."""
         states: dict[float, int] = {}
-        position, before = self._position, -np.inf
+        position, last_time = self._position, -np.inf
         while position < self.words.n_words:
             if self._is_end(position) or self.words.is_padding(position):
                 position = self.words.end_of_file(position)
                 continue
             if position + self.state_words > self.words.n_words:
-                self.n_rest = self.words.n_words - position
+                self.n_leftover_words = self.words.n_words - position
                 break
             time = float(self.words.floats(position, 1)[0])
-            if not before < time < np.inf:
+            if not last_time < time < np.inf:
                 raise FormatError(
-                    f"has a state at time {time:g} after one at {before:g}; its states are not "
+                    f"has a state at time {time:g} after one at {last_time:g}; its states are not "
                     f"{self.state_words} words long, as its control words say"
                 )
-            states[time], before = position, time
+            states[time], last_time = position, time
             position += self.state_words
         return states
 
@@ -634,9 +634,9 @@ def _read_control(words: Words) -> dict[str, int]:
     """Return the control words by name, with words that have two meanings separated."""
     first = words.integers(0, N_CONTROL)
     extra = int(first[CONTROL["extra"]])
-    more = words.integers(N_CONTROL, extra) if extra > 0 else first[:0]
-    numbers = np.concatenate([first, more]).tolist()
-    control = {name: numbers[at] if at < len(numbers) else 0 for name, at in CONTROL.items()}
+    extra_numbers = words.integers(N_CONTROL, extra) if extra > 0 else first[:0]
+    numbers = np.concatenate([first, extra_numbers]).tolist()
+    control = {name: numbers[word] if word < len(numbers) else 0 for name, word in CONTROL.items()}
     control["has_ten_nodes"] = int(control["nel8"] < 0)
     control["nel8"] = abs(control["nel8"])
     # A negative number of integration points means that states list deleted nodes or elements.
@@ -654,14 +654,14 @@ def _solid_cells(nodes: Integers) -> tuple[Integers, Integers]:
     nodes : int64 array of shape (N, 8)
     """
     types, corners = np.full(len(nodes), HEXAHEDRON), nodes.copy()
-    same = nodes[:, 1:] == nodes[:, :-1]  # whether each node equals the next one
-    is_apex = same[:, 4] & same[:, 5] & same[:, 6]
+    equals_next = nodes[:, 1:] == nodes[:, :-1]  # whether each node equals the next one
+    is_apex = equals_next[:, 4] & equals_next[:, 5] & equals_next[:, 6]
     shapes = (
-        (same[:, 2] & same[:, 6], WEDGE, (0, 2, 1, 4, 6, 5)),
-        (same[:, 4] & same[:, 6], WEDGE, (0, 1, 4, 3, 2, 6)),
+        (equals_next[:, 2] & equals_next[:, 6], WEDGE, (0, 2, 1, 4, 6, 5)),
+        (equals_next[:, 4] & equals_next[:, 6], WEDGE, (0, 1, 4, 3, 2, 6)),
         (is_apex, PYRAMID, (0, 1, 2, 3, 4)),
-        (is_apex & same[:, 2], TETRA, (0, 1, 2, 4)),
-        (is_apex & same[:, 3], TETRA, (0, 1, 2, 3)),
+        (is_apex & equals_next[:, 2], TETRA, (0, 1, 2, 4)),
+        (is_apex & equals_next[:, 3], TETRA, (0, 1, 2, 3)),
     )  # later ones are special cases of earlier ones
     for is_shape, kind, order in shapes:
         types[is_shape] = kind

@@ -34,7 +34,7 @@ from meshreel.formats.solvers.ensight_files import (
     read_lines,
     read_values,
 )
-from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, used_points
+from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, prune_points
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
@@ -48,7 +48,7 @@ MAX_STEPS = 1 << 24
 
 @dataclass(frozen=True, eq=False)
 class TimeSet:
-    """Times, and the numbers in the names of the files of each."""
+    """Times, and the number in the file names of each."""
 
     times_s: Floats
     """float64 array of shape (T,)."""
@@ -138,9 +138,9 @@ class EnsightCase:
                 f"has the model option {PER_PART}, which is not supported; write whole geometries"
             )
         if COORDS_ONLY in words:
-            at = words.index(COORDS_ONLY)
-            self.elements_step = int(_numbers(words[at + 1 : at + 2] or ["0"])[0])
-            words = words[:at]
+            index = words.index(COORDS_ONLY)
+            self.elements_step = int(_numbers(words[index + 1 : index + 2] or ["0"])[0])
+            words = words[:index]
         *numbers, pattern = words or [""]
         series = self._series(numbers, pattern, "the model")
         if series is None:
@@ -152,10 +152,10 @@ class EnsightCase:
     def _read_variables(self) -> Iterator[Variable]:
         left_out = []
         for key, value in self._sections["VARIABLE"]:
-            kind, _, place = key.partition(" per ")
+            kind, _, location = key.partition(" per ")
             words = _words(value)
             name = next((word for word in words if not word.isdigit()), "")
-            if kind not in WIDTHS or place not in DOMAINS:
+            if kind not in WIDTHS or location not in DOMAINS:
                 left_out.append(f"{name} ({key})")
                 continue
             *numbers, name, pattern = words if len(words) > 1 else [name, ""]
@@ -163,20 +163,20 @@ class EnsightCase:
             if series is None:
                 left_out.append(f"{name} (in a file set)")
             else:
-                yield Variable(name, DOMAINS[place], WIDTHS[kind], series)
+                yield Variable(name, DOMAINS[location], WIDTHS[kind], series)
         self._options.notes.left_out("variables", left_out)
 
-    def _series(self, numbers: list[str], pattern: str, what: str) -> FileSeries | None:
+    def _series(self, numbers: list[str], pattern: str, label: str) -> FileSeries | None:
         """Return the files of a line that begins with a time set; None if a file set follows it."""
         if len(numbers) > 1:
             return None
         if not pattern or any(not number.isdigit() for number in numbers):
-            raise FormatError(f"has a line without a file name for {what[:40]!r}")
+            raise FormatError(f"has a line without a file name for {label[:40]!r}")
         number = int(numbers[0]) if numbers else min(self._time_sets, default=None)
         if not numbers and "*" not in pattern:
             return FileSeries(pattern, None)
         if number is None or number not in self._time_sets:
-            raise FormatError(f"has no time set {number} for {what[:40]!r}")
+            raise FormatError(f"has no time set {number} for {label[:40]!r}")
         times = self._time_sets[number]
         if "*" in pattern and len(times.numbers) < len(times.times_s):
             raise FormatError(
@@ -197,20 +197,20 @@ class EnsightCase:
             number = _numbers((entries["time set"] or "?").split()[:1])[0]
             times = self._read_list(entries, "time values")
             n_steps = int(_numbers([entries.get("number of steps", str(len(times)))])[0])
-            names = self._read_list(entries, "filename numbers")
-            if not len(names) and "filename start number" in entries:
+            file_numbers = self._read_list(entries, "filename numbers")
+            if not len(file_numbers) and "filename start number" in entries:
                 if not 0 <= n_steps <= MAX_STEPS:
                     raise FormatError(
                         f"has a time set of {n_steps} steps; at most {MAX_STEPS} are read"
                     )
                 start = _numbers([entries["filename start number"]])[0]
                 step = _numbers([entries.get("filename increment", "1")])[0]
-                names = start + step * np.arange(n_steps)
+                file_numbers = start + step * np.arange(n_steps)
             if len(times) != n_steps or n_steps == 0:
                 raise FormatError(
                     f"has {len(times)} times in time set {number:g}; expected {n_steps}"
                 )
-            yield int(number), TimeSet(times, tuple(int(name) for name in names))
+            yield int(number), TimeSet(times, tuple(int(number) for number in file_numbers))
 
     def _read_list(self, entries: dict[str, str], key: str) -> Floats:
         if f"{key} file" in entries:
@@ -306,12 +306,12 @@ class _Steps:
         self._case = case
         series = [case.geometry, *(variable.files for variable in case.variables)]
         sets = [files.times for files in series if files.times is not None]
-        self._set = next(
+        self._time_set = next(
             (time_set for time_set in sets if len(time_set.times_s) > 1), next(iter(sets), None)
         )
         if case.geometry.times is not None:
-            self._set = case.geometry.times
-        times_s = np.zeros(1) if self._set is None else self._set.times_s
+            self._time_set = case.geometry.times
+        times_s = np.zeros(1) if self._time_set is None else self._time_set.times_s
         self.times_s: Floats = ascending_times(times_s, "step", options)
         self.variables: list[Variable] = [
             variable for variable in case.variables if self._fits(variable)
@@ -351,18 +351,18 @@ class _Steps:
         FormatError
             If the part has another number of nodes than where its elements are.
         """
-        part, whole = self.part(index, number), self.part(self.elements_step(index), number)
-        if part.n_nodes != whole.n_nodes:
+        part, element_part = self.part(index, number), self.part(self.elements_step(index), number)
+        if part.n_nodes != element_part.n_nodes:
             raise FormatError(
                 f"has {part.n_nodes} nodes in part {number} of {self._geometry_file(index).name}; "
-                f"its elements are for {whole.n_nodes}"
+                f"its elements are for {element_part.n_nodes}"
             )
         return read_columns(self._geometry(index), part.position, part.n_nodes, 3)
 
     def surface(self, step: int, number: int) -> CellSurface:
         """Return the surface of a part from the elements in the file of a step."""
         part = self.part(step, number)
-        return used_points(cell_mesh(read_cells(self._geometry(step), part), part.n_nodes))
+        return prune_points(cell_mesh(read_cells(self._geometry(step), part), part.n_nodes))
 
     def elements_step(self, index: int) -> int:
         """Return the frame whose file has the elements of a frame."""
@@ -372,23 +372,23 @@ class _Steps:
 
     def has_values(self, variable: Variable, index: int, number: int) -> bool:
         """Return whether a variable has values of a part in a frame."""
-        columns = self._columns(*self._place(variable, index))
+        columns = self._columns(*self._location(variable, index))
         return any(part == number for part, _ in columns)
 
     def values(self, variable: Variable, index: int, number: int) -> Singles:
         """Read the values of a variable at the nodes or elements of a part."""
-        place = path, width, step = self._place(variable, index)
+        location = path, width, step = self._location(variable, index)
         tables = self._open(path, self._geometry_file(step))
         at_nodes, part = variable.domain is Domain.VERTEX, self.part(step, number)
-        return read_values(tables, part, self._columns(*place), width, at_nodes=at_nodes)
+        return read_values(tables, part, self._columns(*location), width, at_nodes=at_nodes)
 
-    def _place(self, variable: Variable, index: int) -> tuple[Path, int, int]:
+    def _location(self, variable: Variable, index: int) -> tuple[Path, int, int]:
         """Return the file of a variable in a frame, its width, and the step of the elements."""
         times, step = variable.files.times, 0
         if times is not None:
             step = index
-            if times is not self._set and self._set is not None:
-                step = int(np.abs(times.times_s - self._set.times_s[index]).argmin())
+            if times is not self._time_set and self._time_set is not None:
+                step = int(np.abs(times.times_s - self._time_set.times_s[index]).argmin())
         path = self._case.file(variable.files, step)
         return path, variable.width, self.elements_step(index)
 
@@ -410,12 +410,12 @@ class _Steps:
     def _fits(self, variable: Variable) -> bool:
         """Whether a variable never changes, or has values at the times of all frames."""
         times = variable.files.times
-        if times is None or times is self._set or self._set is None:
+        if times is None or times is self._time_set or self._time_set is None:
             return True
-        frames = self._set.times_s
-        nearest = [np.abs(times.times_s - time).min() for time in frames]
-        span = (frames[-1] - frames[0]) / max(1, len(frames) - 1)
-        return bool(max(nearest) <= MAX_TIME_DIFFERENCE * abs(span))
+        frame_times = self._time_set.times_s
+        nearest = [np.abs(times.times_s - time).min() for time in frame_times]
+        interval_s = (frame_times[-1] - frame_times[0]) / max(1, len(frame_times) - 1)
+        return bool(max(nearest) <= MAX_TIME_DIFFERENCE * abs(interval_s))
 
 
 class _PartFrames:

@@ -87,8 +87,8 @@ class Tables:
     def _advance(self, n_units: int) -> int:
         start = self.position
         if n_units < 0 or start + n_units > self._size:
-            place = f"byte {start}" if self.lines is None else f"line {start + 1}"
-            raise FormatError(f"{self.path.name} is truncated, or damaged at {place}")
+            location = f"byte {start}" if self.lines is None else f"line {start + 1}"
+            raise FormatError(f"{self.path.name} is truncated, or damaged at {location}")
         self.position += n_units
         return start
 
@@ -104,14 +104,14 @@ class Tables:
         assert self.lines is not None
         start = self._advance(count if n_rows is None else n_rows)
         words = " ".join(self.lines[start : self.position]).split()
-        place = f"from line {start + 1} on"
+        location = f"from line {start + 1} on"
         try:
             numbers = np.array(words, dtype)
         except (ValueError, OverflowError) as error:
-            raise FormatError(f"{self.path.name} has bad numbers {place} ({error})") from error
+            raise FormatError(f"{self.path.name} has bad numbers {location} ({error})") from error
         if len(numbers) != count:
             raise FormatError(
-                f"{self.path.name} has {len(numbers)} numbers {place}; expected {count}"
+                f"{self.path.name} has {len(numbers)} numbers {location}; expected {count}"
             )
         return numbers
 
@@ -130,13 +130,13 @@ def find_order(path: Path) -> str | None:
         If it is Fortran binary.
     """
     with os_errors_naming(path), path.open("rb") as file:
-        start = file.read(FIRST_TABLES)
-    if b"fortran binary" in start[: 2 * LINE_BYTES].lower():
+        head = file.read(FIRST_TABLES)
+    if b"fortran binary" in head[: 2 * LINE_BYTES].lower():
         raise FormatError(f"{path.name} is Fortran binary; write it as C binary or text")
-    if not start[:LINE_BYTES].lower().startswith(b"c binary"):
+    if not head[:LINE_BYTES].lower().startswith(b"c binary"):
         return None
-    at = FIRST_PART + (EXTENTS_BYTES if start[FIRST_PART:].startswith(b"extents") else 0)
-    number = start[at + LINE_BYTES : at + LINE_BYTES + 4]
+    offset = FIRST_PART + (EXTENTS_BYTES if head[FIRST_PART:].startswith(b"extents") else 0)
+    number = head[offset + LINE_BYTES : offset + LINE_BYTES + 4]
     return "<" if int.from_bytes(number, "little") <= MAX_PART else ">"
 
 
@@ -155,8 +155,8 @@ CORNERS = {
 """VTK type of elements with faces, and their corners in the order of VTK."""
 
 NSIDED, NFACED, GHOST = "nsided", "nfaced", "g_"
-GIVEN = ("given", "ignore")
-"""Ways of numbering for which a file contains the numbers."""
+EXPLICIT = ("given", "ignore")
+"""Numbering modes for which a file contains the numbers."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Block:
     """As in the file, such as "hexa8" or "g_hexa8"."""
     count: int
     position: int
-    """Of the nodes in the file."""
+    """Position of the nodes in the file."""
 
     @property
     def has_faces(self) -> bool:
@@ -183,12 +183,12 @@ class Part:
     name: str
     n_nodes: int
     position: int
-    """Of the coordinates in the file."""
+    """Position of the coordinates in the file."""
     blocks: tuple[Block, ...]
 
 
 Columns = dict[tuple[int, str], tuple[int, float | None]]
-"""Position of the values of a variable in its file, and the value that means none, if any.
+"""Position of the values of a variable in its file, and the value that marks missing data, if any.
 
 Keys are the part and the type of elements, which is "" for nodes.
 """
@@ -205,11 +205,11 @@ def find_parts(tables: Tables) -> dict[int, Part]:
     for _ in range(2 if tables.lines is not None else 3):  # binary files begin with "C Binary"
         tables.line()
     has_numbers = []
-    for what in ("node id", "element id"):
+    for label in ("node id", "element id"):
         line = tables.line().lower()
-        if not line.startswith(what):
-            raise FormatError(f"{tables.path.name} has {line[:40]!r} where {what!r} is expected")
-        has_numbers.append(line.split()[-1] in GIVEN)
+        if not line.startswith(label):
+            raise FormatError(f"{tables.path.name} has {line[:40]!r} where {label!r} is expected")
+        has_numbers.append(line.split()[-1] in EXPLICIT)
     parts: dict[int, Part] = {}
     line = _next_line(tables)
     if line.startswith("extents"):
@@ -274,7 +274,7 @@ def _total(counts: Integers) -> int:
 
 
 def read_columns(tables: Tables, position: int, n_rows: int, n_columns: int) -> Singles:
-    """Read values that are stored one component after the other, of shape (N, C)."""
+    """Read values that are stored component by component, of shape (N, C)."""
     tables.position = position
     return tables.floats(n_rows * n_columns).reshape(n_columns, n_rows).T
 
@@ -299,7 +299,6 @@ def _read_block(tables: Tables, block: Block) -> Cells:
 
 
 def _read_polyhedra(tables: Tables, count: int) -> Cells:
-    """Read polyhedra."""
     n_faces = tables.integers(count)
     sizes = tables.integers(_total(n_faces))
     nodes = tables.integers(_total(sizes), len(sizes)) - 1
@@ -307,7 +306,7 @@ def _read_polyhedra(tables: Tables, count: int) -> Cells:
 
 
 def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
-    """Return the places of the values in the file of a variable.
+    """Return the positions of the values in the file of a variable.
 
     Raises
     ------
@@ -321,7 +320,7 @@ def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
     name = tables.path.name
     while not tables.is_at_end:
         line = tables.line()
-        kind, *more = line.split() or [""]
+        kind, *modifiers = line.split() or [""]
         if kind == "part":
             number = int(tables.integers(1)[0])
             part = parts.get(number)
@@ -332,9 +331,9 @@ def find_columns(tables: Tables, parts: dict[int, Part], width: int) -> Columns:
         counts = [block.count for block in part.blocks if block.kind == kind] if part else []
         if part is None or not (is_nodes or counts):
             raise FormatError(f"{name} has {line[:40]!r} where values of its parts are expected")
-        if more == ["partial"]:
+        if modifiers == ["partial"]:
             raise FormatError(f"{name} has partial values, which are not supported")
-        undefined = float(tables.floats(1)[0]) if more == ["undef"] else None
+        undefined = float(tables.floats(1)[0]) if modifiers == ["undef"] else None
         columns[part.number, "" if is_nodes else kind] = tables.position, undefined
         tables.skip(width * (part.n_nodes if is_nodes else sum(counts)))
     return columns

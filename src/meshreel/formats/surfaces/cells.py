@@ -101,14 +101,14 @@ class Cells:
         nodes : integer array of shape (sum of sizes,)
             Point indices of the corners.
         """
-        of_face = np.empty(len(nodes) + len(sizes), np.int64)
+        face_records = np.empty(len(nodes) + len(sizes), np.int64)
         starts = np.cumsum(sizes + 1) - sizes - 1
-        of_face[starts] = sizes
-        of_face[ragged_indices(starts + 1, sizes)] = nodes
+        face_records[starts] = sizes
+        face_records[ragged_indices(starts + 1, sizes)] = nodes
         first = np.cumsum(n_faces) - n_faces  # the first face of each cell
-        begins = np.append(starts, len(of_face))
-        lengths = begins[first + n_faces] - begins[first] + 1
-        points = np.insert(of_face, begins[first], n_faces)
+        bounds = np.append(starts, len(face_records))
+        lengths = bounds[first + n_faces] - bounds[first] + 1
+        points = np.insert(face_records, bounds[first], n_faces)
         return cls(np.full(len(n_faces), POLYHEDRON), lengths, points)
 
     def with_polyhedra(self, polyhedra: "Cells") -> "Cells":
@@ -149,8 +149,8 @@ class Cells:
         corners = nodes[ragged_indices((np.cumsum(sizes) - sizes)[faces], sizes[faces])]
         return self.with_polyhedra(Cells.polyhedra(n_faces[is_polyhedron], sizes[faces], corners))
 
-    def shifted(self, by: int, n_points: int) -> "Cells":
-        """Return cells whose point indices are larger by `by`.
+    def shifted(self, offset: int, n_points: int) -> "Cells":
+        """Return cells whose point indices are larger by `offset`.
 
         Raises
         ------
@@ -162,10 +162,10 @@ class Cells:
         if len(rows):
             first = (np.cumsum(self.counts) - self.counts)[rows]
             is_index[first] = False
-            is_index[_places_of_faces(self.points, first, self.counts[rows], rows)[0]] = False
+            is_index[_face_starts(self.points, first, self.counts[rows], rows)[0]] = False
         if not ((self.points >= 0) & (self.points < n_points) | ~is_index).all():
             raise FormatError(f"a cell has a point index outside 0..{n_points - 1}")
-        return replace(self, points=self.points + by * is_index)
+        return replace(self, points=self.points + offset * is_index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +290,7 @@ def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
         )
     if not np.isin(cells.types, SOLIDS).any():
         return extract_surface(cells, n_points)
-    new_cells, rows, changes = _converted(cells)
+    new_cells, rows, changes = _convert_types(cells)
     is_known = (new_cells.types >= 0) & (new_cells.types < len(cell_sizes()))
     sizes = cell_sizes()[np.where(is_known, new_cells.types, 0)]
     is_stored = is_known & (sizes == new_cells.counts)
@@ -321,7 +321,7 @@ def _type_text(kind: int) -> str:
     return f"type {number} ({TYPE_NAMES[kind]})" if kind in TYPE_NAMES else f"type {number}"
 
 
-def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, ...]]:
+def _convert_types(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, ...]]:
     """Convert cells to types that can be stored, if possible.
 
     Returns
@@ -336,17 +336,17 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
         return cells, np.arange(len(cells.types)), ()
     types, sizes, changes = cells.types.copy(), cells.counts.copy(), []
     n_parts = np.ones(len(types), np.int64)
-    for kind, new, order in CONVERSIONS:
+    for kind, new_kind, order in CONVERSIONS:
         is_kind = cells.types == kind
         if kind not in SPLIT_TYPES:
             is_kind &= cells.counts == len(order)
-        types[is_kind], sizes[is_kind] = new, len(order)
+        types[is_kind], sizes[is_kind] = new_kind, len(order)
         n_parts[is_kind] = np.maximum(0, cells.counts[is_kind] - len(order) + 1)
         is_reordered = list(order) != sorted(order)
-        if n_changed := len(changed := n_parts[is_kind & (is_reordered | (n_parts != 1))]):
-            number = f"{changed.sum()} of " if changed.sum() != n_changed else ""
+        if n_changed := len(changed_parts := n_parts[is_kind & (is_reordered | (n_parts != 1))]):
+            number = f"{changed_parts.sum()} of " if changed_parts.sum() != n_changed else ""
             cells_text = f"{counted(n_changed, 'cell')} of {_type_text(kind)}"
-            changes.append(f"{cells_text} became {number}{_type_text(new)}")
+            changes.append(f"{cells_text} became {number}{_type_text(new_kind)}")
     rows = np.repeat(np.arange(len(types)), n_parts)
     part = np.arange(len(rows)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
     starts = np.cumsum(cells.counts) - cells.counts
@@ -356,13 +356,13 @@ def _converted(cells: Cells) -> tuple[Cells, npt.NDArray[np.int64], tuple[str, .
     orders = [(kinds == kind, order) for kind, _, order in CONVERSIONS if kind in (PIXEL, VOXEL)]
     # Every second triangle of a strip is reversed to keep the orientation.
     for is_kind, order in [*orders, ((kinds == STRIP) & (part % 2 == 1), (0, 2, 1))]:
-        at = first[is_kind & (sizes == len(order)), None]
-        points[at + np.arange(len(order))] = points[at + np.array(order)]
+        cell_starts = first[is_kind & (sizes == len(order)), None]
+        points[cell_starts + np.arange(len(order))] = points[cell_starts + np.array(order)]
     return Cells(types[rows], sizes, points), rows, tuple(changes)
 
 
-def joined_cells(
-    several: Sequence[VolumeCells | None], starts: npt.NDArray[np.int64]
+def join_cells(
+    mesh_cells: Sequence[VolumeCells | None], starts: npt.NDArray[np.int64]
 ) -> VolumeCells | None:
     """Return the cells of several meshes whose vertices follow each other; None without any.
 
@@ -371,10 +371,10 @@ def joined_cells(
     FormatError
         If only some of them have cells.
     """
-    present = [cells for cells in several if cells is not None]
+    present = [cells for cells in mesh_cells if cells is not None]
     if not present:
         return None
-    if len(present) < len(several):
+    if len(present) < len(mesh_cells):
         raise FormatError(
             "has meshes with solid cells and others without, which are not merged; read one with ",
             Keyword("object"),
@@ -382,7 +382,7 @@ def joined_cells(
     return VolumeCells(
         np.concatenate([cells.types for cells in present]),
         np.concatenate(
-            [cells.nodes + np.int32(at) for cells, at in zip(present, starts, strict=False)]
+            [cells.nodes + np.int32(start) for cells, start in zip(present, starts, strict=False)]
         ),
     )
 
@@ -436,8 +436,8 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     )
 
 
-def used_points(surface: CellSurface) -> CellSurface:
-    """Return a surface whose vertices are only the points of its cells, or of its faces."""
+def prune_points(surface: CellSurface) -> CellSurface:
+    """Return a surface whose vertices are only the points of its cells, or else of its faces."""
     if not isinstance(surface.points, slice):
         return surface
     volume = surface.volume
@@ -462,9 +462,9 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
         counts = counts // 2 if kind == QUADRATIC_POLYGON else counts  # corners are first
         return counts, cells.points[ragged_indices(first, counts)], cell_numbers
     if kind == POLYHEDRON:
-        places, owners = _places_of_faces(cells.points, first, counts, cell_numbers)
-        sizes = cells.points[places]
-        return sizes, cells.points[ragged_indices(places + 1, sizes)], owners
+        face_starts, owners = _face_starts(cells.points, first, counts, cell_numbers)
+        sizes = cells.points[face_starts]
+        return sizes, cells.points[ragged_indices(face_starts + 1, sizes)], owners
     if kind == STRIP:
         return _strips(cells.points, first, counts, cell_numbers)
     if not (faces := CELL_FACES.get(kind)):
@@ -482,7 +482,7 @@ def _faces_of_type(cells: Cells, starts: npt.NDArray[np.int64], kind: int) -> _F
     return sizes.astype(np.int64), corners, np.repeat(cell_numbers, len(faces))
 
 
-def _places_of_faces(
+def _face_starts(
     points: npt.NDArray[np.int64],
     first: npt.NDArray[np.int64],
     counts: npt.NDArray[np.int64],
@@ -494,18 +494,18 @@ def _places_of_faces(
     """
     if (counts < 1).any():
         raise FormatError("a polyhedron is empty")
-    n_left, at, stops = points[first], first + 1, first + counts
-    places, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    n_left, starts, stops = points[first], first + 1, first + counts
+    face_starts, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     while len(cells := cells[is_left := n_left > 0]):
-        n_left, at, stops = n_left[is_left] - 1, at[is_left], stops[is_left]
-        sizes = points[np.minimum(at, stops - 1)]
-        if (sizes < 3).any() or (at + 1 + sizes > stops).any():
+        n_left, starts, stops = n_left[is_left] - 1, starts[is_left], stops[is_left]
+        sizes = points[np.minimum(starts, stops - 1)]
+        if (sizes < 3).any() or (starts + 1 + sizes > stops).any():
             raise FormatError("a polyhedron has a face with fewer than three corners")
         _validate_face_sizes(sizes)
-        places.append(at)
+        face_starts.append(starts)
         owners.append(cells)
-        at = at + 1 + sizes
-    return np.concatenate(places), np.concatenate(owners)
+        starts = starts + 1 + sizes
+    return np.concatenate(face_starts), np.concatenate(owners)
 
 
 def _validate_face_sizes(sizes: Integers) -> None:
@@ -545,8 +545,8 @@ def _boundary_faces(
     first = np.cumsum(counts) - counts
     columns = np.arange(counts[faces].max())
     is_corner = columns < counts[faces, None]
-    at = np.where(is_corner, first[faces, None] + columns, 0)
-    keys = np.sort(np.where(is_corner, corners[at], -1), axis=1)
+    corner_rows = np.where(is_corner, first[faces, None] + columns, 0)
+    keys = np.sort(np.where(is_corner, corners[corner_rows], -1), axis=1)
     order = np.lexsort(keys.T)
     is_same = (keys[order[1:]] == keys[order[:-1]]).all(axis=1)
     is_shared = np.concatenate([[False], is_same]) | np.concatenate([is_same, [False]])

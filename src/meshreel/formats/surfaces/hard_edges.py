@@ -27,7 +27,7 @@ NEAR_DEG = 15.0
 """Notes report recomputed normals with a larger error."""
 
 GAIN = 0.99
-"""More hard edges must reduce the mean error below this fraction."""
+"""More hard edges must reduce the mean error to below this fraction of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,18 +74,18 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
     weights = np.where(is_known, np.repeat(areas / counts, counts), 0)
 
     def angles(edges: Int32s | None) -> Floats:
-        own_normals = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
+        computed_normals = corner_normals(mesh.vertices, faces, Surface(sizes, hard_edges=edges))
         # Half the chord: the cosine of a small angle resolves only 0.02 degrees.
-        halves = np.linalg.norm(own_normals - units, axis=1) / 2
+        halves = np.linalg.norm(computed_normals - units, axis=1) / 2
         return np.asarray(2 * np.degrees(np.arcsin(halves.clip(0, 1))))
 
     shared = shared_edges(counts, corners)
     at_low, at_high = _differences(counts, corners, shared.of_side, units, is_known)
     best, edges = angles(None), None
-    both, either = at_low & at_high, at_low | at_high
-    candidates = [both, either] if (either != both).any() else [both]
-    if 2 * either.sum() > len(either) and not either.all():
-        candidates.append(np.ones_like(either))
+    at_both, at_either = at_low & at_high, at_low | at_high
+    candidates = [at_both, at_either] if (at_either != at_both).any() else [at_both]
+    if 2 * at_either.sum() > len(at_either) and not at_either.all():
+        candidates.append(np.ones_like(at_either))
     for is_hard in candidates:
         if not is_hard.any():
             continue
@@ -93,9 +93,8 @@ def _find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> Ha
         errors = weights * best
         is_split = np.zeros(len(mesh.vertices), bool)
         is_split[candidate] = True
-        if (
-            errors[~is_split[corners]].sum() > GAIN * errors.sum()
-        ):  # normals there remain as they are
+        # Normals at all other vertices stay the same.
+        if errors[~is_split[corners]].sum() > GAIN * errors.sum():
             continue
         new_angles = angles(candidate)
         if (weights * new_angles).sum() < GAIN * (weights * best).sum():
@@ -134,7 +133,7 @@ class NormalNotes:
     def __init__(self, notes: Notes) -> None:
         self._notes = notes
         self._meshes: dict[str, HardEdges] = {}
-        self._written: list[Note] = []
+        self._added_notes: list[Note] = []
 
     def add(self, name: str, hard_edges: HardEdges, *, is_track: bool = False) -> None:
         """Add a mesh, replacing an earlier one of the same name.
@@ -147,14 +146,14 @@ class NormalNotes:
         if is_track and hard_edges.edges is None:
             return
         self._meshes[name] = replace(hard_edges, n_far=0) if is_track else hard_edges
-        self._notes[:] = [note for note in self._notes if note not in self._written]
-        self._written = list(_notes_on(self._meshes.values()))
-        self._notes += self._written
+        self._notes[:] = [note for note in self._notes if note not in self._added_notes]
+        self._added_notes = list(_notes_on(self._meshes.values()))
+        self._notes += self._added_notes
 
 
 def _notes_on(meshes: Collection[HardEdges]) -> Iterator[Note]:
-    n_hard = sum(len(each.edges) for each in meshes if each.edges is not None)
-    n_shared = sum(each.n_shared for each in meshes)
+    n_hard = sum(len(mesh.edges) for mesh in meshes if mesh.edges is not None)
+    n_shared = sum(mesh.n_shared for mesh in meshes)
     if n_hard:
         text = (
             f"kept {n_hard} of {counted(n_shared, 'edge')} as hard edges, from which normals are "
@@ -163,8 +162,8 @@ def _notes_on(meshes: Collection[HardEdges]) -> Iterator[Note]:
         yield Note(NoteKind.CHANGED, "hard edges", text=text)
     else:
         yield Note(NoteKind.LEFT_OUT, NORMALS)
-    if n_far := sum(each.n_far for each in meshes):
-        n_corners = sum(each.n_corners for each in meshes)
+    if n_far := sum(mesh.n_far for mesh in meshes):
+        n_corners = sum(mesh.n_corners for mesh in meshes)
         text = (
             f"normals do not follow from the faces at {n_far} of {counted(n_corners, 'corner')}, "
             f"by more than {NEAR_DEG:g} degrees"
@@ -199,8 +198,8 @@ def _differences(
     masks = []
     for ends in (np.where(is_forward, sides, following), np.where(is_forward, following, sides)):
         reference = ends[first][edges]
-        is_other = np.linalg.norm(units[ends] - units[reference], axis=1) > limit
+        is_different = np.linalg.norm(units[ends] - units[reference], axis=1) > limit
         differs = np.zeros(n_edges, bool)
-        differs[edges[is_other & is_known[ends] & is_known[reference]]] = True
+        differs[edges[is_different & is_known[ends] & is_known[reference]]] = True
         masks.append(differs)
     return masks[0], masks[1]

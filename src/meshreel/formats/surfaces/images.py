@@ -52,8 +52,8 @@ def image_type(data: bytes, name: str = "") -> str:
     name : str
         File name, for types without a signature.
     """
-    for place, signature, mime_type in SIGNATURES:
-        if data[place : place + len(signature)] == signature:
+    for offset, signature, mime_type in SIGNATURES:
+        if data[offset : offset + len(signature)] == signature:
             return mime_type
     return EXTENSIONS.get(PurePosixPath(name).suffix.lower(), UNKNOWN)
 

@@ -69,7 +69,7 @@ class PolygonMesh:
                 (self.cells.nodes, other.cells.nodes),
             ]
         return len(self.vertices) == len(other.vertices) and all(
-            own is its or np.array_equal(own, its) for own, its in pairs
+            first is second or np.array_equal(first, second) for first, second in pairs
         )
 
 
@@ -78,7 +78,7 @@ def polygon_mesh(
     counts: Integers,
     corners: Integers,
     *,
-    place: Callable[[int], str] = "face {}".format,
+    location: Callable[[int], str] = "face {}".format,
     file_index: Callable[[int], Any] | None = None,
     allowed: str = "",
 ) -> PolygonMesh:
@@ -88,7 +88,7 @@ def polygon_mesh(
     ----------
     vertices, counts, corners : arrays
         As in `PolygonMesh`, but of any integer type and unchecked.
-    place : function of a face number
+    location : function of a face number
         Describes the location of a face for messages.
     file_index : function of a corner number, optional
         Returns the index as written in the file, if it differs from `corners`.
@@ -107,19 +107,19 @@ def polygon_mesh(
             f"holds {counted(len(vertices), 'vertex')} and {counted(len(counts), 'face')}; a "
             "triangle mesh needs both"
         )
-    small = counts < 3
-    if small.any():
-        face = int(np.argmax(small))
+    is_small = counts < 3
+    if is_small.any():
+        face = int(np.argmax(is_small))
         raise FormatError(
-            f"{place(face)}: a face needs at least three corners; got {counts[face]}; remove it"
+            f"{location(face)}: a face needs at least three corners; got {counts[face]}; remove it"
         )
-    outside = (corners < 0) | (corners >= len(vertices))
-    if outside.any():
-        corner = int(np.argmax(outside))
+    is_outside = (corners < 0) | (corners >= len(vertices))
+    if is_outside.any():
+        corner = int(np.argmax(is_outside))
         face = int(np.searchsorted(np.cumsum(counts), corner, side="right"))
         raise FormatError(
-            f"{place(face)}: uses vertex {file_index(corner) if file_index else corners[corner]}; "
-            f"indices must be in {allowed or f'0..{len(vertices) - 1}'}"
+            f"{location(face)}: uses vertex {file_index(corner) if file_index else corners[corner]}"
+            f"; indices must be in {allowed or f'0..{len(vertices) - 1}'}"
         )
     return PolygonMesh(vertices, counts.astype(np.int64), corners.astype(np.int32))
 
@@ -137,8 +137,8 @@ def reversed_corners(counts: Integers, *, keeps_first: bool = False) -> npt.NDAr
     """
     lengths = np.asarray(counts, np.int64)
     sizes, starts = (np.repeat(rows, lengths) for rows in (lengths, np.cumsum(lengths) - lengths))
-    places: npt.NDArray[np.int64] = starts - np.arange(len(starts)) - (not keeps_first)
-    return starts + places % sizes
+    offsets: npt.NDArray[np.int64] = starts - np.arange(len(starts)) - (not keeps_first)
+    return starts + offsets % sizes
 
 
 def triangulated(mesh: PolygonMesh, notes: Notes) -> Faces:
@@ -154,8 +154,8 @@ def triangulated(mesh: PolygonMesh, notes: Notes) -> Faces:
 
 def describe_triangles(counts: Integers) -> str:
     """Return a sentence on polygons that are triangulated; empty if all faces are triangles."""
-    n_cut = int((counts > 3).sum())
-    if n_cut == 0:
+    n_polygons = int((counts > 3).sum())
+    if n_polygons == 0:
         return ""
     kind = "quad" if counts.max() == 4 else "polygon"
-    return f"triangulated {counted(n_cut, kind)}, the same way in every frame"
+    return f"triangulated {counted(n_polygons, kind)}, the same way in every frame"

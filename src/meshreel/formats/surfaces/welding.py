@@ -33,9 +33,9 @@ class SplitMesh:
         bits = np.ascontiguousarray(rows).view(f"u{rows.itemsize}")
         if (bits[self.first[self.vertex_of]] == bits).all():
             return Attribute(name, kind, Domain.VERTEX, rows[self.first])
-        row_of, distinct = weld_rows([rows])
+        row_of, representatives = weld_rows([rows])
         indices = row_of[self.corners].astype(np.int32)
-        return Attribute(name, kind, Domain.CORNER, rows[distinct], indices)
+        return Attribute(name, kind, Domain.CORNER, rows[representatives], indices)
 
 
 class RowGroups:
@@ -89,13 +89,13 @@ def _split(labels: Numbers, bits: npt.NDArray[np.unsignedinteger]) -> tuple[Numb
     order = np.lexsort((*bits.T, labels))
     labels, bits = labels[order], bits[order]
     differs = (labels[1:] != labels[:-1]) | (bits[1:] != bits[:-1]).any(axis=1)
-    new = np.concatenate([[True], differs])
-    firsts = order[new]  # lexsort is stable: the lowest row of each group comes first
-    ranks = np.empty(len(firsts), np.int64)
-    ranks[np.argsort(firsts)] = np.arange(len(firsts))
-    split = np.empty(len(labels), np.int64)
-    split[order] = ranks[np.cumsum(new) - 1]
-    return split, np.sort(firsts)
+    is_first = np.concatenate([[True], differs])
+    first_rows = order[is_first]  # lexsort is stable: the lowest row of each group comes first
+    ranks = np.empty(len(first_rows), np.int64)
+    ranks[np.argsort(first_rows)] = np.arange(len(first_rows))
+    new_labels = np.empty(len(labels), np.int64)
+    new_labels[order] = ranks[np.cumsum(is_first) - 1]
+    return new_labels, np.sort(first_rows)
 
 
 def weld_seams(points: Vertices, triangles: Numbers) -> SplitMesh:

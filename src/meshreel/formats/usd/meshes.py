@@ -134,7 +134,8 @@ class MeshShape:
                 f"{counted(len(counts), 'face')} at "
                 f"time code {code:g}; a triangle mesh needs both"
             )
-        return polygon_mesh(vertices, counts, corners, place=f"mesh {self._path}, face {{}}".format)
+        location = f"mesh {self._path}, face {{}}".format
+        return polygon_mesh(vertices, counts, corners, location=location)
 
     def solid_faces(self, n_faces: int, code: float) -> Mask | None:
         """Return a mask of the faces that are not holes at a time code, or None without holes.
@@ -441,7 +442,7 @@ class StageMesh:
         )
         if quantity is None:
             return None
-        normals = quantity.of_items(code, mesh.n_items[quantity.domain])
+        normals = quantity.item_values(code, mesh.n_items[quantity.domain])
         if normals is not None and quantity.domain is Domain.CORNER:
             normals = normals[order]
         corner_normals = normals_of_corners(whole, quantity.domain, normals)

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.shared_data import SharedData, sharing_materials
+from meshreel.formats.frames.shared_data import SharedData, share_materials
 from meshreel.formats.scenes.parts import PartMesh, split_parts, unique_name
 from meshreel.formats.scenes.transforms import Rounding
 from meshreel.formats.surfaces.images import image_names
@@ -92,9 +92,9 @@ def write_stage(path: Path, stream: SegmentedStream, write_binary: Callable[...,
         If USD cannot write the file.
     """
     is_package = path.suffix.lower() == ".usdz"
-    stream, shared = sharing_materials(stream)
+    stream, shared = share_materials(stream)
     shared.note_others(path.suffix.lower(), stream.notes)
-    stream = stream.changed(shared.only)
+    stream = stream.map_segments(shared.restrict)
     with (
         # A failure to remove temporary files is harmless.
         tempfile.TemporaryDirectory(dir=path.parent, ignore_cleanup_errors=True) as folder,

@@ -110,7 +110,7 @@ def write_vat(
 
     stream.progress("textures", 0.0)
     # Without a budget, the resolution of float32 for a single point.
-    bound = budget.added or float(np.spacing(np.abs(motion.rest).max()))
+    bound = budget.max_added or float(np.spacing(np.abs(motion.rest).max()))
     remap = Remap.of(motion.offset_box())
     texel_type, image, errors = _smallest_texture(motion, remap, grid, types, bound)
     angle_deg = _write_normals(image, motion, grid, texel_type) if has_normals else None
@@ -168,7 +168,7 @@ def _motion(
     if n_isolated := sequence.n_verts - len(mesh.used_verts):
         notes.unwritten(f"left out {counted(n_isolated, 'vertex')} that no face uses")
         frames = frames[:, mesh.used_verts]
-    placement = placement_for(frames, budget.added or np.inf)
+    placement = placement_for(frames, budget.max_added or np.inf)
     if placement is not IDENTITY:
         origin = " ".join(f"{coordinate:g}" for coordinate in placement.offset)
         notes.changed(

@@ -167,7 +167,7 @@ class _FileSteps:
         step = _read_step(path, time)
         previous_step = None if previous is None else self._cached.get(previous)
         if previous_step is not None:
-            step = step.sharing(previous_step)
+            step = step.share_data(previous_step)
         self._last = path, step
         self._cache(path, time, step, previous_step)
         return step

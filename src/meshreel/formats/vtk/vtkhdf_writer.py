@@ -165,7 +165,7 @@ class _DataArrays:
 
     def add(self, segment: FrameStream, output: HdfOutput) -> None:
         """Write the data of a segment."""
-        own = self._shared.only(segment)
+        own = self._shared.restrict(segment)
         for array in output_arrays(own.surface, own.tracks, ".vtkhdf", segment.notes):
             if array.values is None:
                 track = own.tracks[array.track]
