@@ -280,13 +280,13 @@ def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document)
     if path == VISIBLE and interpolation != STEP:
         raise sampler.error("interpolation", "STEP, as visibility is not a number")
     width = PATHS[path][1] or document.mesh(node.item("mesh", "meshes")).n_targets
-    n_each = 3 if interpolation == CUBICSPLINE else 1
-    if values.size != len(keys_s) * n_each * width:
+    n_per_key = 3 if interpolation == CUBICSPLINE else 1
+    if values.size != len(keys_s) * n_per_key * width:
         raise FormatError(
             f"{sampler.place}: has {values.size} numbers for {len(keys_s)} keys; "
-            f"expected {len(keys_s) * n_each * width}"
+            f"expected {len(keys_s) * n_per_key * width}"
         )
-    rows, is_rotation = values.reshape(len(keys_s), n_each, width), path == "rotation"
+    rows, is_rotation = values.reshape(len(keys_s), n_per_key, width), path == "rotation"
     if interpolation == CUBICSPLINE:
         return Curve(keys_s, rows[:, 1], interpolation, (rows[:, 0], rows[:, 2]), is_rotation)
     return Curve(keys_s, rows[:, 0], interpolation, None, is_rotation)
@@ -346,10 +346,10 @@ def sample_times(keys_s: Floats, fps: float, *, is_curved: bool, notes: Notes) -
         return Sampling(keys_s, keys_s, 0.0)
     fps = fps or _choose_rate(keys_s, is_curved, notes)
     n_frames = _count_frames(end - start, fps, _rounding(keys_s), notes)
-    first, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
-    if abs(first - round(first)) <= tolerance:
-        first = round(first)
-    times: Floats = (first + np.arange(n_frames, dtype=np.float64)) / fps
+    first_frame, tolerance = start * fps, min(max(TOLERANCE, _rounding(keys_s) * fps), 0.1)
+    if abs(first_frame - round(first_frame)) <= tolerance:
+        first_frame = round(first_frame)
+    times: Floats = (first_frame + np.arange(n_frames, dtype=np.float64)) / fps
     curve_times = _snap_to_keys(times, keys_s, tolerance / fps)
     curve_times[-1] = end
     return Sampling(times, curve_times, fps)

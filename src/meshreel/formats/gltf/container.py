@@ -36,7 +36,7 @@ ALIGNMENT = 4
 QUANTIZATION = "KHR_mesh_quantization"
 TINY = np.float32(1e-30)
 EXTENSION_BYTES = 200
-"""Bytes of JSON that a compressed buffer view adds, about."""
+"""Approximate bytes of JSON that a compressed buffer view adds."""
 
 
 def split_container(data: bytes) -> tuple[Any, memoryview | None]:
@@ -136,14 +136,14 @@ class BufferWriter:
         self._is_compressed = is_compressed
 
     @property
-    def required(self) -> list[str]:
+    def required_extensions(self) -> list[str]:
         """The extensions that readers of the buffer need."""
         return [MESHOPT] if self.decompressed_bytes else []
 
     def buffers(self, **properties: Any) -> list[Json]:
         """Return the JSON of the buffer, and of the one that readers decompress it to."""
         buffers: list[Json] = [{"byteLength": self.size_bytes, **properties}]
-        for name in self.required:
+        for name in self.required_extensions:
             extensions = {name: {"fallback": True}}
             buffers.append({"byteLength": self.decompressed_bytes, "extensions": extensions})
         return buffers
@@ -173,12 +173,12 @@ class BufferWriter:
                     ]
         n_verts, width = arrays[0].shape
         dtype = arrays[0].dtype
-        row = width * dtype.itemsize
-        stride = -(-row // ALIGNMENT) * ALIGNMENT
+        row_bytes = width * dtype.itemsize
+        stride = -(-row_bytes // ALIGNMENT) * ALIGNMENT
         padded = np.zeros((len(arrays), n_verts, stride), np.uint8)
         for target, array in zip(padded, arrays, strict=True):
-            exact = np.ascontiguousarray(array, dtype.newbyteorder("<"))
-            target[:, :row] = exact.view(np.uint8).reshape(n_verts, row)
+            encoded = np.ascontiguousarray(array, dtype.newbyteorder("<"))
+            target[:, :row_bytes] = encoded.view(np.uint8).reshape(n_verts, row_bytes)
         rows = padded.reshape(-1, stride)
         elements = rows.view(dtype.newbyteorder("<"))
         view = self._add_elements(elements, "ATTRIBUTES", byteStride=stride, target=ARRAY_BUFFER)
@@ -225,18 +225,18 @@ class BufferWriter:
     def add_curves(
         self,
         curves: Sequence[npt.NDArray[Any]],
-        filtered: tuple[npt.NDArray[Any], str] | None = None,
+        filter_input: tuple[npt.NDArray[Any], str] | None = None,
     ) -> list[int]:
         """Append values of several animations, of shape (N, C), and return their accessors.
 
         Parameters
         ----------
-        filtered : tuple of array and str, optional
-            What a filter of this name decodes to the values, for compression.
+        filter_input : tuple of array and str, optional
+            Array that a filter decodes to the values, and its name, for compression.
         """
         values = np.concatenate(curves)
         values = values.astype(values.dtype.newbyteorder("<"))
-        view = self._add_elements(values, filtered=filtered)
+        view = self._add_elements(values, filter_input=filter_input)
         accessors, start = [], 0
         for curve in curves:
             properties: Json = {"byteOffset": start} if start else {}
@@ -258,15 +258,15 @@ class BufferWriter:
         self,
         elements: npt.NDArray[Any],
         mode: str = "ATTRIBUTES",
-        filtered: tuple[npt.NDArray[Any], str] | None = None,
+        filter_input: tuple[npt.NDArray[Any], str] | None = None,
         **properties: Any,
     ) -> int:
         """Append rows, compressed if that is shorter, and return the index of their view."""
         if not self._is_compressed:
             return self.add_view(elements.tobytes(), **properties)
-        source, filter_kind = filtered or (elements, "NONE")
+        source, filter_kind = filter_input or (elements, "NONE")
         data, kind = encode_view(source, mode)
-        if filtered:
+        if filter_input:
             kind = filter_kind
         if len(data) + EXTENSION_BYTES > elements.nbytes:
             return self.add_view(elements.tobytes(), **properties)
@@ -347,13 +347,13 @@ class NodeTree:
         """
         path = path_of(name)
         parent = self._parent(path)
-        above = self._placements[parent] if parent is not None else IDENTITY
+        parent_placement = self._placements[parent] if parent is not None else IDENTITY
         node: Json = {"name": path[-1], "mesh": mesh}
-        shift = (placement.offset - above.offset) / above.scale
+        shift = (placement.offset - parent_placement.offset) / parent_placement.scale
         if shift.any():
             node["translation"] = shift.tolist()
-        if placement.scale != above.scale:
-            node["scale"] = [placement.scale / above.scale] * 3
+        if placement.scale != parent_placement.scale:
+            node["scale"] = [placement.scale / parent_placement.scale] * 3
         return self._append(path, node, placement, parent)
 
     def group(self, name: str) -> int:

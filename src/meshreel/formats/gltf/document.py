@@ -153,7 +153,7 @@ class JsonObject:
 
     def vectors(self, **defaults: Sequence[float]) -> dict[str, npt.NDArray[np.float64]]:
         """Return lists of finite numbers by key, with the lengths of their defaults."""
-        return {key: self.numbers(key, len(each), each) for key, each in defaults.items()}
+        return {key: self.numbers(key, len(default), default) for key, default in defaults.items()}
 
     def number(self, key: str, default: float) -> float:
         """Return a finite number; the default if the key is missing."""
@@ -340,7 +340,7 @@ class Document:
         unnamed_root = JsonObject(parsed, "", self.lists)
         self.lists.update((kind, unnamed_root.children(kind, name)) for kind, name in LISTS.items())
         self._path, self._options = path, options or ReadOptions()
-        self._available, self._reserved = len(data), 0
+        self._available_bytes, self._reserved_bytes = len(data), 0
         self._buffers: dict[str, memoryview] = {}
         self._decompressed: dict[str, memoryview] = {}
         self._meshes: dict[JsonObject, Mesh] = {}
@@ -356,7 +356,7 @@ class Document:
                 if "POSITION" in attributes and (mode is None or mode >= TRIANGLES):
                     mode = TRIANGLES if mode is None else mode
                     triangles.append(Primitive(primitive, attributes, mode))
-            names = frozenset().union(*[each.attributes.values for each in triangles])
+            names = frozenset().union(*[primitive.attributes.values for primitive in triangles])
             self._meshes[json] = Mesh(json, len(primitives), tuple(triangles), names)
         return self._meshes[json]
 
@@ -409,14 +409,14 @@ class Document:
         self,
         parent: JsonObject,
         kinds: Mapping[str, tuple[str, ...]],
-        decoded: Mapping[str, Values],
+        decoded_values: Mapping[str, Values],
         *,
         count: int,
     ) -> dict[str, Values]:
         """Return the values of the accessors with these keys and types, unless they are decoded."""
         return {
-            key: decoded[key]
-            if key in decoded
+            key: decoded_values[key]
+            if key in decoded_values
             else self.read(parent, key, *kinds[key], count=count)
             for key in parent.values
             if key in kinds
@@ -444,7 +444,7 @@ class Document:
         stride = view.integer("byteStride", 0)
         compressed = next(filter(None, map(view.extension, READ_EXTENSIONS)), None)
         if compressed is None:
-            return self._stored(view), stride
+            return self._buffer_bytes(view), stride
         if view.place not in self._decompressed:
             size = view.integer("byteLength")
             if compressed.integer("count") * compressed.integer("byteStride") != size:
@@ -452,7 +452,7 @@ class Document:
                     f"{compressed.place}: its 'count' times its 'byteStride' must be the {size} "
                     f"bytes of {view.place}"
                 )
-            data = bytes(self._stored(compressed))
+            data = bytes(self._buffer_bytes(compressed))
             self.reserve(size, compressed.place)
             count, stride_bytes = compressed.integer("count"), compressed.integer("byteStride")
             mode, kind = compressed.text("mode"), compressed.text("filter", "NONE")
@@ -467,8 +467,8 @@ class Document:
 
     def reserve(self, size_bytes: int, place: str) -> None:
         """Count bytes before they are allocated, and reject far more than the file has."""
-        self._reserved += size_bytes
-        if self._reserved > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * self._available):
+        self._reserved_bytes += size_bytes
+        if self._reserved_bytes > max(MIN_EXPANDED_BYTES, MAX_EXPANSION * self._available_bytes):
             raise FormatError(
                 f"{place}: the arrays of the file would need more than {MAX_EXPANSION} times its "
                 f"size, and more than {MIN_EXPANDED_BYTES >> 30} GiB"
@@ -514,7 +514,7 @@ class Document:
         with os_errors_naming(path), path.open("rb") as file:
             return file.read() if size is None else file.read(size), "", path.name
 
-    def _stored(self, parent: JsonObject) -> memoryview:
+    def _buffer_bytes(self, parent: JsonObject) -> memoryview:
         """Return the bytes in a buffer to which a view or its compression extension refers."""
         buffer = parent.item("buffer", "buffers")
         start, length = parent.integer("byteOffset", 0), parent.integer("byteLength")
@@ -526,7 +526,7 @@ class Document:
             )
         if buffer.place not in self._buffers:
             self._buffers[buffer.place] = data = self._read_buffer(buffer, size)
-            self._available += len(data)
+            self._available_bytes += len(data)
         return self._buffers[buffer.place][start : start + length]
 
     def _read_buffer(self, buffer: JsonObject, size: int) -> memoryview:

@@ -1,4 +1,4 @@
-"""Meshes of a glTF file: primitives are read, welded at seams, and posed by targets and joints."""
+"""Reading meshes of a glTF file: primitives, joined and welded at seams, and joint influences."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -138,9 +138,9 @@ def read_geometry(mesh: Mesh, document: Document, labels: Sequence[str], notes: 
         _join_displacements(blocks, number) for number in range(len(blocks[0].displacements))
     ]
     influences = _read_influences(blocks, mesh.json.place) if "JOINTS_0" in mesh.names else None
-    bound = [] if influences is None else [influences.joints, influences.weights]
-    moved = [positions, *(field for field in displacements if field is not None)]
-    vertex_of, first = weld_rows([*(rows + 0 for rows in moved), *bound])
+    influence_arrays = [] if influences is None else [influences.joints, influences.weights]
+    fields = [positions, *(field for field in displacements if field is not None)]
+    vertex_of, first = weld_rows([*(rows + 0 for rows in fields), *influence_arrays])
     split = SplitMesh(vertex_of, first, triangles.ravel())
     attributes = tuple(_read_attributes(blocks, split, mesh.json.place, notes))
     faces = vertex_of[triangles].astype(np.int32)
@@ -175,10 +175,10 @@ def _read_primitives(
         if key not in blocks:
             values = document.read_named(primitive.attributes, kinds, decoded, count=count)
             positions = values.pop("POSITION").floats()
-            moved = document.read_each(
+            displacements = document.read_each(
                 primitive.targets[:n_targets], "POSITION", "VEC3", count=count
             )
-            blocks[key] = n_verts, Block(positions, values, moved)
+            blocks[key] = n_verts, Block(positions, values, displacements)
             n_verts += count
         if "indices" in decoded:
             corners = decoded["indices"].array[:, 0]
@@ -187,7 +187,7 @@ def _read_primitives(
         else:
             corners = np.arange(count)
         mode, material = TRIANGLES if decoded else primitive.mode, primitive.material
-        triangles.append(blocks[key][0] + _checked_triangles(corners, mode, count, json.place))
+        triangles.append(blocks[key][0] + _valid_triangles(corners, mode, count, json.place))
         materials.append(
             np.full(len(triangles[-1]), -1 if material is None else material, np.int32)
         )
@@ -195,7 +195,7 @@ def _read_primitives(
     return vertices, np.concatenate(triangles), np.concatenate(materials)
 
 
-def _checked_triangles(
+def _valid_triangles(
     corners: npt.NDArray[Any], mode: int, n_verts: int, place: str
 ) -> npt.NDArray[np.int64]:
     """Return the triangles of corners as indices below the number of vertices, of shape (M, 3)."""
@@ -253,13 +253,13 @@ def _read_influences(blocks: Sequence[Block], place: str) -> Influences | None:
         rows = slice(start, start := start + len(block.positions))
         for number in range(count):
             columns = slice(4 * number, 4 * number + 4)
-            own_joints = block.values[f"JOINTS_{number}"].array
-            if own_joints.dtype.kind != "u":
+            set_joints = block.values[f"JOINTS_{number}"].array
+            if set_joints.dtype.kind != "u":
                 raise FormatError(f"JOINTS_{number} must be unsigned integers")
-            joints[rows, columns] = own_joints
-            own_weights = block.values[f"WEIGHTS_{number}"].floats()
-            is_missing = np.isnan(own_weights).all(axis=1, keepdims=True)
-            weights[rows, columns] = np.where(is_missing, 0.0, own_weights)
+            joints[rows, columns] = set_joints
+            set_weights = block.values[f"WEIGHTS_{number}"].floats()
+            is_missing = np.isnan(set_weights).all(axis=1, keepdims=True)
+            weights[rows, columns] = np.where(is_missing, 0.0, set_weights)
     if not (np.isfinite(weights).all() and (weights >= 0).all()):
         raise FormatError(f"{place}: joint weights must be finite and at least 0")
     weights[weights.max(axis=1) == 0, 0] = 1.0
@@ -299,12 +299,12 @@ def _material_groups(
 ) -> tuple[FaceGroups, ...]:
     """Return the materials in use, in file order; unnamed ones form no group."""
     indices = np.unique(materials)
-    used = np.array([index for index in indices if index >= 0 and labels[index]], np.int64)
-    if len(used) == 0:
+    labeled = np.array([index for index in indices if index >= 0 and labels[index]], np.int64)
+    if len(labeled) == 0:
         return ()
     numbers = np.full(len(labels) + 1, -1, np.int32)  # the last is for faces without a material
-    numbers[used] = np.arange(len(used))
-    return (FaceGroups("material", tuple(labels[index] for index in used), numbers[materials]),)
+    numbers[labeled] = np.arange(len(labeled))
+    return (FaceGroups("material", tuple(labels[index] for index in labeled), numbers[materials]),)
 
 
 def _read_attributes(
@@ -334,36 +334,36 @@ Joined = tuple[npt.NDArray[Any] | None, str]
 """Concatenated values of all blocks, and a note on them."""
 
 
-def _join_uvs(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    filled = [
+def _join_uvs(block_values: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    uvs = [
         np.zeros((len(block.positions), 2)) if values is None else values.floats()
-        for values, block in zip(of_blocks, blocks, strict=True)
+        for values, block in zip(block_values, blocks, strict=True)
     ]
     # In glTF, v points down. Adding zero turns -0.0 into 0.0, for bitwise comparisons.
-    flipped = [np.stack([uv[:, 0] + 0.0, 1 - uv[:, 1]], axis=1) for uv in filled]
-    note = "is 0 1 on primitives without it" if None in of_blocks else ""
+    flipped = [np.stack([uv[:, 0] + 0.0, 1 - uv[:, 1]], axis=1) for uv in uvs]
+    note = "is 0 1 on primitives without it" if None in block_values else ""
     return np.concatenate(flipped).astype(np.float32), note
 
 
-def _join_colors(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    arrays = [values.array for values in of_blocks if values is not None]
+def _join_colors(block_values: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    arrays = [values.array for values in block_values if values is not None]
     width = max(array.shape[1] for array in arrays)
     are_bytes = all(array.dtype == np.uint8 for array in arrays)
     white, dtype = (255, np.uint8) if are_bytes else (1, np.float32)
     rows = [np.full((len(block.positions), width), white, dtype) for block in blocks]
-    for values, filled in zip(of_blocks, rows, strict=True):
+    for values, filled in zip(block_values, rows, strict=True):
         if values is not None:
             colors = Values(values.array, is_normalized=True).floats() + 0.0
             filled[:, : colors.shape[1]] = values.array if are_bytes else colors
-    return np.concatenate(rows), "is white on primitives without it" if None in of_blocks else ""
+    return np.concatenate(rows), "is white on primitives without it" if None in block_values else ""
 
 
-def _join_custom(of_blocks: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
-    present = [values for values in of_blocks if values is not None]
-    types = {(each.array.dtype, each.array.shape[1], each.is_normalized) for each in present}
+def _join_custom(block_values: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
+    present = [values for values in block_values if values is not None]
+    types = {(item.array.dtype, item.array.shape[1], item.is_normalized) for item in present}
     if len(types) > 1 or len(present) < len(blocks):
         return None, "is left out, since not all primitives have it with the same type"
-    rows = np.concatenate([each.floats() if each.is_normalized else each.array for each in present])
+    rows = np.concatenate([item.floats() if item.is_normalized else item.array for item in present])
     if rows.dtype == np.uint8:
         return rows, ""
     if rows.dtype.kind == "f":
@@ -392,7 +392,7 @@ def _decode_draco(
     library = LIBRARY.load()
     try:
         mesh = library.decode(data)
-        arrays = {each["unique_id"]: np.asarray(each["data"]) for each in mesh.attributes}
+        arrays = {item["unique_id"]: np.asarray(item["data"]) for item in mesh.attributes}
         decoded = {"indices": Values(np.asarray(mesh.faces).reshape(-1, 1))}
     except Exception as error:  # DracoPy raises TypeError, ValueError and its own types
         raise FormatError(f"{compressed.place}: Draco cannot decode it ({error})") from None

@@ -113,12 +113,12 @@ class MaterialReader:
     def look(self, numbers: Iterable[int]) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
         """Return the materials of these indices that have labels, and the images they use."""
         materials = {number: self._read(number) for number in numbers}
-        named = [
+        labeled = [
             replace(material, name=self.labels[number])
             for number, material in materials.items()
             if material is not None and self.labels[number]
         ]
-        return select_materials([material.name for material in named], named, self._images)
+        return select_materials([material.name for material in labeled], labeled, self._images)
 
     def _read_material(self, number: int) -> Material | None:
         """Return a material without its name, or None if a value is invalid."""
@@ -155,7 +155,7 @@ class MaterialReader:
         number = transform.integer("texCoord", info.integer("texCoord", 0))
         offset_u, offset_v = transform.numbers("offset", 2, (0, 0)).tolist()
         scale_u, scale_v = transform.numbers("scale", 2, (1, 1)).tolist()
-        read = Texture(
+        base = Texture(
             image,
             set_label(Kind.UV, min(number, 999)),
             channels,
@@ -163,7 +163,7 @@ class MaterialReader:
             rotation=transform.number("rotation", 0.0),
             scale=(scale_u, scale_v),
         )
-        return read if sampler is None else _with_sampler(read, self._lists["samplers"][sampler])
+        return base if sampler is None else _with_sampler(base, self._lists["samplers"][sampler])
 
     def _read_image(self, number: int) -> int | None:
         """Return the index of an image among those read so far, after reading it if necessary."""
@@ -179,15 +179,15 @@ class MaterialReader:
         return self._image_indices[source]
 
     def _decode_image(self, image: JsonObject) -> Image:
-        name, declared = image.text("name", ""), image.text("mimeType", "")
+        name, declared_type = image.text("name", ""), image.text("mimeType", "")
         if image.index("bufferView", "bufferViews") is not None:
             view, _ = self._document.view(image)
             self._document.reserve(len(view), image.place)
-            return Image(name, declared or image_type(bytes(view)), bytes(view))
+            return Image(name, declared_type or image_type(bytes(view)), bytes(view))
         data, mime_type, file_name = self._document.read_uri(image)
-        detected = image_type(data, file_name)
-        mime_type = mime_type if mime_type and detected == UNKNOWN else detected
-        return Image(name or PurePosixPath(file_name).stem, declared or mime_type, data)
+        detected_type = image_type(data, file_name)
+        mime_type = mime_type if mime_type and detected_type == UNKNOWN else detected_type
+        return Image(name or PurePosixPath(file_name).stem, declared_type or mime_type, data)
 
 
 def note_extensions(document: Document, meshes: Sequence[Mesh], notes: Notes) -> None:
@@ -211,8 +211,8 @@ def note_extensions(document: Document, meshes: Sequence[Mesh], notes: Notes) ->
             if name not in IMAGE_EXTENSIONS or "source" in texture:
                 users.setdefault(name, []).append(texture.place)
     if users:
-        described = listed(f"{name} ({listed(users[name], 3)})" for name in sorted(users))
-        notes.left_out(f"extensions of materials: {described}")
+        descriptions = listed(f"{name} ({listed(users[name], 3)})" for name in sorted(users))
+        notes.left_out(f"extensions of materials: {descriptions}")
 
 
 def _extensions(json: JsonObject) -> set[str]:
@@ -315,7 +315,7 @@ class Materials:
     ----------
     lists : dict of lists of dict
         The lists of the JSON.
-    used, required : set of str
+    used_extensions, required_extensions : set of str
         Names of extensions; required ones count as used.
     """
 
@@ -326,8 +326,8 @@ class Materials:
             "samplers": [],
             "images": [],
         }
-        self.used: set[str] = set()
-        self.required: set[str] = set()
+        self.used_extensions: set[str] = set()
+        self.required_extensions: set[str] = set()
         self._surface, self._buffer, self._notes = surface, buffer, notes
         self._looks = {material.name: material for material in surface.materials}
         self._indices: dict[str | None, int] = {}
@@ -368,7 +368,7 @@ class Materials:
         if look.alpha_mode is AlphaMode.MASK:
             material |= omit_defaults(0.5, alphaCutoff=look.alpha_cutoff)
         if look.unlit:
-            self.used.add(UNLIT)
+            self.used_extensions.add(UNLIT)
             material.setdefault("extensions", {})[UNLIT] = {}
         return material | omit_defaults(False, doubleSided=look.double_sided)
 
@@ -415,7 +415,7 @@ class Materials:
         scaled = [component / strength for component in look.emissive]
         emissive = omit_defaults([0.0] * 3, emissiveFactor=self._clip("emissive", scaled, look))
         if strength > 1:
-            self.used.add(STRENGTH)
+            self.used_extensions.add(STRENGTH)
             emissive["extensions"] = {STRENGTH: {"emissiveStrength": strength}}
         return emissive
 
@@ -443,7 +443,7 @@ class Materials:
             return None
         texture_json: Json = {"source": self._image(texture.image)}
         if extension := EXTENSION_OF.get(image.mime_type):
-            self.required.add(extension)
+            self.required_extensions.add(extension)
             texture_json = {"extensions": {extension: texture_json}}
         if sampler := self._sampler(texture, label):
             texture_json["sampler"] = self._item("samplers", sampler)
@@ -451,7 +451,7 @@ class Materials:
         if number := self._uv_indices[texture.uv]:
             texture_info["texCoord"] = number
         if texture.is_placed:
-            self.used.add(TRANSFORM)
+            self.used_extensions.add(TRANSFORM)
             transform = omit_defaults([0.0, 0.0], offset=list(texture.offset))
             transform |= omit_defaults(0.0, rotation=texture.rotation)
             transform |= omit_defaults([1.0, 1.0], scale=list(texture.scale))
@@ -461,9 +461,9 @@ class Materials:
     def _image(self, source: int) -> int:
         if source not in self._image_indices:
             image, images = self._surface.images[source], self.lists["images"]
-            named = {"name": image.name} if image.name else {}
+            name_entry = {"name": image.name} if image.name else {}
             view = self._buffer.add_view(image.data)
-            images.append({**named, "mimeType": image.mime_type, "bufferView": view})
+            images.append({**name_entry, "mimeType": image.mime_type, "bufferView": view})
             self._image_indices[source] = len(images) - 1
         return self._image_indices[source]
 
@@ -487,10 +487,10 @@ class Materials:
             items.append(item)
         return items.index(item)
 
-    def _clip(self, what: str, values: Sequence[float], look: Material) -> list[float]:
+    def _clip(self, noun: str, values: Sequence[float], look: Material) -> list[float]:
         clipped = [min(1.0, max(0.0, value)) for value in values]
         if clipped != list(values):
-            self._notes.changed(look.name, f"{what} of material {look.name!r} is clipped to 0..1")
+            self._notes.changed(look.name, f"{noun} of material {look.name!r} is clipped to 0..1")
         return clipped
 
 

@@ -130,10 +130,10 @@ def _fit_both(
 ) -> tuple[Morphs, NormalTargets]:
     """Return morphs of positions and normals, with the larger share of the bound that works."""
     length_error = LENGTH_ERROR if options.normals is None else 0.0
-    split = frames[:, shading.vertices]
+    shading_frames = frames[:, shading.vertices]
     for share in POSITION_SHARES:
         morphs = fit_morphs(displacements, share * bound, is_compressed=options.compression)
-        fitted = fit_normals(split, shading.faces, displacements, morphs, length_error)
+        fitted = fit_normals(shading_frames, shading.faces, displacements, morphs, length_error)
         if fitted[0].error <= bound:
             break
     return fitted
@@ -165,9 +165,9 @@ class SplitVertices:
     """dict of str to array of shape (N, C). By glTF attribute name."""
     primitives: tuple[Primitive, ...]
 
-    def with_indices(self, of_vertices: Integers, of_rows: Integers) -> "SplitVertices":
+    def with_indices(self, vertex_indices: Integers, row_indices: Integers) -> "SplitVertices":
         """Return the same mesh with new indices of original vertices and normal rows."""
-        return replace(self, sources=of_vertices[self.sources], rows=of_rows[self.rows])
+        return replace(self, sources=vertex_indices[self.sources], rows=row_indices[self.rows])
 
     def along_edges(self) -> "SplitVertices":
         """Return the same mesh with triangles next to their neighbors, and vertices by first use.
@@ -177,10 +177,10 @@ class SplitVertices:
         verts, primitives = np.empty_like(self.sources), []
         for primitive in self.primitives:
             sources = self.sources[primitive.verts]
-            walked = primitive.triangles[depth_first_order(sources[primitive.triangles])]
-            by_use, numbers = number_by_use(walked)
+            ordered = primitive.triangles[depth_first_order(sources[primitive.triangles])]
+            by_use, numbers = number_by_use(ordered)
             verts[primitive.verts] = primitive.verts.start + by_use
-            primitives.append(replace(primitive, triangles=numbers[walked]))
+            primitives.append(replace(primitive, triangles=numbers[ordered]))
         attributes = {name: values[verts] for name, values in self.attributes.items()}
         return SplitVertices(self.sources[verts], self.rows[verts], attributes, tuple(primitives))
 
@@ -202,21 +202,21 @@ def split_at_seams(
         Domain.CORNER: corner_of.astype(np.int64),
     }
     labels, materials = _materials(part.surface, len(part.counts))
-    named = dict(_named_attributes(part.surface))
+    named_values = dict(_named_attributes(part.surface))
     normal_rows = items[Domain.VERTEX]
     if rows_of_corners is not None:
         normal_rows = np.asarray(rows_of_corners, np.int64)[corner_of]
     keys = [materials[items[Domain.FACE]], items[Domain.VERTEX], normal_rows]
-    for values, domain in named.values():
+    for values, domain in named_values.values():
         if domain is not Domain.VERTEX:
             rows, _ = weld_rows([values + 0])  # + 0 makes -0.0 and 0.0 equal
             keys.append(rows[items[domain]])
-    first, new = _unique(keys)
+    first, corner_vertices = _unique(keys)
     attributes = {
         name: np.ascontiguousarray(values[items[domain][first]])
-        for name, (values, domain) in named.items()
+        for name, (values, domain) in named_values.items()
     }
-    primitives = tuple(_primitives(keys[0][first], new.reshape(-1, 3), labels))
+    primitives = tuple(_primitives(keys[0][first], corner_vertices.reshape(-1, 3), labels))
     return SplitVertices(items[Domain.VERTEX][first], normal_rows[first], attributes, primitives)
 
 
@@ -229,15 +229,15 @@ def describe_losses(surface: Surface, n_triangles: int) -> Iterator[Note]:
     for attribute in surface.attributes:
         if _gltf_values(attribute) is None:
             width, dtype = attribute.values.shape[1], attribute.values.dtype
-            what = f"attribute {attribute.name!r}"
-            text = f"left out {what}: glTF does not support {width} components of {dtype}"
+            label = f"attribute {attribute.name!r}"
+            text = f"left out {label}: glTF does not support {width} components of {dtype}"
             yield Note(NoteKind.UNWRITTEN, text)
     for groups in surface.groups:
         if groups.name != MATERIAL:
             text = f"left out face groups {groups.name!r}: glTF supports only materials"
             yield Note(NoteKind.UNWRITTEN, text)
-    if cut := describe_triangles(surface.sizes(n_triangles)):
-        yield Note(NoteKind.UNWRITTEN, cut)
+    if text := describe_triangles(surface.sizes(n_triangles)):
+        yield Note(NoteKind.UNWRITTEN, text)
 
 
 def _named_attributes(surface: Surface) -> Iterator[tuple[str, tuple[Rows, Domain]]]:
@@ -282,8 +282,8 @@ def _unique(keys: list[Integers]) -> tuple[Integers, Integers]:
     """Return the first position of each distinct combination of keys, sorted, and its index."""
     number = np.zeros(len(keys[0]), np.int64)
     for key in keys:
-        joined = number * (int(key.max()) + 1) + key
-        _, first, number = np.unique(joined, return_index=True, return_inverse=True)
+        combined_keys = number * (int(key.max()) + 1) + key
+        _, first, number = np.unique(combined_keys, return_index=True, return_inverse=True)
     return first, number
 
 
@@ -291,11 +291,11 @@ def _primitives(
     materials: Integers, triangles: Integers, labels: tuple[str | None, ...]
 ) -> Iterator[Primitive]:
     """Yield the triangles of each material, whose vertices are contiguous."""
-    of_triangle = materials[triangles[:, 0]]
+    triangle_materials = materials[triangles[:, 0]]
     for number in np.unique(materials):
         low, high = np.searchsorted(materials, [number, number + 1])
-        own = triangles[of_triangle == number] - low
-        yield Primitive(labels[number], slice(int(low), int(high)), own)
+        material_triangles = triangles[triangle_materials == number] - low
+        yield Primitive(labels[number], slice(int(low), int(high)), material_triangles)
 
 
 def write_mesh(
@@ -397,10 +397,10 @@ def _add_vertices(
         # All targets must have the same attributes, so those without normals share zeros.
         zeros = np.zeros((1, *normals.base.shape), np.int8)
         arrays = [field[split.rows] for field in np.concatenate([normals.targets, zeros])]
-        *displacements, shared = buffer.add_vertices(arrays)
-        of_target = dict(zip(normals.numbers.tolist(), displacements, strict=True))
+        *displacements, zero_field = buffer.add_vertices(arrays)
+        by_target = dict(zip(normals.numbers.tolist(), displacements, strict=True))
         for number, target in enumerate(targets):
-            target["NORMAL"] = of_target.get(number, shared)
+            target["NORMAL"] = by_target.get(number, zero_field)
     return base_values, targets
 
 
@@ -444,10 +444,10 @@ class SceneWriter:
 
     def note_compression(self) -> None:
         """Add a note on the extension that programs need to read the file."""
-        for extension in self.buffer.required:
+        for extension in self.buffer.required_extensions:
             self._notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
 
-    def _split(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
+    def _split_part(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
         """Return the split vertices of a part, its normals, and whether it has hard edges."""
         # Only normals use hard edges.
         hard_edges = None if self._options.normals is False else part.surface.hard_edges
@@ -459,7 +459,7 @@ class SceneWriter:
         self._n_isolated += n_verts - len(np.unique(split.sources))
         return split, shading, hard_edges is not None
 
-    def _times(self, frames: npt.NDArray[np.int64]) -> int:
+    def _times_accessor(self, frames: npt.NDArray[np.int64]) -> int:
         """Return the accessor of the times of frames, stored once."""
         key = frames.tobytes()
         if key not in self._inputs:
@@ -476,7 +476,7 @@ class SceneWriter:
     def assemble(self, materials: Materials) -> Json:
         """Return the JSON of the file, without the buffer; materials note those without use."""
         materials.note_unused()
-        all_required = {*materials.required, *self.buffer.required}
+        all_required = {*materials.required_extensions, *self.buffer.required_extensions}
         if self.buffer.is_quantized:
             all_required.add(QUANTIZATION)
         animation = {
@@ -489,7 +489,7 @@ class SceneWriter:
             "accessors": self.buffer.accessors,
             "bufferViews": self.buffer.views,
             "animations": [animation] if self._samplers else [],
-            "extensionsUsed": sorted(all_required | materials.used),
+            "extensionsUsed": sorted(all_required | materials.used_extensions),
             "extensionsRequired": sorted(all_required),
         }
         return {

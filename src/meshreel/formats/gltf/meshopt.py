@@ -182,8 +182,8 @@ def _deltas(buffer: Bytes, offsets: npt.NDArray[np.int64], width: int) -> Bytes:
     weights = (1 << np.arange(width)[::-1]).astype(np.uint8)
     values: Bytes = (bits.reshape(len(rows), GROUP, width) * weights).sum(axis=2, dtype=np.uint8)
     is_sentinel = values == (1 << width) - 1
-    following = offsets[:, np.newaxis] + 2 * width + np.cumsum(is_sentinel, axis=1) - 1
-    values[is_sentinel] = buffer[following[is_sentinel]]
+    value_offsets = offsets[:, np.newaxis] + 2 * width + np.cumsum(is_sentinel, axis=1) - 1
+    values[is_sentinel] = buffer[value_offsets[is_sentinel]]
     return values
 
 
@@ -197,13 +197,13 @@ def _accumulate(deltas: Bytes, first: Bytes, modes: bytes) -> Bytes:
             raise FormatError(f"has an unknown channel mode {mode}")
         dtype = ("<u1", "<u2", "<u4")[mode & 15]
         steps = np.ascontiguousarray(deltas[:, columns]).view(dtype)
-        before = np.ascontiguousarray(first[columns]).view(dtype)
+        previous = np.ascontiguousarray(first[columns]).view(dtype)
         if mode & 15 == 2:
             # The encoder rotates left.
             rotated = (steps >> np.uint32(rotation)) | (steps << np.uint32((32 - rotation) & 31))
-            values = np.bitwise_xor.accumulate(rotated, axis=0) ^ before
+            values = np.bitwise_xor.accumulate(rotated, axis=0) ^ previous
         else:
-            values = np.add.accumulate(decode_zigzag(steps), axis=0, dtype=steps.dtype) + before
+            values = np.add.accumulate(decode_zigzag(steps), axis=0, dtype=steps.dtype) + previous
         sums[:, columns] = np.ascontiguousarray(values.astype(dtype)).view(np.uint8)
     return sums
 
@@ -218,7 +218,7 @@ def _octahedral(elements: Bytes) -> Bytes:
     x, y = x - np.copysign(below, x), y - np.copysign(below, y)
     vectors = np.stack([x, y, z], axis=1)
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    decoded[:, :3] = _rounded(vectors / np.maximum(lengths, 1e-9) * maximum)
+    decoded[:, :3] = _round(vectors / np.maximum(lengths, 1e-9) * maximum)
     return decoded.view(np.uint8)
 
 
@@ -239,19 +239,19 @@ def _exponential(elements: Bytes) -> Bytes:
 def _color(elements: Bytes) -> Bytes:
     """Decode red, green, blue and alpha from luma, two color differences, and alpha."""
     width = elements.shape[1] // 4
-    plain, signed = (elements.view(f"<{kind}{width}").astype(np.int64) for kind in "ui")
-    luma, alpha = plain[:, 0], plain[:, 3]
+    unsigned, signed = (elements.view(f"<{kind}{width}").astype(np.int64) for kind in "ui")
+    luma, alpha = unsigned[:, 0], unsigned[:, 3]
     orange, green = signed[:, 1], signed[:, 2]
     n_bits = np.frexp(alpha.astype(np.float64))[1]  # bits up to the highest set bit
     scale = np.maximum((1 << n_bits.astype(np.int64)) - 1, 1)
     bits = alpha & (scale >> 1)
     channels = [luma + orange - green, luma + green, luma - orange - green, bits << 1 | (bits & 1)]
     maximum = np.iinfo(f"u{width}").max
-    scaled = _rounded(np.stack(channels, axis=1) * (maximum / scale)[:, np.newaxis])
+    scaled = _round(np.stack(channels, axis=1) * (maximum / scale)[:, np.newaxis])
     return np.clip(scaled, 0, maximum).astype(f"<u{width}").view(np.uint8)
 
 
-def _rounded(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _round(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Return values rounded to integers, halves away from zero."""
     integers: npt.NDArray[np.float64] = np.trunc(values + np.copysign(0.5, values))
     return integers
@@ -277,9 +277,9 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
     n_triangles, tail = count // 3, len(data) - TRIANGLES_TAIL
     if tail < 1 + n_triangles or data[0] != TRIANGLES_HEAD:
         raise FormatError("does not contain the declared triangles of version 1")
-    explicit = _IndexReader(data, 1 + n_triangles, tail)
+    reader = _IndexReader(data, 1 + n_triangles, tail)
     edges = deque([(MISSING, MISSING)] * FIFO_SIZE, FIFO_SIZE)  # the latest first
-    recent = deque([MISSING] * FIFO_SIZE, FIFO_SIZE)
+    recent_vertices = deque([MISSING] * FIFO_SIZE, FIFO_SIZE)
     next_vertex = 0  # the first vertex that no triangle has used
     indices: list[int] = []
     for code in data[1 : 1 + n_triangles]:
@@ -287,33 +287,33 @@ def decode_triangles(data: bytes, count: int) -> npt.NDArray[np.uint32]:
         if high < 15:  # shares edge `high` of the FIFO
             a, b = edges[high]
             if 0 < low < 13:
-                c = recent[low]
+                c = recent_vertices[low]
             else:
                 if low == 0:
                     c, next_vertex = next_vertex, next_vertex + 1
                 else:
-                    c = explicit.next() if low == 15 else explicit.offset_by(-1 if low == 13 else 1)
-                recent.appendleft(c)
+                    c = reader.next() if low == 15 else reader.offset_by(-1 if low == 13 else 1)
+                recent_vertices.appendleft(c)
         else:  # shares no edge
-            choice = explicit.byte() if low >= 14 else data[tail + low]
-            if low >= 14 and choice == 0:
+            corner_kinds = reader.byte() if low >= 14 else data[tail + low]
+            if low >= 14 and corner_kinds == 0:
                 next_vertex = 0
             corners, not_in_fifo = [], []
-            for kind in (15 if low == 15 else 0, choice >> 4, choice & 15):
+            for kind in (15 if low == 15 else 0, corner_kinds >> 4, corner_kinds & 15):
                 if kind == 0:
                     corner, next_vertex = next_vertex, next_vertex + 1
                 else:
-                    corner = explicit.next() if kind == 15 else recent[kind - 1]
+                    corner = reader.next() if kind == 15 else recent_vertices[kind - 1]
                 corners.append(corner)
                 not_in_fifo += [corner] if kind in (0, 15) else []
             a, b, c = corners
             edges.appendleft((b, a))
             for corner in not_in_fifo:
-                recent.appendleft(corner)
+                recent_vertices.appendleft(corner)
         edges.appendleft((c, b))
         edges.appendleft((a, c))
         indices += (a, b, c)
-    explicit.finish()
+    reader.finish()
     if indices and min(indices) < 0:
         raise FormatError("refers to a missing edge or vertex")
     return np.array(indices, np.int64).astype(np.uint32)

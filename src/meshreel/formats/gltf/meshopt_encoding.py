@@ -109,9 +109,9 @@ def _encode_blocks(deltas: Bytes, n_block: int) -> bytes:
     counts = np.minimum(count - n_block * np.arange(n_blocks), n_block)
     counts = np.repeat(counts, stride)[:, np.newaxis]
     modes, data, sizes = _encode_groups(runs.reshape(-1, GROUP))
-    quads = np.zeros((len(runs), -(-n_groups // 4) * 4), np.uint8)
-    quads[:, :n_groups] = modes.reshape(-1, n_groups)
-    heads = quads.reshape(len(runs), -1, 4) @ QUAD_WEIGHTS
+    padded_modes = np.zeros((len(runs), -(-n_groups // 4) * 4), np.uint8)
+    padded_modes[:, :n_groups] = modes.reshape(-1, n_groups)
+    heads = padded_modes.reshape(len(runs), -1, 4) @ QUAD_WEIGHTS
     is_head = np.arange(heads.shape[1]) < -(-counts // (4 * GROUP))
     # Groups after the count are zeros, which take no bytes.
     is_data = np.arange(GROUP) < sizes.reshape(-1, n_groups, 1)
@@ -139,8 +139,8 @@ def _encode_groups(groups: Bytes) -> tuple[Bytes, Bytes, npt.NDArray[np.int64]]:
         cells = np.minimum(rows, sentinel).reshape(len(rows), 2 * width, 8 // width)
         packed = cells @ (1 << np.arange(0, 8, width)[::-1]).astype(np.uint8)
         order = np.argsort(rows < sentinel, axis=1, kind="stable")
-        large = np.take_along_axis(rows, order, axis=1)
-        data[modes == mode] = np.concatenate([packed, large], axis=1)[:, :GROUP]
+        large_values = np.take_along_axis(rows, order, axis=1)
+        data[modes == mode] = np.concatenate([packed, large_values], axis=1)[:, :GROUP]
     return modes, data, costs.min(axis=0)
 
 
@@ -214,12 +214,12 @@ class _TriangleWriter:
         nibbles: list[int] = []
         for corner in corners:
             position = self._recent.position(corner) if nibbles else FIFO_SIZE
-            known = position + 1 if position <= MAX_CORNER else EXPLICIT
-            nibbles.append(NEXT if self._takes_next(corner) else known)
-        new = [pair for pair in zip(corners, nibbles, strict=True) if pair[1] in (NEXT, EXPLICIT)]
+            nibble = position + 1 if position <= MAX_CORNER else EXPLICIT
+            nibbles.append(NEXT if self._takes_next(corner) else nibble)
+        pairs = [pair for pair in zip(corners, nibbles, strict=True) if pair[1] in (NEXT, EXPLICIT)]
         if any(nibbles):
             self.explicit.data.append(nibbles[1] << 4 | nibbles[2])
-        for corner, nibble in new:
+        for corner, nibble in pairs:
             if nibble == EXPLICIT:
                 self.explicit.add(corner)
             self._recent.push(corner)

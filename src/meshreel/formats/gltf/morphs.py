@@ -235,7 +235,7 @@ PATIENCE = 8
 """Failed rounds before the search for a smaller number of targets stops."""
 
 POSITION_SHARE = 0.9
-"""Fraction of the bound at which positions aim."""
+"""Fraction of the bound to which residuals are limited."""
 
 ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 """Mean rounding error of targets, as a fraction of the bound; nearly all are below half. That of
@@ -314,19 +314,19 @@ class _Search:
 
     def __init__(self, displacements: Singles, *, is_compressed: bool) -> None:
         self._displacements, self._is_compressed = displacements, is_compressed
-        self._aims = displacements.copy()
+        self._adjusted = displacements.copy()
         self._excess = np.zeros_like(displacements)
 
     def round(self, n_targets: int, bound: float) -> Morphs:
-        """Return morph targets for the current aims, and update these by the excess error."""
-        _, time_vectors = joint_trajectories(self._aims[None], n_targets)
+        """Return morph targets for the adjusted displacements, to which excess errors are added."""
+        _, time_vectors = joint_trajectories(self._adjusted[None], n_targets)
         max_weights = np.abs(time_vectors).max(axis=0)
-        fields = project(time_vectors.astype(np.float32), self._aims)
+        fields = project(time_vectors.astype(np.float32), self._adjusted)
         share = COMPRESSED_ROUNDING_SHARE if self._is_compressed else ROUNDING_SHARE
         targets = integer_targets(
             fields, max_weights, share * bound, is_compressed=self._is_compressed
         )
-        weights = rounded_weights(best_weights(targets, self._aims), bound)
+        weights = rounded_weights(best_weights(targets, self._adjusted), bound)
         errors = np.empty(len(self._displacements), np.float32)
 
         def update(frames: slice) -> None:
@@ -336,18 +336,18 @@ class _Search:
         return Morphs(targets, weights, errors)
 
     def _update(self, frames: slice, decoded: Singles, bound: float) -> Singles:
-        """Update aims and excess of some frames, and return the largest error of each."""
+        """Update adjustment and excess of some frames, and return the largest error of each."""
         displacements, excess = self._displacements[frames], self._excess[frames]
         residuals = displacements - decoded
         errors: Singles = _lengths(residuals).max(axis=1)
         residuals += excess
         distances = np.maximum(_lengths(residuals), np.finfo(np.float32).tiny)
-        within = _scaled(residuals, np.minimum(1, POSITION_SHARE * bound / distances))
-        residuals -= within
-        beyond = np.maximum(distances - POSITION_SHARE * bound, 1e-30)
-        residuals = _scaled(residuals, np.minimum(1, bound / beyond))
+        limited = _scale(residuals, np.minimum(1, POSITION_SHARE * bound / distances))
+        residuals -= limited
+        excess_lengths = np.maximum(distances - POSITION_SHARE * bound, 1e-30)
+        residuals = _scale(residuals, np.minimum(1, bound / excess_lengths))
         excess[:] = residuals
-        self._aims[frames] = displacements - within + excess
+        self._adjusted[frames] = displacements - limited + excess
         return errors
 
 
@@ -361,7 +361,7 @@ def _lengths(displacements: Singles) -> Singles:
     return np.asarray(np.sqrt(squares, out=squares))
 
 
-def _scaled(displacements: Singles, factors: Singles) -> Singles:
+def _scale(displacements: Singles, factors: Singles) -> Singles:
     """Return displacements times factors of shape (T, V)."""
     by_axes = displacements.reshape(len(displacements), 3, -1)
     return np.asarray(by_axes * factors[:, np.newaxis]).reshape(displacements.shape)
@@ -453,10 +453,10 @@ def fit_normals(
     scaled_fields = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
     weights[:, numbers] *= factors
     weights = rounded_weights(weights, morphs.error)
-    scaled = _scaled_down(morphs.targets, selected, factors[:-1])
-    measured = measure(scaled, weights, displacements)
+    scaled_targets = _scale_down(morphs.targets, selected, factors[:-1])
+    scaled_morphs = measure(scaled_targets, weights, displacements)
     normal_targets = NormalTargets(_as_bytes(base), scaled_fields, numbers)
-    return measured, replace(
+    return scaled_morphs, replace(
         normal_targets, angle_deg=_mean_angle_deg(normal_targets, weights, normals)
     )
 
@@ -469,21 +469,21 @@ def select_normal_targets(
     products = (offsets @ offsets.T).astype(np.float64)
     constant = np.ones((len(weights), 1))
     basis, _ = np.linalg.qr(np.column_stack([constant, weights[:, order].astype(np.float64)]))
-    explained = np.cumsum(np.einsum("tk,tu,uk->k", basis, products, basis, optimize=True))
+    explained_energy = np.cumsum(np.einsum("tk,tu,uk->k", basis, products, basis, optimize=True))
     allowed = length_error**2 * offsets.size / 3
-    n_needed = int(np.count_nonzero(np.trace(products) - explained[:-1] > allowed))
+    n_needed = int(np.count_nonzero(np.trace(products) - explained_energy[:-1] > allowed))
     return np.sort(order[:n_needed] if length_error else order)
 
 
-def _scaled_down(
+def _scale_down(
     targets: IntegerTargets, numbers: npt.NDArray[np.int64], factors: npt.NDArray[np.floating]
 ) -> IntegerTargets:
     """Return targets, some of them scaled down, and an additional one that moves no vertex."""
     levels = np.append(targets.levels, np.float32(BYTE))
     integers = np.concatenate([targets.integers, np.zeros_like(targets.integers[:1])])
-    smaller = numbers[factors > 1]
-    values = targets.values[smaller] * (SHORT / factors[factors > 1])[:, None]
-    integers[smaller], levels[smaller] = np.rint(values), SHORT
+    scaled_numbers = numbers[factors > 1]
+    values = targets.values[scaled_numbers] * (SHORT / factors[factors > 1])[:, None]
+    integers[scaled_numbers], levels[scaled_numbers] = np.rint(values), SHORT
     return IntegerTargets(integers, levels)
 
 
@@ -493,14 +493,14 @@ def _mean_angle_deg(
     normals: npt.NDArray[np.float32],
 ) -> float:
     """Return the mean angle between normals decoded from bytes and the original ones."""
-    added = (normal_targets.targets.astype(np.float32) / BYTE).reshape(
+    displacements = (normal_targets.targets.astype(np.float32) / BYTE).reshape(
         len(normal_targets.targets), -1
     )
     angles = []
-    for own, expected in zip(weights[:, normal_targets.numbers], normals, strict=True):
-        decoded = normal_targets.base.astype(np.float32) / BYTE + (own @ added).reshape(
-            expected.shape
-        )
+    for frame_weights, expected in zip(weights[:, normal_targets.numbers], normals, strict=True):
+        decoded = normal_targets.base.astype(np.float32) / BYTE + (
+            frame_weights @ displacements
+        ).reshape(expected.shape)
         lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
         cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
         angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))

@@ -66,11 +66,11 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if not shown:
         raise no_mesh_error(document, nodes)
     motion, sampling = _select_motion(shown, nodes, document, options)
-    shown = _visible(shown, motion, notes)
+    shown = _visible_meshes(shown, motion, notes)
     _note_left_out(document, shown, notes)
-    defaults = [mesh.mesh.json.text("name", "") for mesh in shown]
-    holders = [mesh.node for mesh in shown]
-    names = unique_names(nodes.paths(dict(zip(holders, defaults, strict=True))))
+    default_names = [mesh.mesh.json.text("name", "") for mesh in shown]
+    mesh_nodes = [mesh.node for mesh in shown]
+    names = unique_names(nodes.paths(dict(zip(mesh_nodes, default_names, strict=True))))
     reader = GeometryReader(document, notes)
     meshes = []
     for name, mesh in zip(names, shown, strict=True):
@@ -88,7 +88,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         if all(_is_of_segment(mesh, nodes) for mesh in shown):
             names = ["/" + name.strip("/").partition("/")[2] for name in names]
             meshes = [replace(mesh, name=name) for mesh, name in zip(meshes, names, strict=True)]
-        return [_join(meshes, *switching, sampling, notes)]
+        return [_join_segments(meshes, *switching, sampling, notes)]
     pairs = zip(names, shown, strict=True)
     if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
         notes.left_out(f"changes of the visibility of {listed(changing)}")
@@ -128,9 +128,9 @@ def _select_motion(
 
 def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int]]:
     """Return, by animated property, the nodes where it moves, shows or hides a mesh."""
-    holders = {mesh.node for mesh in shown}
+    mesh_nodes = {mesh.node for mesh in shown}
     above_carriers = set(nodes.with_ancestors({node for mesh in shown for node in mesh.carriers}))
-    nodes_of_path = {"weights": holders, VISIBLE: set(nodes.with_ancestors(holders))}
+    nodes_of_path = {"weights": mesh_nodes, VISIBLE: set(nodes.with_ancestors(mesh_nodes))}
     return dict.fromkeys(PATHS, above_carriers) | nodes_of_path
 
 
@@ -139,18 +139,18 @@ def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
     return is_moved or (mesh.node, "weights") in motion.curves
 
 
-def _visible(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[ShownMesh]:
+def _visible_meshes(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[ShownMesh]:
     """Return the meshes that are visible at some time; all if none is."""
     nodes = motion.nodes
     unchanging = {node for node in nodes.hidden() if (node, VISIBLE) not in motion.curves}
-    never = nodes.with_below(unchanging)
-    hidden = [mesh.node for mesh in shown if mesh.node in never]
+    hidden_nodes = nodes.with_below(unchanging)
+    hidden = [mesh.node for mesh in shown if mesh.node in hidden_nodes]
     if len(hidden) == len(shown):
         notes.changed("all meshes are hidden (KHR_node_visibility); read as if they were visible")
         return shown
     if hidden:
         notes.left_out(f"hidden meshes: {nodes.labels(hidden)}")
-    return [mesh for mesh in shown if mesh.node not in never]
+    return [mesh for mesh in shown if mesh.node not in hidden_nodes]
 
 
 def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes) -> None:
@@ -164,17 +164,17 @@ def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes)
             notes.left_out(f"points and lines, {primitives}")
         if "TANGENT" in mesh.names:
             notes.left_out("tangents, which programs compute")
-        if own := [name for name in unknown if name in mesh.names]:
-            notes.left_out("attributes that glTF does not define", own)
+        if names_of_mesh := [name for name in unknown if name in mesh.names]:
+            notes.left_out("attributes that glTF does not define", names_of_mesh)
     nodes = document.lists["nodes"]
-    holders = [nodes[mesh.node] for mesh in shown]
-    copied = [node.label() for node in holders if node.extension(INSTANCING) is not None]
-    notes.left_out(f"copies of a mesh ({INSTANCING}), which is read once", copied)
+    mesh_nodes = [nodes[mesh.node] for mesh in shown]
+    instanced = [node.label() for node in mesh_nodes if node.extension(INSTANCING) is not None]
+    notes.left_out(f"copies of a mesh ({INSTANCING}), which is read once", instanced)
     cameras = [node for node in nodes if "camera" in node]
     lights = [node for node in nodes if node.extension(LIGHTS) is not None]
-    for what, users in (("cameras", cameras), ("lights", lights)):
+    for noun, users in (("cameras", cameras), ("lights", lights)):
         if users:
-            notes.left_out(f"{what} ({len(users)})")
+            notes.left_out(f"{noun} ({len(users)})")
     pointers = map(other_pointers, document.lists["animations"])
     notes.left_out("animated properties", chain.from_iterable(pointers))
     note_extensions(document, meshes, notes)
@@ -200,10 +200,10 @@ def shown_meshes(document: Document, nodes: Nodes, notes: Notes) -> list[ShownMe
             f"{scene.place} lists nodes that are not roots: {nodes.labels(inner)}; each is read "
             "once, with the transforms of all its ancestors"
         )
-    covered = nodes.below(roots)
+    below_roots = nodes.below(roots)
     read = cache(lambda number: _read_skin(document.lists["skins"][number], document))
     meshes: list[ShownMesh] = []
-    for node in nodes.subtrees(root for root in roots if root not in covered):
+    for node in nodes.subtrees(root for root in roots if root not in below_roots):
         json = nodes.objects[node]
         number, skin_number = json.index("mesh", "meshes"), json.index("skin", "skins")
         if number is None:
@@ -282,15 +282,15 @@ def find_switching(
     visible = np.ones((len(times_s), len(shown)), np.bool_)
     for column, curves in zip(visible.T, switches, strict=True):
         for curve in curves:
-            column &= (curve.at(times_s) != 0).any(axis=1)
-    filled = np.flatnonzero(visible.any(axis=1))
-    if not len(filled):
+            column &= (curve.values_at(times_s) != 0).any(axis=1)
+    frames = np.flatnonzero(visible.any(axis=1))
+    if not len(frames):
         return None
-    groups = [tuple(np.flatnonzero(row).tolist()) for row in visible[filled[0] : filled[-1] + 1]]
+    groups = [tuple(np.flatnonzero(row).tolist()) for row in visible[frames[0] : frames[-1] + 1]]
     members = list(chain.from_iterable(set(groups)))
     if len(set(groups)) < 2 or () in groups or len(set(members)) < len(members):
         return None
-    return int(filled[0]), groups
+    return int(frames[0]), groups
 
 
 def _switches(showing: Curves, motion: Motion, mesh: ShownMesh) -> list[Curve]:
@@ -302,8 +302,8 @@ def _switches(showing: Curves, motion: Motion, mesh: ShownMesh) -> list[Curve]:
 
 def _steps_from_zero(scale: Curve) -> bool:
     is_zero = scale.values == 0
-    has_only_whole = bool((is_zero.all(axis=1) | ~is_zero.any(axis=1)).all())
-    return scale.interpolation == STEP and has_only_whole and bool(is_zero.any())
+    is_all_or_none = bool((is_zero.all(axis=1) | ~is_zero.any(axis=1)).all())
+    return scale.interpolation == STEP and is_all_or_none and bool(is_zero.any())
 
 
 def _is_of_segment(mesh: ShownMesh, nodes: Nodes) -> bool:
@@ -312,7 +312,7 @@ def _is_of_segment(mesh: ShownMesh, nodes: Nodes) -> bool:
     return any(isinstance(values, dict) and SEGMENT_START in values for values in extras)
 
 
-def _join(
+def _join_segments(
     meshes: Sequence[SceneMesh],
     first: int,
     groups: Sequence[tuple[int, ...]],
@@ -325,17 +325,17 @@ def _join(
         parts = [meshes[number] for number in group]
         segments[group] = parts[0] if len(parts) == 1 else merge_meshes(parts, "", notes)
 
-    def at(index: int) -> tuple[SceneMesh, int]:
+    def locate(index: int) -> tuple[SceneMesh, int]:
         mesh = segments[groups[index]]
         return mesh, min(first + index, len(mesh.times_s) - 1)
 
     def frame(index: int) -> PolygonMesh:
-        mesh, own_index = at(index)
-        return mesh.frame(own_index)
+        mesh, mesh_frame = locate(index)
+        return mesh.frame(mesh_frame)
 
     def surface(index: int) -> Surface:
-        mesh, own_index = at(index)
-        return mesh.surface(own_index)
+        mesh, mesh_frame = locate(index)
+        return mesh.surface(mesh_frame)
 
     times_s = sampling.times_s[first : first + len(groups)]
     return SceneMesh(segments[groups[0]].name, times_s, frame, surface, sampling.fps or None)

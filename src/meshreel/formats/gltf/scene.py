@@ -1,4 +1,4 @@
-"""The nodes of a glTF file, their motion, and the meshes that they, joints and targets pose."""
+"""The nodes of a glTF file and their motion, and meshes posed by nodes, joints and targets."""
 
 from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ MAX_PATH = 4096
 """Maximum length of a node path: deep hierarchies with long names would fill the memory."""
 
 PIECE_VALUES = 1 << 15
-"""Coordinates that a thread poses at once, about."""
+"""Approximate number of coordinates that a thread poses at once."""
 
 
 class Nodes:
@@ -70,8 +70,8 @@ class Nodes:
         for node in self.ordered:  # the list grows during iteration
             self.ordered += self._children[node]
         if len(self.ordered) < len(self.objects):
-            lost = min(set(range(len(self.objects))) - set(self.ordered))
-            raise FormatError(f"node {lost} is its own ancestor: nodes must form a tree")
+            cyclic_node = min(set(range(len(self.objects))) - set(self.ordered))
+            raise FormatError(f"node {cyclic_node} is its own ancestor: nodes must form a tree")
 
     def ancestors(self, node: int) -> list[int]:
         """Return a node, its parent, and so on up to the root."""
@@ -93,9 +93,9 @@ class Nodes:
 
     def below(self, nodes: Iterable[int]) -> set[int]:
         """Return all nodes below some nodes, without these unless they are below others."""
-        above, below = set(nodes), set[int]()
+        parents, below = set(nodes), set[int]()
         for node in self.ordered:
-            if self.parents[node] in above or self.parents[node] in below:
+            if self.parents[node] in parents or self.parents[node] in below:
                 below.add(node)
         return below
 
@@ -126,8 +126,8 @@ class Nodes:
         FormatError
             If a path is longer than `MAX_PATH`.
         """
-        above = self.with_ancestors(defaults)
-        names = {node: self.objects[node].text("name", "") for node in above}
+        path_nodes = self.with_ancestors(defaults)
+        names = {node: self.objects[node].text("name", "") for node in path_nodes}
         paths = []
         for node, default in defaults.items():
             path: list[str] = []
@@ -206,12 +206,12 @@ class Curve:
     is_rotation: bool = False
     """Whether values are quaternions."""
 
-    def at(self, times_s: Floats) -> Floats:
+    def values_at(self, times_s: Floats) -> Floats:
         """Return the values at times of shape (T,), as (T, C), constant beyond the keys."""
-        values = self._interpolated(times_s)
+        values = self._interpolate(times_s)
         return unit(values) if self.is_rotation else values
 
-    def _interpolated(self, times_s: Floats) -> Floats:
+    def _interpolate(self, times_s: Floats) -> Floats:
         last = len(self.keys_s) - 1
         before = np.clip(np.searchsorted(self.keys_s, times_s, "right") - 1, 0, last)
         after = np.minimum(before + 1, last)
@@ -314,9 +314,9 @@ class Motion:
 
     def changing(self, nodes: Iterable[int]) -> list[int]:
         """Return the nodes, and those above them, without a transform in `rest_worlds`."""
-        resting = self.rest_worlds
-        changing = self.nodes.with_ancestors(node for node in nodes if node not in resting)
-        return [node for node in changing if node not in resting]
+        worlds = self.rest_worlds
+        changing = self.nodes.with_ancestors(node for node in nodes if node not in worlds)
+        return [node for node in changing if node not in worlds]
 
     def world(self, nodes: Sequence[int], times_s: Floats) -> Matrices:
         """Return the world transforms of some nodes, of shape (T, N, 3, 4)."""
@@ -337,7 +337,7 @@ class Motion:
         values = []
         for path in ("translation", "rotation", "scale"):
             curve = self.curves.get((node, path))
-            values.append(rest[path][np.newaxis] if curve is None else curve.at(times_s))
+            values.append(rest[path][np.newaxis] if curve is None else curve.values_at(times_s))
         return compose(*values)
 
 
@@ -502,7 +502,7 @@ class PosedMesh:
         step = max(1, BLOCK_BYTES // (8 * (16 * n_nodes + len(default))))
         for first in range(start, stop, step):
             times = self.times_s[first : min(first + step, stop)]
-            weights = np.tile(default, (len(times), 1)) if curve is None else curve.at(times)
+            weights = np.tile(default, (len(times), 1)) if curve is None else curve.values_at(times)
             with np.errstate(over="ignore", invalid="ignore"):  # positions are validated later
                 transforms = self.motion.world(carriers, times)
                 if self.mesh.skin is not None:
@@ -540,7 +540,7 @@ class PosedMesh:
         geometry = self._geometry
         counts, corners = np.full(len(geometry.faces), 3, np.int64), geometry.faces.ravel()
         if not len(counts):
-            return polygon_mesh(geometry.positions, counts, corners)  # refuses it
+            return polygon_mesh(geometry.positions, counts, corners)  # raises an error
         return PolygonMesh(geometry.positions, counts, corners)
 
     @cached_property

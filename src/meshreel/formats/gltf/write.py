@@ -65,7 +65,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     def note_losses(mesh: FrameStream) -> None:
         notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
 
-    sharing, _ = share_materials(stream, note_losses)
+    shared_stream, _ = share_materials(stream, note_losses)
     times_s = frame_times(stream)
     segments: Iterable[MeshSequence]
     if stream.n_segments == 1:
@@ -74,7 +74,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         low, high = extent.low, extent.high
     else:
         low, high = _box(stream)
-        segments = (segment.gather() for segment in sharing.segments())
+        segments = (segment.gather() for segment in shared_stream.segments())
     check_range(low, high)
     allowed, budget = requested_budget(
         low, high, options, DEFAULT_MAX_ERROR, consumer="morph targets"
@@ -101,9 +101,9 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     size_bytes = write_document(path, document, scene.buffer, "allow a larger error (max_error)")
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
-        where = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""
+        suffix = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""
         notes.result(
-            f"{error} with {number}{counted(n_targets[-1], 'morph target')}{where}: "
+            f"{error} with {number}{counted(n_targets[-1], 'morph target')}{suffix}: "
             f"{size_bytes / 1e6:.3g} MB"
         )
     elif len(times_s) > 1:
@@ -163,14 +163,14 @@ def _note_normals(notes: Notes, scene: "_MorphScene", options: WriteOptions) -> 
     if not normals:
         notes.unwritten(f"no normals, so viewers use flat shading: {CREASED_REASON}")
         return
-    angle_deg = max(each.angle_deg for each in normals)
+    angle_deg = max(targets.angle_deg for targets in normals)
     error = f", with a mean error of {angle_deg:.1f} degrees in motion" if angle_deg else ""
     n_meshes = len(scene.morph_meshes)
-    few = f" of {len(normals)} of {n_meshes} meshes" if len(normals) < n_meshes else ""
-    without_normals = f"; the others have none: {CREASED_REASON}" if few else ""
-    hard = " except at hard edges" if scene.has_hard_edges else ""
-    if error or few or hard:
-        notes.result(f"normals{few} are smooth{hard}{error}{without_normals}")
+    subset = f" of {len(normals)} of {n_meshes} meshes" if len(normals) < n_meshes else ""
+    without_normals = f"; the others have none: {CREASED_REASON}" if subset else ""
+    exception = " except at hard edges" if scene.has_hard_edges else ""
+    if error or subset or exception:
+        notes.result(f"normals{subset} are smooth{exception}{error}{without_normals}")
 
 
 class _MorphScene(SceneWriter):
@@ -213,11 +213,11 @@ class _MorphScene(SceneWriter):
         first = sum(map(len, self.errors))
         frames = slice(first, first + segment.n_frames)
         self.has_hard_edges = self.has_hard_edges or segment.surface.hard_edges is not None
-        above = "" if segment.n_frames == len(self._times_s) else self._group(frames)
+        parent_path = "" if segment.n_frames == len(self._times_s) else self._group(frames)
         n_before = len(self.morph_meshes)
         parts = split_parts(segment.faces, segment.surface, segment.n_verts, self._name)
         for part in sorted(parts, key=lambda part: len(path_of(part.name))):
-            path = "/".join([above, *path_of(part.name)]) if above else part.name
+            path = "/".join([parent_path, *path_of(part.name)]) if parent_path else part.name
             self._add_part(replace(part, name=path), segment, frames, materials)
         errors = [mesh.errors for mesh in self.morph_meshes[n_before:]]
         self.errors.append(np.max(errors, axis=0) if errors else np.zeros(segment.n_frames))
@@ -245,24 +245,24 @@ class _MorphScene(SceneWriter):
         self, part: PartMesh, sequence: MeshSequence, frames: slice, materials: Materials
     ) -> None:
         """Add a part of a segment with these frames; skip a part without faces."""
-        split, shading, has_hard_edges = self._split(part)
+        split, shading, has_hard_edges = self._split_part(part)
         if not len(split.sources):
             return
-        used = np.zeros(part.verts.stop - part.verts.start, bool)
-        used[split.sources] = True
-        of_vertices = np.cumsum(used) - 1
-        faces = of_vertices[part.faces].astype(np.int32)
-        is_used = used[shading.rows.vertices]
-        of_rows = np.cumsum(is_used) - 1
+        is_used_vertex = np.zeros(part.verts.stop - part.verts.start, bool)
+        is_used_vertex[split.sources] = True
+        vertex_indices = np.cumsum(is_used_vertex) - 1
+        faces = vertex_indices[part.faces].astype(np.int32)
+        is_used = is_used_vertex[shading.rows.vertices]
+        row_indices = np.cumsum(is_used) - 1
         shading_mesh = ShadingMesh(
-            of_vertices[shading.rows.vertices[is_used]],
-            of_rows[shading.triangles].astype(np.int32),
+            vertex_indices[shading.rows.vertices[is_used]],
+            row_indices[shading.triangles].astype(np.int32),
             has_hard_edges=has_hard_edges,
         )
         positions = sequence.vertices[:, part.verts]
-        used_positions = positions if used.all() else positions[:, used]
+        used_positions = positions if is_used_vertex.all() else positions[:, is_used_vertex]
         morph_mesh = fit_part(used_positions, faces, self._bound, self._options, shading_mesh)
-        split = split.with_indices(of_vertices, of_rows)
+        split = split.with_indices(vertex_indices, row_indices)
         node = self.tree.add(part.name, len(self.meshes), morph_mesh.placement)
         self._nodes.append((node, frames))
         name = path_of(part.name)[-1]
@@ -273,7 +273,7 @@ class _MorphScene(SceneWriter):
         """Animate all segments, and meshes with targets."""
         for (node, frames), morph_mesh in zip(self._nodes, self.morph_meshes, strict=True):
             if morph_mesh.morphs is not None:
-                keys = self._times(np.arange(frames.start, frames.stop))
+                keys = self._times_accessor(np.arange(frames.start, frames.stop))
                 values = self.buffer.add_rows(morph_mesh.morphs.weights, width=1)
                 self._animate(node, "weights", keys, values, interpolation="LINEAR")
         n_frames = len(self._times_s)
@@ -281,9 +281,9 @@ class _MorphScene(SceneWriter):
             # The first segment has keys in all frames, so that readers find each of them even if no
             # vertex moves.
             switch_frames = sorted({0, frames.start, min(frames.stop, n_frames - 1)})
-            shown = [*range(n_frames)] if frames.start == 0 else switch_frames
-            scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in shown])
-            keys = self.buffer.add_rows(self._times_s[shown, np.newaxis], has_bounds=True)
+            indices = [*range(n_frames)] if frames.start == 0 else switch_frames
+            scales = np.array([3 * [float(frames.start <= key < frames.stop)] for key in indices])
+            keys = self.buffer.add_rows(self._times_s[indices, np.newaxis], has_bounds=True)
             values = self.buffer.add_rows(scales)
             self._animate(node, "scale", keys, values, interpolation="STEP")
 
@@ -355,17 +355,17 @@ class _RiggedScene(SceneWriter):
 
     def sizes_in_file(self, size_bytes: int) -> dict[str, int]:
         """Return the bytes of the file by purpose."""
-        parts = {**self.sizes, "description": size_bytes - sum(self.sizes.values())}
-        return {name: size for name, size in parts.items() if size}
+        sizes = {**self.sizes, "description": size_bytes - sum(self.sizes.values())}
+        return {name: size for name, size in sizes.items() if size}
 
     def _count(self, purpose: str) -> None:
         """Count the bytes since the last count for a purpose."""
-        new = self.buffer.size_bytes - sum(self.sizes.values())
-        self.sizes[purpose] = self.sizes.get(purpose, 0) + new
+        new_bytes = self.buffer.size_bytes - sum(self.sizes.values())
+        self.sizes[purpose] = self.sizes.get(purpose, 0) + new_bytes
 
     def _add_part(self, part: PartMesh) -> None:
         rig, buffer = self._rig, self.buffer
-        split, shading, has_hard_edges = self._split(part)
+        split, shading, has_hard_edges = self._split_part(part)
         if not len(split.sources):
             return
         sources = split.sources + part.verts.start
@@ -382,12 +382,12 @@ class _RiggedScene(SceneWriter):
         self._count("weights")
         targets = self._add_targets(sources)
         self._count("correctives")
-        first = rig.correctives.weights[0] if rig.n_targets else None
+        first_weights = rig.correctives.weights[0] if rig.n_targets else None
         path = path_of(part.name)
         self._mesh_nodes.append(self.tree.add(part.name, len(self.meshes), IDENTITY))
         self.tree.nodes[self._mesh_nodes[-1]]["skin"] = 0
         self.meshes.append(
-            mesh_json(path[-1], split, base, targets, first, buffer, self._materials)
+            mesh_json(path[-1], split, base, targets, first_weights, buffer, self._materials)
         )
         self._count("mesh")
 
@@ -413,8 +413,8 @@ class _RiggedScene(SceneWriter):
                 # Values without channel are exact; others only show while nothing plays.
                 digits = POSE_DIGITS if moves(values) else EXACT_DIGITS
                 node[path] = [float(f"{value:.{digits}g}") for value in values[0].tolist()]
-            above = nodes[armature if parent < 0 else bones[parent]]
-            above.setdefault("children", []).append(len(nodes))
+            parent_node = nodes[armature if parent < 0 else bones[parent]]
+            parent_node.setdefault("children", []).append(len(nodes))
             bones.append(len(nodes))
             nodes.append(node)
         return bones
@@ -431,17 +431,17 @@ class _RiggedScene(SceneWriter):
             [track.rotations for _, track in turning], (codes, "QUATERNION")
         )
         for (node, track), values in zip(turning, rotations, strict=True):
-            self._animate(node, "rotation", self._times(track.frames), values)
+            self._animate(node, "rotation", self._times_accessor(track.frames), values)
         if moving:
             translations = buffer.add_curves([track.translations for _, track in moving])
             for (node, track), values in zip(moving, translations, strict=True):
-                self._animate(node, "translation", self._times(track.frames), values)
+                self._animate(node, "translation", self._times_accessor(track.frames), values)
         if rig.n_targets:
             self._count("bones and keys")
             all_frames = np.arange(len(rig.times_s))
             weights = buffer.add_rows(rig.correctives.weights, width=1)
             for node in self._mesh_nodes:
-                self._animate(node, "weights", self._times(all_frames), weights)
+                self._animate(node, "weights", self._times_accessor(all_frames), weights)
             self._count("correctives")
 
 
@@ -458,17 +458,17 @@ def align_influences(joints: Bytes, weights: Bytes) -> tuple[Bytes, Bytes]:
     """
     columns = [0, 0, 0, 0]
     aligned_joints, aligned_weights = np.zeros_like(joints), np.zeros_like(weights)
-    for row, (own, shares) in enumerate(zip(joints.tolist(), weights.tolist(), strict=True)):
-        influences = sorted(zip(shares, own, strict=True), reverse=True)
+    for row, (bones, shares) in enumerate(zip(joints.tolist(), weights.tolist(), strict=True)):
+        influences = sorted(zip(shares, bones, strict=True), reverse=True)
         pending = {joint: share for share, joint in influences if share}
-        free = []
+        free_columns = []
         for column, joint in enumerate(columns):
             if joint in pending:
                 aligned_joints[row, column] = joint
                 aligned_weights[row, column] = pending.pop(joint)
             else:
-                free.append(column)
-        for column, (joint, share) in zip(free, pending.items(), strict=False):
+                free_columns.append(column)
+        for column, (joint, share) in zip(free_columns, pending.items(), strict=False):
             columns[column] = joint
             aligned_joints[row, column], aligned_weights[row, column] = joint, share
     return aligned_joints, aligned_weights

@@ -90,9 +90,9 @@ class Materials:
             return
         is_double = any(look.double_sided for look in looks)
         USD.load("UsdGeom").Gprim(prim).CreateDoubleSidedAttr(is_double)
-        single = [look.name for look in looks if is_double and not look.double_sided]
+        single_sided = [look.name for look in looks if is_double and not look.double_sided]
         subject = "single-sidedness of materials on meshes with double-sided ones"
-        self._notes.left_out(subject, single)
+        self._notes.left_out(subject, single_sided)
 
     def note_unused(self) -> None:
         """Note the materials that no face uses."""

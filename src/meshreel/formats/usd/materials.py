@@ -116,10 +116,10 @@ class StageMaterials:
             raise outside_error(authored)
         if not file.is_file():
             raise FormatError(f"{authored[:200]!r} is not a file")
-        opened = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
-        if not opened:
+        asset = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
+        if not asset:
             raise FormatError(f"{authored[:200]!r} cannot be read")
-        data, name = bytes(opened.GetBuffer()), PurePosixPath(authored.rstrip("]"))
+        data, name = bytes(asset.GetBuffer()), PurePosixPath(authored.rstrip("]"))
         return Image(name.stem, image_type(data, name.name), data)
 
     def _read(self, material: Any) -> Material | None:
@@ -151,9 +151,9 @@ def read_materials(
     geometry = USD.load("UsdGeom")
     looks: dict[str, Material | None] = {}
 
-    def bound_label(bound: Any) -> str:
+    def bound_label(bound_prim: Any) -> str:
         """Return the label of the material bound to a prim; empty if there is none."""
-        material, _ = USD.load("UsdShade").MaterialBindingAPI(bound).ComputeBoundMaterial()
+        material, _ = USD.load("UsdShade").MaterialBindingAPI(bound_prim).ComputeBoundMaterial()
         if not material:
             return ""
         look, name = stage.look(material), label_of(material.GetPrim())
@@ -208,8 +208,8 @@ def _group(
     labels: dict[str, int] = {}
     numbers = np.full(n_faces, -1, np.int32)
     for label, faces in members:
-        inside = faces[(faces >= 0) & (faces < n_faces)]
-        numbers[inside] = labels.setdefault(label, len(labels))
+        valid_faces = faces[(faces >= 0) & (faces < n_faces)]
+        numbers[valid_faces] = labels.setdefault(label, len(labels))
     is_partition = sum(len(faces) for _, faces in members) == np.count_nonzero(numbers >= 0)
     if default and (numbers < 0).any():
         numbers[numbers < 0] = labels.setdefault(default, len(labels))
@@ -232,12 +232,12 @@ def source_of(shader: Any, name: str) -> Source:
     producers = shader_input.GetValueProducingAttributes() if shader_input else []
     if not producers:
         return Source()
-    first = producers[0]
-    if shading.Utils.GetType(first.GetName()) == shading.AttributeType.Output:
-        output = shading.Utils.GetBaseNameAndType(first.GetName())[0]
-        return Source(None, shading.Shader(first.GetPrim()), str(output))
+    producer = producers[0]
+    if shading.Utils.GetType(producer.GetName()) == shading.AttributeType.Output:
+        output = shading.Utils.GetBaseNameAndType(producer.GetName())[0]
+        return Source(None, shading.Shader(producer.GetPrim()), str(output))
     earliest = USD.load("Usd").TimeCode.EarliestTime()
-    return Source(first.Get(earliest), is_animated=first.ValueMightBeTimeVarying())
+    return Source(producer.Get(earliest), is_animated=producer.ValueMightBeTimeVarying())
 
 
 def read_numbers(source: Source, default: Numbers, name: str) -> Numbers:
@@ -446,5 +446,5 @@ class _PreviewSurface:
             return 1.0
         return strength
 
-    def _note(self, what: str) -> None:
-        self._notes.left_out(what, [self._name])
+    def _note(self, subject: str) -> None:
+        self._notes.left_out(subject, [self._name])

@@ -78,7 +78,7 @@ class MeshShape:
     def codes(self) -> list[float]:
         """Time codes where points and faces have samples."""
         attributes = map(self.prim.GetAttribute, ("points", *FACE_ATTRIBUTES, HOLES))
-        return [code for each in attributes if each for code in attribute_codes(each)]
+        return [code for item in attributes if item for code in attribute_codes(item)]
 
     @cached_property
     def has_constant_topology(self) -> bool:
@@ -152,11 +152,11 @@ class MeshShape:
         numbers = numbers[(numbers >= 0) & (numbers < n_faces)]
         if not len(numbers):
             return None
-        solid = np.ones(n_faces, bool)
-        solid[numbers] = False
-        if not solid.any():
+        is_solid = np.ones(n_faces, bool)
+        is_solid[numbers] = False
+        if not is_solid.any():
             raise FormatError(f"mesh {self._path} has {n_faces} faces, and all of them are holes")
-        return solid
+        return is_solid
 
     def has_creases(self, code: float) -> bool:
         """Whether it is the cage of a subdivision surface with creases."""
@@ -238,8 +238,8 @@ class Skin:
         animation = self.skeleton.GetAnimQuery()
         if not animation or not (all_weights := animation.ComputeBlendShapeWeights(code)):
             return True
-        own = self.skinning.GetBlendShapeMapper().Remap(all_weights, type(all_weights)(), 1)
-        weights = self.shapes.ComputeSubShapeWeights(own)
+        weights = self.skinning.GetBlendShapeMapper().Remap(all_weights, type(all_weights)(), 1)
+        weights = self.shapes.ComputeSubShapeWeights(weights)
         return bool(self.shapes.ComputeDeformedPoints(*weights, *self._deltas, points))
 
 
@@ -323,20 +323,21 @@ class StageMesh:
         with usd_errors(f"USD cannot read the properties of {self.path} at time code {code:g}"):
             mesh = self._file_mesh(code)
             rows = self._rows(mesh.counts, code)
-            looks = read_materials(self.prim, code, len(mesh.counts), self.materials)
-            groups = [
-                replace(group, numbers=group.numbers[rows[Domain.FACE]]) for group in looks[0]
-            ]
+            face_groups, materials, images = read_materials(
+                self.prim, code, len(mesh.counts), self.materials
+            )
+            faces = rows[Domain.FACE]
+            groups = [replace(group, numbers=group.numbers[faces]) for group in face_groups]
             attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
             if self._shape.is_subdivided:
                 self.notes.left_out(CAGES, [self.path])
             if self._shape.has_creases(code):
                 self.notes.left_out("creases of subdivision surfaces", [self.path])
-            if not isinstance(solid := rows[Domain.FACE], slice):
-                holes = f"{np.count_nonzero(~solid)} of {len(solid)} of {self.path}"
+            if not isinstance(faces, slice):
+                holes = f"{np.count_nonzero(~faces)} of {len(faces)} of {self.path}"
                 self.notes.left_out("faces that are holes", [holes])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
-            return Surface(None, attributes, tuple(groups), (), *looks[1:], hard_edges)
+            return Surface(None, attributes, tuple(groups), (), materials, images, hard_edges)
 
     def animated(self, codes: Floats) -> dict[str, StageQuantity]:
         """Return the quantities that are tracks in frames at these time codes, by name in the file.
@@ -413,10 +414,10 @@ class StageMesh:
         """Return the items in the file of the items of the mesh, to index arrays."""
         rows: dict[Domain, Any] = dict.fromkeys(Domain, slice(None))
         rows[Domain.CORNER] = self._corner_order(counts)
-        solid = self._shape.solid_faces(len(counts), code)
-        if solid is not None:
+        is_solid = self._shape.solid_faces(len(counts), code)
+        if is_solid is not None:
             corners = np.arange(counts.sum())[rows[Domain.CORNER]]
-            rows |= {Domain.FACE: solid, Domain.CORNER: corners[np.repeat(solid, counts)]}
+            rows |= {Domain.FACE: is_solid, Domain.CORNER: corners[np.repeat(is_solid, counts)]}
         return rows
 
     @cached_property
@@ -436,7 +437,7 @@ class StageMesh:
     ) -> Int32s | None:
         """Return the hard edges implied by its normals; None without normals."""
         order = self._corner_order(mesh.counts)
-        whole = replace(mesh, corners=mesh.corners[order])
+        full_mesh = replace(mesh, corners=mesh.corners[order])
         quantity = next(
             (quantity for quantity in quantities(self.prim) if quantity.role == NORMALS), None
         )
@@ -445,10 +446,10 @@ class StageMesh:
         normals = quantity.item_values(code, mesh.n_items[quantity.domain])
         if normals is not None and quantity.domain is Domain.CORNER:
             normals = normals[order]
-        corner_normals = normals_of_corners(whole, quantity.domain, normals)
-        hard_edges = find_hard_edges(whole, corner_normals)
+        corner_normals = normals_of_corners(full_mesh, quantity.domain, normals)
+        hard_edges = find_hard_edges(full_mesh, corner_normals)
         self.normal_notes.add(self.path, hard_edges, is_track=is_track)
         if isinstance(rows[Domain.FACE], slice):
             return hard_edges.edges
-        solid, corners = whole.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
-        return remaining_edges(hard_edges.edges, solid, corners)
+        counts, corners = full_mesh.counts[rows[Domain.FACE]], mesh.corners[rows[Domain.CORNER]]
+        return remaining_edges(hard_edges.edges, counts, corners)

@@ -107,14 +107,14 @@ def read_attributes(
         Names of primvars that are read as tracks, and skipped here.
     """
     attributes: dict[str, Attribute] = {}
-    settings, mismatched = [], []
+    settings, mismatched_names = [], []
     for primvar, name, kind, domain in _primvars(prim):
         if DERIVED.match(name) or name in animated:
             continue
         if domain is None:
             settings.append(name)
         elif (attribute := _attribute(primvar, code, n_items[domain])) is None:
-            mismatched.append(name)
+            mismatched_names.append(name)
         else:
             values, indices = attribute
             if indices is None:
@@ -125,9 +125,9 @@ def read_attributes(
     notes.left_out("primvars for a whole mesh", settings)
     usd_mesh = USD.load("UsdGeom").Mesh(prim)
     rates = (usd_mesh.GetVelocitiesAttr(), usd_mesh.GetAccelerationsAttr())
-    static = [str(rate.GetName()) for rate in rates if rate.HasAuthoredValue()]
-    notes.left_out(UNCHANGING, (name for name in static if name not in animated))
-    notes.left_out("primvars that do not fit their faces", mismatched)
+    rate_names = [str(rate.GetName()) for rate in rates if rate.HasAuthoredValue()]
+    notes.left_out(UNCHANGING, (name for name in rate_names if name not in animated))
+    notes.left_out("primvars that do not fit their faces", mismatched_names)
     _join_opacity(attributes)
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(
@@ -173,8 +173,8 @@ def quantities(prim: Any) -> Iterator[StageQuantity]:
     A primvar called normals takes precedence over the attribute.
     """
     for primvar, name, kind, domain in _primvars(prim):
-        is_ours = primvar.GetAttr().GetCustomDataByKey(TRACK_KIND) is not None
-        if domain is not None and (is_ours or not DERIVED.match(name)):
+        is_meshreel_track = primvar.GetAttr().GetCustomDataByKey(TRACK_KIND) is not None
+        if domain is not None and (is_meshreel_track or not DERIVED.match(name)):
             yield _quantity(name, domain, primvar.GetAttr(), primvar, kind)
     geometry = USD.load("UsdGeom")
     points = geometry.PointBased(prim)
@@ -191,9 +191,9 @@ def quantities(prim: Any) -> Iterator[StageQuantity]:
         (points.GetVelocitiesAttr(), TrackKind.VELOCITY),
         (points.GetAccelerationsAttr(), TrackKind.VECTOR),
     )
-    for attribute, meaning in rates:
+    for attribute, rate_kind in rates:
         if attribute.HasAuthoredValue():
-            rate = _quantity(str(attribute.GetName()), Domain.VERTEX, attribute, None, meaning)
+            rate = _quantity(str(attribute.GetName()), Domain.VERTEX, attribute, None, rate_kind)
             yield replace(rate, to_world=transform_vectors)
 
 
@@ -203,7 +203,7 @@ def _quantity(
     """Return the quantity of an attribute, which may be that of a primvar."""
 
     def values(code: float) -> Values | None:
-        return _numbers(attribute.Get(code), 1) if primvar is None else _flat(primvar, code)
+        return _numbers(attribute.Get(code), 1) if primvar is None else _item_values(primvar, code)
 
     return StageQuantity(
         name,
@@ -217,7 +217,7 @@ def _quantity(
     )
 
 
-def _flat(primvar: Any, code: float) -> Values | None:
+def _item_values(primvar: Any, code: float) -> Values | None:
     """Return the values of a primvar, of shape (N, C), with indices applied."""
     values, indices = _table(primvar, code) or (None, None)
     if values is None or indices is None:

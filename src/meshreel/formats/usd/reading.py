@@ -116,7 +116,7 @@ def _frame_codes(
         def common_codes(mesh: StageMesh) -> Floats:
             if len(mesh.samples.all) < 2:
                 return mesh.samples.all
-            _note_final(
+            _note_final_pose(
                 mesh, grid(), max(float(sample.all[-1]) for sample in samples if len(sample.all))
             )
             return grid()
@@ -130,13 +130,13 @@ def _frame_codes(
             name = f"{mesh.path} ({n_samples} samples, {len(codes)} frames)"
             mesh.notes.list_names(NoteKind.CHANGED, RESAMPLED, [name])
         if n_samples:
-            _note_final(mesh, codes, float(mesh.samples.all[-1]))
+            _note_final_pose(mesh, codes, float(mesh.samples.all[-1]))
         return codes
 
     return codes_of
 
 
-def _note_final(mesh: StageMesh, codes: Floats, last: float) -> None:
+def _note_final_pose(mesh: StageMesh, codes: Floats, last: float) -> None:
     """Note a mesh whose last sample is between two frames; the later frame shows it."""
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"

@@ -105,11 +105,11 @@ def joint_paths(rig: Rig) -> list[str]:
 
 def _write_skeleton(stage: Any, path: str, rig: Rig) -> None:
     skel, parents, joints = USD.load("UsdSkel"), rig.skeleton.parents, rig.skeleton.joints
-    above = np.where(parents[:, np.newaxis] < 0, 0.0, joints[parents])
+    parent_joints = np.where(parents[:, np.newaxis] < 0, 0.0, joints[parents])
     skeleton = skel.Skeleton.Define(stage, path)
     skeleton.CreateJointsAttr(joint_paths(rig))
     skeleton.CreateBindTransformsAttr(_translations(joints))
-    skeleton.CreateRestTransformsAttr(_translations(joints - above))
+    skeleton.CreateRestTransformsAttr(_translations(joints - parent_joints))
     binding = skel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([f"{path}/animation"])
 
@@ -136,11 +136,11 @@ def _write_animation(stage: Any, path: str, rig: Rig, codes: Codes, shapes: list
         animation.CreateBlendShapesAttr(shapes)
         weights = animation.CreateBlendShapeWeightsAttr()
     for frame, code in enumerate(codes):
-        when = usd_time(code)
-        rotations.Set(vt.QuatfArray.FromNumpy(quaternions[frame].astype(np.float32)), when)
-        offsets.Set(usd_array("float3", translations[frame]), when)
+        time = usd_time(code)
+        rotations.Set(vt.QuatfArray.FromNumpy(quaternions[frame].astype(np.float32)), time)
+        offsets.Set(usd_array("float3", translations[frame]), time)
         if weights is not None:
-            weights.Set(usd_array("float", rig.correctives.weights[frame]), when)
+            weights.Set(usd_array("float", rig.correctives.weights[frame]), time)
 
 
 def _bind(stage: Any, path: str, skeleton: str, rig: Rig, verts: slice, shapes: list[str]) -> None:
@@ -159,9 +159,9 @@ def _bind(stage: Any, path: str, skeleton: str, rig: Rig, verts: slice, shapes: 
     targets = []
     for name, offsets in zip(shapes, displacements, strict=True):
         shape = skel.BlendShape.Define(stage, f"{path}/{name}")
-        moved = np.flatnonzero(offsets.any(axis=1))
-        shape.CreateOffsetsAttr(usd_array("float3", offsets[moved]))
-        shape.CreatePointIndicesAttr(usd_array("int", moved))
+        moved_points = np.flatnonzero(offsets.any(axis=1))
+        shape.CreateOffsetsAttr(usd_array("float3", offsets[moved_points]))
+        shape.CreatePointIndicesAttr(usd_array("int", moved_points))
         targets.append(shape.GetPath())
     binding.CreateBlendShapesAttr(shapes)
     binding.CreateBlendShapeTargetsRel().SetTargets(targets)

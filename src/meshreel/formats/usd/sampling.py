@@ -122,13 +122,13 @@ class Samples:
         if self.moves_between_samples(frame_interval):
             return sampled_codes(self.all, frame_interval, origin)
         if len(self.keys) < 2 or not (
-            interval := even_interval(own := even_codes(self.shape_codes, frame_interval))
+            interval := even_interval(grid := even_codes(self.shape_codes, frame_interval))
         ):
             return even_codes(self.all, frame_interval)
         keys = even_codes(self.keys, frame_interval)
-        first = own[0] - interval * max(0, math.ceil((own[0] - keys[0]) / interval - TOLERANCE))
-        last = own[-1] + interval * max(0, math.ceil((keys[-1] - own[-1]) / interval - TOLERANCE))
-        return own if (first, last) == (own[0], own[-1]) else frame_grid(first, last, interval)
+        first = grid[0] - interval * max(0, math.ceil((grid[0] - keys[0]) / interval - TOLERANCE))
+        last = grid[-1] + interval * max(0, math.ceil((keys[-1] - grid[-1]) / interval - TOLERANCE))
+        return grid if (first, last) == (grid[0], grid[-1]) else frame_grid(first, last, interval)
 
 
 def sampled_codes(samples: Codes, frame_interval: float, origin: float) -> Codes:

@@ -1,4 +1,4 @@
-"""Opening of the stage of a USD file, after checks of its layers; errors of USD become ours.
+"""Opening of the stage of a USD file, after checks of its layers; USD errors become `FormatError`.
 
 Composition opens every layer that another one names, and does not terminate for some invalid rates.
 """
@@ -20,12 +20,12 @@ NOT_UTF8 = "it contains text that is not UTF-8"
 
 
 @contextmanager
-def usd_errors(what: str) -> Iterator[None]:
+def usd_errors(subject: str) -> Iterator[None]:
     """Raise errors of USD within the context as `FormatError`, and suppress its output.
 
     Parameters
     ----------
-    what : str
+    subject : str
         Start of the message, such as "USD cannot read the file".
     """
     errors, delegate_class = _diagnostics()
@@ -34,9 +34,9 @@ def usd_errors(what: str) -> Iterator[None]:
     try:
         yield
     except UnicodeDecodeError:
-        raise FormatError(f"{what}: {NOT_UTF8}") from None
+        raise FormatError(f"{subject}: {NOT_UTF8}") from None
     except errors as error:
-        raise FormatError(f"{what}: {_reason(error)}") from None
+        raise FormatError(f"{subject}: {_reason(error)}") from None
     finally:
         del delegate
 
@@ -236,9 +236,9 @@ def codes_per_frame(stage: Any, rate: float) -> float:
 def _note_missing(stage: Any, notes: Notes) -> None:
     problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
     if problems:
-        more = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
+        suffix = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
         listed = "; ".join(problem.rstrip(".") for problem in problems[:MAX_LISTED])
-        notes.unknown(f"the file refers to missing or invalid data: {listed}{more}")
+        notes.unknown(f"the file refers to missing or invalid data: {listed}{suffix}")
 
 
 def _note_axes(stage: Any, notes: Notes) -> None:
@@ -250,5 +250,5 @@ def _note_axes(stage: Any, notes: Notes) -> None:
     if meters not in (None, 1):
         differences.append(f"a unit is {meters:g} m")
     if differences:
-        facts = ", ".join(differences)
-        notes.result(f"positions stay in the axes and units of the file, where {facts}")
+        text = ", ".join(differences)
+        notes.result(f"positions stay in the axes and units of the file, where {text}")

@@ -131,30 +131,30 @@ def write_frames(
     """
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = write_time_codes(stage, stream)
-    changing = shared if stream.n_segments > 1 else None
+    common = shared if stream.n_segments > 1 else None
     meshes: list[MeshWriter] = []
     rounding: Rounding | None = None
     n_unsaved = 0
     for segment, (start, stop) in zip(stream.segments(), pairwise(stream.starts), strict=True):
-        parts, own = parts_of(segment), codes[start:stop]
+        parts, span = parts_of(segment), codes[start:stop]
         if rounding is None:
             rounding = Rounding(segment.first, "USD")
             paths, _, materials = begin_stage(
                 stage, stream, segment, parts, rounding.shift, is_package=is_package
             )
             for part, mesh_path in zip(parts, paths, strict=True):
-                has_normals = part.writes_edge_normals(segment.tracks, changing)
+                has_normals = part.writes_edge_normals(segment.tracks, common)
                 meshes.append(MeshWriter(stage, mesh_path, has_normals=has_normals))
         # Floats need a sample at the first and the last frame, since USD interpolates them.
-        sampled: Codes = [None] if changing is None else list(dict.fromkeys([own[0], own[-1]]))
+        samples: Codes = [None] if common is None else list(dict.fromkeys([span[0], span[-1]]))
         for mesh, part in zip(meshes, parts, strict=True):
-            mesh.begin(part, segment, sampled, materials, changing)
+            mesh.begin(part, segment, samples, materials, common)
         n_unsaved += segment.faces.nbytes + segment.surface.size_bytes
         for index, frame in enumerate(segment.frames()):
-            single, values = rounding.add(frame), segment.values(index)
+            positions, values = rounding.add(frame), segment.values(index)
             for mesh in meshes:
-                mesh.write_frame(single, values, own[index])
-            n_unsaved += single.nbytes + sum(value.nbytes for value in values.values())
+                mesh.write_frame(positions, values, span[index])
+            n_unsaved += positions.nbytes + sum(value.nbytes for value in values.values())
             if n_unsaved > UNSAVED_BYTES:
                 stage.GetRootLayer().Save()
                 n_unsaved = 0
@@ -270,9 +270,9 @@ def primvar_names(surface: Surface) -> list[tuple[Attribute, str]]:
     """
     names = {id(attribute): prim_name(attribute.name) for attribute in surface.attributes}
     for kind, standard in STANDARD_NAMES.items():
-        own = surface.of_kind(kind)
-        if own and standard not in names.values():
-            names[id(own[0])] = standard
+        named = surface.of_kind(kind)
+        if named and standard not in names.values():
+            names[id(named[0])] = standard
     used: set[str] = set()
     return [
         (attribute, unique_name(names[id(attribute)], used)) for attribute in surface.attributes
@@ -290,9 +290,9 @@ class MeshWriter:
 
     def __init__(self, stage: Any, path: str, *, has_normals: bool) -> None:
         geometry = USD.load("UsdGeom")
-        for above in list(USD.load("Sdf").Path(path).GetParentPath().GetPrefixes()):
-            if not stage.GetPrimAtPath(above):
-                geometry.Xform.Define(stage, above)
+        for parent in list(USD.load("Sdf").Path(path).GetParentPath().GetPrefixes()):
+            if not stage.GetPrimAtPath(parent):
+                geometry.Xform.Define(stage, parent)
         self._mesh = geometry.Mesh.Define(stage, path)
         self._mesh.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
         self._api = geometry.PrimvarsAPI(self._mesh.GetPrim())
@@ -310,7 +310,7 @@ class MeshWriter:
         segment: FrameStream,
         codes: Codes,
         materials: Materials,
-        changing: SharedData | None,
+        common: SharedData | None,
     ) -> None:
         """Write the faces, attributes and groups of a segment, and prepare its tracks.
 
@@ -320,18 +320,18 @@ class MeshWriter:
             Its notes gain a sentence where USD stores another number type.
         codes : sequence of float or None
             Time codes of the samples.
-        changing : SharedData, optional
+        common : SharedData, optional
             Data of all segments, if there are several.
         """
-        self._part, when = part, usd_time(codes[0])
-        self._mesh.CreateFaceVertexCountsAttr().Set(usd_array("int", part.counts), when)
-        self._mesh.CreateFaceVertexIndicesAttr().Set(usd_array("int", part.corners), when)
+        self._part, time = part, usd_time(codes[0])
+        self._mesh.CreateFaceVertexCountsAttr().Set(usd_array("int", part.counts), time)
+        self._mesh.CreateFaceVertexIndicesAttr().Set(usd_array("int", part.corners), time)
         if self._normals is not None:
             self._shading = part.edge_normals()
-            self._normals.SetIndices(usd_array("int", self._shading.rows.of_corner), when)
+            self._normals.SetIndices(usd_array("int", self._shading.rows.of_corner), time)
         for attribute, name in primvar_names(part.surface):
             self._write_attribute(attribute, name, codes, segment.notes)
-        self._write_groups(part.surface.groups, materials, codes[0], changing)
+        self._write_groups(part.surface.groups, materials, codes[0], common)
         names = {name for _, name in primvar_names(part.surface)}
         names |= {OPACITY} if COLOR in names else set()
         self._tracks = [
@@ -352,16 +352,16 @@ class MeshWriter:
         values : dict of str to array of shape (N, C)
             Values of the tracks for all meshes of the sequence.
         """
-        points, when = frame[self._part.verts], usd_time(code)
-        self._points.Set(usd_array("float3", points), when)
+        points, time = frame[self._part.verts], usd_time(code)
+        self._points.Set(usd_array("float3", points), time)
         extent = np.stack([points.min(axis=0), points.max(axis=0)])
-        self._extent.Set(usd_array("float3", extent), when)
+        self._extent.Set(usd_array("float3", extent), time)
         if self._shading is not None:
             normals = self._shading.of_frames(points[np.newaxis])[0]
-            self._normals.Set(usd_array("float3", normals), when)
+            self._normals.Set(usd_array("float3", normals), time)
         for name, items, columns, type_name, scale, attribute in self._tracks:
-            own = values[name][items, columns]
-            attribute.Set(usd_array(type_name, own / scale if scale != 1 else own), when)
+            rows = values[name][items, columns]
+            attribute.Set(usd_array(type_name, rows / scale if scale != 1 else rows), time)
 
     def _write_attribute(self, attribute: Attribute, name: str, codes: Codes, notes: Notes) -> None:
         values, indices = attribute.values, attribute.indices
@@ -375,20 +375,20 @@ class MeshWriter:
         if is_vertex_color and indices is not None and len(values) == 1 and is_single:
             interpolation, indices = "constant", None  # other segments may have several colors
         for written_name, columns in _columns(name, values.shape[1]):
-            own = values[:, columns]
-            type_name = _type_name(attribute.kind, written_name, values.dtype, own.shape[1])
-            primvar = self._primvar(written_name, type_name, interpolation, own.shape[1])
+            components = values[:, columns]
+            type_name = _type_name(attribute.kind, written_name, values.dtype, components.shape[1])
+            primvar = self._primvar(written_name, type_name, interpolation, components.shape[1])
             if not is_single:
                 primvar.GetAttr().SetCustomDataByKey(IS_ATTRIBUTE, True)
             for code in codes:
-                primvar.Set(usd_array(type_name, own), usd_time(code))
+                primvar.Set(usd_array(type_name, components), usd_time(code))
             if indices is not None:
                 primvar.SetIndices(usd_array("int", indices), usd_time(codes[0]))
 
     def _primvar(self, name: str, type_name: str, interpolation: str, n_columns: int) -> Any:
-        declared = USD.load("Sdf").ValueTypeNames.Find(f"{type_name}[]")
+        value_type = USD.load("Sdf").ValueTypeNames.Find(f"{type_name}[]")
         width = n_columns if type_name in ELEMENTS.values() else 1
-        return self._api.CreatePrimvar(name, declared, interpolation, width)
+        return self._api.CreatePrimvar(name, value_type, interpolation, width)
 
     def _track_writers(
         self, name: str, track: TrackSource, used: set[str], notes: Notes
@@ -398,22 +398,22 @@ class MeshWriter:
         The first vertex velocities and normals become those of the mesh; the first colors are
         called ``displayColor`` and the first UVs ``st``, unless attributes have these names.
         """
-        standard = TRACK_NAMES.get(track.kind, "")
-        is_possible = standard != VELOCITIES or track.domain is Domain.VERTEX
-        has_opacity = standard == COLOR and OPACITY in used
-        if standard and is_possible and standard not in used and not has_opacity:
-            used.add(written_name := standard)
+        standard_name = TRACK_NAMES.get(track.kind, "")
+        is_possible = standard_name != VELOCITIES or track.domain is Domain.VERTEX
+        has_opacity = standard_name == COLOR and OPACITY in used
+        if standard_name and is_possible and standard_name not in used and not has_opacity:
+            used.add(written_name := standard_name)
         else:  # programs would misinterpret other tracks with standard names
             reserved = used | {*TRACK_NAMES.values(), OPACITY}
             used.add(written_name := unique_name(prim_name(name), reserved))
         scale = 255.0 if track.kind is TrackKind.COLOR and track.dtype == np.uint8 else 1.0
-        for own_name, columns in _columns(written_name, track.shape[2]):
-            used.add(own_name)
+        for primvar_name, columns in _columns(written_name, track.shape[2]):
+            used.add(primvar_name)
             n_columns = len(range(track.shape[2])[columns])
-            type_name = _type_name(track.kind, own_name, track.dtype, n_columns)
-            if own_name == written_name:
+            type_name = _type_name(track.kind, primvar_name, track.dtype, n_columns)
+            if primvar_name == written_name:
                 _note_type(name, track, type_name, notes)
-            attribute = self._track_attribute(own_name, type_name, track, n_columns)
+            attribute = self._track_attribute(primvar_name, type_name, track, n_columns)
             entries = {TRACK_KIND: str(track.kind), TRACK_NAME: name, UNIT: track.unit}
             for key, text in entries.items():
                 if text:
@@ -436,18 +436,18 @@ class MeshWriter:
         groups: Sequence[FaceGroups],
         materials: Materials,
         code: float | None,
-        changing: SharedData | None,
+        common: SharedData | None,
     ) -> None:
         """Write groups as subsets; a material of all faces is bound to the mesh."""
         prim, used = self._mesh.GetPrim(), set[str]()
         for group in groups:
-            if changing is not None:
-                labels = changing.labels[(group.name,)]
-                new = [*map(labels.index, group.labels), -1]
-                group = FaceGroups(group.name, labels, np.array(new, np.int32)[group.numbers])
+            if common is not None:
+                labels = common.labels[(group.name,)]
+                order = [*map(labels.index, group.labels), -1]
+                group = FaceGroups(group.name, labels, np.array(order, np.int32)[group.numbers])
             if group.name == "material":
                 materials.write_double_sided(prim, group)
-                if len(group.labels) == 1 and (group.numbers == 0).all() and changing is None:
+                if len(group.labels) == 1 and (group.numbers == 0).all() and common is None:
                     materials.bind(prim, group.labels[0])
                     continue
             self._write_subsets(group, materials, used, code)
@@ -512,8 +512,8 @@ def usd_array(type_name: str, values: npt.NDArray[Any]) -> Any:
 @cache
 def _array_type(type_name: str) -> tuple[Any, np.dtype[Any]]:
     """Return the array class of a type of the library, and its number type."""
-    declared = USD.load("Sdf").ValueTypeNames.Find(f"{type_name}[]")
-    array = getattr(USD.load("Vt"), declared.type.pythonClass.__name__)
+    value_type = USD.load("Sdf").ValueTypeNames.Find(f"{type_name}[]")
+    array = getattr(USD.load("Vt"), value_type.type.pythonClass.__name__)
     return array, np.asarray(array(1)).dtype
 
 

@@ -125,10 +125,10 @@ class LegacyTokens:
 
     def _read_words(self, count: int) -> list[bytes]:
         """Return the next `count` words."""
-        *words, rest = [*self._data[self.position :].split(None, count), b""][: count + 1]
+        *words, remaining = [*self._data[self.position :].split(None, count), b""][: count + 1]
         if len(words) < count:
             raise FormatError(f"ends within {count} numbers that begin at byte {self.position}")
-        self.position = len(self._data) - len(rest)
+        self.position = len(self._data) - len(remaining)
         return words
 
 
@@ -178,9 +178,9 @@ class _LegacyReader:
     def read(self) -> Step:
         """Parse the whole file."""
         while line := self._tokens.line():
-            keyword, rest = line[0].upper(), line[1:]
+            keyword, args = line[0].upper(), line[1:]
             try:
-                self._section(keyword, rest)
+                self._section(keyword, args)
             except (ValueError, IndexError) as error:
                 raise FormatError(
                     f"has an invalid line {' '.join(line)[:60]!r} ({error})"
@@ -205,29 +205,29 @@ class _LegacyReader:
         if self._tables:
             yield f"color tables: {listed(self._tables)}"
 
-    def _section(self, keyword: str, rest: list[str]) -> None:
+    def _section(self, keyword: str, args: list[str]) -> None:
         match keyword:
             case "DATASET":
-                if rest[0].upper() not in DATASETS:
-                    raise FormatError(f"is a {rest[0]}; {' and '.join(DATASETS)} are supported")
+                if args[0].upper() not in DATASETS:
+                    raise FormatError(f"is a {args[0]}; {' and '.join(DATASETS)} are supported")
             case "POINTS":
-                points = self._tokens.numbers(3 * int(rest[0]), rest[1]).reshape(-1, 3)
+                points = self._tokens.numbers(3 * int(args[0]), args[1]).reshape(-1, 3)
                 is_float = points.dtype.kind == "f"
                 self._points = points if is_float else points.astype(np.float64)
             case "CELL_TYPES":
-                self._types = self._tokens.numbers(int(rest[0]), "int")
+                self._types = self._tokens.numbers(int(args[0]), "int")
             case "POINT_DATA" | "CELL_DATA":
-                self._domain, self._n_values = DATA[keyword], int(rest[0])
+                self._domain, self._n_values = DATA[keyword], int(args[0])
             case "METADATA":
                 while not self._tokens.is_done and self._tokens.raw_line():
                     pass
             case "FIELD":
-                for _ in range(int(rest[1])):
+                for _ in range(int(args[1])):
                     self._field_array()
             case _ if keyword in GROUPS:
-                self._cells[keyword] = self._connectivity(int(rest[0]), int(rest[1]))
+                self._cells[keyword] = self._connectivity(int(args[0]), int(args[1]))
             case _:
-                self._values(keyword, rest)
+                self._values(keyword, args)
 
     def _connectivity(self, n_cells: int, size: int) -> tuple[Integers, Integers]:
         """Point count of each cell and all point indices: lists, or offsets since version 5."""
@@ -241,27 +241,27 @@ class _LegacyReader:
         self._tokens.position = begin
         return _split_lists(self._tokens.numbers(size, "int").astype(np.int64), n_cells)
 
-    def _values(self, keyword: str, rest: list[str]) -> None:
+    def _values(self, keyword: str, args: list[str]) -> None:
         if keyword == "LOOKUP_TABLE":
-            self._tables.append(rest[0])
+            self._tables.append(args[0])
             self._tokens.numbers(
-                4 * int(rest[1]), "float" if self._tokens.is_text else "unsigned_char"
+                4 * int(args[1]), "float" if self._tokens.is_text else "unsigned_char"
             )
             return
         if keyword == "SCALARS":
-            width = int(rest[2]) if len(rest) > 2 else 1
+            width = int(args[2]) if len(args) > 2 else 1
             begin = self._tokens.position
             if self._tokens.line()[:1] != ["LOOKUP_TABLE"]:
                 self._tokens.position = begin
-            self._add(rest[0], rest[1], width)
+            self._add(args[0], args[1], width)
         elif keyword == COLORS:
             self._add(
-                rest[0], "float" if self._tokens.is_text else "unsigned_char", int(rest[1]), COLORS
+                args[0], "float" if self._tokens.is_text else "unsigned_char", int(args[1]), COLORS
             )
         elif keyword == "TEXTURE_COORDINATES":
-            self._add(rest[0], rest[2], int(rest[1]), TEXTURE_COORDINATES)
+            self._add(args[0], args[2], int(args[1]), TEXTURE_COORDINATES)
         elif keyword in WIDTHS:
-            self._add(rest[0], rest[1], WIDTHS[keyword], NORMALS if keyword == "NORMALS" else "")
+            self._add(args[0], args[1], WIDTHS[keyword], NORMALS if keyword == "NORMALS" else "")
         else:
             raise FormatError(f"has an unknown section {keyword[:40]!r}")
 
@@ -289,13 +289,13 @@ class _LegacyReader:
 
 def _split_lists(numbers: Integers, n_cells: int) -> tuple[Integers, Integers]:
     """Point counts and point indices of cell lists, each of which begins with its length."""
-    counts, at, values = [], 0, numbers.tolist()
+    counts, offset, values = [], 0, numbers.tolist()
     for _ in range(n_cells):
-        if at >= len(values) or values[at] < 0:
+        if offset >= len(values) or values[offset] < 0:
             raise FormatError(f"lists of {n_cells} cells do not fit their {len(values)} numbers")
-        counts.append(values[at])
-        at += 1 + values[at]
-    if at != len(values):
+        counts.append(values[offset])
+        offset += 1 + values[offset]
+    if offset != len(values):
         raise FormatError(f"lists of {n_cells} cells do not fit their {len(values)} numbers")
     sizes = np.array(counts, np.int64)
     is_point = np.ones(len(numbers), bool)

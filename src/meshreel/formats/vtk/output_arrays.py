@@ -52,8 +52,8 @@ def output_arrays(
     notes : Notes
         Receives a sentence for each thing that is left out.
     """
-    of_cells = Domain.FACE if surface.cells is None else Domain.CELL
-    attributes = [row for row in surface.attributes if row.domain in (Domain.VERTEX, of_cells)]
+    cell_domain = Domain.FACE if surface.cells is None else Domain.CELL
+    attributes = [row for row in surface.attributes if row.domain in (Domain.VERTEX, cell_domain)]
     all_groups = surface.groups if surface.cells is None else ()
     note_unwritten(surface, (*attributes, *all_groups), extension, notes)
     if all_groups:

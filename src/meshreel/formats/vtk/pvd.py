@@ -83,11 +83,11 @@ def _scene_mesh(
     for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
     frames, times = list(pieces.values()), np.array(list(pieces))
-    several = next((time for time, paths in pieces.items() if len(paths) > 1), None)
-    if several is not None and not options.merge:
+    repeated_time = next((time for time, paths in pieces.items() if len(paths) > 1), None)
+    if repeated_time is not None and not options.merge:
         frames = [[file] for _, file in files]
         if (file_order := file_order_times(len(files), options)) is None:
-            raise _equal_times_error(several, {time: len(pieces[time]) for time in pieces})
+            raise _equal_times_error(repeated_time, {time: len(pieces[time]) for time in pieces})
         times = file_order
     read = _PieceFrames(name, times, frames, steps, options.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
@@ -114,19 +114,19 @@ def _files_with_faces(
 def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInputError:
     """Return the error for several files of a time, given the number of files of each time."""
     text = f"lists {n_files[time]} files for the time {time:g}"
-    in_order = "read each file as a frame, in file order, with ", Keyword("fps")
+    file_order_advice = "read each file as a frame, in file order, with ", Keyword("fps")
     single = next((other for other, count in n_files.items() if count == 1), None)
     if single is None:
         return InvalidInputError(
             f"{text} with the same part number; merge the files of each time into one mesh with ",
             Keyword("merge", True),
             ", or ",
-            *in_order,
+            *file_order_advice,
         )
     return InvalidInputError(
         f"{text} and 1 for the time {single:g}, as after a restart; delete the older entries of "
         "such times, or ",
-        *in_order,
+        *file_order_advice,
         "; if they are pieces of one mesh, merge the files of each time with ",
         Keyword("merge", True),
     )
@@ -157,7 +157,7 @@ class _FileSteps:
         Parameters
         ----------
         previous : Path, optional
-            File of the previous frame, with which the step shares what is equal.
+            File of the previous frame, with which the step shares equal data.
         """
         last = self._last
         if last is not None and last[0] == path:
@@ -175,8 +175,8 @@ class _FileSteps:
     def _cache(self, path: Path, time: float, step: Step, previous: Step | None) -> None:
         """Cache a step, or clear the cache if it becomes too large; shared arrays count once."""
         shared: Sequence[DataArray] = () if previous is None else previous.data
-        new = [array for array in step.data if not any(array is known for known in shared)]
-        self._cached_bytes += sum(array.read().nbytes for array in new)
+        new_arrays = [array for array in step.data if not any(array is known for known in shared)]
+        self._cached_bytes += sum(array.read().nbytes for array in new_arrays)
         if previous is not None and previous.surface is step.surface and not self._skips_bad:
             # Callers keep the positions that they have read.
             step = replace(step, read_points=lambda: _read_step(path, time).read_points())
@@ -209,12 +209,12 @@ class _PieceFrames:
         self._name, self._times, self._notes = name, times, notes
         n_series = max(len(paths) for paths in files)
         series: list[list[tuple[Path, float]]] = [[] for _ in range(n_series)]
-        places = []
+        piece_indices = []
         for time, paths in zip(times.tolist(), files, strict=True):
-            places.append([len(series[number]) for number in range(len(paths))])
+            piece_indices.append([len(series[number]) for number in range(len(paths))])
             for number, file in enumerate(paths):
                 series[number].append((file, time))
-        self._places = places
+        self._piece_indices = piece_indices
         self._pieces = [
             SceneMesh(f"/piece_{number}", times, read.frame, read.surface, tracks=read.tracks)
             for number, frames in enumerate(series)
@@ -231,25 +231,25 @@ class _PieceFrames:
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
         """Return the tracks of consecutive frames that share their faces."""
-        counts = {len(self._places[index]) for index in frames}
+        counts = {len(self._piece_indices[index]) for index in frames}
         if len(counts) > 1:  # pieces cannot be matched between frames
             self._notes.left_out("fields of frames that differ in their number of files")
             return {}
-        numbers = np.array([self._places[index] for index in frames])
+        numbers = np.array([self._piece_indices[index] for index in frames])
         if counts == {1}:
             return self._pieces[0].tracks(range(numbers[0, 0], numbers[0, 0] + len(frames)))
-        places = [(indices, indices, np.zeros(len(indices))) for indices in numbers.T]
-        return merge_tracks(self._pieces[: counts.pop()], places, self._notes)
+        piece_indices = [(indices, indices, np.zeros(len(indices))) for indices in numbers.T]
+        return merge_tracks(self._pieces[: counts.pop()], piece_indices, self._notes)
 
     def _mesh(self, index: int) -> SceneMesh:
-        pieces = zip(self._pieces, self._places[index], strict=False)
-        meshes = [_frame_of(piece, place, self._times[index]) for piece, place in pieces]
+        pieces = zip(self._pieces, self._piece_indices[index], strict=False)
+        meshes = [_frame_of(piece, row, self._times[index]) for piece, row in pieces]
         return merge_meshes(meshes, self._name, self._notes) if len(meshes) > 1 else meshes[0]
 
 
-def _frame_of(piece: SceneMesh, place: int, time: float) -> SceneMesh:
+def _frame_of(piece: SceneMesh, index: int, time: float) -> SceneMesh:
     return SceneMesh(
-        piece.name, np.array([time]), lambda _: piece.frame(place), lambda _: piece.surface(place)
+        piece.name, np.array([time]), lambda _: piece.frame(index), lambda _: piece.surface(index)
     )
 
 

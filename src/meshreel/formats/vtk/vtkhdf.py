@@ -53,8 +53,8 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
 
         read = hdf_errors()(_scene_mesh)
         meshes = [
-            read_or_defer_error(place, partial(read, block, _type(block), place, options))
-            for place, block in ((f"/{name}", block) for name, block in blocks)
+            read_or_defer_error(mesh_path, partial(read, block, _type(block), mesh_path, options))
+            for mesh_path, block in ((f"/{name}", block) for name, block in blocks)
             if block is not None and _type(block) in MESH_TYPES
         ]
         if not meshes:

@@ -41,7 +41,7 @@ from meshreel.runtime.counting import counted
 
 ROOT = "VTKHDF"
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
-PLACES = {domain: place for place, domain in DATA.items()} | {Domain.CELL: "CellData"}
+DATA_GROUPS = {domain: name for name, domain in DATA.items()} | {Domain.CELL: "CellData"}
 
 POLY_DATA_GROUPS: dict[str, int | None] = {
     "Vertices": POLY_VERTEX,
@@ -52,10 +52,10 @@ POLY_DATA_GROUPS: dict[str, int | None] = {
 """Cell groups of PolyData and their cell types, in the column order of the step offsets."""
 
 GRID_GROUPS: dict[str, int | None] = {"": None}
-"""The same of an UnstructuredGrid, whose cells have types."""
+"""The same for an UnstructuredGrid, which stores cell types."""
 
 IS_ATTRIBUTE = "is_attribute"
-"""HDF5 attribute of our arrays that change only where the faces do."""
+"""HDF5 attribute of meshreel's arrays that change only with the faces."""
 
 MAX_CELLS = 1 << 62
 NO_CELLS = np.zeros(1, np.int64)
@@ -121,7 +121,7 @@ class VtkSteps:
     @cached_property
     def _arrays(self) -> list["StoredArray"]:
         """The numeric arrays at points and cells; the notes list the others."""
-        return [array for place in DATA for array in self._stored_arrays(place)]
+        return [array for group_name in DATA for array in self._stored_arrays(group_name)]
 
     def _read_times(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
@@ -172,12 +172,12 @@ class VtkSteps:
     def _surface(self, index: int) -> tuple[Cells, CellSurface]:
         """Return the cells of a step and their surface, cached for steps that share them."""
         parts = self._parts(index)
-        place = np.concatenate(
+        key = np.concatenate(
             [[parts.start, parts.stop], self._cell_starts[index], self._corner_starts[index]]
         ).tobytes()
-        if self._cached is None or self._cached[0] != place:
+        if self._cached is None or self._cached[0] != key:
             cells = self._cells(index, parts)
-            self._cached = place, cells, cell_mesh(cells, self._points_of(index))
+            self._cached = key, cells, cell_mesh(cells, self._points_of(index))
         return self._cached[1:]
 
     def _cells(self, index: int, parts: slice) -> Cells:
@@ -189,8 +189,8 @@ class VtkSteps:
                 continue
             if name not in self._cells_before:
                 self._cells_before[name] = cells_before_partitions(group)
-            points, before = self._n_points[parts], self._cells_before[name]
-            cells.append(read_cells(group, kind, parts, points, *starts, before))
+            points, cells_before = self._n_points[parts], self._cells_before[name]
+            cells.append(read_cells(group, kind, parts, points, *starts, cells_before))
         if not cells:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
         return self._with_polyhedra(Cells.join(cells))
@@ -213,18 +213,18 @@ class VtkSteps:
         faces = read("PolyhedronOffsets", "PolyhedronToFaces")
         return cells.with_faces(*faces, *read("FaceOffsets", "FaceConnectivity"))
 
-    def _stored_arrays(self, place: str) -> Iterator["StoredArray"]:
+    def _stored_arrays(self, group_name: str) -> Iterator["StoredArray"]:
         """Yield the numeric arrays at points or cells; the notes list the others."""
-        group = find_group(self._group, place)
+        group = find_group(self._group, group_name)
         n_steps = len(self.times_s)
         for name in group if group is not None else ():
             dataset = find_dataset(group, name)
             if dataset is None or dataset.dtype.kind not in "iuf" or not dataset.shape:
                 self._notes.left_out(UNSUPPORTED_ARRAYS, [name])
                 continue
-            offsets_name = f"Steps/{place}Offsets/{name}"
+            offsets_name = f"Steps/{group_name}Offsets/{name}"
             offsets = find_dataset(self._group, offsets_name)
-            is_at_points = place == "PointData"
+            is_at_points = group_name == "PointData"
             starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
             starts = starts if offsets is None else read_integers(offsets).ravel()
             # VTK appends the end of the last step; it skips steps without the array, unmarked.
@@ -233,7 +233,7 @@ class VtkSteps:
                     f"arrays: {name}, with offsets for {len(starts)} of {counted(n_steps, 'step')}",
                 )
                 continue
-            yield StoredArray(name, DATA[place], dataset, starts[:n_steps], self._notes)
+            yield StoredArray(name, DATA[group_name], dataset, starts[:n_steps], self._notes)
 
 
 @dataclass(frozen=True, eq=False)

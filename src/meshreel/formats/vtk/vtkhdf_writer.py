@@ -16,9 +16,9 @@ from meshreel.formats.surfaces.cells import written_cells
 from meshreel.formats.vtk.output_arrays import OutputArray, output_arrays, xml_text
 from meshreel.formats.vtk.vtkhdf_steps import (
     DATA,
+    DATA_GROUPS,
     GRID_GROUPS,
     IS_ATTRIBUTE,
-    PLACES,
     POLY_DATA_GROUPS,
     ROOT,
 )
@@ -110,9 +110,9 @@ class _Partitions:
 
     def __init__(self, root: Node, n_segments: int, *, has_cells: bool) -> None:
         self._root = root
-        kinds, self._filled = (GRID_GROUPS, "") if has_cells else (POLY_DATA_GROUPS, "Polygons")
+        kinds, self._group_name = (GRID_GROUPS, "") if has_cells else (POLY_DATA_GROUPS, "Polygons")
         self._groups = {name: root.create_group(name) if name else root for name in kinds}
-        group = self._groups[self._filled]
+        group = self._groups[self._group_name]
         self._offsets = _Rows(group, "Offsets", n_segments)
         self._connectivity = _Rows(group, "Connectivity", n_segments)
         self._types = _Rows(group, "Types", n_segments) if has_cells else None
@@ -134,18 +134,18 @@ class _Partitions:
         n_parts = len(n_frames)
         self._root["NumberOfPoints"] = n_points
         steps["PartOffsets"] = np.repeat(np.arange(n_parts), n_frames)
-        none = np.zeros(n_parts, np.int64)
+        zeros = np.zeros(n_parts, np.int64)
         for name, group in self._groups.items():
-            is_filled = name == self._filled
-            group["NumberOfCells"] = n_faces if is_filled else none
-            group["NumberOfConnectivityIds"] = n_corners if is_filled else none
-            if not is_filled:
-                group["Offsets"], group["Connectivity"] = none, none[:0]
-        column = [*self._groups].index(self._filled)
+            has_cells = name == self._group_name
+            group["NumberOfCells"] = n_faces if has_cells else zeros
+            group["NumberOfConnectivityIds"] = n_corners if has_cells else zeros
+            if not has_cells:
+                group["Offsets"], group["Connectivity"] = zeros, zeros[:0]
+        column = [*self._groups].index(self._group_name)
         for name, counts in (("CellOffsets", n_faces), ("ConnectivityIdOffsets", n_corners)):
-            firsts = np.zeros((n_parts, len(self._groups)), np.int64)
-            firsts[1:, column] = np.cumsum(counts[:-1])
-            steps[name] = np.repeat(firsts, n_frames, axis=0)
+            first_rows = np.zeros((n_parts, len(self._groups)), np.int64)
+            first_rows[1:, column] = np.cumsum(counts[:-1])
+            steps[name] = np.repeat(first_rows, n_frames, axis=0)
 
 
 class _DataArrays:
@@ -154,21 +154,21 @@ class _DataArrays:
     Parameters
     ----------
     shared : SharedData
-        What all segments have.
+        Data that all segments have.
     """
 
     def __init__(self, root: Node, stream: SegmentedStream, shared: SharedData) -> None:
         self._root, self._stream, self._shared = root, stream, shared
         self._arrays: dict[tuple[str, str], _Rows] = {}
-        for place in DATA:
-            root.create_group(place)
+        for group_name in DATA:
+            root.create_group(group_name)
 
     def add(self, segment: FrameStream, output: HdfOutput) -> None:
         """Write the data of a segment."""
-        own = self._shared.restrict(segment)
-        for array in output_arrays(own.surface, own.tracks, ".vtkhdf", segment.notes):
+        mesh = self._shared.restrict(segment)
+        for array in output_arrays(mesh.surface, mesh.tracks, ".vtkhdf", segment.notes):
             if array.values is None:
-                track = own.tracks[array.track]
+                track = mesh.tracks[array.track]
                 rows = self._rows(array, self._stream.n_frames)
                 for _, block in output.blocks(track):
                     for values in block:
@@ -177,24 +177,24 @@ class _DataArrays:
             else:
                 rows = self._rows(array, self._stream.n_segments)
                 rows.append(array.values, segment.n_frames)
-                facts = {"name": array.name, "kind": str(array.kind), IS_ATTRIBUTE: True}
-                rows.dataset.attrs.update(facts)
+                description = {"name": array.name, "kind": str(array.kind), IS_ATTRIBUTE: True}
+                rows.dataset.attrs.update(description)
             if array.role:
                 rows.dataset.attrs.create("Attribute", np.bytes_(array.role))
 
     def finish(self, steps: Node) -> None:
         """Write the first row of each array in each step."""
-        for place in DATA:
-            steps.create_group(f"{place}Offsets")
-        for (place, _), rows in self._arrays.items():
+        for group_name in DATA:
+            steps.create_group(f"{group_name}Offsets")
+        for (group_name, _), rows in self._arrays.items():
             name = rows.dataset.name.rpartition("/")[2]
-            steps[f"{place}Offsets"][name] = np.array(rows.starts, np.int64)
+            steps[f"{group_name}Offsets"][name] = np.array(rows.starts, np.int64)
 
     def _rows(self, array: OutputArray, n_blocks: int) -> _Rows:
-        key = place, _ = PLACES[array.domain], array.name
+        key = group_name, _ = DATA_GROUPS[array.domain], array.name
         if key not in self._arrays:
             name = array_name(array.name)
-            while name in self._root[place]:
+            while name in self._root[group_name]:
                 name += "_"
-            self._arrays[key] = _Rows(self._root[place], name, n_blocks)
+            self._arrays[key] = _Rows(self._root[group_name], name, n_blocks)
         return self._arrays[key]

@@ -35,7 +35,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
     items = DataItems(path, root, options)
-    grids = [items.resolved(grid) for domain in root.findall("Domain") for grid in domain]
+    grids = [items.dereference(grid) for domain in root.findall("Domain") for grid in domain]
     grids = [grid for grid in grids if grid.tag == "Grid"]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]
     meshes: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
@@ -55,12 +55,12 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
 
 
 def _is_collection(grid: Element, kind: str) -> bool:
-    is_one = grid.get("GridType", "Uniform").lower() == "collection"
-    return is_one and grid.get("CollectionType", "Spatial").lower() == kind
+    is_collection = grid.get("GridType", "Uniform").lower() == "collection"
+    return is_collection and grid.get("CollectionType", "Spatial").lower() == kind
 
 
 def _children(grid: Element, items: DataItems) -> list[Element]:
-    return [items.resolved(child) for child in grid.findall("Grid")]
+    return [items.dereference(child) for child in grid.findall("Grid")]
 
 
 def _meshes(
@@ -83,12 +83,12 @@ def _times(
 
     Times that are not ascending are replaced by the frame rate of the options, if given.
     """
-    own = [step.find("Time") for step in steps]
-    if own and all(time is not None and time.get("Value") is not None for time in own):
-        texts = [str(time.get("Value")) for time in own if time is not None]
+    tags = [step.find("Time") for step in steps]
+    if tags and all(time is not None and time.get("Value") is not None for time in tags):
+        texts = [str(time.get("Value")) for time in tags if time is not None]
         times = _numbers(texts)
-    elif (shared := collection.find("Time")) is not None:
-        times = _shared_times(shared, len(steps), items)
+    elif (collection_time := collection.find("Time")) is not None:
+        times = _shared_times(collection_time, len(steps), items)
     else:
         text = Message(
             "has no times; read as one frame per second: set the rate with ", Keyword("fps")

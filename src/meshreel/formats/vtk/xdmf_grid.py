@@ -134,7 +134,7 @@ class GridFrames:
             element = self._root.find(f".//Grid/{tag}")
         if element is None:
             raise FormatError(f"has a grid {step.get('Name', '')!r} without {tag}")
-        return self._items.resolved(element)
+        return self._items.dereference(element)
 
     def _points(self, index: int) -> Vertices:
         geometry = self._element(index, "Geometry")
@@ -194,15 +194,15 @@ def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
     if values.dtype.kind not in "iu":
         raise FormatError(f"has a Topology of {values.dtype}; expected integers")
     head, _, tail = name.lower().partition("_")
-    known = SHORT_NAMES.get(head, head) + (f"_{tail}" if tail else "")
-    if known == "mixed":
+    title = SHORT_NAMES.get(head, head) + (f"_{tail}" if tail else "")
+    if title == "mixed":
         return _mixed(values.ravel().astype(np.int64))
-    if known not in BY_NAME:
+    if title not in BY_NAME:
         raise FormatError(f"has a Topology of unsupported type {name[:40]!r}")
-    kind, fixed = BY_NAME[known]
-    width = fixed or n_points or (values.shape[1] if values.ndim == 2 else 1)
+    kind, n_fixed = BY_NAME[title]
+    width = n_fixed or n_points or (values.shape[1] if values.ndim == 2 else 1)
     if values.size % width:
-        raise FormatError(f"has a Topology of {values.size} numbers; cells of {known} have {width}")
+        raise FormatError(f"has a Topology of {values.size} numbers; cells of {title} have {width}")
     n_cells = values.size // width
     counts = np.full(n_cells, width, np.int64)
     return Cells(np.full(n_cells, kind), counts, values.ravel().astype(np.int64))
@@ -210,21 +210,21 @@ def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
 
 def _mixed(values: npt.NDArray[np.int64]) -> Cells:
     """Parse cells that each begin with their type, and with their point count if it varies."""
-    numbers, at = values.tolist(), 0
+    numbers, offset = values.tolist(), 0
     kinds, counts, is_point = [], [], np.ones(len(values), bool)
-    while at < len(numbers):
-        if numbers[at] not in CELLS:
-            raise FormatError(f"has a cell of unsupported type {numbers[at]}")
-        _, kind, count = CELLS[numbers[at]]
-        is_point[at] = False
-        at += 1
+    while offset < len(numbers):
+        if numbers[offset] not in CELLS:
+            raise FormatError(f"has a cell of unsupported type {numbers[offset]}")
+        _, kind, count = CELLS[numbers[offset]]
+        is_point[offset] = False
+        offset += 1
         if count == 0:
-            count = numbers[at] if at < len(numbers) else -1
-            is_point[at : at + 1] = False
-            at += 1
-        if count < 0 or at + count > len(numbers):
+            count = numbers[offset] if offset < len(numbers) else -1
+            is_point[offset : offset + 1] = False
+            offset += 1
+        if count < 0 or offset + count > len(numbers):
             raise FormatError("has a Topology that ends within a cell")
         kinds.append(kind)
         counts.append(count)
-        at += count
+        offset += count
     return Cells(np.array(kinds, np.int64), np.array(counts, np.int64), values[is_point])

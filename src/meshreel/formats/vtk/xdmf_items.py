@@ -40,7 +40,7 @@ class DataItems:
         self._path, self._root, self._options = path, root, options
         self._files: dict[Path, Node] = {}
 
-    def resolved(self, element: Element) -> Element:
+    def dereference(self, element: Element) -> Element:
         """Return the element itself, or the one that it refers to.
 
         Raises
@@ -52,21 +52,21 @@ class DataItems:
             reference = element.get("Reference")
             if reference is None:
                 return element
-            place = (element.text or "").strip() if reference.upper() == "XML" else reference
-            element = _follow(self._root, place)
+            path = (element.text or "").strip() if reference.upper() == "XML" else reference
+            element = _follow(self._root, path)
         raise FormatError("has circular references")
 
     def item_of(self, element: Element) -> Element:
         """Return the first DataItem of an element."""
         if (item := element.find("DataItem")) is None:
             raise FormatError(f"has a {element.tag} without a DataItem")
-        return self.resolved(item)
+        return self.dereference(item)
 
     def key(self, item: Element, depth: int = 0) -> Any:
         """Return a key that is equal for items with the same array, without reading it."""
         if depth > MAX_REFERENCES:
             raise FormatError("has circular references")
-        item = self.resolved(item)
+        item = self.dereference(item)
         attributes = tuple(sorted(item.attrib.items()))
         children = tuple(self.key(child, depth + 1) for child in item)
         return attributes, (item.text or "").strip(), children
@@ -79,12 +79,12 @@ class DataItems:
         FormatError
             If the item has an unsupported kind, is damaged, or is outside the folder of the file.
         """
-        item = self.resolved(item)
+        item = self.dereference(item)
         match item.get("ItemType", "Uniform").lower():
             case "uniform":
-                values = self._stored(item)
+                values = self._read_stored(item)
             case "hyperslab":
-                values = self._slab(item)
+                values = self._read_slab(item)
             case kind:
                 raise FormatError(f"has a DataItem of unsupported type {kind!r}")
         values = native(np.asarray(values))
@@ -103,29 +103,29 @@ class DataItems:
         FormatError
             As `read`.
         """
-        item = self.resolved(item)
+        item = self.dereference(item)
         shape, children = _shape(item), item.findall("DataItem")
-        source = self.resolved(children[-1]) if children else item
+        source = self.dereference(children[-1]) if children else item
         if shape and source.get("Format", "XML").upper() == "HDF":
             dataset, _ = self._dataset(source)
             return math.prod(shape), dataset.dtype.newbyteorder("=")
         values = self.read(item)
         return values.size, values.dtype
 
-    def _stored(self, item: Element) -> Array:
+    def _read_stored(self, item: Element) -> Array:
         source = self._source(item)
         if isinstance(source, np.ndarray):
             return source
         with hdf_errors():
             return np.asarray(source[()])
 
-    def _slab(self, item: Element) -> Array:
+    def _read_slab(self, item: Element) -> Array:
         """Read a part of another item, given start, stride and count of each axis."""
         children = item.findall("DataItem")
         if len(children) != 2:
             raise FormatError(f"has a HyperSlab with {len(children)} DataItems; it needs 2")
-        source = self._source(self.resolved(children[1]))
-        return _part(source, self._stored(self.resolved(children[0])).ravel())
+        source = self._source(self.dereference(children[1]))
+        return _part(source, self._read_stored(self.dereference(children[0])).ravel())
 
     def _source(self, item: Element) -> Array | Dataset:
         """Return the whole array of an item, or the HDF5 dataset that stores it."""
@@ -146,15 +146,15 @@ class DataItems:
 
         XDMF 3 writes ``file.h5:/dataset|starts:strides:counts:size of the dataset``.
         """
-        place, bar, selection = (item.text or "").strip().partition("|")
-        file, colon, name = place.rpartition(":/")
+        location, bar, selection = (item.text or "").strip().partition("|")
+        file, colon, name = location.rpartition(":/")
         if not colon:  # file names may contain colons too
-            file, _, name = place.partition(":")
+            file, _, name = location.partition(":")
         with hdf_errors():
             dataset = require_dataset(self._file(self._resolve(file)), name)
         if not bar:
             return dataset, None
-        axes = [[_whole(word) for word in words.split()] for words in selection.split(":")]
+        axes = [[_parse_integer(word) for word in words.split()] for words in selection.split(":")]
         if len(axes) != 4 or tuple(axes[3]) != dataset.shape:
             raise FormatError(
                 f"selects {selection[:80]!r} of an array of shape {dataset.shape}; expected "
@@ -180,7 +180,7 @@ class DataItems:
         if item.get("Compression", "Raw").lower() != "raw":
             raise FormatError("has a compressed binary DataItem, which is not supported")
         order = ">" if item.get("Endian", "Native").lower() == "big" else "<"
-        seek, shape = _whole(item.get("Seek", "0")), _shape(item)
+        seek, shape = _parse_integer(item.get("Seek", "0")), _shape(item)
         size = math.prod(shape) * int(_code(item)[1])
         if not 0 <= seek <= seek + size <= path.stat().st_size:
             raise FormatError(
@@ -218,19 +218,19 @@ def _part(source: Array | Dataset, numbers: Array) -> Array:
         return np.asarray(source[tuple(slice(start, end + 1, step) for start, end, step in ranges)])
 
 
-def _follow(root: Element, place: str) -> Element:
+def _follow(root: Element, path: str) -> Element:
     """Return the element at a path such as /Xdmf/Domain/Grid[2]/Topology."""
     element = root
-    for word in place.strip().removeprefix("/Xdmf/").split("/"):
+    for word in path.strip().removeprefix("/Xdmf/").split("/"):
         if (match := PATH_ELEMENT.fullmatch(word)) is None:
-            raise FormatError(f"refers to {place[:80]!r}, which is not a supported path")
+            raise FormatError(f"refers to {path[:80]!r}, which is not a supported path")
         tag, number, name = match.groups()
         children = [child for child in element if child.tag == tag]
         if name is not None:
             children = [child for child in children if child.get("Name") == name]
         matches = children[int(number) - 1 if number else 0 :][:1]
         if not matches or number == "0":
-            raise FormatError(f"refers to {place[:80]!r}, which does not exist")
+            raise FormatError(f"refers to {path[:80]!r}, which does not exist")
         element = matches[0]
     return element
 
@@ -247,10 +247,10 @@ def _code(item: Element) -> str:
 
 
 def _shape(item: Element) -> tuple[int, ...]:
-    return tuple(_whole(word) for word in item.get("Dimensions", "").split())
+    return tuple(_parse_integer(word) for word in item.get("Dimensions", "").split())
 
 
-def _whole(word: str) -> int:
+def _parse_integer(word: str) -> int:
     if not (word.isascii() and word.isdigit() and len(word) <= 18):
         raise FormatError(f"has {word[:40]!r} where a non-negative integer is expected")
     return int(word)

@@ -149,38 +149,38 @@ class ArrayCoding:
                 stream = _Stream(self.appended[begin:], self.is_raw)
             case other:
                 raise FormatError(f"has a DataArray of unknown format {other!r}")
-        data = self._plain(stream) if self.unpack is None else self._unpacked(stream, self.unpack)
+        data = self._plain(stream) if self.unpack is None else self._unpack(stream, self.unpack)
         return np.frombuffer(data, f"{self.order}{code}").astype(code, copy=False)
 
     def _plain(self, stream: "_Stream") -> bytes:
         """Read uncompressed data, which follows its size in bytes."""
         width = self._width
-        [size] = self._header(stream.take(0, width), 1)
-        if stream.is_padded(stream.after(width)):  # some writers encode the size separately
-            return stream.take(stream.after(width), size)
-        return stream.take(0, width + size)[width:]
+        [size] = self._header(stream.decode(0, width), 1)
+        if stream.is_padded(stream.encoded_size(width)):  # some writers encode the size separately
+            return stream.decode(stream.encoded_size(width), size)
+        return stream.decode(0, width + size)[width:]
 
-    def _unpacked(self, stream: "_Stream", unpack: Unpack) -> bytes:
+    def _unpack(self, stream: "_Stream", unpack: Unpack) -> bytes:
         """Decompress blocks.
 
         The header lists their number, the size of a block, the size of a smaller last block or 0,
         and the compressed size of each.
         """
-        [n_blocks] = self._header(stream.take(0, self._width), 1)
+        [n_blocks] = self._header(stream.decode(0, self._width), 1)
         if n_blocks == 0:
             return b""
         head_bytes = (3 + n_blocks) * self._width
-        _, size, rest, *packed = self._header(stream.take(0, head_bytes), 3 + n_blocks)
-        sizes = [size] * (n_blocks - bool(rest)) + [rest] * bool(rest)
+        _, size, last_size, *packed = self._header(stream.decode(0, head_bytes), 3 + n_blocks)
+        sizes = [size] * (n_blocks - bool(last_size)) + [last_size] * bool(last_size)
         if sum(sizes) > MAX_RATIO * len(stream.data):
             raise FormatError(
                 f"declares {sum(sizes)} bytes, more than its compressed data can contain"
             )
-        data, at = memoryview(stream.take(stream.after(head_bytes), sum(packed))), 0
+        data, offset = memoryview(stream.decode(stream.encoded_size(head_bytes), sum(packed))), 0
         pieces = []
         for length, expected in zip(packed, sizes, strict=True):
-            pieces.append(unpack(bytes(data[at : at + length]), expected))
-            at += length
+            pieces.append(unpack(bytes(data[offset : offset + length]), expected))
+            offset += length
             if len(pieces[-1]) != expected:
                 raise FormatError(
                     f"a block has {len(pieces[-1])} bytes; its header declares {expected}"
@@ -203,15 +203,15 @@ class _Stream:
     data: bytes
     is_raw: bool
 
-    def after(self, count: int) -> int:
-        """Offset after `count` decoded bytes, encoded separately."""
+    def encoded_size(self, count: int) -> int:
+        """Size of `count` bytes that are encoded separately."""
         return count if self.is_raw else -(-count // 3) * 4
 
-    def is_padded(self, at: int) -> bool:
+    def is_padded(self, offset: int) -> bool:
         """Whether base64 padding ends at this offset."""
-        return not self.is_raw and self.data[at - 1 : at] == b"="
+        return not self.is_raw and self.data[offset - 1 : offset] == b"="
 
-    def take(self, at: int, count: int) -> bytes:
+    def decode(self, offset: int, count: int) -> bytes:
         """Decode `count` bytes from an offset.
 
         Raises
@@ -219,7 +219,7 @@ class _Stream:
         FormatError
             If the data ends before them.
         """
-        contents = self.data[at : at + self.after(count)]
+        contents = self.data[offset : offset + self.encoded_size(count)]
         if not self.is_raw:
             contents = binascii.a2b_base64(contents, strict_mode=True)[:count]
         if len(contents) < count:

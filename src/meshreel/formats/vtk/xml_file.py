@@ -134,7 +134,7 @@ def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
         return Cells.join([])
     counts, points = _connectivity(group, coding)
     _check_count(piece, "Cells", len(counts))
-    types = _named(group, "types", coding)
+    types = _read_named(group, "types", coding)
     if len(types) != len(counts):
         raise FormatError(f"has {len(types)} types for {len(counts)} cells")
     cells = Cells(types, counts, points)
@@ -147,8 +147,8 @@ def _with_polyhedra(cells: Cells, group: Element, coding: ArrayCoding) -> Cells:
         n_faces, faces = _connectivity(group, coding, "polyhedron_to_faces", "polyhedron_offsets")
         sizes, nodes = _connectivity(group, coding, "face_connectivity", "face_offsets")
         return cells.with_faces(n_faces, faces, sizes, nodes)
-    points = _named(group, "faces", coding).astype(np.int64)
-    ends = _named(group, "faceoffsets", coding).astype(np.int64)
+    points = _read_named(group, "faces", coding).astype(np.int64)
+    ends = _read_named(group, "faceoffsets", coding).astype(np.int64)
     if len(ends) != len(cells.types):
         raise FormatError(f"has {len(ends)} faceoffsets for {len(cells.types)} cells")
     ends = ends[cells.types == VTK_POLYHEDRON]  # others are -1
@@ -173,10 +173,10 @@ def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
 
 def _check_count(piece: Element, name: str, n_found: int) -> None:
     """Raise an error if the declared number of points or cells differs from the arrays."""
-    declared = piece.get(f"NumberOf{name}", str(n_found)).strip()
-    if (declared.lstrip("0") or "0") != str(n_found):
+    count = piece.get(f"NumberOf{name}", str(n_found)).strip()
+    if (count.lstrip("0") or "0") != str(n_found):
         raise FormatError(
-            f"declares NumberOf{name}={declared[:20]!r}, but its arrays have {n_found}; the file "
+            f"declares NumberOf{name}={count[:20]!r}, but its arrays have {n_found}; the file "
             "is damaged or incomplete"
         )
 
@@ -185,15 +185,15 @@ def _connectivity(
     group: Element, coding: ArrayCoding, name: str = "connectivity", offsets: str = "offsets"
 ) -> tuple[Integers, Integers]:
     """Return the point count of each cell, and all point indices; or those of other arrays."""
-    points = _named(group, name, coding).astype(np.int64)
-    ends = _named(group, offsets, coding).astype(np.int64)
+    points = _read_named(group, name, coding).astype(np.int64)
+    ends = _read_named(group, offsets, coding).astype(np.int64)
     counts = np.diff(ends, prepend=0)
     if len(ends) and ((counts < 0).any() or ends[-1] != len(points)):
         raise FormatError(f"{offsets} of {group.tag} do not fit its {len(points)} corners")
     return counts, points
 
 
-def _named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
+def _read_named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
     for element in group.findall("DataArray"):
         if element.get("Name") == name:
             values = coding.read(element)

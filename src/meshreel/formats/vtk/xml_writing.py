@@ -63,18 +63,18 @@ class FileEncoder:
     def __init__(self, extension: str, stream: FrameStream) -> None:
         surface = stream.surface
         self._arrays = output_arrays(surface, stream.tracks, extension, stream.notes)
-        written = written_cells(stream.faces, surface)
+        mesh_cells = written_cells(stream.faces, surface)
         self._kind, self._cell_tag = "PolyData", "Polys"
         other_counts = "".join(f'NumberOf{kind}="0" ' for kind in ("Verts", "Lines", "Strips"))
-        self._n_cells = f'{other_counts}NumberOfPolys="{len(written.counts)}"'
+        self._n_cells = f'{other_counts}NumberOfPolys="{len(mesh_cells.counts)}"'
         cells: dict[str, Values] = {
-            "connectivity": written.points,
-            "offsets": np.cumsum(written.counts, dtype=np.int64),
+            "connectivity": mesh_cells.points,
+            "offsets": np.cumsum(mesh_cells.counts, dtype=np.int64),
         }
         if extension != ".vtp":
             self._kind, self._cell_tag = "UnstructuredGrid", "Cells"
-            self._n_cells = f'NumberOfCells="{len(written.counts)}"'
-            cells["types"] = written.types
+            self._n_cells = f'NumberOfCells="{len(mesh_cells.counts)}"'
+            cells["types"] = mesh_cells.types
         self._cells = {name: _encode(values, STATIC_LEVEL) for name, values in cells.items()}
         self._static = [
             None if array.values is None else _encode(array.values, STATIC_LEVEL)
@@ -122,12 +122,12 @@ def _encode(values: Values, level: int) -> Encoded:
     """Encode an array of shape (N,) or (N, C) with the given zlib level."""
     code = values.dtype.str[1:]
     plain = np.ascontiguousarray(values, f"<{code}").tobytes()
-    facts = f'type="{TYPE_NAMES[code]}"'
+    header = f'type="{TYPE_NAMES[code]}"'
     if values.ndim == 2:
-        facts += f' NumberOfComponents="{values.shape[1]}"'
+        header += f' NumberOfComponents="{values.shape[1]}"'
     packed = zlib.compress(plain, level)
     sizes = (1, len(plain), 0, len(packed))  # blocks, block size, size of a smaller last, packed
-    return facts, b"".join(size.to_bytes(8, "little") for size in sizes) + packed
+    return header, b"".join(size.to_bytes(8, "little") for size in sizes) + packed
 
 
 class _Appended:
@@ -137,17 +137,17 @@ class _Appended:
         self.pieces: list[bytes] = []
         self._size = 0
 
-    def array(self, name: str, encoded: Encoded, about: OutputArray | None = None) -> str:
+    def array(self, name: str, encoded: Encoded, array: OutputArray | None = None) -> str:
         """Append an encoded array; return its DataArray element."""
-        facts, data = encoded
-        facts += f" Name={quoteattr(name)}"
-        if about is not None:
-            facts += f' {TRACK_KIND if about.track else ATTRIBUTE_KIND}="{about.kind}"'
-        opening = f'<DataArray {facts} format="appended" offset="{self._size}"'
+        header, data = encoded
+        header += f" Name={quoteattr(name)}"
+        if array is not None:
+            header += f' {TRACK_KIND if array.track else ATTRIBUTE_KIND}="{array.kind}"'
+        opening = f'<DataArray {header} format="appended" offset="{self._size}"'
         self.pieces.append(data)
         self._size += len(data)
-        if about is None or not about.unit:
+        if array is None or not array.unit:
             return f"{opening}/>\n"
-        unit = escape(" ".join(about.unit.split()))
+        unit = escape(" ".join(array.unit.split()))
         key = f'<InformationKey name="{UNITS}" location="vtkDataArray">{unit}</InformationKey>'
         return f"{opening}>{key}</DataArray>\n"

@@ -273,7 +273,7 @@ def test_floats_decode_to_themselves_through_the_shorter_filter(values):
 def test_buffer_is_plain_where_compression_saves_nothing():
     buffer = BufferWriter(is_compressed=True)
     buffer.add_indices(np.array([0, 1, 2]))
-    assert buffer.required == []
+    assert buffer.required_extensions == []
     assert [buffer.size_bytes, *map(len, (buffer.views, buffer.buffers()))] == [8, 1, 1]
 
 
