@@ -54,9 +54,9 @@ WriteOption = Literal[
 
 NO_TRACKS: frozenset[Domain] = frozenset()
 EVERY_DOMAIN = frozenset(Domain)
-OF_SURFACES = frozenset(SURFACE_DOMAINS)
-NOT_OF_CORNERS = frozenset({Domain.VERTEX, Domain.FACE})
-OF_CELLS = NOT_OF_CORNERS | {Domain.CELL}
+VERTEX_FACE_CORNER = frozenset(SURFACE_DOMAINS)
+VERTEX_FACE = frozenset({Domain.VERTEX, Domain.FACE})
+VERTEX_FACE_CELL = VERTEX_FACE | {Domain.CELL}
 """Track domains that a format supports; with those of cells, it stores cells too."""
 
 Encode = Callable[[Vertices, Mapping[str, Values]], bytes]
@@ -75,13 +75,13 @@ class Format:
     extra: Extra | None = None
     """Library required for writing and, unless `reads_without_extra`, for reading."""
     reads_without_extra: bool = False
-    reads: frozenset[ReadOption] = frozenset()
+    read_options: frozenset[ReadOption] = frozenset()
     """Read options that have an effect on the format, besides those of formats with `read_meshes`,
-    `names_files` and `list_animations`.
+    `refers_to_files` and `list_animations`.
     """
-    writes: frozenset[WriteOption] = frozenset()
+    write_options: frozenset[WriteOption] = frozenset()
     """Write options that have an effect on the format."""
-    holds_tracks: frozenset[Domain] = NO_TRACKS
+    track_domains: frozenset[Domain] = NO_TRACKS
     """Domains of the tracks that written files can contain; others are left out with a note."""
     companion: str = ""
     """Extension of a mesh file with the first frame that is written next to it."""
@@ -97,7 +97,7 @@ class Format:
     @property
     def options(self) -> frozenset[str]:
         """All read and write options that have an effect."""
-        return self.reads | self.writes
+        return self.read_options | self.write_options
 
 
 @dataclass(frozen=True)
@@ -140,14 +140,14 @@ class SequenceFormat(Format):
     """
     holds_segments: bool = False
     """Whether the faces of written frames may change; else `write` gets a single segment."""
-    names_files: bool = False
+    refers_to_files: bool = False
     """Whether its files refer to other files."""
 
     @property
     def options(self) -> frozenset[str]:
         """All read and write options that have an effect."""
         mesh_options = {"object", "merge", "skip_bad"} if self.read_meshes else set()
-        file_options = {"allow_outside"} if self.names_files else set()
+        file_options = {"allow_outside"} if self.refers_to_files else set()
         animation_options = {"animation"} if self.list_animations else set()
         return super().options | mesh_options | file_options | animation_options
 

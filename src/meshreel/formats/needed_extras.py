@@ -7,13 +7,7 @@ from pathlib import Path
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source
-from meshreel.runtime.extras import (
-    REGISTER_PILLOW,
-    REGISTER_SCIPY,
-    REGISTER_XATLAS,
-    VIDEO,
-    Extra,
-)
+from meshreel.runtime.extras import REGISTER_PILLOW, REGISTER_SCIPY, REGISTER_XATLAS, VIDEO, Extra
 
 VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
 """Extensions of videos of textures."""

@@ -21,10 +21,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.frames.stored_frames import (
-    Description,
-    RawArray,
-)
+from meshreel.formats.frames.stored_frames import Description, RawArray
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
@@ -314,7 +311,7 @@ FORMATS = tuple(
         title,
         open_cache,
         write_cache,
-        reads=frozenset({"topology"}),
+        read_options=frozenset({"topology"}),
         companion=COMPANION,
     )
     for extension, title, open_cache, write_cache in (

@@ -21,11 +21,7 @@ from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_o
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
-from meshreel.model.sequence import (
-    MeshSequence,
-    Vertices,
-    positions_size_bytes,
-)
+from meshreel.model.sequence import MeshSequence, Vertices, positions_size_bytes
 from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.stores.address import is_remote, without_query
@@ -247,8 +243,8 @@ FORMATS = (
         open_reel,
         write_reel,
         holds_segments=True,
-        writes=frozenset({"max_error", "lossless"}),
+        write_options=frozenset({"max_error", "lossless"}),
         holds_materials=True,
-        holds_tracks=EVERY_DOMAIN,
+        track_domains=EVERY_DOMAIN,
     ),
 )

@@ -13,17 +13,8 @@ from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions, origin_of
-from meshreel.formats.outputs import (
-    DEFAULT_OPTIONS,
-    check_output,
-    is_pattern,
-    numbering,
-)
-from meshreel.formats.registry import (
-    FRAME_FORMATS,
-    SEQUENCE_FORMATS,
-    output_format_of,
-)
+from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
+from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, output_format_of
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
@@ -233,7 +224,7 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
     of its surface instead.
     """
     output_format = output_format_of(Path(output))
-    domains = output_format.holds_tracks
+    domains = output_format.track_domains
     if Domain.CELL not in domains:
         mesh = _without_cells(mesh, output_format.extension)
     elif mesh.surface.cells is not None and Domain.CORNER not in domains:

@@ -24,7 +24,7 @@ from meshreel.formats.alembic.meshes import read_meshes
 from meshreel.formats.alembic.part_writer import PartWriter
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
+from meshreel.formats.kinds import VERTEX_FACE_CORNER, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.transforms import Rounding
@@ -218,6 +218,6 @@ FORMATS = (
         reads_without_extra=True,
         write=write_alembic,
         holds_segments=True,
-        holds_tracks=OF_SURFACES,
+        track_domains=VERTEX_FACE_CORNER,
     ),
 )

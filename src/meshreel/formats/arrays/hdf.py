@@ -294,8 +294,8 @@ FORMATS = tuple(
         open_hdf_sequence,
         write_hdf,
         extra=HDF,
-        reads=frozenset({"dataset", "object", "merge", "skip_bad"}),
-        holds_tracks=EVERY_DOMAIN,
+        read_options=frozenset({"dataset", "object", "merge", "skip_bad"}),
+        track_domains=EVERY_DOMAIN,
     )
     for extension in (".h5", ".hdf5", ".hdf")
 )

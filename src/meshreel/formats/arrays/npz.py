@@ -35,10 +35,7 @@ from meshreel.formats.arrays.npz_members import (
 )
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
-from meshreel.formats.frames.stored_frames import (
-    CheckedReader,
-    RawArray,
-)
+from meshreel.formats.frames.stored_frames import CheckedReader, RawArray
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource
@@ -234,7 +231,7 @@ FORMATS = (
         "NumPy archive",
         open_npz,
         write_npz,
-        reads=frozenset({"dataset"}),
-        holds_tracks=EVERY_DOMAIN,
+        read_options=frozenset({"dataset"}),
+        track_domains=EVERY_DOMAIN,
     ),
 )

@@ -28,12 +28,7 @@ from meshreel.model.tracks import (
     read_tracks,
     size_bytes,
 )
-from meshreel.model.validation import (
-    read_only,
-    validate_faces,
-    validate_finite,
-    validate_vertices,
-)
+from meshreel.model.validation import read_only, validate_faces, validate_finite, validate_vertices
 from meshreel.runtime.progress import Count, Progress, silent
 
 MESH_FIELDS = {"faces", "surface", "tracks"}

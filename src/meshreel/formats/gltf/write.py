@@ -496,8 +496,8 @@ FORMATS = tuple(
         read_meshes=read_meshes,
         write=write_gltf,
         holds_segments=True,
-        names_files=True,
-        writes=frozenset({"max_error", "normals", "compression", "rig", "kg", "quality"}),
+        refers_to_files=True,
+        write_options=frozenset({"max_error", "normals", "compression", "rig", "kg", "quality"}),
         holds_materials=True,
         list_animations=list_animations,
     )

@@ -20,7 +20,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS, Field
 from meshreel.formats.frames.frame import Frame, fields_of
-from meshreel.formats.kinds import OF_SURFACES, FrameFormat
+from meshreel.formats.kinds import VERTEX_FACE_CORNER, FrameFormat
 from meshreel.formats.meshes.obj_writing import NORMALS_NAME, STATEMENTS, obj_encoder
 from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
@@ -238,6 +238,6 @@ FORMATS = (
         read_obj,
         obj_encoder,
         is_decimal=True,
-        holds_tracks=OF_SURFACES,
+        track_domains=VERTEX_FACE_CORNER,
     ),
 )

@@ -20,7 +20,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
 from meshreel.formats.frames.field_tracks import Field, Key
 from meshreel.formats.frames.frame import Frame
-from meshreel.formats.kinds import OF_SURFACES, FrameFormat
+from meshreel.formats.kinds import VERTEX_FACE_CORNER, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
 from meshreel.formats.meshes.ply_tables import PlyTable, read_ply_tables
 from meshreel.formats.meshes.ply_writing import (
@@ -157,4 +157,4 @@ def _corner_coordinates(table: PlyTable, counts: npt.NDArray[np.int64]) -> Attri
     return None
 
 
-FORMATS = (FrameFormat(".ply", "PLY", read_ply, ply_encoder, holds_tracks=OF_SURFACES),)
+FORMATS = (FrameFormat(".ply", "PLY", read_ply, ply_encoder, track_domains=VERTEX_FACE_CORNER),)

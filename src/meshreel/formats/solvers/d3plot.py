@@ -216,6 +216,6 @@ FORMATS = (
         "LS-DYNA d3plot",
         read_meshes=read_d3plot,
         other_files=other_files,
-        reads=frozenset({"keep_deleted"}),
+        read_options=frozenset({"keep_deleted"}),
     ),
 )

@@ -469,6 +469,6 @@ class _PartFrames:
 
 
 FORMATS = tuple(
-    SequenceFormat(extension, "EnSight Gold", read_meshes=read_ensight, names_files=True)
+    SequenceFormat(extension, "EnSight Gold", read_meshes=read_ensight, refers_to_files=True)
     for extension in (".case", ".encas")
 )

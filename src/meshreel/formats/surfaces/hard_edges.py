@@ -9,12 +9,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.kernel.polygons import triangulate
-from meshreel.model.geometry.hard_edges import (
-    Int32s,
-    corner_normals,
-    next_corners,
-    shared_edges,
-)
+from meshreel.model.geometry.hard_edges import Int32s, corner_normals, next_corners, shared_edges
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.notes import NORMALS, Note, NoteKind, Notes
 from meshreel.model.surface import Surface

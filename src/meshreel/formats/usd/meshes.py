@@ -11,11 +11,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.scenes.quantities import (
-    normals_of_corners,
-    note_quantities,
-    quantity_tracks,
-)
+from meshreel.formats.scenes.quantities import normals_of_corners, note_quantities, quantity_tracks
 from meshreel.formats.scenes.transforms import is_mirroring, transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh, reversed_corners

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
-from meshreel.formats.kinds import OF_SURFACES, SequenceFormat
+from meshreel.formats.kinds import VERTEX_FACE_CORNER, SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import unique_name
@@ -182,11 +182,11 @@ FORMATS = tuple(
         extra=USD,
         write=write_usd,
         holds_segments=True,
-        writes=frozenset({"rig", "kg", "quality", "max_error"}),
-        names_files=True,
+        write_options=frozenset({"rig", "kg", "quality", "max_error"}),
+        refers_to_files=True,
         holds_materials=True,
         has_image_folder=extension != ".usdz",
-        holds_tracks=OF_SURFACES,
+        track_domains=VERTEX_FACE_CORNER,
     )
     for extension, title in TITLES.items()
 )

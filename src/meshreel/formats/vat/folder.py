@@ -273,6 +273,6 @@ FORMATS = (
         vat_files,
         write_vat,
         extra=OPEN_EXR,
-        writes=frozenset({"layout", "textures", "max_error", "normals"}),
+        write_options=frozenset({"layout", "textures", "max_error", "normals"}),
     ),
 )

@@ -14,7 +14,7 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
-from meshreel.formats.kinds import OF_CELLS, SequenceFormat
+from meshreel.formats.kinds import VERTEX_FACE_CELL, SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
@@ -269,8 +269,8 @@ FORMATS = (
         read_meshes=read_pvd,
         write=write_pvd,
         holds_segments=True,
-        names_files=True,
-        holds_tracks=OF_CELLS,
+        refers_to_files=True,
+        track_domains=VERTEX_FACE_CELL,
         data_files=pvd_pieces,
     ),
 )

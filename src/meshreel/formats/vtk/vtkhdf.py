@@ -15,7 +15,7 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.frames.steps import StepFrames
 from meshreel.formats.hdf import Node, find_group, hdf_errors, open_hdf, read_text_attribute
-from meshreel.formats.kinds import OF_CELLS, SequenceFormat
+from meshreel.formats.kinds import VERTEX_FACE_CELL, SequenceFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.vtk.vtkhdf_steps import ROOT, VtkSteps
@@ -97,6 +97,6 @@ FORMATS = (
         extra=HDF,
         write=write_vtkhdf,
         holds_segments=True,
-        holds_tracks=OF_CELLS,
+        track_domains=VERTEX_FACE_CELL,
     ),
 )

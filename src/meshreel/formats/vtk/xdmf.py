@@ -142,7 +142,7 @@ FORMATS = tuple(
         "XDMF",
         read_meshes=read_xdmf,
         extra=HDF,
-        names_files=True,
+        refers_to_files=True,
     )
     for extension in (".xdmf", ".xmf")
 )

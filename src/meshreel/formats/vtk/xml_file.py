@@ -25,7 +25,7 @@ from meshreel.formats.frames.steps import (
     join_pieces,
     loaded_array,
 )
-from meshreel.formats.kinds import NOT_OF_CORNERS, OF_CELLS, FrameFormat
+from meshreel.formats.kinds import VERTEX_FACE, VERTEX_FACE_CELL, FrameFormat
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
     POLY_VERTEX,
@@ -234,6 +234,6 @@ def read_frame(data: bytes) -> Frame:
 
 
 FORMATS = (
-    FrameFormat(".vtu", "VTK cells", read_frame, vtu_encoder, holds_tracks=OF_CELLS),
-    FrameFormat(".vtp", "VTK polygons", read_frame, vtp_encoder, holds_tracks=NOT_OF_CORNERS),
+    FrameFormat(".vtu", "VTK cells", read_frame, vtu_encoder, track_domains=VERTEX_FACE_CELL),
+    FrameFormat(".vtp", "VTK polygons", read_frame, vtp_encoder, track_domains=VERTEX_FACE),
 )

@@ -133,8 +133,8 @@ PANELS = {
 def test_option_is_in_the_panel_of_its_outputs(command, name):
     panels = {param.name: getattr(param, "panel", "") for param in command_named(command).params}
     every = (*FORMATS.values(), *FOLDER_FORMATS.values())
-    extensions = {one.extension for one in every if name in getattr(one, "writes", ())} - {".reel"}
-    assert panels[name] == PANELS[frozenset(extensions)]
+    extensions = {one.extension for one in every if name in getattr(one, "write_options", ())}
+    assert panels[name] == PANELS[frozenset(extensions - {".reel"})]
 
 
 def test_unit_is_in_the_panel_of_the_error_bound():

@@ -32,7 +32,7 @@ def frames_of(folder, extension, *, is_changing=False):
     sheets = [quad_sheet(6), *([waving_grid(4), quad_sheet(1)] if is_changing else [])]
     for number, sheet in enumerate(sheets):
         tracks = {}
-        if FRAME_FORMATS[extension].holds_tracks:
+        if FRAME_FORMATS[extension].track_domains:
             values = np.random.default_rng(number).random((sheet.n_frames, sheet.n_verts, 3))
             tracks = {"normals": Track(values.astype("f4"), kind="vector")}
         if extension in (".ply", ".vtp", ".vtu") and tracks:
