@@ -294,7 +294,7 @@ def measure_reel(sequence: meshreel.MeshSequence, length: int, _: list[int]) -> 
         n_modes, n_frames = opened.file.group(number).n_modes, opened.file.block(number).n_frames
         integers, order = np.empty((n_modes, 3 * n_frames), np.int32), time_order(3, n_frames)
         arguments = payload, n_modes, n_modes, *order, integers
-        call("reel_fields_decode", *arguments, what="basis", memory_of=order.memory_of)
+        call("reel_fields_decode", *arguments, noun="basis", memory_of=order.memory_of)
         bases.append(integers.reshape(n_modes, 3, n_frames).astype(np.int64))
     differences = [subtract_similar(block, before) for before, block in pairwise(bases)]
     return {

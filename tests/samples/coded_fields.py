@@ -17,7 +17,7 @@ def decode_fields(data, n_rows, n_columns, passes=None, n_wanted=None):
         passes = coding_order(np.empty((n_columns, 0), np.int32), np.array([0, n_columns]))
     values = np.empty((n_rows if n_wanted is None else min(n_wanted, n_rows), n_columns), np.int32)
     arguments = data, n_rows, len(values), *passes, values
-    call("reel_fields_decode", *arguments, what="fields", memory_of=passes.memory_of)
+    call("reel_fields_decode", *arguments, noun="fields", memory_of=passes.memory_of)
     return values
 
 

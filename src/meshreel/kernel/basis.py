@@ -87,7 +87,7 @@ def time_order(n_columns: int, n_frames: int, coding: BasisCoding = BY_TIMES) ->
         pass_starts,
         near_starts,
         near,
-        what="times",
+        noun="times",
         memory_of=("reel_time_order_memory", n_frames),
     )
     near = near[: near_starts[-1]].copy()
@@ -111,19 +111,19 @@ def lengths_of(values: Floats, n_modes: int, finer: float) -> Floats:
         n_modes,
         float(finer),
         lengths,
-        what="lengths",
+        noun="lengths",
     )
     return lengths
 
 
 def basis_vectors(
-    coded: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES, lengths: Floats | None = None
+    integers: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES, lengths: Floats | None = None
 ) -> Floats:
     """Decode basis vectors of shape (C, T, K), each of length 1 (or 0).
 
     Parameters
     ----------
-    coded : integer array of shape (K, C, T)
+    integers : int32 array of shape (K, C, T)
         As in the stream.
     lengths : float64 array of shape (n,), optional
         Divisors of the first n vectors, instead of their lengths.
@@ -133,14 +133,14 @@ def basis_vectors(
     InvalidInputError
         If cosines are used with 0 or more than `MAX_COSINES` frames.
     """
-    n_modes, n_columns, n_frames = coded.shape
+    n_modes, n_columns, n_frames = integers.shape
     basis = np.empty((n_columns, n_frames, n_modes))
     divisors = np.zeros(0) if lengths is None else lengths
     name = "reel_cosine_basis" if coding.has_cosines else "reel_basis"
     options = _options_of_times(coding, n_frames)
     call(
         name,
-        int32s(coded),
+        int32s(integers),
         n_modes,
         n_columns,
         n_frames,
@@ -148,7 +148,7 @@ def basis_vectors(
         divisors,
         len(divisors),
         basis,
-        what="basis vectors",
+        noun="basis vectors",
         memory_of=(f"{name}_memory", n_columns, n_frames),
     )
     return basis
@@ -184,7 +184,7 @@ def quantized_basis(
         frames.
     """
     n_modes, n_columns, n_frames = shape = targets.shape
-    targets, what = np.ascontiguousarray(targets), "basis vectors"
+    targets, noun = np.ascontiguousarray(targets), "basis vectors"
     divisors = np.zeros(0) if lengths is None else lengths
     options = _options_of_times(coding, n_frames)
     integers, vectors = np.empty(shape, np.int32), np.empty((n_columns, n_frames, n_modes))
@@ -193,11 +193,11 @@ def quantized_basis(
         encode, decode = "reel_cosines_encode", "reel_cosine_basis"
     call(
         encode, targets, *shape, *options, float(rate_weight), integers,
-        what=what, memory_of=(f"{encode}_memory", n_frames),
+        noun=noun, memory_of=(f"{encode}_memory", n_frames),
     )  # fmt: skip
     call(
         decode, integers, *shape, *options, divisors, len(divisors), vectors,
-        what=what, memory_of=(f"{decode}_memory", n_columns, n_frames),
+        noun=noun, memory_of=(f"{decode}_memory", n_columns, n_frames),
     )  # fmt: skip
     return integers, vectors
 
@@ -210,7 +210,7 @@ def encode_basis(
 
 
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
-    """Return the arguments that only functions for values at times take."""
+    """Return the extra arguments of functions that code values instead of cosines."""
     if coding.has_cosines:
         return ()
     return coding.rests.flags(n_frames), coding.rests.bits, int(coding.is_adaptive)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.kernel.library import call, encoded
-from meshreel.kernel.order import BYTES_EACH
+from meshreel.kernel.order import MAX_ITEM_BYTES
 
 Int32s = npt.NDArray[np.int32]
 Types = npt.NDArray[np.uint8]
@@ -17,7 +17,7 @@ Types = npt.NDArray[np.uint8]
 MAX_CELLS, MAX_NODES = 1 << 26, 1 << 28
 """Largest numbers of cells, and of nodes of all cells together."""
 
-NODE_BYTES, MORE_BYTES = 16, 64
+MAX_NODE_BYTES, MAX_OVERHEAD_BYTES = 16, 64
 
 
 class CellSurface(NamedTuple):
@@ -47,7 +47,7 @@ class EncodedCells(NamedTuple):
 @cache
 def cell_sizes() -> Int32s:
     """Number of nodes of each cell type of VTK, of shape (256,); 0 if it is not supported."""
-    return np.array([call("reel_cell_size", code, what="cells") for code in range(256)], np.int32)
+    return np.array([call("reel_cell_size", code, noun="cells") for code in range(256)], np.int32)
 
 
 def cell_surface(types: Types, nodes: Int32s, n_verts: int) -> CellSurface:
@@ -76,7 +76,7 @@ def cell_surface(types: Types, nodes: Int32s, n_verts: int) -> CellSurface:
             capacity,
             *surface,
             ctypes.byref(n_polygons),
-            what="cells",
+            noun="cells",
             memory_of=("reel_cells_memory", len(types), n_verts),
         )
         if n_triangles <= capacity:
@@ -87,7 +87,7 @@ def cell_surface(types: Types, nodes: Int32s, n_verts: int) -> CellSurface:
 
 
 def cell_links(types: Types, nodes: Int32s, n_verts: int, *, of_cells: bool = False) -> Int32s:
-    """Return the edges between nodes, or pairs of cells that share a side, as flat triangles.
+    """Return the edges between nodes, or pairs of cells that share a side, as degenerate triangles.
 
     The result, of shape (L, 3) with rows a, b, b, represents a graph for functions that take faces.
 
@@ -108,17 +108,17 @@ def cell_links(types: Types, nodes: Int32s, n_verts: int, *, of_cells: bool = Fa
         *shape[1:],
         starts,
         near,
-        what="cells",
+        noun="cells",
         memory_of=("reel_cells_adjacency_memory", *shape),
     )
     low, high = np.repeat(np.arange(n_items, dtype=np.int32), np.diff(starts)), near[:n_near]
-    is_first = low < high
-    low, high = low[is_first], high[is_first]
+    is_ascending = low < high  # each edge once
+    low, high = low[is_ascending], high[is_ascending]
     return np.stack([low, high, high], axis=1)
 
 
 def encode_cells(types: Types, nodes: Int32s, n_verts: int, *, listed: bool) -> EncodedCells:
-    """Encode cells as a list in their order, or in that of a walk from cell to cell.
+    """Encode cells as a list in their order, or in the order of a walk from cell to cell.
 
     Raises
     ------
@@ -139,8 +139,8 @@ def encode_cells(types: Types, nodes: Int32s, n_verts: int, *, listed: bool) -> 
         internal_nodes,
         given_cells,
         internal_to_given,
-        what="cells",
-        capacity=NODE_BYTES * len(nodes) + MORE_BYTES,
+        noun="cells",
+        capacity=MAX_NODE_BYTES * len(nodes) + MAX_OVERHEAD_BYTES,
         memory_of=("reel_cells_code_memory", len(types), len(nodes), n_verts),
     )
     order = internal_to_given.astype(np.int64)
@@ -150,9 +150,9 @@ def encode_cells(types: Types, nodes: Int32s, n_verts: int, *, listed: bool) -> 
 def encode_cells_order(cells: EncodedCells) -> bytes:
     """Encode the given order of cells and vertices that `encode_cells` returned."""
     n_cells, n_verts = len(cells.types), len(cells.internal_to_given)
-    sequences = np.empty(n_cells, np.int32), np.empty(n_verts, np.int32)
-    sequences[0][cells.given_cells] = np.arange(n_cells, dtype=np.int32)
-    sequences[1][cells.internal_to_given] = np.arange(n_verts, dtype=np.int32)
+    cell_order, vertex_order = np.empty(n_cells, np.int32), np.empty(n_verts, np.int32)
+    cell_order[cells.given_cells] = np.arange(n_cells, dtype=np.int32)
+    vertex_order[cells.internal_to_given] = np.arange(n_verts, dtype=np.int32)
     shape = n_cells, len(cells.nodes), n_verts
     return encoded(
         "reel_cells_order_encode",
@@ -160,8 +160,9 @@ def encode_cells_order(cells: EncodedCells) -> bytes:
         n_cells,
         cells.nodes,
         *shape[1:],
-        *sequences,
-        what="orders",
-        capacity=BYTES_EACH * (n_cells + n_verts + 1),
+        cell_order,
+        vertex_order,
+        noun="orders",
+        capacity=MAX_ITEM_BYTES * (n_cells + n_verts + 1),
         memory_of=("reel_cells_order_memory", *shape),
     )

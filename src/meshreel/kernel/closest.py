@@ -31,7 +31,7 @@ class Closest(NamedTuple):
     weights: Floats
 
     def at(self, items: Indices) -> "Closest":
-        """Return the closest points of some of the points."""
+        """Return the closest points of the selected points."""
         return Closest(
             self.distances[items], self.faces[items], self.points[items], self.weights[items]
         )
@@ -67,7 +67,7 @@ class TriangleTree:
             int32s(faces),
             self._n_faces,
             self._tree,
-            what="faces",
+            noun="faces",
             memory_of=("reel_triangle_tree_memory", self._n_faces),
         )
 
@@ -79,10 +79,10 @@ class TriangleTree:
         Parameters
         ----------
         directions : float64 array of shape (N, 3), optional
-            For each point, only faces count whose unit normal has a dot product of at least 1 with
-            this vector.
+            A face is a candidate for a point only if its unit normal has a dot product of at least
+            1 with the vector of the point.
         reach : float
-            Largest distance.
+            Maximum distance.
         """
         n_points = len(points)
         distances, faces = np.empty(n_points), np.empty(n_points, np.int32)
@@ -99,7 +99,7 @@ class TriangleTree:
             faces,
             closest,
             weights,
-            what="points",
+            noun="points",
             memory_of=("reel_closest_memory", n_points),
         )
         return Closest(distances, faces.astype(np.int64), closest, weights)

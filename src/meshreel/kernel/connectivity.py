@@ -10,8 +10,8 @@ from meshreel.kernel.library import encoded, int32s
 
 Faces = npt.NDArray[np.int32]
 
-BYTES_EACH = 96
-MORE_BYTES = 1024
+MAX_FACE_BYTES = 96
+MAX_OVERHEAD_BYTES = 1024
 
 
 class EncodedFaces(NamedTuple):
@@ -35,8 +35,8 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
     ----------
     faces : int32 array of shape (M, 3)
     listed : bool
-        Whether internal faces and vertices have the input order; otherwise the order of a
-        traversal of the surface, which takes fewer bytes.
+        Whether to keep the input order of faces and vertices; otherwise they have the order of
+        a traversal of the surface, which takes fewer bytes.
 
     Raises
     ------
@@ -56,8 +56,8 @@ def encode_faces(faces: Faces, n_verts: int, *, listed: bool) -> EncodedFaces:
         internal_faces,
         twins,
         internal_to_given,
-        what="faces",
-        capacity=BYTES_EACH * len(faces) + MORE_BYTES,
+        noun="faces",
+        capacity=MAX_FACE_BYTES * len(faces) + MAX_OVERHEAD_BYTES,
         memory_of=("reel_connectivity_encode_memory", n_verts, len(faces)),
     )
     return EncodedFaces(data, internal_to_given.astype(np.int64), internal_faces, twins)

@@ -51,7 +51,7 @@ def corner_codes(
         order,
         contexts,
         codes,
-        what="rows of corners",
+        noun="rows of corners",
         memory_of=("reel_corner_rows_memory", n_verts, n_items),
     )
     return order, contexts, codes

@@ -16,7 +16,7 @@ def decimated(
     max_distance: float,
     max_length: float,
 ) -> tuple[Integers, Integers]:
-    """Collapse edges, the cheapest first, while the surface stays near the given one.
+    """Collapse edges, the cheapest first, while the surface stays near the input.
 
     A vertex moves to a neighbor, so that the vertices that remain keep their attributes. Distances
     are those of quadrics (M. Garland, P. S. Heckbert, "Surface Simplification Using Quadric Error
@@ -28,7 +28,7 @@ def decimated(
     faces : integer array of shape (M, 3)
     wedges : integer array of shape (M, 3)
         Corners of a vertex have the same number if they have the same attributes. Edges where these
-        differ keep their place, as boundaries do.
+        differ do not move; neither do boundaries.
     max_rms : float
         Maximum root mean square distance over the surface.
     max_distance : float
@@ -39,7 +39,7 @@ def decimated(
     Returns
     -------
     int32 array of shape (N, 3)
-        The faces that remain, with the numbers of the given vertices.
+        The remaining faces, as indices of the input vertices.
     int32 array of shape (N, 3)
         Their wedges.
     """
@@ -54,7 +54,7 @@ def decimated(
         max_rms,
         max_distance,
         max_length,
-        what="faces",
+        noun="faces",
         memory_of=("reel_decimate_memory", len(vertices), len(faces)),
     )
     return int32s(faces[:n_remaining]), int32s(wedges[:n_remaining])

@@ -46,7 +46,7 @@ def encode_exact(values: Numbers, neighbors: Neighbors) -> bytes:
         *_layout(table),
         neighbors.starts,
         neighbors.near,
-        what="values",
+        noun="values",
         capacity=table.nbytes + MAX_OVERHEAD_BYTES,
         memory_of=("reel_exact_memory", *table.shape),
     )
@@ -65,8 +65,8 @@ def decode_exact(
         If the shape, the number type or the neighbors do not fit.
     """
     target = np.dtype(dtype)
-    coded = np.dtype(np.uint8) if target.kind == "b" else target
-    table = np.zeros(shape, _checked_dtype(shape, coded, neighbors))
+    stored_dtype = np.dtype(np.uint8) if target.kind == "b" else target
+    table = np.zeros(shape, _checked_dtype(shape, stored_dtype, neighbors))
     if table.size == 0:
         if data:
             raise CorruptStreamError(f"a block without values has no bytes; got {len(data)}")
@@ -78,7 +78,7 @@ def decode_exact(
         *_layout(table),
         neighbors.starts,
         neighbors.near,
-        what="values",
+        noun="values",
         memory_of=("reel_exact_memory", *shape),
     )
     if target.kind == "b":

@@ -14,7 +14,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.kernel.library import encoded
 
 MAX_MAGNITUDE = (1 << 31) - 1
-BYTES_EACH, BYTES_AT_FIRST = 16, 1 << 16
+MAX_INTEGER_BYTES, MAX_OVERHEAD_BYTES = 16, 1 << 16
 """Bounds of the bytes of an integer, and of the extra bytes before probabilities have adapted."""
 
 
@@ -34,7 +34,7 @@ class CodingOrder(NamedTuple):
 
     @property
     def memory_of(self) -> tuple[str, int, int, int]:
-        """The size of the working memory, as `call` takes it."""
+        """Argument `memory_of` of `call`: the function of the memory size, and its arguments."""
         return "reel_fields_memory", self.n_columns, self.n_passes, len(self.near)
 
 
@@ -93,14 +93,14 @@ def encode_fields(fields: npt.NDArray[np.integer], passes: CodingOrder | None = 
         values,
         n_rows,
         *order,
-        what="fields",
-        capacity=BYTES_EACH * values.size + BYTES_AT_FIRST,
+        noun="fields",
+        capacity=MAX_INTEGER_BYTES * values.size + MAX_OVERHEAD_BYTES,
         memory_of=order.memory_of,
     )
 
 
 def _checked(passes: CodingOrder | None, n_columns: int) -> CodingOrder:
-    """Check the number of columns; without passes, all are one, without context neighbors."""
+    """Check the number of columns; None becomes a single pass without context neighbors."""
     if passes is None:
         return coding_order(np.empty((n_columns, 0), np.int32), np.array([0, n_columns]))
     if passes.n_columns != n_columns:

@@ -188,7 +188,7 @@ class FileModes:
 
 
 def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_tasks: int) -> None:
-    """Call tasks 0..n_tasks - 1 of the core on some threads, in any order: `run` of the host.
+    """Callback `run` of the host: run tasks 0..n_tasks - 1 of the core on threads, in any order.
 
     The caller works too, so that a thread that is slow to wake up delays nothing. The tasks call
     neither BLAS nor NumPy, so the threads of BLAS are not limited, unlike in `in_threads`.
@@ -200,8 +200,8 @@ def run_tasks(n_threads: int, _: int | None, task: int, shared: int | None, n_ta
             function(shared, number)
 
     # A thread of the pool must not wait for another: all of them could wait at once.
-    is_alone = threading.current_thread().name.startswith(POOL)
-    n_others = 0 if is_alone else min(n_tasks, n_threads) - 1
+    is_pool_thread = threading.current_thread().name.startswith(POOL)
+    n_others = 0 if is_pool_thread else min(n_tasks, n_threads) - 1
     others = [pool().submit(work) for _ in range(n_others)]
     try:
         work()
@@ -231,7 +231,7 @@ class FrameDecoder:
     Parameters
     ----------
     n_modes : int, default 0
-        Number of modes by which positions move; 0: all.
+        Number of modes of the positions to decode; 0: all.
     """
 
     def __init__(self, file: "OpenFile", n_modes: int = 0) -> None:
@@ -261,9 +261,9 @@ class FrameDecoder:
         with self._lock:
             self._begin()
             n_modes = 0 if track else self._n_modes
-            numbers = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
+            arguments = _U32(track), _U32(first), _U32(len(out)), _U32(n_modes)
             address = _POINTER(out.ctypes.data)
-            self._file.call("decode", self._handle, *numbers, None, address)
+            self._file.call("decode", self._handle, *arguments, None, address)
 
     def modes(self, block: int, track: int = 0) -> FileModes | None:
         """Return the modes of a track in a block.
@@ -281,8 +281,8 @@ class FrameDecoder:
         with self._lock:
             self._begin()
             modes, header = Modes(), self._file.tracks[track]
-            numbers = _U32(track), _U32(block)
-            self._file.call("modes_of", self._handle, *numbers, ctypes.byref(modes))
+            arguments = _U32(track), _U32(block)
+            self._file.call("modes_of", self._handle, *arguments, ctypes.byref(modes))
             is_sum = modes.n_modes and not modes.has_missing and header.kind != NORMAL
             if not is_sum or (modes.shared and modes.correction_starts):
                 return None
@@ -321,7 +321,7 @@ def _closer(file: "OpenFile") -> "finalize[[int, _HostParts, ctypes.c_void_p], O
 
 
 def _close(process: int, host: _HostParts, handle: ctypes.c_void_p) -> None:
-    """Close a file of the core. It releases memory by its host, so `host` must still exist."""
+    """Close a file of the core, which releases memory through `host`."""
     if process == os.getpid():
         _function("close")(handle)
 
@@ -418,13 +418,13 @@ class OpenFile:
             raise InvalidInputError(
                 f"segment {number} is not in the file; it has {count}, numbered from 0"
             )
-        place, segment = self._segment(number), copy(self)
+        entry, segment = self._segment(number), copy(self)
         segment._handle = _POINTER()
         self.call("open_segment", self.handle, _U32(number), ctypes.byref(segment._handle))
         segment._close = _closer(segment)
         segment._describe()
-        segment.offset = place.offset if number else 0
-        segment.first_frame = place.first_frame
+        segment.offset = entry.offset if number else 0
+        segment.first_frame = entry.first_frame
         return segment
 
     @cached_property
@@ -470,9 +470,9 @@ class OpenFile:
 
     def failure(self, error: Error) -> BaseException:
         """Return the exception for an error of the core: that of the source if reading failed."""
-        raised = None if self._reader is None else self._reader.failure()
-        if error.code == UNREADABLE and raised is not None:
-            return raised
+        source_error = None if self._reader is None else self._reader.failure()
+        if error.code == UNREADABLE and source_error is not None:
+            return source_error
         if error.code == LIMIT:
             return MemoryLimitError(
                 f"decoding would take {size_text(error.size)} of memory; it may take "
@@ -551,8 +551,8 @@ class OpenFile:
     def group(self, number: int, track: int = 0, *, is_checked: bool = True) -> FileGroup:
         """Return the header of a track in a block; verify its checksums if `is_checked`."""
         group = structure_of(FileGroup)()
-        numbers = _U32(number), _U32(track)
-        self.call("group_of", self.handle, *numbers, is_checked, ctypes.byref(group))
+        arguments = _U32(number), _U32(track)
+        self.call("group_of", self.handle, *arguments, is_checked, ctypes.byref(group))
         return record_of(FileGroup, group)
 
     def sections(
@@ -577,8 +577,8 @@ class OpenFile:
         """Known sections before the first block, those of an earlier segment first."""
         sections: list[FileSection] = []
         section = structure_of(FileSection)()
-        at = ctypes.byref(section)
-        while not _function("leading_of")(self.handle, _U32(len(sections)), at):
+        address = ctypes.byref(section)
+        while not _function("leading_of")(self.handle, _U32(len(sections)), address):
             sections.append(record_of(FileSection, section))
         return tuple(sections)
 
@@ -625,29 +625,29 @@ def _file_modes(modes: Modes, n_values: int) -> FileModes:
 
 def structure_of(record: type) -> type[ctypes.Structure]:
     """Return the C structure whose members are the fields of a dataclass, in order."""
-    return _described(record)[0]
+    return _layout_of(record)[0]
 
 
 def record_of(record: type[Record], structure: ctypes.Structure) -> Record:
     """Copy the members of a structure into its dataclass."""
-    members = _described(record)[1].items()
-    return record(**{name: _plain(getattr(structure, name), kind) for name, kind in members})
+    members = _layout_of(record)[1].items()
+    return record(**{name: _python_value(getattr(structure, name), kind) for name, kind in members})
 
 
-def _described(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
+def _layout_of(record: Any) -> tuple[type[ctypes.Structure], dict[str, Any]]:
     """Return the C structure of a dataclass, and the Python type of each field; cached."""
-    if record not in _DESCRIBED:
+    if record not in _LAYOUTS:
         hints = get_type_hints(record, include_extras=True)
         members = [(name, annotated.__metadata__[0]) for name, annotated in hints.items()]
         structure = type(record.__name__, (ctypes.Structure,), {"_fields_": members})
-        _DESCRIBED[record] = structure, get_type_hints(record)
-    return _DESCRIBED[record]
+        _LAYOUTS[record] = structure, get_type_hints(record)
+    return _LAYOUTS[record]
 
 
-_DESCRIBED: dict[type, tuple[type[ctypes.Structure], dict[str, Any]]] = {}
+_LAYOUTS: dict[type, tuple[type[ctypes.Structure], dict[str, Any]]] = {}
 
 
-def _plain(member: Any, kind: Any) -> Any:
+def _python_value(member: Any, kind: Any) -> Any:
     if isinstance(member, Text):
         return text_of(member)
     if isinstance(member, Error):
@@ -660,13 +660,13 @@ def _plain(member: Any, kind: Any) -> Any:
 
 
 def text_of(text: Text) -> str:
-    """Return the string of a text of the core."""
+    """Return the string of a `meshreel_text`."""
     return ctypes.string_at(text.bytes, text.size).decode() if text.size else ""
 
 
 def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     """A copy of an array of the core."""
-    copied = np.empty(count, dtype)
+    array = np.empty(count, dtype)
     if count:
-        ctypes.memmove(copied.ctypes.data, address or 0, copied.nbytes)
-    return copied
+        ctypes.memmove(array.ctypes.data, address or 0, array.nbytes)
+    return array

@@ -22,8 +22,8 @@ COLUMNS = 0
 SINGLE, DOUBLE = 4, 8
 """REEL_SUMS_4 and REEL_SUMS_8."""
 
-VERTICES_AT_ONCE = 1 << 12
-"""Number of vertices that a thread packs at once; a multiple of 64."""
+VERTS_PER_CHUNK = 1 << 12
+"""Vertices that a thread packs at a time; a multiple of 64."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,7 @@ class JointFrames:
     """float64 array of shape (V, K). Fields in steps; may be a transposed view."""
     step: float = 1.0
     order: Integers | None = None
-    """Integer array of shape (V,). Row of `values` of each vertex of the frames. Default: the same.
-    """
+    """Integer array of shape (V,). Row of `values` of each decoded vertex; None: the identity."""
     is_single: bool = False
     """Round fields and basis vectors to IEEE single precision, and sum products in it."""
 
@@ -128,8 +127,8 @@ class JointFrames:
             n_verts,
             packed,
             length=n_verts,
-            size=VERTICES_AT_ONCE,
-            what="fields",
+            size=VERTS_PER_CHUNK,
+            noun="fields",
         )
         return packed
 
@@ -164,7 +163,7 @@ class JointFrames:
             placement,
             layout,
             out,
-            what="frames",
+            noun="frames",
             memory_of=("reel_frames_memory", n_columns, n_modes, len(frames)),
         )
         return bool(are_finite)
@@ -232,5 +231,5 @@ def _coordinates(
         np.array(placement, np.float64),
         signs,
         out,
-        what="positions",
+        noun="positions",
     )

@@ -10,7 +10,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.library import call, encoded, int32s
 
 MAX_MAGNITUDE = (1 << 31) - 1
-BYTES_EACH = 16
+MAX_INTEGER_BYTES = 16
 """Upper bound of the bytes of an integer, and of the end of a payload."""
 
 MAX_TABLES = 64
@@ -54,8 +54,8 @@ def encode_integers(
         np.array(tables, np.int32),
         len(rows),
         n_tables,
-        what="integers",
-        capacity=BYTES_EACH * (len(values) + 1),
+        noun="integers",
+        capacity=MAX_INTEGER_BYTES * (len(values) + 1),
         memory_of=("reel_integers_memory", n_tables),
     )
 
@@ -85,7 +85,7 @@ def decode_integers(
         len(lengths),
         n_tables,
         values,
-        what="integers",
+        noun="integers",
         memory_of=("reel_integers_memory", n_tables),
     )
     if not lengths:

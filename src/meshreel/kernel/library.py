@@ -40,20 +40,20 @@ def library() -> ctypes.CDLL:
     path = Path(os.environ.get(PATH_VARIABLE) or FOLDER / NAME)
     remedy = "install meshreel again, or run `python core/compile.py` in a checkout"
     try:
-        loaded = ctypes.CDLL(str(path))
+        core = ctypes.CDLL(str(path))
     except OSError as error:
         raise ImportError(f"the core cannot be loaded from {path}: {error}; {remedy}") from error
-    loaded.reel_abi.restype = ctypes.c_int64
-    abi = loaded.reel_abi()
+    core.reel_abi.restype = ctypes.c_int64
+    abi = core.reel_abi()
     if abi != ABI:
         raise ImportError(f"{path} has interface {abi}; this meshreel needs {ABI}; {remedy}")
-    return loaded
+    return core
 
 
 def call(
     function: str,
     *arguments: Argument,
-    what: str,
+    noun: str,
     memory_of: tuple[Any, ...] | None = None,
 ) -> int:
     """Call a function of the core, and return its result.
@@ -64,7 +64,7 @@ def call(
     ----------
     *arguments
         As in `core/reel.h`.
-    what : str
+    noun : str
         Contents of the bytes, in the plural, for error messages.
     memory_of : tuple, optional
         The function that returns the size of the working memory, and its arguments. The memory and
@@ -85,24 +85,24 @@ def call(
         return result
     code, position = -result & 0xFF, -result >> 8
     if code == TRUNCATED:
-        raise TruncatedStreamError(f"the {what} are truncated at position {position}")
+        raise TruncatedStreamError(f"the {noun} are truncated at position {position}")
     if code == CORRUPT:
-        raise CorruptStreamError(f"the {what} are damaged: invalid value at position {position}")
+        raise CorruptStreamError(f"the {noun} are damaged: invalid value at position {position}")
     if code == INVALID:
         raise InvalidInputError(
-            f"the {what} cannot be encoded: number {position} exceeds the limits of the format"
+            f"the {noun} cannot be encoded: number {position} exceeds the limits of the format"
         )
     raise MemoryError(f"{function} got less memory than it requires ({position})")
 
 
-def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, what: str) -> None:
+def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, noun: str) -> None:
     """Call a function of the core for `chunks` of a length, on all cores; raises as `call`.
 
     The bounds of each chunk are passed after `arguments`.
     """
 
     def run(piece: slice) -> None:
-        call(function, *arguments, piece.start, piece.stop, what=what)
+        call(function, *arguments, piece.start, piece.stop, noun=noun)
 
     if 0 < length <= size:
         run(slice(0, length))
@@ -113,7 +113,7 @@ def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, 
 def encoded(
     function: str,
     *arguments: Argument,
-    what: str,
+    noun: str,
     capacity: int,
     memory_of: tuple[Any, ...] | None = None,
 ) -> bytes:
@@ -122,7 +122,7 @@ def encoded(
     They and their capacity are passed after `arguments`.
     """
     out = np.empty(capacity, np.uint8)
-    size = call(function, *arguments, out, capacity, what=what, memory_of=memory_of)
+    size = call(function, *arguments, out, capacity, noun=noun, memory_of=memory_of)
     return out[:size].tobytes()
 
 
@@ -131,15 +131,15 @@ def int32s(values: npt.NDArray[np.integer]) -> npt.NDArray[np.int32]:
     return np.ascontiguousarray(values, np.int32)
 
 
-def memory(size_of: str, *arguments: int) -> npt.NDArray[np.uint8]:
+def memory(size_function: str, *arguments: int) -> npt.NDArray[np.uint8]:
     """Uninitialized memory for a function of the core, aligned as required.
 
     Parameters
     ----------
-    size_of : str
+    size_function : str
         The function of the core that returns its size, given the arguments.
     """
-    size_bytes = _run(size_of, *arguments)
+    size_bytes = _run(size_function, *arguments)
     block = np.empty(size_bytes + ALIGNMENT, np.uint8)
     start = -block.ctypes.data % ALIGNMENT
     return block[start : start + size_bytes]
@@ -149,16 +149,16 @@ def _run(name: str, *arguments: Argument) -> int:
     function = _function(name)
     if function.argtypes is None:  # set once: every call passes the same types
         function.argtypes = [kind for argument in arguments for kind in _types_of(argument)]
-    passed: list[Any] = []
+    c_arguments: list[Any] = []
     for argument in arguments:
         if isinstance(argument, np.ndarray):
             assert argument.flags.c_contiguous  # the core receives only its address
-            passed.append(argument.ctypes.data)
+            c_arguments.append(argument.ctypes.data)
         elif isinstance(argument, bytes):
-            passed += argument, len(argument)
+            c_arguments += argument, len(argument)
         else:
-            passed.append(argument)
-    return int(function(*passed))
+            c_arguments.append(argument)
+    return int(function(*c_arguments))
 
 
 @cache

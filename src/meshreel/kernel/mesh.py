@@ -89,7 +89,7 @@ def neighbors(faces: npt.NDArray[np.integer], n_verts: int) -> Neighbors:
         n_verts,
         starts,
         near,
-        what="faces",
+        noun="faces",
         memory_of=("reel_adjacency_memory", n_verts, len(faces)),
     )
     return Neighbors(starts, near[:n_near].copy())
@@ -111,7 +111,7 @@ def item_faces(
     twins = opposite_sides(faces, n_verts)
     triangles = np.empty((4 * len(faces), 3), np.int32)
     arguments = int32s(faces), twins, int32s(items), len(faces), triangles
-    return triangles[: call("reel_item_faces", *arguments, what="faces")].copy()
+    return triangles[: call("reel_item_faces", *arguments, noun="faces")].copy()
 
 
 def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
@@ -143,7 +143,7 @@ def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
         hops,
         contexts,
         smooth,
-        what="stencils",
+        noun="stencils",
         memory_of=("reel_hierarchy_memory", n_verts, len(graph.near)),
     )
     finest = smooth_starts[n_levels - 1]

@@ -47,7 +47,7 @@ def surface_normals(positions: Vertices, faces: Integers, items: Integers | None
         items,
         n_items,
         normals,
-        what="normals",
+        noun="normals",
     )
     return normals
 
@@ -75,6 +75,6 @@ def find_rotations(normals: Floats, targets: Vertices) -> Floats:
         targets.itemsize,
         normals.size // 3,
         rotations,
-        what="normals",
+        noun="normals",
     )
     return rotations

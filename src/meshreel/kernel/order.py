@@ -9,7 +9,7 @@ from meshreel.kernel.library import call, encoded, int32s
 Integers = npt.NDArray[np.int32]
 AnyIntegers = npt.NDArray[np.integer]
 
-BYTES_EACH = 32
+MAX_ITEM_BYTES = 32
 """Upper bound of the bytes of a vertex, a face or a cell."""
 
 MAX_FACES = 1 << 29
@@ -32,7 +32,7 @@ def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
         n_faces,
         n_verts,
         twins,
-        what="faces",
+        noun="faces",
         memory_of=("reel_twins_memory", n_verts, n_faces),
     )
     return twins
@@ -62,8 +62,8 @@ def depth_first_order(faces: AnyIntegers) -> npt.NDArray[np.int64]:
 
 def number_by_use(faces: AnyIntegers) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Vertices in the order in which faces of shape (M, 3) use them, and the number of each."""
-    used, first = np.unique(faces.astype(np.int64), return_index=True)
-    by_use = used[np.argsort(first)]
+    verts, first = np.unique(faces.astype(np.int64), return_index=True)
+    by_use = verts[np.argsort(first)]
     numbers = np.full(int(faces.max(initial=-1)) + 1, -1, np.int64)
     numbers[by_use] = np.arange(len(by_use))
     return by_use, numbers
@@ -99,12 +99,12 @@ def encode_order(faces: AnyIntegers, corners: AnyIntegers | None, sequence: AnyI
         int(corners is not None),
         None if corners is None else int32s(corners).copy(),  # the core modifies copies
         int32s(sequence).copy(),
-        what="orders",
-        capacity=BYTES_EACH * (n_verts + n_faces + 1),
+        noun="orders",
+        capacity=MAX_ITEM_BYTES * (n_verts + n_faces + 1),
         memory_of=("reel_order_memory", n_verts, n_faces),
     )
 
 
 def _check_count(n_faces: int) -> None:
     if n_faces > MAX_FACES:
-        raise InvalidInputError(f"the order of at most {MAX_FACES} faces is kept; got {n_faces}")
+        raise InvalidInputError(f"an order may have at most {MAX_FACES} faces; got {n_faces}")

@@ -10,7 +10,7 @@ from meshreel.kernel.library import call, encoded, int32s
 
 Numbers = npt.NDArray[Any]
 
-BYTES_EACH, BYTES_A_ROW = 24, 32
+MAX_NUMBER_BYTES, MAX_ROW_BYTES = 24, 32
 """Upper bounds of the bytes of a number, and of the overhead of a row."""
 
 
@@ -53,7 +53,7 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
         order,
         starts,
         triples,
-        what="rows",
+        noun="rows",
         memory_of=("reel_predictors_memory", n_rows, len(faces)),
     )
     return Expected(order, starts, triples[:n_triples].copy())
@@ -72,8 +72,8 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
         expected.order,
         expected.starts,
         expected.triples,
-        what="numbers",
-        capacity=BYTES_EACH * table.size + BYTES_A_ROW * (n_rows + 1),
+        noun="numbers",
+        capacity=MAX_NUMBER_BYTES * table.size + MAX_ROW_BYTES * (n_rows + 1),
         memory_of=("reel_patterns_memory", width),
     )
 
@@ -99,7 +99,7 @@ def decode_patterns(
         expected.order,
         expected.starts,
         expected.triples,
-        what="numbers",
+        noun="numbers",
         memory_of=("reel_patterns_memory", shape[1]),
     )
     return table

@@ -41,7 +41,7 @@ def triangulate(
         max_size,
         int32s(corners),
         triangles,
-        what="polygons",
+        noun="polygons",
         memory_of=("reel_triangulate_memory", max_size),
     )
     return triangles, n_overlapping
@@ -67,7 +67,7 @@ def triangle_corners(sizes: AnyIntegers, triangles: AnyIntegers) -> Integers:
             len(sizes),
             max_size,
             corners,
-            what="polygons",
+            noun="polygons",
             memory_of=("reel_triangle_corners_memory", max_size),
         )
     except CorruptStreamError as error:

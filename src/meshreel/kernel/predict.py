@@ -23,7 +23,7 @@ MAX_JOINT = 8
 """Maximum number of modes that are quantized jointly."""
 
 FIRST_COUNTS = 4.0 / (1.0 + np.arange(16))
-"""Counts of the magnitudes of residuals before the first one; the last is for larger ones."""
+"""Initial counts of the residual magnitudes 0..14, and of all larger ones."""
 
 _POINTER = ctypes.c_void_p
 
@@ -106,7 +106,7 @@ def encode_values(
         joint = n_joint, _address(forms), _address(part_counts[2 * n_modes :])
         core_choice = _Choice(choice.first_shaped, choice.gain, choice.rate_weight, *arrays, *joint)
         arguments = map(ctypes.byref, (core_mesh, fields, core_choice))
-        call("reel_predict_encode", *arguments, part.start, part.stop, what="fields")
+        call("reel_predict_encode", *arguments, part.start, part.stop, noun="fields")
         return part_counts
 
     for parts in independent_parts(mesh):

@@ -80,8 +80,8 @@ class Error(ctypes.Structure):
             CORRUPT: CorruptStreamError,
             UNSUPPORTED: UnsupportedVersionError,
         }
-        place = "" if self.offset == UNKNOWN_BYTE else f" (byte {self.offset})"
-        return kinds.get(self.code, InvalidInputError)(f"{self.message.decode()}{place}")
+        location = "" if self.offset == UNKNOWN_BYTE else f" (byte {self.offset})"
+        return kinds.get(self.code, InvalidInputError)(f"{self.message.decode()}{location}")
 
 
 class Source(ctypes.Structure):

@@ -10,7 +10,7 @@ from meshreel.kernel.library import encoded, int32s
 Integers = npt.NDArray[np.integer[Any]]
 Table = npt.NDArray[np.int32]
 
-BYTES_EACH, MORE_BYTES = 10, 64
+MAX_VALUE_BYTES, MAX_OVERHEAD_BYTES = 10, 64
 MAX_VALUE, MAX_COLUMNS = 1 << 29, 16
 """REEL_MAX_SURFACE_VALUE and REEL_MAX_SURFACE_COLUMNS of `core/reel.h`."""
 
@@ -42,7 +42,7 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
         int32s(faces),
         int32s(twins),
         len(faces),
-        what="integers on a surface",
-        capacity=BYTES_EACH * values.size + MORE_BYTES,
+        noun="integers on a surface",
+        capacity=MAX_VALUE_BYTES * values.size + MAX_OVERHEAD_BYTES,
         memory_of=("reel_surface_integers_memory", n_frames, n_rows, n_columns, len(faces), True),
     )
