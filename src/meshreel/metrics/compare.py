@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 REST_PERCENT = 0.001
 """A vertex rests if it moves less than this between frames, in percent of the mean diagonal of the
-frames: invisible, a hundredth of a pixel of a model as high as a screen."""
+frames: about a hundredth of a pixel if the model fills the screen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,34 +108,34 @@ def compare(
     Raises
     ------
     InvalidInputError
-        If frame counts, vertex counts or triangles differ, naming both or the first face.
+        If frame counts, vertex counts or triangles differ.
     """
     require_comparable(original, decoded)
     vertices, vertices_hat, faces = original.vertices, decoded.vertices, original.faces
     progress("comparing", 0.0)
     positions = position_errors(vertices, vertices_hat)
     progress("comparing", 0.1)
-    perceived = sted(vertices, vertices_hat, faces)
+    sted_parts = sted(vertices, vertices_hat, faces)
     progress("comparing", 0.5)
     nmsve = nmsve_per_frame(vertices, vertices_hat, faces)
     progress("comparing", 0.7)
     angles = normal_angles(vertices, vertices_hat, faces)
-    at_rest = rest_motion(vertices, vertices_hat)
+    resting = rest_motion(vertices, vertices_hat)
     progress("comparing", 1.0)
     return Quality(
         kg_error_percent=positions.kg_error_percent,
-        sted=perceived.sted,
-        sted_spatial=perceived.spatial,
-        sted_temporal=perceived.temporal,
+        sted=sted_parts.sted,
+        sted_spatial=sted_parts.spatial,
+        sted_temporal=sted_parts.temporal,
         nmsve=nmsve,
         max_error_percent=positions.max_error_percent,
         rms_error_percent=positions.rms_error_percent,
         normal_angle_mean_deg=angles.mean_deg,
         normal_angle_p95_deg=angles.p95_deg,
         n_degenerate_face_frames=angles.n_degenerate_face_frames,
-        n_rest_pairs=at_rest.n_pairs,
-        rest_motion_median_percent=at_rest.median_percent,
-        rest_motion_p99_percent=at_rest.p99_percent,
+        n_rest_pairs=resting.n_pairs,
+        rest_motion_median_percent=resting.median_percent,
+        rest_motion_p99_percent=resting.p99_percent,
         n_frames=original.n_frames,
         n_verts=original.n_verts,
         diagonal=bounding_box_reference(vertices).diagonal,
@@ -228,7 +228,7 @@ def require_comparable(original: FrameSource, decoded: FrameSource) -> None:
     Raises
     ------
     InvalidInputError
-        Naming both counts, or the first face of the original that the decoded lacks.
+        If they differ; the message has both counts, or the first missing face.
     """
     for name in original.tracks.keys() & decoded.tracks.keys():
         track, track_hat = original.tracks[name], decoded.tracks[name]
@@ -257,7 +257,7 @@ def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None
     Raises
     ------
     InvalidInputError
-        Naming the first face of the original that the decoded lacks.
+        If a face of the original is missing from the decoded faces; the message has the first one.
     """
     row = _first_missing_face(faces, faces_hat, n_verts)
     if row is not None:

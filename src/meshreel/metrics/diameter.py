@@ -12,7 +12,7 @@ FANOUT = 4
 """Children of each node of the tree of boxes."""
 
 MAX_PAIRS = 1 << 18
-"""Largest number of pairs of nodes that are compared at once."""
+"""Maximum number of node pairs compared at a time."""
 
 CELLS = 1 << 16
 """Cells along each axis of the grid whose Z-order sorts the points."""

@@ -81,7 +81,7 @@ class _Incidence:
         return self._sums(offsets)
 
     def _sums(self, entries: Floats) -> Floats:
-        # Without any entry, bincount returns integers.
+        # Without entries, bincount returns integers.
         return np.bincount(self._rows, entries, self._n_rows).astype(np.float64, copy=False)
 
 
@@ -102,8 +102,8 @@ def _triangles(edges: Integers, n_verts: int) -> tuple[Integers, Integers]:
     candidates = keys[starts[near][ids] + within] % n_verts
     closing = candidates * n_verts + far[ids]
     positions = np.minimum(np.searchsorted(keys, closing), max(len(keys) - 1, 0))
-    closed = keys[positions] == closing
-    return candidates[closed], ids[closed]
+    is_edge = keys[positions] == closing
+    return candidates[is_edge], ids[is_edge]
 
 
 def _divide(numerator: Floats, denominator: Floats) -> Floats:

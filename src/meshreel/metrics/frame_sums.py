@@ -1,4 +1,4 @@
-"""Per-frame sums from which the errors of a sequence follow.
+"""Per-frame sums from which the errors of a sequence are computed.
 
 Large frames do not fit into the cache; chunks of vertices do, and several cores share them.
 """
@@ -15,10 +15,10 @@ from meshreel.model.sequence import Vertices
 from meshreel.runtime.threads import chunks, in_threads
 
 VERTS_PER_CHUNK = 1 << 15
-"""Small enough for the cache, large enough that threads do not wait for the interpreter."""
+"""Fits into the cache, and keeps threads from contending for the interpreter's lock."""
 
 MIN_VERTS_PER_TASK = 1 << 17
-"""Vertices, of one frame or several, that justify a thread."""
+"""Minimum number of vertices, of one frame or several, per task of a thread."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,17 +49,17 @@ def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) 
     """
     n_frames, n_verts = original.shape[:2]
     with np.errstate(over="ignore", invalid="ignore"):
-        firsts = reference.apply(original[:, 0])
+        first_positions = reference.apply(original[:, 0])
     pieces = chunks(n_verts, VERTS_PER_CHUNK)
     parts = list(product(range(n_frames), pieces))
     tasks = chunks(len(parts), max(1, MIN_VERTS_PER_TASK // min(n_verts, VERTS_PER_CHUNK)))
-    sums: list[FrameSums] = [_NOTHING] * len(parts)
+    sums: list[FrameSums] = [_NO_VERTS] * len(parts)
 
     def run(task: slice) -> None:
         for number in range(task.start, task.stop):
             frame, piece = parts[number]
             pair = original[frame, piece], decoded[frame, piece]
-            sums[number] = _sums_of_part(*pair, reference, firsts[frame])
+            sums[number] = _sums_of_part(*pair, reference, first_positions[frame])
 
     with np.errstate(over="ignore", invalid="ignore"):
         if len(tasks) == 1:
@@ -69,7 +69,7 @@ def sums_of_frames(original: Vertices, decoded: Vertices, reference: Reference) 
         return [reduce(_merge, sums[frame]) for frame in chunks(len(parts), len(pieces))]
 
 
-_NOTHING = FrameSums(0, 0.0, 0.0, 0.0, np.zeros(3))
+_NO_VERTS = FrameSums(0, 0.0, 0.0, 0.0, np.zeros(3))
 
 
 def _sums_of_part(

@@ -41,7 +41,7 @@ SURFACE_HEAT = Heat("distance to the original surface, % of the diagonal", "%")
 
 
 def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
-    """Return the error field of a kind, with everything that frames share computed once.
+    """Return the error field of a kind; data that all frames share is computed once.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def heat_field(kind: str, faces: Faces, n_verts: int, diagonal: float) -> Field:
         One of `HEATS`.
     faces : integer array of shape (M, 3)
     diagonal : float
-        Of the bounding box of the whole original sequence, in model units.
+        Diagonal of the bounding box of the whole original sequence, in model units.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def vertex_distance_percent(original: Frame, decoded: Frame, diagonal: float) ->
     ----------
     original, decoded : float arrays of shape (V, 3), in model units, all finite
     diagonal : float
-        Of the bounding box of the whole original sequence, in model units.
+        Diagonal of the bounding box of the whole original sequence, in model units.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def surface_distance_percent(
     original : float array of shape (V, 3), in model units, finite
     decoded : float array of shape (W, 3), in model units, finite
     faces, faces_hat : integer arrays of shape (M, 3)
-        Of the original, at least one, and of the decoded mesh.
+        Faces of the original, at least one, and of the decoded mesh.
     reference : Reference
         Of the whole original sequence. If its diagonal is 0, every distance above 0 is infinite.
 
@@ -109,12 +109,12 @@ def surface_distance_percent(
     float64 array of shape (W,), NaN for vertices that no face uses
     """
     tree = TriangleTree(reference.apply(original), faces)
-    used = np.unique(faces_hat)
-    distances = tree.closest(reference.apply(decoded[used])).distances
+    used_verts = np.unique(faces_hat)
+    distances = tree.closest(reference.apply(decoded[used_verts])).distances
     diagonal = reference.diagonal_scaled
     infinite = np.where(distances > 0, np.inf, 0.0)
     percents = np.full(len(decoded), np.nan)
-    percents[used] = np.divide(100 * distances, diagonal, out=infinite, where=diagonal > 0)
+    percents[used_verts] = np.divide(100 * distances, diagonal, out=infinite, where=diagonal > 0)
     return percents
 
 

@@ -101,6 +101,6 @@ def _geometric_laplacian(frame: Floats, edges: Integers) -> Floats:
         np.bincount(first, column, n_verts) - np.bincount(second, column, n_verts)
         for column in unit
     ]
-    # Without any edge, bincount returns integers.
+    # Without edges, bincount returns integers.
     sums = np.stack(parts).astype(np.float64, copy=False)
     return np.asarray(np.divide(sums, weights, out=np.zeros_like(sums), where=weights > 0))

@@ -64,7 +64,7 @@ def face_angles_deg(
     lengths = _lengths(normals)
     lengths_hat = _lengths(normals_hat)
     valid = np.minimum(lengths, lengths_hat) > 2 * smallest_area
-    # atan2 keeps small angles, which an arc cosine would round to 0.
+    # atan2 preserves small angles, which an arc cosine would round to 0.
     sines = _lengths(np.cross(normals, normals_hat))
     cosines = np.einsum("ma,ma->m", normals, normals_hat)
     angles = np.degrees(np.arctan2(sines, cosines))

@@ -10,7 +10,7 @@ from meshreel.metrics.reference import Reference, relative, require_same_shape, 
 from meshreel.model.sequence import FrameSource, Vertices
 
 BYTES_PER_READ = 1 << 23
-"""Size of the frames of the original that are read at a time."""
+"""Size of the original frames read at a time."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def position_errors(original: Vertices, decoded: Vertices) -> PositionErrors:
 
 
 def add_sequence(sums: ErrorSums, original: FrameSource, decoded: FrameSource) -> None:
-    """Add all frames of two sequences of the same mesh; a part of both is in memory at a time."""
+    """Add all frames of two sequences of the same mesh, reading a part of both at a time."""
     n_per_read = max(1, BYTES_PER_READ // max(1, decoded.n_verts * 3 * decoded.dtype.itemsize))
     n_frames = decoded.n_frames
     starts = range(0, n_frames, n_per_read)
@@ -114,7 +114,7 @@ def add_sequence(sums: ErrorSums, original: FrameSource, decoded: FrameSource) -
 def add_blocks(sums: ErrorSums, original: FrameSource, decoded_blocks: Iterable[Vertices]) -> None:
     """Add all frames of a sequence that is decoded block by block, in order.
 
-    Memory contains one decoded block and `BYTES_PER_READ` of the original.
+    Keeps one decoded block and `BYTES_PER_READ` of the original in memory.
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def require_same_shape(original: Vertices, decoded: Vertices) -> None:
     Raises
     ------
     InvalidInputError
-        Naming both shapes.
+        If they differ; the message has both shapes.
     """
     if original.ndim != 3 or original.shape != decoded.shape or original.shape[2] != 3:
         raise InvalidInputError(

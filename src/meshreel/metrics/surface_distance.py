@@ -32,33 +32,33 @@ N_SAMPLES = 50_000
 """Default number of samples per frame and direction."""
 
 GRID_LINES = 1024
-"""Lines of V-DMC's grid along the longest side of the box of the original."""
+"""Lines of V-DMC's grid along the longest side of the bounding box of the original."""
 
 MAX_GRID_POINTS = 4_000_000
-"""Expected number of points of a frame on the grid above which the grid is made coarser."""
+"""Maximum expected number of grid points of a frame; beyond it, the grid is coarsened."""
 
 ROUNDING = 1e-12
 """Distances below this fraction of the diagonal are rounding errors and count as 0."""
 
 MAX_POOLED = 1 << 22
-"""Largest number of samples of all frames from which a quantile is computed."""
+"""Maximum number of samples, over all frames, from which a quantile is computed."""
 
-FARTHEST = 1e100
-"""Largest distance from the original, in diagonals, whose square is a number."""
+MAX_DISTANCE = 1e100
+"""Maximum distance from the original, in diagonals; squares of larger ones may overflow."""
 
 
 _Frame = tuple[Vertices, Faces]
 
 
 class SurfaceFrames(Protocol):
-    """An animated surface: positions and faces of one frame after the other, many times."""
+    """An animated surface: a repeatable iteration over the positions and faces of its frames."""
 
     @property
     def n_frames(self) -> int:
         """Number of frames, T."""
 
     def __iter__(self) -> Iterator[tuple[Vertices, Faces]]:
-        """Positions of shape (V, 3) and faces of shape (M, 3) of each frame in turn."""
+        """Yield the positions, of shape (V, 3), and faces, of shape (M, 3), of each frame."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class SurfaceDistances:
         Mean, root mean square, 95th percentile and maximum, in percent of the diagonal. The
         maximum also includes the vertices.
     normal_angle_mean_deg, normal_angle_p95_deg : float
-        Angle in degrees between the face normals at a sample and at its closest point. Where that
-        lies on an edge, one of its faces counts.
+        Angle in degrees between the face normals at a sample and at its closest point. If that
+        lies on an edge, one of the faces of the edge is used.
     """
 
     mean_percent: float
@@ -112,7 +112,7 @@ class SurfaceQuality:
         Grid lines along the longest side, from which D1 and D2 are computed: 1024, as V-DMC
         prescribes, or less for surfaces of very large area.
     n_degenerate_face_frames : int
-        Faces without area, counted in each frame of both sequences; they are left out.
+        Excluded faces without area, summed over the frames of both sequences.
     n_frames : int
     diagonal, longest_side : float
         In model units.
@@ -146,10 +146,10 @@ class SurfaceQuality:
 
     @property
     def worse(self) -> SurfaceDistances:
-        """The larger one of both directions, figure by figure."""
-        back = vars(self.to_original)
+        """The larger error of both directions, for each metric."""
+        backward = vars(self.to_original)
         return SurfaceDistances(
-            **{name: max(error, back[name]) for name, error in vars(self.to_decoded).items()}
+            **{name: max(error, backward[name]) for name, error in vars(self.to_decoded).items()}
         )
 
     def __repr__(self) -> str:
@@ -161,7 +161,7 @@ class SurfaceQuality:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Every figure by name in plain Python types; each direction is a nested dict."""
+        """All metrics by name in plain Python types; each direction is a nested dict."""
         return {
             **vars(self),
             "vertex_errors": None
@@ -238,10 +238,10 @@ class _Space:
         """Return the triangles of a frame in scaled units, which must not be empty."""
         vertices, faces = frame
         scaled = self.reference.apply(vertices)
-        if not np.all(np.abs(scaled) < FARTHEST):
+        if not np.all(np.abs(scaled) < MAX_DISTANCE):
             raise InvalidInputError(
-                f"frame {number} of the {name} is more than {FARTHEST:g} times as far away as the "
-                "original is large; distances that large cannot be computed"
+                f"frame {number} of the {name} is farther from the original than {MAX_DISTANCE:g} "
+                "diagonals; such distances cannot be computed"
             )
         smallest_area = DEGENERATE_AREA * self.reference.diagonal_scaled**2
         triangles = triangle_set(scaled, faces, smallest_area)
@@ -280,14 +280,14 @@ def _space_in(
 def point_psnr_db(
     frame: _Frame, frame_hat: _Frame, low: Floats, high: Floats
 ) -> tuple[float, float]:
-    """Return D1 and D2 of one frame as `compare_surfaces` computes them; infinite if it is equal.
+    """Return D1 and D2 of a frame, as in `compare_surfaces`; infinite for equal surfaces.
 
     Parameters
     ----------
     frame, frame_hat : tuple of positions of shape (V, 3) and faces of shape (M, 3)
         The original and the decoded surface.
     low, high : float64 arrays of shape (3,)
-        Corners of the box of all frames of the original.
+        Corners of the bounding box of all frames of the original.
 
     Raises
     ------
@@ -304,7 +304,7 @@ def point_psnr_db(
 
 @dataclass(frozen=True, eq=False)
 class _OneWay:
-    """Errors of a frame in one direction, in scaled units; samples are thinned."""
+    """Errors of a frame in one direction, in scaled units, with a subset of the samples."""
 
     mean: float
     mean_square: float
@@ -335,10 +335,10 @@ def _compare_batch(
         number, (frame, frame_hat) = numbered
         triangles = space.triangles(frame, "original", number)
         triangles_hat = space.triangles(frame_hat, "decoded", number)
-        thinned = slice(number % stride, None, stride)
+        subset = slice(number % stride, None, stride)
         errors[number] = _FrameErrors(
-            _one_way(triangles, triangles_hat, space, n_samples, thinned),
-            _one_way(triangles_hat, triangles, space, n_samples, thinned),
+            _one_way(triangles, triangles_hat, space, n_samples, subset),
+            _one_way(triangles_hat, triangles, space, n_samples, subset),
             *_grid_errors(triangles, triangles_hat, space),
             triangles.n_degenerate + triangles_hat.n_degenerate,
         )
@@ -348,7 +348,7 @@ def _compare_batch(
 
 
 def _one_way(
-    source: TriangleSet, target: TriangleSet, space: _Space, n_samples: int, thinned: slice
+    source: TriangleSet, target: TriangleSet, space: _Space, n_samples: int, subset: slice
 ) -> _OneWay:
     """Return the errors from samples, and vertices, of one surface to another."""
     samples = sample_uniformly(source, n_samples)
@@ -363,13 +363,13 @@ def _one_way(
         float(np.square(sampled).mean()),
         float(distances.max()),
         float(angles.mean()),
-        sampled[thinned].astype(np.float32),
-        angles[thinned].astype(np.float32),
+        sampled[subset].astype(np.float32),
+        angles[subset].astype(np.float32),
     )
 
 
 def _angles_deg(normals: Floats, others: Floats) -> Floats:
-    # atan2 keeps small angles, which an arc cosine would round away.
+    # atan2 preserves small angles, which an arc cosine would round to 0.
     sines = np.linalg.norm(np.cross(normals, others), axis=1)
     angles: Floats = np.degrees(np.arctan2(sines, np.einsum("na,na->n", normals, others)))
     return angles
@@ -383,9 +383,9 @@ def _grid_errors(
         sample_on_grid(surface, space.low, space.step) for surface in (triangles, triangles_hat)
     ]
     trees = [k_d_tree(surface.points, balanced_tree=False) for surface in sets]
-    there = _point_errors(sets[0], sets[1], trees[1], space)
-    back = _point_errors(sets[1], sets[0], trees[0], space)
-    return max(there[0], back[0]), max(there[1], back[1])
+    forward = _point_errors(sets[0], sets[1], trees[1], space)
+    backward = _point_errors(sets[1], sets[0], trees[0], space)
+    return max(forward[0], backward[0]), max(forward[1], backward[1])
 
 
 def _point_errors(
@@ -403,17 +403,17 @@ def _summary(
     errors: list[_FrameErrors], space: _Space, n_samples: int, reason: str
 ) -> SurfaceQuality:
     percent = 100.0 / space.reference.diagonal_scaled
-    ways = [(error.to_decoded, error.to_original) for error in errors]
-    there, back = (_pooled(way, percent) for way in zip(*ways, strict=True))
+    pairs = [(error.to_decoded, error.to_original) for error in errors]
+    forward, backward = (_pooled(frames, percent) for frames in zip(*pairs, strict=True))
     peak = space.longest
     return SurfaceQuality(
-        to_decoded=there,
-        to_original=back,
-        psnr_db=_psnr_db([max(a.mean_square, b.mean_square) for a, b in ways], peak),
+        to_decoded=forward,
+        to_original=backward,
+        psnr_db=_psnr_db([max(a.mean_square, b.mean_square) for a, b in pairs], peak),
         d1_psnr_db=_psnr_db([error.d1 for error in errors], peak),
         d2_psnr_db=_psnr_db([error.d2 for error in errors], peak),
-        mean_percent_of_frames=percent * np.array([max(a.mean, b.mean) for a, b in ways]),
-        max_percent_of_frames=percent * np.array([max(a.largest, b.largest) for a, b in ways]),
+        mean_percent_of_frames=percent * np.array([max(a.mean, b.mean) for a, b in pairs]),
+        max_percent_of_frames=percent * np.array([max(a.largest, b.largest) for a, b in pairs]),
         n_samples=n_samples,
         n_grid_lines=space.n_lines,
         n_degenerate_face_frames=sum(error.n_degenerate for error in errors),

@@ -12,14 +12,14 @@ STRIDES = np.array([0xC13FA9A902A6328F, 0x91E10DA5C79E7B1D], np.uint64)
 """Inverse of the plastic number, and its square, times 2**64: the steps of the R2 sequence of
 Martin Roberts, whose points fill the unit square evenly."""
 
-CELLS_AT_ONCE = 1 << 20
-"""Grid points that are tested against triangles at once."""
+CELLS_PER_BATCH = 1 << 20
+"""Grid points tested against triangles at a time."""
 
 TOLERANCE = 1e-9
 """Grid points this far outside a triangle, relative to its heights, count as inside."""
 
 MERGE_BITS = 21
-"""Bits of each coordinate that decide whether points of the grid coincide."""
+"""Bits of the quantized coordinates by which coincident grid points are found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class TriangleSet:
     """The triangles of a frame that have an area."""
 
     vertices: Floats
-    """float64 array of shape (N, 3). Their corners, each once."""
+    """float64 array of shape (N, 3). Distinct vertices of the triangles."""
     corners: Floats
     """float64 array of shape (M, 3, 3)."""
     normals: Floats
@@ -35,7 +35,7 @@ class TriangleSet:
     areas: Floats
     """float64 array of shape (M,)."""
     n_degenerate: int
-    """Number of triangles that were left out."""
+    """Number of excluded triangles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,30 +47,30 @@ class SurfacePoints:
 
 
 def triangle_set(vertices: Floats, faces: Faces, smallest_area: float) -> TriangleSet:
-    """Return the triangles of a frame that are larger than an area.
+    """Return the triangles of a frame that have an area.
 
     Parameters
     ----------
     vertices : float64 array of shape (V, 3)
     faces : integer array of shape (M, 3)
     smallest_area : float
-        Triangles of at most this area are left out: they have no reliable normal.
+        Triangles of at most this area are excluded: they have no reliable normal.
     """
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(normals, axis=1) / 2
-    is_kept = areas > smallest_area
-    corners, normals, areas = corners[is_kept], normals[is_kept], areas[is_kept]
-    used = vertices[np.unique(faces[is_kept])]
+    has_area = areas > smallest_area
+    corners, normals, areas = corners[has_area], normals[has_area], areas[has_area]
+    used_vertices = vertices[np.unique(faces[has_area])]
     unit_normals = normals / (2 * areas)[:, None]
-    return TriangleSet(used, corners, unit_normals, areas, len(is_kept) - len(areas))
+    return TriangleSet(used_vertices, corners, unit_normals, areas, len(has_area) - len(areas))
 
 
 def sample_uniformly(triangles: TriangleSet, n_samples: int) -> SurfacePoints:
     """Return points of equal density on a surface, the same in every call.
 
     Equal steps along the cumulative area choose the triangles, in their order; a low-discrepancy
-    sequence places the points in them. There are no random numbers.
+    sequence places the points in them.
 
     Parameters
     ----------
@@ -91,18 +91,18 @@ def sample_uniformly(triangles: TriangleSet, n_samples: int) -> SurfacePoints:
 
 
 def projected_area(triangles: TriangleSet) -> float:
-    """Return the sum of the areas of triangles, each seen along its closest axis.
+    """Return the sum of the areas of triangles, each projected along the axis nearest its normal.
 
-    Divided by the square of the step it is about the number of points of `sample_on_grid`.
+    Divided by the square of the step, this is about the number of points of `sample_on_grid`.
     """
     return float(triangles.areas @ np.abs(triangles.normals).max(axis=1))
 
 
 def sample_on_grid(triangles: TriangleSet, low: Floats, step: float) -> SurfacePoints:
-    """Return the points in which the lines of a cubic grid meet a surface, as V-DMC samples it.
+    """Return the intersections of the lines of a cubic grid with a surface, as in V-DMC.
 
-    Each triangle is cut by the lines along the axis that is closest to its normal. Of points that
-    coincide, at edges and vertices, one is kept. A surface that no line meets is sampled at the
+    Each triangle is intersected with the lines along the axis nearest its normal. Coincident
+    points, at edges and vertices, are merged. A surface that no line meets is sampled at the
     centroids of its triangles.
 
     Parameters
@@ -112,7 +112,7 @@ def sample_on_grid(triangles: TriangleSet, low: Floats, step: float) -> SurfaceP
     low : float64 array of shape (3,)
         A point of the grid.
     step : float
-        Distance of neighboring lines.
+        Distance between adjacent lines.
 
     References
     ----------
@@ -125,20 +125,20 @@ def sample_on_grid(triangles: TriangleSet, low: Floats, step: float) -> SurfaceP
     triangle_of = np.concatenate([triangle_of for _, triangle_of in by_axis])
     if not len(points):
         points, triangle_of = corners.mean(axis=1), np.arange(len(corners))
-    distinct = _without_repetitions(points)
+    distinct = _distinct_points(points)
     return SurfacePoints(low + step * points[distinct], triangles.normals[triangle_of[distinct]])
 
 
 def _on_lines(
     corners: Floats, numbers: npt.NDArray[np.intp], axis: int
 ) -> tuple[Floats, npt.NDArray[np.intp]]:
-    """Return where integer lines along an axis meet triangles, and which they meet."""
-    across = [other for other in range(3) if other != axis]
-    flat = corners[numbers][:, :, across]
+    """Return the intersections of integer lines along an axis with triangles, and the triangles."""
+    plane_axes = [other for other in range(3) if other != axis]
+    flat = corners[numbers][:, :, plane_axes]
     first = np.ceil(flat.min(axis=1) - TOLERANCE)
     counts = (np.floor(flat.max(axis=1) + TOLERANCE) - first + 1).clip(min=0).astype(np.int64)
     n_cells = counts.prod(axis=1)
-    borders = np.flatnonzero(np.diff(np.cumsum(n_cells) // CELLS_AT_ONCE)) + 1
+    borders = np.flatnonzero(np.diff(np.cumsum(n_cells) // CELLS_PER_BATCH)) + 1
     points, triangles = [np.empty((0, 3))], [np.empty(0, np.intp)]
     for part in np.split(np.arange(len(numbers)), borders):
         rows = np.repeat(part, n_cells[part])
@@ -146,14 +146,14 @@ def _on_lines(
         cells = np.arange(len(rows)) - np.repeat(starts, n_cells[part])
         lines = first[rows] + np.stack(np.divmod(cells, counts[rows, 1]), axis=1)
         origin = corners[numbers[rows], 0]
-        s, t = _coordinates(lines - origin[:, across], flat[rows])
+        s, t = _coordinates(lines - origin[:, plane_axes], flat[rows])
         inside = (s >= -TOLERANCE) & (t >= -TOLERANCE) & (s + t <= 1 + TOLERANCE)
         rows, lines, s, t = rows[inside], lines[inside], s[inside], t[inside]
-        deep = corners[numbers[rows], :, axis]
-        met = np.empty((len(rows), 3))
-        met[:, across] = lines
-        met[:, axis] = deep[:, 0] + s * (deep[:, 1] - deep[:, 0]) + t * (deep[:, 2] - deep[:, 0])
-        points.append(met)
+        d0, d1, d2 = corners[numbers[rows], :, axis].T
+        hits = np.empty((len(rows), 3))
+        hits[:, plane_axes] = lines
+        hits[:, axis] = d0 + s * (d1 - d0) + t * (d2 - d0)
+        points.append(hits)
         triangles.append(numbers[rows])
     return np.concatenate(points), np.concatenate(triangles)
 
@@ -169,7 +169,7 @@ def _crosses(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def _without_repetitions(points: Floats) -> npt.NDArray[np.intp]:
+def _distinct_points(points: Floats) -> npt.NDArray[np.intp]:
     """Return the indices of one point of each group of points that coincide."""
     low = points.min(axis=0)
     cell = float((points - low).max()) / (2**MERGE_BITS - 1)

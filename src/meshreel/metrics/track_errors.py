@@ -84,11 +84,11 @@ def errors_of_tracks(
     }
 
 
-def joined_errors(several: Sequence[TrackErrors]) -> TrackErrors:
+def joined_errors(segments: Sequence[TrackErrors]) -> TrackErrors:
     """Errors of a track over several segments, at least one, in order."""
-    largest = np.concatenate([errors.largest_of_frames for errors in several])
-    rms = np.concatenate([errors.rms_of_frames for errors in several])
-    return TrackErrors(largest, rms, several[0].unit)
+    largest = np.concatenate([errors.largest_of_frames for errors in segments])
+    rms = np.concatenate([errors.rms_of_frames for errors in segments])
+    return TrackErrors(largest, rms, segments[0].unit)
 
 
 def track_errors(

@@ -99,6 +99,6 @@ PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
 REGISTER_PILLOW = Extra("register", "Pillow", "PIL", InvalidInputError)  # to bake textures
 PLOT = Extra("plot", "matplotlib", "matplotlib", InvalidInputError)
 RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
-VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # it brings ffmpeg
+VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # includes ffmpeg
 VIDEO_PILLOW = Extra("video", "Pillow", "PIL", InvalidInputError)
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)

@@ -26,7 +26,7 @@ class Count(float):
 
 
 class _Silent:
-    """A callback that ignores progress; signatures show its name."""
+    """A callback that ignores progress; its `repr` keeps documented signatures short."""
 
     def __call__(self, stage: str, fraction: float) -> None:
         """Do nothing."""

@@ -166,8 +166,8 @@ def results_in_order(
             while ahead:
                 yield ahead.popleft().result()
         finally:
-            for later in reversed(ahead):  # a piece may wait for an earlier one, never vice versa
-                later.cancel()
+            for future in reversed(ahead):  # a piece may wait for an earlier one, never vice versa
+                future.cancel()
 
 
 def _in_caller_context(work: Callable[..., Result]) -> Callable[..., Result]:

@@ -60,7 +60,7 @@ def test_samples_are_the_same_in_every_call_and_use_no_global_random_state():
 
 @pytest.mark.parametrize("cells_at_once", [1, 40, 1 << 20])
 def test_grid_meets_a_square_once_at_each_line(monkeypatch, cells_at_once):
-    monkeypatch.setattr(surface_samples, "CELLS_AT_ONCE", cells_at_once)
+    monkeypatch.setattr(surface_samples, "CELLS_PER_BATCH", cells_at_once)
     result = sample_on_grid(triangles_of(*square(0.25, n=4)), np.zeros(3), 0.1)
     lines = np.unique(np.rint(result.points * 10), axis=0)
     assert len(result.points) == len(lines) == 11 * 11

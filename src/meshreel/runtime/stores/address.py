@@ -15,16 +15,16 @@ def is_remote(source: object) -> TypeGuard[str]:
     return isinstance(source, str) and "://" in source and _SCHEME.match(source) is not None
 
 
-def refuse_address(source: object, what: str) -> None:
+def refuse_address(source: object, noun: str) -> None:
     """Refuse an address if a local file is needed.
 
     Raises
     ------
     StoreError
-        If it is an address; `what` names the file, such as "the output".
+        If it is an address; `noun` names the file, such as "the output".
     """
     if is_remote(source):
-        raise StoreError(f"{source}: {what} must be on this machine; copy it, and name the copy")
+        raise StoreError(f"{source}: {noun} must be on this machine; copy it, and name the copy")
 
 
 def is_web(address: str) -> bool:

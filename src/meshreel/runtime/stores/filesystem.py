@@ -73,7 +73,7 @@ def _message(address: str, error: Exception) -> str:
     name, status = type(error).__name__, getattr(error, "status", None)
     is_missing = isinstance(error, FileNotFoundError) or name in ("NoSuchBucket", "NoSuchKey")
     if is_missing or status == _NOT_FOUND:
-        return f"there is no {address}; check it"
+        return f"there is no {address}; check the address"
     is_forbidden = isinstance(error, PermissionError) or status in _FORBIDDEN
     if "Credentials" in name or is_forbidden:
         scheme = scheme_of(address)

@@ -11,7 +11,7 @@ from meshreel.runtime.stores.address import is_web
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
 
 END_BYTES = 1 << 14
-"""Bytes of the start and the end, fetched when the file is opened: header, index, end marker."""
+"""Size of the start and of the end that opening a file fetches: header, index, end marker."""
 
 MIN_REQUEST_BYTES = 1 << 10
 """Minimum size of a request for a read without a preceding `fetch`."""
@@ -142,7 +142,7 @@ class RangedFile(io.RawIOBase):
 
     async def _read_web(self, start: int, stop: int) -> bytes:
         """Read a range from a web server; fsspec itself would accept any range, of any size."""
-        file, answered = self._file, bytearray()
+        file, received = self._file, bytearray()
         headers = {"Range": f"bytes={start}-{stop - 1}", "Accept-Encoding": "identity"}
         options = {**file.kwargs, "headers": {**file.kwargs.get("headers", {}), **headers}}
         async with file.session.get(file.fs.encode_url(file.url), **options) as answer:
@@ -153,16 +153,16 @@ class RangedFile(io.RawIOBase):
             # A whole file begins with the range at byte 0, and its rest is not read.
             if answer.status != _PARTIAL and start > 0:
                 raise StoreError(self._no_ranges("answers with the whole file"))
-            place = answer.headers.get("Content-Range", "")
+            content_range = answer.headers.get("Content-Range", "")
             expected = rf"bytes {start}-\d+/({self.size_bytes}|\*)"
-            if answer.status == _PARTIAL and not re.fullmatch(expected, place):
-                raise StoreError(self._no_ranges(f"answers with the range {place[:60]!r}"))
-            while len(answered) < stop - start:
-                part = await answer.content.read(stop - start - len(answered))
+            if answer.status == _PARTIAL and not re.fullmatch(expected, content_range):
+                raise StoreError(self._no_ranges(f"answers with the range {content_range[:60]!r}"))
+            while len(received) < stop - start:
+                part = await answer.content.read(stop - start - len(received))
                 if not part:
                     break
-                answered += part
-        return bytes(answered)
+                received += part
+        return bytes(received)
 
     def _no_ranges(self, reason: str) -> str:
         return (
@@ -177,7 +177,7 @@ def open_ranged(address: str) -> BinaryIO:
 
 
 class PositionalFile:
-    """A file to read, with its own position.
+    """A readable file with a position that other processes do not share.
 
     All processes that inherit an open file share its position: a seek in one moves the others. Here
     each read passes its position to the system. There is no buffer, because a forked child could

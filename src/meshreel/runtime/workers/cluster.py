@@ -19,7 +19,7 @@ CONNECT_TIMEOUT_S = 10.0
 """Seconds to wait for the connection to a scheduler."""
 
 MAX_CALLS = 4096
-"""Maximum number of calls whose results are waited for at a time."""
+"""Maximum number of pending calls."""
 
 T = TypeVar("T")
 

@@ -1,8 +1,8 @@
 """An executor of worker processes, which are replaced when they die.
 
-A pool of the standard library breaks when one of its processes dies. Therefore there
-is one pool per process, which serves one thread of the parent: the call that killed it is known,
-and other calls continue. See docs/workers.md.
+A pool of the standard library breaks when one of its processes dies. Each process therefore has
+its own pool, which serves one thread of the parent: the call that killed it is known, and other
+calls continue. See docs/workers.md.
 """
 
 import multiprocessing
@@ -23,7 +23,7 @@ from meshreel.runtime.threads import limit_cores, n_cores, one_blas_thread
 Result = TypeVar("Result")
 
 MAX_DEATHS = 2
-"""Processes that may die before or during one call until it is abandoned."""
+"""Number of processes that die before or during a call until it is abandoned."""
 
 BLAS_THREADS = (
     "OPENBLAS_NUM_THREADS",
