@@ -28,7 +28,7 @@ class Cells:
     """Cells of a mesh, in the order of a file.
 
     The faces of the mesh are their surface: flat cells, and the sides of solids that no other solid
-    shares, in the order of the cells, with the nodes between corners left out.
+    shares, in the order of the cells, without the nodes between corners.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Cells:
 
     @cached_property
     def starts(self) -> npt.NDArray[np.int64]:
-        """Place of the first node of each cell, and the number of all nodes, of shape (N + 1,)."""
+        """Index of the first node of each cell, then the number of all nodes, of shape (N + 1,)."""
         starts = np.zeros(len(self.types) + 1, np.int64)
         np.cumsum(cell_sizes()[self.types], out=starts[1:])
         return starts
@@ -74,13 +74,13 @@ class Cells:
         Raises
         ------
         InvalidInputError
-            If there is none: no solid and no flat cell.
+            If there is none, without solids and flat cells.
         """
         surface = cell_surface(self.types, self.nodes, n_verts)
         if not len(surface.triangles):
             raise InvalidInputError(
-                f"{counted(self.n_cells, 'cell')} without a surface: there are neither flat cells "
-                "nor sides of solids that only one solid has"
+                f"{counted(self.n_cells, 'cell')} without a surface: a mesh needs flat cells, or "
+                "solids with sides that no other solid shares"
             )
         return surface
 

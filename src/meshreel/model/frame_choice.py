@@ -62,19 +62,19 @@ def frame_number(choice: SupportsIndex, n_frames: int) -> int:
     """
     if not _is_number(choice):
         raise TypeError(
-            f"a frame is chosen by a number, or several by a slice; got {type(choice).__name__} "
+            f"select a frame by its number, or several by a slice; got {type(choice).__name__} "
             f"{choice!r:.60}"
         )
     return int(_from_start(np.array([operator.index(choice)]), n_frames)[0])
 
 
 def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, range]]:
-    """Yield the runs of consecutive numbers: index of the first, and the run; smallest first."""
+    """Yield runs of consecutive numbers, lowest first: the index of the first, and the range."""
     cuts = np.flatnonzero(np.diff(numbers) != 1) + 1
-    places = np.concatenate(([0], cuts, [len(numbers)]))
-    for run in np.argsort(numbers[places[:-1]], kind="stable") if len(numbers) else ():
-        place, first = int(places[run]), int(numbers[places[run]])
-        yield place, range(first, first + int(places[run + 1]) - place)
+    starts = np.concatenate(([0], cuts, [len(numbers)]))
+    for run in np.argsort(numbers[starts[:-1]], kind="stable") if len(numbers) else ():
+        start, first = int(starts[run]), int(numbers[starts[run]])
+        yield start, range(first, first + int(starts[run + 1]) - start)
 
 
 def frame_range(frames: slice | None, n_frames: int) -> range:
@@ -109,7 +109,7 @@ def slice_text(frames: slice | None) -> str:
 
 
 def evenly_spaced(n: int, n_chosen: int) -> list[int]:
-    """Return the numbers in the middles of equal parts of 0..n-1; all of them if few."""
+    """Return `n_chosen` evenly spaced numbers of 0..n-1, or all if there are fewer."""
     n_chosen = min(n_chosen, n)
     return [(2 * part + 1) * n // (2 * n_chosen) for part in range(n_chosen)]
 

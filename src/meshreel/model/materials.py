@@ -164,12 +164,12 @@ def select_materials(
     """The materials with these labels, and the images that they use, renumbered."""
     names = set(labels)
     selected = [material for material in materials if material.name in names]
-    used = sorted(
+    used_images = sorted(
         {texture.image for material in selected for texture in material.textures.values()}
     )
-    new = {old: number for number, old in enumerate(used)}
-    return tuple(renumber_images(material, new) for material in selected), tuple(
-        images[number] for number in used
+    numbers = {old: number for number, old in enumerate(used_images)}
+    return tuple(renumber_images(material, numbers) for material in selected), tuple(
+        images[number] for number in used_images
     )
 
 
@@ -191,7 +191,7 @@ def validated_materials(
     Raises
     ------
     InvalidInputError
-        Otherwise; the message names the material and its fault.
+        Otherwise; the message names the material and the invalid field.
     """
     for name, number in Counter(material.name for material in materials).items():
         if number > 1:

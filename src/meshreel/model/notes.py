@@ -27,14 +27,14 @@ UNCHANGING = "data with a single sample, which cannot be a track"
 
 
 class NoteKind(StrEnum):
-    """What a note reports."""
+    """Kinds of notes."""
 
     LEFT_OUT = "left out"
-    """Contents of an input that no output will have."""
+    """Contents of an input that are not read."""
     UNWRITTEN = "unwritten"
     """Contents that an output cannot store."""
     CHANGED = "changed"
-    """Contents that are read or written otherwise than they were given."""
+    """Contents that are changed on reading or writing."""
     UNKNOWN = "unknown"
     """What an input does not state, and what is used instead."""
     SEGMENTS = "segments"
@@ -90,12 +90,12 @@ class Notes(list[Note]):
         """Add a note, unless there is one with the same sentence."""
         self.add_all([Note(kind, subject, text=text)])
 
-    def add_all(self, added: Iterable[Note]) -> None:
+    def add_all(self, notes: Iterable[Note]) -> None:
         """Add notes whose sentences are new."""
-        self.extend(note for note in added if note not in self)
+        self.extend(note for note in notes if note not in self)
 
     def changed(self, subject: str, text: str = "") -> None:
-        """Note that contents are read or written otherwise than they were given."""
+        """Note that contents are changed on reading or writing."""
         self.add(NoteKind.CHANGED, subject, text)
 
     def unwritten(self, subject: str, text: str = "") -> None:
@@ -111,7 +111,7 @@ class Notes(list[Note]):
         self.add(NoteKind.RESULT, subject, text)
 
     def left_out(self, subject: str, names: Iterable[str] | None = None) -> None:
-        """Note that contents of an input are left out, as in "curves: /a, /b"; not if no names."""
+        """Note that contents of an input are left out, as in "curves: /a, /b", if any."""
         if names is None:
             self.add(NoteKind.LEFT_OUT, subject)
         else:
@@ -119,14 +119,14 @@ class Notes(list[Note]):
 
     def list_names(self, kind: NoteKind, subject: str, names: Iterable[str]) -> None:
         """List names in the note of this kind and subject, which is added if there is none."""
-        added = dict.fromkeys(names)
-        if not added:
+        distinct = dict.fromkeys(names)
+        if not distinct:
             return
-        for place, note in enumerate(self):
+        for index, note in enumerate(self):
             if note.names and (note.kind, note.subject) == (kind, subject):
-                self[place] = Note(kind, subject, [*dict.fromkeys([*note.names, *added])])
+                self[index] = Note(kind, subject, [*dict.fromkeys([*note.names, *distinct])])
                 return
-        self.append(Note(kind, subject, [*added]))
+        self.append(Note(kind, subject, [*distinct]))
 
     def discard(self, subject: str) -> None:
         """Remove the notes on a subject."""
@@ -135,13 +135,13 @@ class Notes(list[Note]):
     def combine(self) -> None:
         """Combine notes on several segments that differ in details.
 
-        Notes of the same kind on the same subject become the first of them, which then says that
-        others are similar.
+        The first note of each kind and subject replaces the others, and says that other segments
+        are similar.
         """
-        alike: dict[object, list[Note]] = {}
+        groups: dict[object, list[Note]] = {}
         for note in self:
-            alike.setdefault((note.kind, note.subject), []).append(note)
-        self[:] = [_with_similar(first, {*others} - {first}) for first, *others in alike.values()]
+            groups.setdefault((note.kind, note.subject), []).append(note)
+        self[:] = [_with_similar(first, {*others} - {first}) for first, *others in groups.values()]
 
 
 def _with_similar(first: Note, others: Collection[Note]) -> Note:
@@ -153,9 +153,9 @@ def _with_similar(first: Note, others: Collection[Note]) -> Note:
 
 def listed(names: Iterable[str], most: int = 8) -> str:
     """Join names in one line, shortening long lists: "a, b and 3 more"."""
-    every = list(names)
-    rest = f" and {len(every) - most} more" if len(every) > most else ""
-    return ", ".join(every[:most]) + rest
+    texts = list(names)
+    ending = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return ", ".join(texts[:most]) + ending
 
 
 def note_normals(notes: Notes) -> None:
@@ -175,7 +175,7 @@ def note_unknown_rate(notes: Notes, n_frames: int, fps: float) -> None:
 
 
 def written_rate(timing: Timing, notes: Notes) -> float:
-    """Return the rate of a format without times; a note says if frames are not shown at it."""
+    """Return the rate for a format without frame times; add a note if it is not the actual one."""
     if timing.times is not None:
         text = f"frame times are uneven; written as {timing.fps:g} frames per second"
         notes.changed("frame times", text)
@@ -216,10 +216,8 @@ def note_unwritten(
     parts, polygons, hard_edges : bool
         Whether the file stores parts, polygons, and hard edges.
     """
-    everything: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
-    missing = [
-        _describe(each) for each in everything if not any(each is other for other in written)
-    ]
+    contents: list[Attribute | FaceGroups] = [*surface.attributes, *surface.groups]
+    missing = [_describe(item) for item in contents if not any(item is other for other in written)]
     if surface.parts and not parts:
         missing.append(f"the names of {len(surface.parts)} parts")
     if surface.face_sizes is not None and not polygons:
@@ -239,9 +237,10 @@ def note_unwritten_materials(surface: Surface, extension: str, notes: Notes) -> 
     """
     missing = []
     if surface.materials:
-        missing.append(f"material properties ({listed(each.name for each in surface.materials)})")
-    if n_images := len(surface.images):
-        missing.append(f"{n_images} texture image{'s' if n_images > 1 else ''}")
+        names = listed(material.name for material in surface.materials)
+        missing.append(f"material properties ({names})")
+    if surface.images:
+        missing.append(counted(len(surface.images), "texture image"))
     _note_unwritable(notes, extension, [" and ".join(missing)] if missing else [])
 
 
@@ -264,8 +263,8 @@ def note_unwritten_tracks(
     which : str
         What the file cannot store, such as "tracks of corners".
     """
-    if every := list(names):
-        text = f"tracks left out: {listed(every)}: {extension} cannot store {which}"
+    if tracks := list(names):
+        text = f"tracks left out: {listed(tracks)}: {extension} cannot store {which}"
         notes.unwritten("tracks", text)
 
 
@@ -276,20 +275,20 @@ def note_unwritten_cells(cells: Cells, names: Sequence[str], extension: str, not
     notes.unwritten("cells", text)
 
 
-def note_name(what: str, name: str, called: str, extension: str, notes: Notes) -> None:
+def note_name(noun: str, name: str, file_name: str, extension: str, notes: Notes) -> None:
     """Add a note, once, if something has another name in a file.
 
     Parameters
     ----------
-    what : str
+    noun : str
         Kind of the thing, such as "track" or "material".
-    name, called : str
+    name, file_name : str
         Its name, and its name in the file.
     extension : str
         Of the file, with the dot.
     """
-    if name != called:
-        text = f"{what} {name!r} is called {called!r} in {extension} files"
+    if name != file_name:
+        text = f"{noun} {name!r} is called {file_name!r} in {extension} files"
         notes.changed(name, text)
 
 

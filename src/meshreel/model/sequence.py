@@ -48,7 +48,7 @@ __all__ = [
 
 
 OF_ONE_SEGMENT = {"vertices", "faces", "n_verts", "n_faces", "surface", "tracks"}
-"""Attributes of a sequence that only one with a single segment has."""
+"""Attributes that only sequences with a single segment have."""
 
 TIMING_PARAMETERS = {"fps", "start_s", "times", "timing"}
 
@@ -147,7 +147,7 @@ class MeshSequence(Timed):
     starts : tuple of int
         First frame of each segment, and the number of all frames.
     vertices, faces, n_verts, n_faces, surface, tracks
-        Of a sequence with one segment; others raise ConnectivityChangeError. Positions that are not
+        Only with one segment; otherwise they raise ConnectivityChangeError. Positions that are not
         in memory are read whenever `vertices` is accessed; `read` reads some of them.
 
     Raises
@@ -161,9 +161,9 @@ class MeshSequence(Timed):
     name: str
     starts: tuple[int, ...]
     dtype: np.dtype[np.floating]
-    _segments: tuple[FrameSource, ...]  # none: the sequence consists of arrays
+    _segments: tuple[FrameSource, ...]  # empty if the sequence consists of arrays
 
-    # Attributes of sequences of arrays, of others found by `__getattr__`.
+    # Set for sequences of arrays; `__getattr__` returns those of other sequences.
     n_verts: int
     n_faces: int
     vertices: Vertices
@@ -287,7 +287,7 @@ class MeshSequence(Timed):
         self.tracks = dict(tracks and validated_tracks(tracks, *counts, self.surface))
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the only segment has; if there are several, say so."""
+        """Return an attribute of the only segment; raises ConnectivityChangeError for several."""
         if name not in OF_ONE_SEGMENT:
             raise AttributeError(f"a MeshSequence has no attribute {name!r}")
         segment = self._only(name)
@@ -305,8 +305,8 @@ class MeshSequence(Timed):
         n_frames = len(changes["vertices"]) if "vertices" in changes else self.n_frames
         timing, changes = _timing_after(self.timing, changes, n_frames)
         if len(self._segments) == 1:
-            changed = {"timing": timing, **changes}
-            return MeshSequence.of_segments([_replaced(self._segments[0], changed)])
+            changes = {"timing": timing, **changes}
+            return MeshSequence.of_segments([_replaced(self._segments[0], changes)])
         if self._segments:
             for name in OF_ONE_SEGMENT & changes.keys():
                 self._only(name)
@@ -343,7 +343,7 @@ class MeshSequence(Timed):
         return len(self._segments) or 1
 
     def _only(self, name: str) -> FrameSource:
-        """Return the only segment, which has an attribute of that name."""
+        """Return the only segment, for its attribute `name`; raises as `__getattr__`."""
         if len(self._segments) > 1:
             raise ConnectivityChangeError(
                 f"the faces change: each of {self.n_segments} segments has its own {name}; use "
@@ -423,10 +423,10 @@ class MeshSequence(Timed):
     def part(self, frames: range) -> "MeshSequence":
         """Return consecutive frames; segments that are cut are loaded, with their tracks."""
         parts: list[FrameSource] = []
-        for number, own_frames in frames_by_segment(self.starts, frames):
+        for number, local_frames in frames_by_segment(self.starts, frames):
             segment = self.segments[number]
-            is_whole = len(own_frames) == segment.n_frames
-            parts.append(segment if is_whole else frames_of(segment, own_frames))
+            is_whole = len(local_frames) == segment.n_frames
+            parts.append(segment if is_whole else frames_of(segment, local_frames))
         return MeshSequence.of_segments(parts, self.name, self.timing.part(frames))
 
     _repr_html_ = notebook_html
@@ -444,7 +444,7 @@ class MeshSequence(Timed):
 
 
 def _replaced(segment: Any, changes: dict[str, Any]) -> FrameSource:
-    """Return a segment with other values; sources other than ours need a method `replace`."""
+    """Return a segment with changes; a `FrameSource` of another class needs a method `replace`."""
     replaced: FrameSource = segment.replace(**changes) if changes else segment
     return replaced
 
@@ -453,19 +453,19 @@ def _timing_after(
     timing: Timing, changes: dict[str, Any], n_frames: int
 ) -> tuple[Timing, dict[str, Any]]:
     """Return the timing of `MeshSequence.replace`, and the changes of other parameters."""
-    rest = {name: value for name, value in changes.items() if name not in TIMING_PARAMETERS}
+    others = {name: value for name, value in changes.items() if name not in TIMING_PARAMETERS}
     fps, start_s = changes.get("fps", timing.fps), changes.get("start_s", timing.start_s)
     if changes.get("times") is not None:
         if changes.keys() & {"fps", "start_s"}:
             raise InvalidInputError("give either times, or fps and start_s; got both")
-        return Timing.of_times(changes["times"], n_frames), rest
+        return Timing.of_times(changes["times"], n_frames), others
     if "timing" in changes:
-        return changes["timing"], rest
+        return changes["timing"], others
     if (fps, start_s) == (timing.fps, timing.start_s):
-        return timing, rest
+        return timing, others
     if "fps" not in changes and timing.times is not None:
-        return Timing.of_times(timing.times + (start_s - timing.start_s), n_frames), rest
-    return Timing.of_rate(fps, start_s), rest
+        return Timing.of_times(timing.times + (start_s - timing.start_s), n_frames), others
+    return Timing.of_rate(fps, start_s), others
 
 
 def positions_size_bytes(source: FrameSource) -> int:
@@ -519,9 +519,9 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
     TypeError
         If the number is not an integer.
     """
-    index, local = segment_of_frame(starts, frame_number(number, starts[-1]))
+    index, frame = segment_of_frame(starts, frame_number(number, starts[-1]))
     segment = segments[index]
-    return MeshFrame(segment.read(local, local + 1)[0], segment.faces)
+    return MeshFrame(segment.read(frame, frame + 1)[0], segment.faces)
 
 
 def frames_of(segment: Any, frames: range) -> MeshSequence:
@@ -552,10 +552,10 @@ def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:
     InvalidInputError
         If there is no sequence, or the times do not fit.
     """
-    several = list(sequences)
-    if not several:
+    parts = list(sequences)
+    if not parts:
         raise InvalidInputError("there are no sequences to concatenate; at least one is needed")
-    return MeshSequence.of_segments(several, several[0].name)
+    return MeshSequence.of_segments(parts, parts[0].name)
 
 
 def single_segment(sequence: MeshSequence, purpose: str) -> FrameSource:
@@ -580,7 +580,7 @@ def single_segment(sequence: MeshSequence, purpose: str) -> FrameSource:
 
 
 def tracks_of_all(sequence: MeshSequence) -> dict[str, TrackSource]:
-    """Return the tracks of all segments by name; of equal names the first."""
+    """Return the tracks of all segments by name: the first of each name."""
     segments = reversed(sequence.segments)
     return {name: track for segment in segments for name, track in segment.tracks.items()}
 

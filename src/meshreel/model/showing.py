@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 
 class Viewer(Protocol):
-    """What displays sequences and files, such as `meshreel.app.notebook`."""
+    """A viewer of sequences and files, such as `meshreel.app.notebook`."""
 
     def html_of(self, sequence: Any, /) -> str:
         """HTML for a notebook."""
@@ -24,7 +24,7 @@ def install_viewer(load: Callable[[], Viewer]) -> None:
 
 
 def notebook_html(sequence: Any) -> str:
-    """HTML for a notebook: properties, with the player of a small one."""
+    """HTML for a notebook: properties, and a player if the sequence is small."""
     return _load_viewer().html_of(sequence)
 
 
@@ -38,8 +38,8 @@ def show(sequence: Any, *, block: bool | None = None) -> None:
     ----------
     sequence : MeshSequence or ReelFile
     block : bool, optional
-        Whether to wait for Ctrl-C while the browser plays it. Default: True in a script, whose end
-        ends the player, False at a prompt.
+        Whether to wait for Ctrl-C while the browser plays it. Default: True in a script, because
+        the player stops when it ends; False at a prompt.
 
     Raises
     ------

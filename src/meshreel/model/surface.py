@@ -214,7 +214,7 @@ class Surface:
         Raises
         ------
         InvalidInputError
-            With the field that does not fit.
+            If a field does not fit; the message names it.
         """
         n_triangles = len(faces)
         sizes = _validated_sizes(self.face_sizes, faces)
@@ -288,15 +288,15 @@ def _check_surface_of(
     cells: Cells, n_verts: int, faces: npt.NDArray[np.integer], sizes: Int32s | None
 ) -> None:
     expected = cells.surface(n_verts)
-    own = np.full(len(faces), 3) if sizes is None else sizes
-    if not (np.array_equal(faces, expected.triangles) and np.array_equal(own, expected.sizes)):
+    actual = np.full(len(faces), 3) if sizes is None else sizes
+    if not (np.array_equal(faces, expected.triangles) and np.array_equal(actual, expected.sizes)):
         raise InvalidInputError(
             "the faces are not the surface of the cells; let meshreel derive them: "
             "MeshSequence(vertices, cells=cells)"
         )
 
 
-def _validated_attribute(attribute: Attribute, expected: int) -> Attribute:
+def _validated_attribute(attribute: Attribute, n_items: int) -> Attribute:
     name, domain = f"attribute {attribute.name!r}", Domain(attribute.domain)
     values = np.asarray(attribute.values)
     if values.ndim != 2 or not 1 <= values.shape[1] <= MAX_COMPONENTS:
@@ -308,12 +308,12 @@ def _validated_attribute(attribute: Attribute, expected: int) -> Attribute:
         raise InvalidInputError(f"{name} must be one of {allowed}; got {values.dtype}")
     kind = Kind(attribute.kind)
     if attribute.indices is None:
-        if len(values) != expected:
-            raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {expected}")
+        if len(values) != n_items:
+            raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {n_items}")
         return replace(attribute, domain=domain, kind=kind, values=_frozen(values))
     indices = _integers(attribute.indices, f"indices of {name}")
-    if len(indices) != expected:
-        raise InvalidInputError(f"{name} has {len(indices)} indices; {domain} needs {expected}")
+    if len(indices) != n_items:
+        raise InvalidInputError(f"{name} has {len(indices)} indices; {domain} needs {n_items}")
     if len(indices) and not 0 <= indices.min() <= indices.max() < len(values):
         raise InvalidInputError(f"{name} has indices outside 0..{len(values) - 1}")
     return Attribute(attribute.name, kind, domain, _frozen(values), _frozen(indices))

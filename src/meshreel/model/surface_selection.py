@@ -13,9 +13,9 @@ ALL, NONE = "all", "none"
 
 
 def select(surface: Surface, names: Names, *, ignore_missing: bool = False) -> Surface:
-    """A surface with the attributes and groups of these names, all polygons, hard edges and parts.
+    """Return a surface with only the attributes and groups of these names.
 
-    Materials and images are included with the groups "material".
+    Polygons, hard edges and parts are kept; materials and images only with the groups "material".
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def listed_names(names: Names) -> list[str]:
     """
     if names == NONE:
         return []
-    listed = [name.strip() for name in names.split(",")] if isinstance(names, str) else [*names]
-    if not all(listed):
+    items = [name.strip() for name in names.split(",")] if isinstance(names, str) else [*names]
+    if not all(items):
         raise InvalidInputError(
             f"attributes takes all, none, or names such as uv,color; got {names!r}"
         )
-    return listed
+    return items
 
 
 def differing_names(first: Surface, second: Surface) -> list[str]:

@@ -15,16 +15,16 @@ NTSC = 1000 / 1001
 """NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
 
 RATE_TOLERANCE = 2e-6
-"""Relative; it covers the difference between 29.97 and 30000/1001, 1e-6."""
+"""Relative tolerance of a frame rate: above 1e-6, the difference between 29.97 and 30000/1001."""
 
 EVEN_TOLERANCE = 1e-3
-"""Evenly spaced frames are not farther from their even times, in intervals."""
+"""Maximum deviation of evenly spaced frames from their even times, in intervals."""
 
 EXACT_DIGITS = 15
-"""Significant digits of times that are not rounded to fewer."""
+"""Minimum number of significant digits of times that were not rounded to decimals."""
 
 DUE_TOLERANCE = 1e-6
-"""Frames at a rate are due this early, in intervals: times have rounding errors."""
+"""How early frames at a rate are due, in intervals, because times have rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +70,17 @@ class Timing:
     ) -> "Timing":
         """Return the timing of frames at these times in seconds, ascending, of shape (T,).
 
-        The timing is a rate if evenly spaced times, rounded to as many digits as the given ones
-        have, or to float32, are the given ones, and none is farther from its even time than a
-        thousandth of the interval. The rate is rounded to a common one that agrees with the times:
-        an integer, an NTSC rate, or a decimal with up to three places. A single time has no rate.
+        The timing is a rate if evenly spaced times, rounded to as many digits as these times have,
+        or to float32, equal them, and each is within a thousandth of the interval of its even time.
+        The rate is rounded to a common one that agrees with the times: an integer, an NTSC rate, or
+        a decimal with up to three places. A single time has no rate.
 
         Parameters
         ----------
         n_frames : int, optional
             Expected number of times.
         resolution_s : float, optional
-            To which the times were rounded. Default: that of float32 if all are float32 values.
+            Resolution of the rounded times. Default: that of float32 if all are float32 values.
 
         Raises
         ------
@@ -90,7 +90,7 @@ class Timing:
         times = _checked(times_s, n_frames)
         if len(times) == 1:
             return cls(0.0, float(times[0]))
-        timing = cls._own(times)
+        timing = cls._uneven(times)
         if not timing.fps:
             return timing
         coarse = _resolution(times) if resolution_s is None else resolution_s
@@ -105,8 +105,8 @@ class Timing:
         return timing
 
     @classmethod
-    def _own(cls, times: Floats) -> "Timing":
-        """Return times of their own; the mean rate is unknown if it is not finite."""
+    def _uneven(cls, times: Floats) -> "Timing":
+        """Return the timing of uneven times; its mean rate is unknown if it is not finite."""
         with np.errstate(all="ignore"):
             rate = float((len(times) - 1) / (times[-1] - times[0])) if len(times) > 1 else 0.0
         times = times.copy()
@@ -157,7 +157,7 @@ class Timing:
 
     @property
     def uneven_times(self) -> tuple[float, ...] | None:
-        """Times of their own in seconds, as plain numbers; None if there are none."""
+        """Times of unevenly spaced frames, in seconds, as plain numbers; None for a rate."""
         return None if self.times is None else tuple(self.times.tolist())
 
     def at(self, frame: int) -> float:
@@ -184,7 +184,7 @@ class Timing:
         """The timing of consecutive frames; those with times of their own keep them."""
         if self.times is None:
             return Timing(self.fps, self.at(frames.start))
-        return Timing._own(self.times[frames.start : frames.stop])
+        return Timing._uneven(self.times[frames.start : frames.stop])
 
 
 class Timed:
@@ -249,10 +249,10 @@ def _resolution(times: Floats) -> float:
 
 
 def _rounding_errors(times: Floats) -> list[Floats | float]:
-    """Return the largest errors of times that were rounded: each way in which they may have been.
+    """Return the largest rounding errors of times, for each way in which they may be rounded.
 
-    That is, to a number of significant digits, or of decimal places; or if they have all digits,
-    by sums of float64.
+    Times are rounded to significant digits or to decimal places, or if they have all digits, by
+    sums of float64.
     """
     decimals = [Decimal(repr(time)).normalize().as_tuple() for time in times.tolist()]
     n_digits = max(len(decimal.digits) for decimal in decimals)
@@ -266,10 +266,10 @@ def _rounding_errors(times: Floats) -> list[Floats | float]:
 
 def _common_rate(rate: float, tolerance: float) -> float:
     """Return the common rate that agrees with a rate, or the rate itself."""
-    named = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
+    common = (round(rate), round(rate / NTSC) * NTSC, round(rate, 2), round(rate, 3))
     near = [
         candidate
-        for candidate in named
+        for candidate in common
         if candidate > 0 and abs(candidate - rate) <= tolerance * rate
     ]
     exact = [candidate for candidate in near if abs(candidate - rate) <= 1e-12 * rate]

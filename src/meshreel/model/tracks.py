@@ -226,7 +226,7 @@ def validated_tracks(
     Raises
     ------
     InvalidInputError
-        With the name of a track whose values, or number of frames or elements, do not fit.
+        If values, or the number of frames or elements, do not fit; the message names the track.
     """
     validated: dict[str, Track] = {}
     sizes = domain_sizes(n_verts, n_faces, surface)

@@ -18,7 +18,7 @@ def validate_vertices(vertices: Any) -> Vertices:
     Raises
     ------
     InvalidInputError
-        With the shape, the type, or the first frame and vertex that is not finite.
+        If shape or type are wrong, or a position is not finite; the message has the first one.
     """
     array = np.asarray(vertices)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -64,7 +64,7 @@ def validate_faces(faces: Any, n_verts: int, n_frames: int = 0) -> Faces:
     Raises
     ------
     InvalidInputError
-        With the shape, the type, or the first face that is out of range.
+        If shape or type are wrong, or a face is out of range; the message has the first one.
     """
     array = np.asarray(faces)
     if array.size == 0:

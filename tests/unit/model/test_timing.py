@@ -225,7 +225,7 @@ def test_type_error_states_the_valid_indices(chosen):
 
 @pytest.mark.parametrize("chosen", ["3", 1.0, None, True, (1, 2), [1, 2]], ids=repr)
 def test_index_of_another_type_is_a_type_error(frames, chosen):
-    with pytest.raises(TypeError, match="a frame is chosen by a number, or several by a slice"):
+    with pytest.raises(TypeError, match="select a frame by its number, or several by a slice"):
         frames[chosen]
 
 

@@ -247,8 +247,8 @@ def corner_normals(vertices: Vertices, faces: Faces, surface: Surface) -> Floats
     Returns
     -------
     float64 array of shape (T, C, 3) or (C, 3)
-        Unit vectors, or 0 where all faces are degenerate. C concatenated corners of all faces: 3 M
-        without polygons.
+        Unit vectors, or 0 where all faces are degenerate. C is the number of corners of all faces,
+        3 M without polygons.
 
     Raises
     ------

@@ -41,14 +41,15 @@ class Corners:
     """int32 array of shape (M, 3). Number of each of these corners in the segment."""
 
     def has_faces_of(self, other: "Corners") -> bool:
-        """Whether both segments may have the same mesh: most faces have the values of others."""
+        """Whether both segments may have the same mesh: the values of most faces are in both."""
         segment, other_segment = self.segment, other.segment
         if segment.dtype != other_segment.dtype or _description(segment.surface) != _description(
             other_segment.surface
         ):
             return False
         numbers = joint_numbers([self, other])
-        faces = [own[corners.faces] for own, corners in zip(numbers, (self, other), strict=True)]
+        pairs = zip(numbers, (self, other), strict=True)
+        faces = [of_values[corners.faces] for of_values, corners in pairs]
         groups = distinct_faces(np.concatenate(faces))[1]
         counts = [len(np.unique(groups[: len(faces[0])])), len(np.unique(groups[len(faces[0]) :]))]
         return int(groups.max()) < (1.0 + MISSING_SHARE) * min(counts)
@@ -64,14 +65,12 @@ def distinct_faces(faces: Integers) -> tuple[Integers, Integers]:
     return first, groups
 
 
-def joint_numbers(several: Sequence[Corners]) -> list[Integers]:
+def joint_numbers(run: Sequence[Corners]) -> list[Integers]:
     """Number the values of several segments; return the number of each of their values."""
-    if all(np.array_equal(corners.values, several[0].values) for corners in several[1:]):
-        return [np.arange(len(corners.values)) for corners in several]
-    _, numbers = np.unique(
-        np.concatenate([corners.values for corners in several]), return_inverse=True
-    )
-    return np.split(numbers, np.cumsum([len(corners.values) for corners in several])[:-1])
+    if all(np.array_equal(corners.values, run[0].values) for corners in run[1:]):
+        return [np.arange(len(corners.values)) for corners in run]
+    _, numbers = np.unique(np.concatenate([corners.values for corners in run]), return_inverse=True)
+    return np.split(numbers, np.cumsum([len(corners.values) for corners in run])[:-1])
 
 
 def corners_of(segment: MeshSequence) -> Corners:

@@ -1,10 +1,10 @@
 """Frames whose vertices and faces are in another order than those of the frame before.
 
 Captured performances are often tracked: over many frames the mesh is the same, but a codec like
-Draco has compressed each frame alone, reordered its vertices and faces, and left out faces without
+Draco has compressed each frame alone, reordered its vertices and faces, and dropped faces without
 area. Texture coordinates and other attributes, which do not change over time, identify the faces.
-Matched frames have the surface of the given ones exactly: the faces that are added have no area, or
-coincide with others.
+Matched frames have exactly the surface of the input frames: added faces have no area, or coincide
+with others.
 """
 
 from collections.abc import Sequence
@@ -78,7 +78,7 @@ def _is_supported(segment: FrameSource) -> TypeGuard[MeshSequence]:
 
 
 def _joined(run: list[Corners]) -> list[FrameSource]:
-    """Join as many segments of a run as match; those that do not are tried in halves."""
+    """Join the segments of a run; if they do not match, join each half of the run separately."""
     if len(run) < 2:
         return [member.segment for member in run]
     joined = _join(run)
@@ -97,14 +97,14 @@ def _join(run: list[Corners]) -> MeshSequence | None:
     is_missing = corners[:, :, 0] == NONE
     if is_missing.mean(axis=1).max() > MISSING_SHARE or is_missing.any(axis=0).all():
         return None
-    at = np.full_like(corners, NONE)  # the vertex of each corner
-    for member, own, vertices in zip(run, corners, at, strict=True):
-        vertices[own != NONE] = member.segment.faces.ravel()[own[own != NONE]]
+    vertex_of = np.full_like(corners, NONE)  # the vertex of each corner
+    for member, numbers, vertices in zip(run, corners, vertex_of, strict=True):
+        vertices[numbers != NONE] = member.segment.faces.ravel()[numbers[numbers != NONE]]
     frames = [member.segment.vertices[0] for member in run]
-    vertices, faces = joined_vertices(at.reshape(len(run), -1), values.ravel(), frames)
-    positions = [member.segment.vertices[:, own] for member, own in zip(run, vertices, strict=True)]
-    for own_positions, lacks in zip(positions, is_missing, strict=True):
-        if not _adds_nothing(own_positions, faces[lacks], faces[~lacks]):
+    vertices, faces = joined_vertices(vertex_of.reshape(len(run), -1), values.ravel(), frames)
+    positions = [row.segment.vertices[:, order] for row, order in zip(run, vertices, strict=True)]
+    for segment_positions, lacks in zip(positions, is_missing, strict=True):
+        if not _adds_nothing(segment_positions, faces[lacks], faces[~lacks]):
             return None
     return _assembled(run, positions, vertices, faces, corners)
 
@@ -122,8 +122,8 @@ def _adds_nothing(positions: Vertices, faces: Integers, present: Integers) -> bo
         points = np.sort(point_of.reshape(-1, 3), axis=1)
         has_area = (points[:, 0] != points[:, 1]) & (points[:, 1] != points[:, 2])
         groups = distinct_faces(points)[1]
-        added, there = np.split(groups, [len(faces)])
-        if not np.isin(added[has_area[: len(faces)]], there).all():
+        added, existing = np.split(groups, [len(faces)])
+        if not np.isin(added[has_area[: len(faces)]], existing).all():
             return False
     return True
 
@@ -148,15 +148,15 @@ def _assembled(
     """
     segments = [member.segment for member in run]
     source = np.argmax(corners[:, :, 0] != NONE, axis=0)  # the first segment with each face
-    own = corners[source, np.arange(len(faces))]
-    order = np.lexsort((own[:, 0] // 3, source))
-    turns = (np.argmin(own % 3, axis=1)[:, None] + np.arange(3)) % 3
-    faces, own = (np.take_along_axis(table, turns, axis=1)[order] for table in (faces, own))
+    numbers = corners[source, np.arange(len(faces))]
+    order = np.lexsort((numbers[:, 0] // 3, source))
+    turns = (np.argmin(numbers % 3, axis=1)[:, None] + np.arange(3)) % 3
+    faces, numbers = (np.take_along_axis(table, turns, axis=1)[order] for table in (faces, numbers))
     source = source[order]
-    used, first_corners, numbers = np.unique(faces, return_index=True, return_inverse=True)
+    used, first_corners, inverse = np.unique(faces, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first_corners))
-    faces, used = rank[numbers].reshape(-1, 3), used[np.argsort(first_corners)]
-    surface = _surface(segments, source, own, np.sort(first_corners))
+    faces, used = rank[inverse].reshape(-1, 3), used[np.argsort(first_corners)]
+    surface = _surface(segments, source, numbers, np.sort(first_corners))
     if surface.hard_edges is not None:
         edges = _hard_edges(segments, vertices[:, used], faces)
         if edges is None:
@@ -170,14 +170,14 @@ def _assembled(
 
 
 def _surface(
-    segments: Sequence[MeshSequence], source: Integers, own: Integers, first_corners: Integers
+    segments: Sequence[MeshSequence], source: Integers, corners: Integers, first_corners: Integers
 ) -> Surface:
     """Return the surface of joined faces; hard edges are those of the first segment.
 
     Parameters
     ----------
-    source, own : arrays of shapes (M,) and (M, 3)
-        The segment from which each face is taken, and its corners there.
+    source, corners : arrays of shapes (M,) and (M, 3)
+        The segment that provides each face, and the corners of the face in it.
     first_corners : array of shape (V,)
         A corner of the joined faces at each vertex.
     """
@@ -186,10 +186,10 @@ def _surface(
         first = segments[0].surface.attributes[number]
         values = np.empty((3 * len(source), first.values.shape[1]), first.values.dtype)
         for index in np.unique(source).tolist():
-            is_own = np.repeat(source == index, 3)
+            is_selected = np.repeat(source == index, 3)
             other = segments[index]
             of_corners = values_at_corners(other.surface.attributes[number], other.faces)
-            values[is_own] = of_corners[own[source == index].ravel()]
+            values[is_selected] = of_corners[corners[source == index].ravel()]
         if first.domain is Domain.CORNER and first.indices is None:
             return replace(first, values=values)
         if first.domain is not Domain.CORNER:
@@ -202,7 +202,7 @@ def _surface(
         groups = [segment.surface.groups[number] for segment in segments]
         numbers = np.empty(len(source), np.int32)
         for index in np.unique(source).tolist():
-            numbers[source == index] = groups[index].numbers[own[source == index, 0] // 3]
+            numbers[source == index] = groups[index].numbers[corners[source == index, 0] // 3]
         return replace(groups[0], numbers=numbers)
 
     surface = segments[0].surface
@@ -226,15 +226,15 @@ def _hard_edges(
     """
     edges = shared_edges(np.full(len(faces), 3), faces.ravel()).ends
     is_hard = np.zeros(len(edges), bool)
-    for number, (segment, own) in enumerate(zip(segments, vertices, strict=True)):
-        there = np.sort(own[edges], axis=1)
+    for number, (segment, vertex_of) in enumerate(zip(segments, vertices, strict=True)):
+        ends_in_segment = np.sort(vertex_of[edges], axis=1)
         codes, hard = (
             ends[:, 0] * np.int64(segment.n_verts) + ends[:, 1]
-            for ends in (there, np.asarray(segment.surface.hard_edges, np.int64))
+            for ends in (ends_in_segment, np.asarray(segment.surface.hard_edges, np.int64))
         )
-        is_hard_there = np.isin(codes, hard)
+        is_hard_edge, has_length = np.isin(codes, hard), np.diff(ends_in_segment)[:, 0] != 0
         if not number:
-            is_hard = is_hard_there
-        elif ((is_hard != is_hard_there) & (there[:, 0] != there[:, 1])).any():
+            is_hard = is_hard_edge
+        elif ((is_hard != is_hard_edge) & has_length).any():
             return None
     return edges[is_hard].astype(np.int32)

@@ -27,19 +27,19 @@ def joined_vertices(
     is_complete = (corners != NONE).all(axis=0)
     complete = np.flatnonzero(is_complete)
     number = np.zeros(len(complete), np.int64)
-    for own in corners[:, complete]:
-        _, number = np.unique(number * (own.max() + 1) + own, return_inverse=True)
+    for vertex_of in corners[:, complete]:
+        _, number = np.unique(number * (vertex_of.max() + 1) + vertex_of, return_inverse=True)
     _, first, number = np.unique(number, return_index=True, return_inverse=True)
     result = np.full(corners.shape[1], NONE, np.int64)
     result[complete] = number
     vertices = list(corners[:, complete[first]].T)
-    at_value: dict[int, list[int]] = {}
+    vertices_of_value: dict[int, list[int]] = {}
     near = complete[np.isin(values[complete], values[~is_complete])]
     for vertex, corner in zip(*np.unique(result[near], return_index=True), strict=True):
-        at_value.setdefault(int(values[near[corner]]), []).append(int(vertex))
+        vertices_of_value.setdefault(int(values[near[corner]]), []).append(int(vertex))
     for corner in np.flatnonzero(~is_complete).tolist():
         vertex = _vertex_of_corner(
-            corners[:, corner], vertices, at_value.setdefault(int(values[corner]), [])
+            corners[:, corner], vertices, vertices_of_value.setdefault(int(values[corner]), [])
         )
         result[corner] = vertex
     faces = result.reshape(-1, 3)
@@ -56,8 +56,8 @@ def _collapse(
 ) -> None:
     """Place new vertices in segments that lack all of their faces.
 
-    They are put at a neighbor in such a face, so that it has no area; those of a component that a
-    segment lacks altogether at the nearest other vertex.
+    A vertex is placed at a neighbor in such a face, which then has no area; or, if the segment
+    lacks the whole component, at the nearest other vertex.
 
     Parameters
     ----------
@@ -73,14 +73,14 @@ def _collapse(
     for face in np.flatnonzero((faces >= n_known).any(axis=1)).tolist():
         for vertex in {*faces[face].tolist()} & faces_at.keys():
             faces_at[vertex].append(face)
-    open_places = [
+    pending = [
         (vertex, int(segment))
         for vertex in faces_at
         for segment in np.flatnonzero(vertices[vertex] == NONE)
     ]
-    while open_places:
+    while pending:
         remaining = []
-        for vertex, segment in open_places:
+        for vertex, segment in pending:
             lacking = [face for face in faces_at[vertex] if corners[segment, face, 0] == NONE]
             near = [i for i in faces[lacking].ravel().tolist() if vertices[i][segment] != NONE]
             if near:
@@ -88,11 +88,11 @@ def _collapse(
                 vertices[vertex][segment] = vertices[target][segment]
             else:
                 remaining.append((vertex, segment))
-        if len(remaining) == len(open_places):
+        if len(remaining) == len(pending):
             vertex, segment = remaining.pop()
             target = _nearest_known(vertex, vertices, n_known, frames)
             vertices[vertex][segment] = vertices[target][segment]
-        open_places = remaining
+        pending = remaining
 
 
 def _nearest_known(
@@ -102,17 +102,17 @@ def _nearest_known(
     segment = int(np.argmax(vertices[vertex] != NONE))
     positions = frames[segment]
     known = positions[[vertex_of[segment] for vertex_of in vertices[:n_known]]]
-    apart = np.square(known - positions[vertices[vertex][segment]], dtype=np.float64)
-    return int(np.argmin(apart.sum(axis=1)))
+    offsets = np.square(known - positions[vertices[vertex][segment]], dtype=np.float64)
+    return int(np.argmin(offsets.sum(axis=1)))
 
 
-def _vertex_of_corner(own: Integers, vertices: list[Integers], candidates: list[int]) -> int:
+def _vertex_of_corner(corner: Integers, vertices: list[Integers], candidates: list[int]) -> int:
     """Return the candidate with the vertices of a corner, or a new vertex.
 
     Parameters
     ----------
-    own : array of shape (S,)
-        Vertex in each segment, or NONE.
+    corner : array of shape (S,)
+        Vertex of the corner in each segment, or NONE.
     vertices : list of such arrays
         Those of all joined vertices; a new one is appended.
     candidates : list of int
@@ -120,10 +120,10 @@ def _vertex_of_corner(own: Integers, vertices: list[Integers], candidates: list[
     """
     for vertex in candidates:
         joined = vertices[vertex]
-        is_known = (own != NONE) & (joined != NONE)
-        if is_known.any() and (own == joined)[is_known].all():
-            vertices[vertex] = np.where(joined == NONE, own, joined)
+        is_known = (corner != NONE) & (joined != NONE)
+        if is_known.any() and (corner == joined)[is_known].all():
+            vertices[vertex] = np.where(joined == NONE, corner, joined)
             return vertex
     candidates.append(len(vertices))
-    vertices.append(own.copy())
+    vertices.append(corner.copy())
     return candidates[-1]
