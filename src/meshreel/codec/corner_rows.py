@@ -12,9 +12,9 @@ from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.kernel.integers import encode_integers
 
-AGAIN, NEW = 0, 1
-"""Codes of the row of the previous corner at the vertex, and of a new row. A larger code k is the
-row of the k-th previous corner."""
+PREVIOUS, NEW = 0, 1
+"""Codes of the row of the previous corner at the vertex, and of a new row. A larger code k refers
+to the row of the k-th previous corner."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ def number_rows(groups: Integers, vertices: Integers, n_verts: int) -> CornerRow
     sorted_groups = groups[order]
     _, firsts = np.unique(sorted_groups, return_index=True)
     by_occurrence = sorted_groups[np.sort(firsts)]
-    further = by_occurrence[rows[by_occurrence] < 0]
-    rows[further] = n_verts + np.arange(len(further))
-    return CornerRows(rows[groups], n_verts + len(further))
+    new_groups = by_occurrence[rows[by_occurrence] < 0]
+    rows[new_groups] = n_verts + np.arange(len(new_groups))
+    return CornerRows(rows[groups], n_verts + len(new_groups))
 
 
 def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> bytes:
@@ -58,8 +58,8 @@ def write_corner_rows(rows: CornerRows, vertices: Integers, n_verts: int) -> byt
     by_row = np.argsort(of_corners, kind="stable")
     is_same = of_corners[by_row[1:]] == of_corners[by_row[:-1]]
     codes = np.full(len(order), NEW, np.int64)
-    back = by_row[1:][is_same] - by_row[:-1][is_same]
-    codes[by_row[1:][is_same]] = np.where(back == 1, AGAIN, back)
+    distances = by_row[1:][is_same] - by_row[:-1][is_same]
+    codes[by_row[1:][is_same]] = np.where(distances == 1, PREVIOUS, distances)
     stored_codes = codes[(ranks > 0) & (has_seam[vertices[order]] > 0)]
     return write_varint(len(stored_codes)) + encode_integers([has_seam, stored_codes])
 

@@ -72,7 +72,7 @@ def _segments(
     def parts() -> Iterator[_Part]:
         nonlocal needed_bytes
         meshes: dict[Hashable, Future[Mesh]] = {}
-        starts = *(place.first_frame for place in file.segments), file.info.n_frames
+        starts = *(entry.first_frame for entry in file.segments), file.info.n_frames
         for number, selected in frames_by_segment(starts, requested):
             opened = OpenStream(file, limit, number)
             opened.require_mesh()
@@ -122,7 +122,7 @@ class _Part:
             return self._decode(progress)
         except BaseException as error:
             if self.has_new_mesh and not self._mesh.done():
-                self._mesh.set_exception(error)  # for the parts that wait
+                self._mesh.set_exception(error)  # for parts that wait for this mesh
             raise
 
     def _decode(self, progress: Progress) -> MeshSequence:
@@ -155,7 +155,7 @@ class _Part:
             if first >= last:
                 continue
             reader.load(block)
-            # The reader holds this block until the next one: decode its tracks now.
+            # The reader caches this block until the next one: decode its tracks now.
             for number, out in enumerate(values, start=1):
                 reader.fill(out[first - selected.start : last - selected.start], first, number)
             for begin in range(first, last, FRAMES_PER_REPORT):

@@ -14,8 +14,8 @@ from meshreel.model.surface import PLAIN, Domain
 from meshreel.model.tracks import Track
 
 MATCHED = (
-    "the order of vertices differs; they were matched, as the decoded mesh has the order in which "
-    "meshreel stores the original without its own"
+    "the order of vertices differs; they were matched, because the decoded mesh has the order that "
+    "meshreel derives from the original if its order is dropped"
 )
 """Note on sequences whose vertices were matched."""
 
@@ -24,7 +24,7 @@ Numbers = dict[Domain, Integers]
 
 
 def internal_numbers(source: FrameSource) -> Numbers:
-    """Return the number of each item of a mesh after decoding without its order.
+    """Return the number of each item of a mesh in a stream that drops its order.
 
     Items are vertices, and cells or else triangles.
     """
@@ -41,8 +41,8 @@ def internal_numbers(source: FrameSource) -> Numbers:
 def walk_numbers(source: FrameSource) -> Numbers:
     """Return the number of each vertex of a mesh in a compressed glTF file of one material."""
     numbers = np.full(source.n_verts, -1, np.int64)
-    _, used = number_by_use(source.faces[depth_first_order(source.faces)])
-    numbers[: len(used)] = used
+    _, by_use = number_by_use(source.faces[depth_first_order(source.faces)])
+    numbers[: len(by_use)] = by_use
     return {Domain.VERTEX: numbers}
 
 
@@ -74,8 +74,7 @@ def match_order(
     matched = [_in_order_of(*pair) for pair in pairs]
     if all(reordered is segment for reordered, (_, segment) in zip(matched, pairs, strict=True)):
         return original, decoded, False
-    whole = MeshSequence.of_segments(matched, decoded.name, decoded.timing)
-    return original, whole, True
+    return original, MeshSequence.of_segments(matched, decoded.name, decoded.timing), True
 
 
 def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
@@ -97,7 +96,7 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
     tracks = {
         name: Track(track.values[:, numbers[track.domain]], track.domain, track.kind, track.unit)
         for name, track in loaded.tracks.items()
-        if track.domain in numbers  # others need the order
+        if track.domain in numbers  # other domains need the order
     }
     original_surface = original.surface
     surface = PLAIN

@@ -64,7 +64,7 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         The fields of `ReelOptions` and `PaperOptions`.
     attributes : str or sequence of str, default "all"
         Which attributes and groups of the surface to keep: "all", "none", or names; a kind such
-        as "uv" or "color" names all of it. Polygons and parts are kept.
+        as "uv" or "color" selects all its attributes. Polygons and parts are kept.
     tracks : mapping of str to str or float, optional
         Error bounds by track name, guaranteed for each value: "0.1%" of the range, "500Pa" or 500
         in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default: that

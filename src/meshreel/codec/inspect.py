@@ -240,7 +240,7 @@ def file_info(
     if segment is not None or file.info.n_segments == 1:
         return stream_info(OpenStream(file, limit, segment), is_remote=is_remote)
     segments: list[StreamInfo] = []
-    surfaces: dict[Hashable, SurfaceFigures] = {}  # a shared one is decoded once
+    surfaces: dict[Hashable, SurfaceProperties] = {}  # shared surfaces are decoded once
     for number in range(file.info.n_segments):
         opened = OpenStream(file, limit, number)
         segments.append(stream_info(opened, is_remote=is_remote, surfaces=surfaces))
@@ -260,7 +260,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
     def distinct(name: str) -> Any:
         return tuple(dict.fromkeys(joined(name)))
 
-    def named(name: str) -> Any:
+    def joined_names(name: str) -> Any:
         return ", ".join(dict.fromkeys(getattr(segment, name) for segment in segments))
 
     budget, parts = Counter[str](), Counter[str]()
@@ -268,9 +268,9 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         budget.update(segment.budget_bytes)
         parts.update(segment.part_bytes)
     size_bytes = file.info.size_bytes
-    ending = size_bytes - sum(segment.size_bytes for segment in segments)  # index and end marker
-    budget["framing"] += ending
-    parts["container"] += ending
+    end_bytes = size_bytes - sum(segment.size_bytes for segment in segments)  # index and end marker
+    budget["framing"] += end_bytes
+    parts["container"] += end_bytes
     bounds = [segment.error_bound_percent for segment in segments]
     known_bounds = [bound for bound in bounds if bound is not None]
     timing = timing_of(file)
@@ -280,7 +280,7 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
         fps=timing.fps,
         times=timing.uneven_times,
         **{name: largest(name) for name in ("n_verts", "n_faces", "n_polygons", "diagonal")},
-        **{name: named(name) for name in ("method", "laplacian", "order", "vertex_type")},
+        **{name: joined_names(name) for name in ("method", "laplacian", "order", "vertex_type")},
         **{name: joined(name) for name in ("n_modes", "block_frames", "block_bytes")},
         **{name: distinct(name) for name in SURFACE_TEXTS},
         tracks=_combined_tracks(joined("tracks")),
@@ -297,27 +297,27 @@ def _combined(file: OpenFile, segments: list[StreamInfo]) -> StreamInfo:
 
 def _combined_tracks(tracks: Iterable[TrackInfo]) -> tuple[TrackInfo, ...]:
     """Combine the descriptions of tracks that differ only in accuracy and bytes."""
-    alike: dict[TrackInfo, list[TrackInfo]] = {}
+    groups: dict[TrackInfo, list[TrackInfo]] = {}
     for track in tracks:
         key = replace(track, is_exact=False, bound=0.0, size_bytes=0, raw_size_bytes=0)
-        alike.setdefault(key, []).append(track)
+        groups.setdefault(key, []).append(track)
     return tuple(
         replace(
             key,
-            is_exact=all(track.is_exact for track in several),
-            bound=max(track.bound for track in several),
-            size_bytes=sum(track.size_bytes for track in several),
-            raw_size_bytes=sum(track.raw_size_bytes for track in several),
+            is_exact=all(track.is_exact for track in group),
+            bound=max(track.bound for track in group),
+            size_bytes=sum(track.size_bytes for track in group),
+            raw_size_bytes=sum(track.raw_size_bytes for track in group),
         )
-        for key, several in alike.items()
+        for key, group in groups.items()
     )
 
 
-SurfaceFigures = dict[str, Any]
+SurfaceProperties = dict[str, Any]
 """Attributes of `StreamInfo` that describe the surface, with its size."""
 
 
-def _surface_figures(opened: OpenStream) -> SurfaceFigures:
+def _surface_properties(opened: OpenStream) -> SurfaceProperties:
     """Describe the surface of a segment; raises CorruptStreamError if it is damaged."""
     surface = opened.surface
     return {
@@ -331,7 +331,7 @@ def stream_info(
     opened: OpenStream,
     *,
     is_remote: bool = False,
-    surfaces: dict[Hashable, SurfaceFigures] | None = None,
+    surfaces: dict[Hashable, SurfaceProperties] | None = None,
 ) -> StreamInfo:
     """Describe a stream: contents, and bytes by section.
 
@@ -352,11 +352,11 @@ def stream_info(
     groups = (file.group(number, is_checked=False) for number in range(opened.n_blocks))
     surfaces = {} if surfaces is None else surfaces
     if opened.mesh_key not in surfaces:
-        surfaces[opened.mesh_key] = _surface_figures(opened)
+        surfaces[opened.mesh_key] = _surface_properties(opened)
     surface = surfaces[opened.mesh_key]
-    positions = opened.n_frames * opened.n_verts * 3
+    n_coordinates = opened.n_frames * opened.n_verts * 3
     tracks = _tracks(opened, sizes.of_tracks)
-    raw_bytes = positions * opened.dtype.itemsize + opened.n_faces * 12
+    raw_bytes = n_coordinates * opened.dtype.itemsize + opened.n_faces * 12
     raw_bytes += surface["raw_size_bytes"] + sum(track.raw_size_bytes for track in tracks)
     return StreamInfo(
         **{**surface, "raw_size_bytes": raw_bytes},
@@ -370,7 +370,7 @@ def stream_info(
         order=opened.order_kept.name.lower(),
         vertex_type=str(opened.dtype),
         n_modes=tuple(group.n_modes for group in groups),
-        block_frames=tuple(place.n_frames for place in file.blocks),
+        block_frames=tuple(block.n_frames for block in file.blocks),
         size_bytes=opened.size_bytes,
         budget_bytes=_budget(sizes, opened.size_bytes),
         part_bytes=_parts(opened, sizes, tracks),
@@ -431,35 +431,35 @@ def _sizes(file: OpenFile, *, is_checked: bool) -> _Sizes:
     """Sum up the sizes of sections; `is_checked` verifies their checksums."""
     sizes = _Sizes(file.info.size_bytes - file.offset, Counter(), [], [])
     position_ends = [block.offset + block.size_bytes for block in file.blocks]
-    for place in file.sections(is_checked=is_checked):
-        sizes.header = min(sizes.header, place.offset - file.offset)
-        if place.is_known:
-            section = Section(place.id)
-            sizes.of_sections[section] += place.size_bytes
+    for entry in file.sections(is_checked=is_checked):
+        sizes.header = min(sizes.header, entry.offset - file.offset)
+        if entry.is_known:
+            section = Section(entry.id)
+            sizes.of_sections[section] += entry.size_bytes
             if section is Section.TRACK:
-                sizes.of_tracks.append(place.size_bytes)
+                sizes.of_tracks.append(entry.size_bytes)
             elif section is Section.BLOCK:
                 sizes.block_bytes.append(0)
             number = len(sizes.block_bytes) - 1
-            if number >= 0 and place.offset < position_ends[number]:
-                sizes.block_bytes[number] += place.payload_bytes
+            if number >= 0 and entry.offset < position_ends[number]:
+                sizes.block_bytes[number] += entry.payload_bytes
     return sizes
 
 
 def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
-    """Return the bytes by kind of section; the rest is framing."""
+    """Return the bytes by kind of section; all others are framing."""
     framing = (Section.BLOCK, Section.INDEX, Section.END)
     budget = {"header": sizes.header}
-    for section, own_bytes in sizes.of_sections.items():
+    for section, section_bytes in sizes.of_sections.items():
         if section not in framing:
-            budget[section.name.lower().replace("_", " ")] = own_bytes
+            budget[section.name.lower().replace("_", " ")] = section_bytes
     budget["framing"] = size_bytes - sum(budget.values())
     return budget
 
 
 def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
-    """Return the bytes of the parts of a stream; the rest is the container."""
-    blocks = sum(place.size_bytes for place in opened.file.blocks)
+    """Return the bytes of the parts of a stream; all others are the container."""
+    blocks = sum(entry.size_bytes for entry in opened.file.blocks)
     parts = {
         "positions": blocks + sum(sizes.of_sections[section] for section in POSITIONS),
         "connectivity": sum(sizes.of_sections[section] for section in CONNECTIVITY),

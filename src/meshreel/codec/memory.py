@@ -65,14 +65,14 @@ class MemoryLimit:
 
     limit_bytes: float
 
-    def require(self, needed_bytes: int, what: str) -> None:
-        """Raise MemoryLimitError if something needs more memory than allowed.
+    def require(self, needed_bytes: int, subject: str) -> None:
+        """Raise MemoryLimitError if more memory is needed than allowed.
 
-        `what` is the subject of the message, such as "frames 0:12 of 300 vertices".
+        `subject` begins the message, as in "frames 0:12 of 300 vertices".
         """
         if needed_bytes > self.limit_bytes:
             raise MemoryLimitError(
-                f"{what} would take {size_text(needed_bytes)} of memory; decoding may take "
+                f"{subject} would take {size_text(needed_bytes)} of memory; decoding may take "
                 f"{size_text(self.limit_bytes)}; if you trust the stream, allow more with ",
                 Keyword("memory"),
             )

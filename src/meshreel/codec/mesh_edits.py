@@ -28,10 +28,10 @@ SMALL_BYTES_PER_FACE = 1 / 16
 """Size of an edit, in bytes per face, up to which no smaller edit is searched for."""
 
 MAX_SIZE = 1 / 2
-"""A larger edit replaces connectivity and order if its size relative to theirs is at most this."""
+"""Maximum size of any other edit, relative to the connectivity and order that it replaces."""
 
 N_SAMPLES = 128
-"""Faces that are compared first, because most pairs of meshes are unrelated."""
+"""Number of faces compared first, because most pairs of meshes are unrelated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ class MeshEdit:
     """A mesh as an edit of a base mesh, both in their given orders."""
 
     base: BaseMesh
-    verts: Integers
+    base_verts: Integers
     """int64 array of shape (V,). Number of each vertex in the base, ascending, or -1 if it is new.
     """
-    listed: Integers
+    base_faces: Integers
     """int64 array of shape (M,). Number of each face in the base, ascending, or -1 if it is new."""
     payload: bytes
     """Payload of the section EDIT."""
@@ -76,18 +76,18 @@ class MeshEdit:
             The edited mesh.
         """
         base, n_base_verts = self.base.connectivity, self.base.n_verts
-        old_verts = np.flatnonzero(self.verts >= 0)
-        rank = inverse_permutation(base.internal_to_given)[self.verts[old_verts]]
-        order = np.concatenate([old_verts[np.argsort(rank)], np.flatnonzero(self.verts < 0)])
+        old_verts = np.flatnonzero(self.base_verts >= 0)
+        rank = inverse_permutation(base.internal_to_given)[self.base_verts[old_verts]]
+        order = np.concatenate([old_verts[np.argsort(rank)], np.flatnonzero(self.base_verts < 0)])
         to_internal = inverse_permutation(order).astype(np.int32)
         number = np.full(n_base_verts, -1)
-        number[self.verts[old_verts]] = old_verts
+        number[self.base_verts[old_verts]] = old_verts
         to_given = base.internal_to_given[base.internal_faces]
         internal_of = matching_corners(self.base.faces, to_given, n_base_verts) // 3
-        stored_faces = np.sort(internal_of[self.listed[self.listed >= 0]])
-        internal = to_internal[
-            np.concatenate([number[to_given[stored_faces]], faces[self.listed < 0]])
-        ].astype(np.int32)
+        is_new = self.base_faces < 0
+        stored_faces = np.sort(internal_of[self.base_faces[~is_new]])
+        all_faces = np.concatenate([number[to_given[stored_faces]], faces[is_new]])
+        internal = to_internal[all_faces].astype(np.int32)
         twins = twin_sides(internal, len(order)).astype(np.int32)
         return replace(base, internal_to_given=order, internal_faces=internal, internal_twins=twins)
 
@@ -104,7 +104,7 @@ def find_edit(base: BaseMesh, faces: Faces, n_verts: int) -> MeshEdit | None:
     if base.n_verts > MAX_VERTS or not 0 < len(faces) <= 2 * len(base.faces):
         return None
     candidates = []
-    if _has_many_of(base.index, faces, base.n_verts - n_verts):
+    if _shares_faces(base.index, faces, base.n_verts - n_verts):
         edit = _edit_with(base, faces, _split_vertices(base.index, faces, n_verts))
         if edit is not None and len(edit.payload) <= SMALL_BYTES_PER_FACE * len(faces):
             return edit
@@ -126,28 +126,28 @@ def _is_worthwhile(edit: MeshEdit, faces: Faces, n_verts: int) -> bool:
     """
     if len(edit.payload) <= MAX_SIZE * edit.base.connectivity.size_bytes:
         return True
-    own = encode_connectivity(faces, n_verts, order="keep")
-    return len(edit.payload) <= MAX_SIZE * own.size_bytes
+    without_edit = encode_connectivity(faces, n_verts, order="keep")
+    return len(edit.payload) <= MAX_SIZE * without_edit.size_bytes
 
 
 def _edit_with(base: BaseMesh, faces: Faces, verts: Integers) -> MeshEdit | None:
     """Return the edit in which vertices have these numbers, or None if most faces are new."""
-    listed = _matched_faces(base.index, verts[faces])
-    if 2 * np.count_nonzero(listed < 0) > len(faces):
+    base_faces = _matched_faces(base.index, verts[faces])
+    if 2 * np.count_nonzero(base_faces < 0) > len(faces):
         return None
-    steps = [*_steps(verts, base.n_verts), *_steps(listed, len(base.faces))]
-    corners = np.diff(faces[listed < 0].astype(np.int64).reshape(-1), prepend=0)
+    steps = [*_steps(verts, base.n_verts), *_steps(base_faces, len(base.faces))]
+    corners = np.diff(faces[base_faces < 0].astype(np.int64).reshape(-1), prepend=0)
     counts = base.n_verts, len(base.faces), len(steps[0]), len(steps[3]), len(corners) // 3
     payload = b"".join(map(write_varint, counts)) + encode_integers([*steps, corners])
-    return MeshEdit(base, verts, listed, payload)
+    return MeshEdit(base, verts, base_faces, payload)
 
 
-def _has_many_of(index: FaceIndex, faces: Faces, shift: int) -> bool:
+def _shares_faces(index: FaceIndex, faces: Faces, shift: int) -> bool:
     """Whether a quarter of a sample of faces is in the base, with equal or shifted vertices."""
     sample = faces[:: max(1, len(faces) // N_SAMPLES)]
     sample_keys = np.unique(index.keys(np.concatenate([sample, sample + shift])))
-    at = np.minimum(np.searchsorted(sample_keys, index.face_keys), len(sample_keys) - 1)
-    return 4 * len(np.unique(at[sample_keys[at] == index.face_keys])) >= len(sample)
+    ranks = np.minimum(np.searchsorted(sample_keys, index.face_keys), len(sample_keys) - 1)
+    return 4 * len(np.unique(ranks[sample_keys[ranks] == index.face_keys])) >= len(sample)
 
 
 def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
@@ -158,14 +158,14 @@ def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
     """
     shift = index.n_verts - n_verts
     before = np.zeros(n_verts + 1, np.int64)  # faces that are kept if all vertices below are
-    behind = np.zeros(n_verts + 1, np.int64)
+    after = np.zeros(n_verts + 1, np.int64)
     last = np.minimum(faces.max(axis=1) + 1, n_verts)
     fits = index.contains(faces)
     np.add.at(before, last[fits], 1)
     first = faces.min(axis=1)
     fits = index.contains(faces + shift)
-    np.add.at(behind, first[fits] + min(shift, 0), 1)
-    n_kept_if_split = np.cumsum(before) + np.cumsum(behind[::-1])[::-1]
+    np.add.at(after, first[fits] + min(shift, 0), 1)
+    n_kept_if_split = np.cumsum(before) + np.cumsum(after[::-1])[::-1]
     low = min(n_verts, index.n_verts)
     split = int(np.argmax(n_kept_if_split[: low + 1]))
     numbers = np.arange(n_verts)
@@ -178,14 +178,14 @@ def _split_vertices(index: FaceIndex, faces: Faces, n_verts: int) -> Integers:
 def _matched_faces(index: FaceIndex, faces: Integers) -> Integers:
     """Return the number of each face in the base, ascending, or -1."""
     keys = index.keys(faces)
-    at = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
-    is_listed = at < len(index.faces)
-    at = np.minimum(at, len(index.faces) - 1)
-    is_listed &= (index.sorted_keys[at] == keys) & (faces.min(axis=1) >= 0)
-    listed = np.where(is_listed, index.by_key[at], -1)
-    ascending = longest_ascending(listed[is_listed])
-    listed[np.flatnonzero(is_listed)[~ascending]] = -1
-    return listed
+    ranks = np.searchsorted(index.sorted_keys, keys) + n_equal_before(keys)
+    is_in_base = ranks < len(index.faces)
+    ranks = np.minimum(ranks, len(index.faces) - 1)
+    is_in_base &= (index.sorted_keys[ranks] == keys) & (faces.min(axis=1) >= 0)
+    numbers = np.where(is_in_base, index.by_key[ranks], -1)
+    ascending = longest_ascending(numbers[is_in_base])
+    numbers[np.flatnonzero(is_in_base)[~ascending]] = -1
+    return numbers
 
 
 def _steps(numbers: Integers, n_base: int) -> list[Integers]:

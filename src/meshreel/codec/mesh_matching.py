@@ -42,7 +42,7 @@ More of them lead to more shared faces if the order follows the surface, but are
 """
 
 N_BLOCKS = 64
-"""Number of blocks that are searched for in the base by the degrees of their vertices."""
+"""Number of blocks searched for in the base by the degrees of their vertices."""
 
 MAX_SHIFTS = 4096
 """Largest difference of the numbers of vertices for this search, whose time grows with it."""
@@ -130,13 +130,13 @@ def match_vertices(base: FaceIndex, faces: Faces, n_verts: int) -> Integers | No
     mesh = FaceIndex(faces, n_verts)
     if not _has_similar_ends(base.degrees, mesh.degrees):
         return None
-    enough = ENOUGH_SHARED * min(len(base.faces), len(faces))
+    enough_shared = ENOUGH_SHARED * min(len(base.faces), len(faces))
     best, n_best = np.full(n_verts, -1), 0
     for is_decisive, guess in _guesses(base, mesh.degrees):
         matches, n_shared = _extend(base, mesh, guess)
         if n_shared > n_best:
             best, n_best = matches, n_shared
-        if n_best >= enough:
+        if n_best >= enough_shared:
             break
         if is_decisive and n_best == 0:
             return None
@@ -173,7 +173,7 @@ def _guesses(base: FaceIndex, degrees: Integers) -> Iterator[tuple[bool, Integer
 
 
 def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
-    """Match blocks of vertices whose degrees occur in turn at one place of the base.
+    """Match blocks of vertices whose sequence of degrees occurs at exactly one place of the base.
 
     Shifts of consecutive blocks must grow, as more dropped or inserted vertices precede them.
 
@@ -188,15 +188,15 @@ def _matches_by_degrees(base_degrees: Integers, degrees: Integers) -> Integers:
     starts = np.unique(np.linspace(0, len(degrees) - size, N_BLOCKS).astype(np.int64))
     blocks = degrees[starts[:, None] + np.arange(size)]
     shifts = np.arange(min(shift, 0), max(shift, 0) + 1)
-    outside = np.full(max(-shift, 0), -1)  # shifted beyond the vertices of the base
-    padded = np.concatenate([outside, base_degrees, outside])
+    padding = np.full(max(-shift, 0), -1)  # for shifts beyond the vertices of the base
+    padded = np.concatenate([padding, base_degrees, padding])
     windows = np.lib.stride_tricks.sliding_window_view(padded, size)
     n_equal = np.zeros((len(starts), len(shifts)), np.int64)
     for row, start, block in zip(n_equal, starts, blocks, strict=True):
         row[:] = np.count_nonzero(windows[start : start + len(shifts)] == block, axis=1)
-    most = n_equal.max(axis=1)
-    is_unique = np.count_nonzero(n_equal == most[:, None], axis=1) == 1
-    unique_blocks = np.flatnonzero(is_unique & (2 * most > size))
+    max_equal = n_equal.max(axis=1)
+    is_unique = np.count_nonzero(n_equal == max_equal[:, None], axis=1) == 1
+    unique_blocks = np.flatnonzero(is_unique & (2 * max_equal > size))
     unique_shifts = shifts[n_equal[unique_blocks].argmax(axis=1)]
     rank = np.abs(unique_shifts) * len(starts) + unique_blocks  # equal shifts are ascending too
     is_ascending = longest_ascending(rank)
@@ -259,8 +259,8 @@ def _spread_across_faces(base: FaceIndex, mesh: FaceIndex, matches: Integers) ->
         fits = (keys[index] == side_keys) & is_between
         if not fits.any():
             return matches
-        vertices, first_places = np.unique(vertices[fits], return_index=True)
-        candidates = candidates[fits][first_places]
+        vertices, first_fits = np.unique(vertices[fits], return_index=True)
+        candidates = candidates[fits][first_fits]
         ascending = longest_ascending(candidates)
         matches[vertices[ascending]] = candidates[ascending]
 
@@ -307,10 +307,10 @@ def _match_runs(
     before, after = matched[runs], matched[runs + 1]
     low, high = in_base[runs], in_base[runs + 1]
     lengths, base_lengths = after - before - 1, high - low - 1
-    reached = np.clip(np.minimum(lengths, base_lengths) // 4, 0, reach)  # matches may descend
+    n_reached = np.clip(np.minimum(lengths, base_lengths) // 4, 0, reach)  # matches may descend
     is_filled = (lengths == base_lengths) & (lengths <= max_equal_run)
-    forward = np.where(is_filled, lengths, reached * at_start)
-    backward = np.where(is_filled, 0, reached * at_end)
+    forward = np.where(is_filled, lengths, n_reached * at_start)
+    backward = np.where(is_filled, 0, n_reached * at_end)
     result = matches.copy()
     ends = (before + 1, forward, low - before), (after - backward, backward, high - after)
     for starts, counts, shifts in ends:
@@ -329,10 +329,10 @@ def longest_ascending(numbers: Integers) -> npt.NDArray[np.bool_]:
     last_indices: list[int] = []
     previous = []
     for i, number in enumerate(numbers.tolist()):
-        place = bisect_left(last_numbers, number)
-        previous.append(last_indices[place - 1] if place else -1)
-        last_numbers[place : place + 1] = [number]
-        last_indices[place : place + 1] = [i]
+        length = bisect_left(last_numbers, number)
+        previous.append(last_indices[length - 1] if length else -1)
+        last_numbers[length : length + 1] = [number]
+        last_indices[length : length + 1] = [i]
     selected[:] = False
     i = last_indices[-1]
     while i >= 0:

@@ -21,8 +21,8 @@ METHOD_NAMES = tuple(METHOD_CODES)
 LOSSLESS = "lossless"
 
 
-def own_name(name: str) -> str:
-    """Return our name of a method that may have its name in the paper, such as "PCA+qp"."""
+def our_name(name: str) -> str:
+    """Return our name of a method, which may be given by its name in the paper, as in "PCA+qp"."""
     plain = str(name).lower().replace("+", "-").replace(" ", "-")
     plain = "gft" if plain == "per-mesh" else plain
     return plain if plain in METHOD_CODES else name

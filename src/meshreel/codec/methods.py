@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class LiveStart:
-    """What an encoder of live frames knows when they begin."""
+    """Mesh, first block and error bounds with which live encoding starts."""
 
     mesh: "CodedMesh"
     frame: "BoundingFrame"

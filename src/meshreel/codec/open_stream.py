@@ -127,8 +127,8 @@ class OpenStream:
     def require_frames(self, frames: range) -> None:
         """Raise MemoryLimitError if some decoded frames, with tracks, exceed the memory limit."""
         tracks = ", with their tracks," if self.tracks else ""
-        what = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
-        self.limit.require(self.frames_size_bytes(frames), what)
+        subject = f"frames {frames.start}:{frames.stop} of {self.n_verts} vertices{tracks}"
+        self.limit.require(self.frames_size_bytes(frames), subject)
 
     def frames_size_bytes(self, frames: range) -> int:
         """Bytes of the decoded positions of some frames, and of their tracks."""
@@ -193,9 +193,9 @@ class OpenStream:
 
     def group(self, number: int, track: int = 0) -> Iterator[tuple[Section, bytes]]:
         """Yield the sections of a track in a block; raises CorruptStreamError if damaged."""
-        self.file.group(number, track, is_checked=False)  # refuses misplaced sections
-        place = self.file.block(number, track)
-        for section in self.file.sections(place.offset, place.offset + place.size_bytes):
+        self.file.group(number, track, is_checked=False)  # raises if sections are misplaced
+        block = self.file.block(number, track)
+        for section in self.file.sections(block.offset, block.offset + block.size_bytes):
             if section.is_known:
                 yield Section(section.id), self.payload(section)
 

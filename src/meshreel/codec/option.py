@@ -73,8 +73,8 @@ class Range:
         allowed = f"{self}, {unit}" if unit else str(self)
         if _as_number(number) not in self:
             is_whole = isinstance(number, float) and number.is_integer()
-            shown = int(number) if is_whole else repr(number) if isinstance(number, str) else number
-            raise InvalidInputError(name, f" must be {allowed}; got {shown}")
+            value = int(number) if is_whole else repr(number) if isinstance(number, str) else number
+            raise InvalidInputError(name, f" must be {allowed}; got {value}")
 
 
 COUNT = Range(1, is_whole=True)
@@ -97,7 +97,7 @@ class Option:
     names: tuple[str, ...] = ()
     """Allowed values, if they are names."""
     range: Range | None = None
-    """Allowed numbers, including those that text of the option may mean."""
+    """Allowed numbers, also of text that is parsed to a number."""
     unit: str = ""
     """Unit of a number, as it follows the range: "in percent"."""
     more: str = ""
@@ -115,7 +115,7 @@ class Option:
     needs_all_frames: bool = False
     """Whether it needs the whole sequence, so that live frames exclude it."""
     synonyms: Mapping[str, str] = field(default_factory=dict)
-    """Names in the paper and other programs, and how their values differ, if they do."""
+    """Names in the paper and other programs, each with the difference of its values, if any."""
     name: str = ""
     """Keyword in Python; like the following, set by `options_of_fields` from the field."""
     annotation: Any = None
@@ -188,7 +188,7 @@ class _OptionNames(dict[str, str]):
 
 def options_of_fields(record: type) -> tuple[Option, ...]:
     """Return the fields of a dataclass that are annotated with an `Option`, as options."""
-    hashable: Any = record  # mypy takes the hash of its instances for that of the class
+    hashable: Any = record  # mypy confuses the hash of the class with that of its instances
     return _options_of_fields(hashable)
 
 
@@ -200,8 +200,8 @@ def _options_of_fields(record: Any) -> tuple[Option, ...]:
         if get_origin(hints[row.name]) is Annotated:
             annotation, option = get_args(hints[row.name])
             flag = option.flag or f"--{row.name.replace('_', '-')}"
-            known = {"name": row.name, "annotation": annotation, "default": row.default}
-            options.append(replace(option, flag=flag, **known))
+            derived = {"name": row.name, "annotation": annotation, "default": row.default}
+            options.append(replace(option, flag=flag, **derived))
     return tuple(options)
 
 
@@ -241,10 +241,10 @@ def lists_fields(record: Any) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         if function.__doc__ and isinstance(record, type):
-            described = "\n".join(map(numpydoc, options_of_fields(record)))
+            options = "\n".join(map(numpydoc, options_of_fields(record)))
             lines = inspect.cleandoc(function.__doc__).split("\n")
-            place = lines.index(OPTIONS_LINE)
-            function.__doc__ = "\n".join([*lines[:place], described, *lines[place + 2 :]])
+            index = lines.index(OPTIONS_LINE)
+            function.__doc__ = "\n".join([*lines[:index], options, *lines[index + 2 :]])
         return function
 
     return decorate

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
-from meshreel.codec.method_names import METHOD_NAMES, own_name
+from meshreel.codec.method_names import METHOD_NAMES, our_name
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.paper_options import PAPER_METHODS, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
@@ -56,12 +56,12 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
         If an option is unknown, out of range or of another method, or two exclude each other.
     """
     check_names(options, (option.name for option in all_options()))
-    method = method if method in METHOD_NAMES else own_name(method)
+    method = method if method in METHOD_NAMES else our_name(method)
     family = PaperOptions if method in PAPER_METHODS else ReelOptions
-    own = _NAMES[family]
+    supported = _NAMES[family]
     for option in all_options():
         name = option.name
-        if name not in own and options.get(name, option.default) != option.default:
+        if name not in supported and options.get(name, option.default) != option.default:
             option.check(options[name])
             option.check_method(method)
-    return family(method, **{name: options[name] for name in options if name in own})
+    return family(method, **{name: options[name] for name in options if name in supported})

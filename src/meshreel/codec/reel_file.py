@@ -39,11 +39,11 @@ from meshreel.runtime.threads import fork_safe_lock
 Vertices = npt.NDArray[np.floating]
 
 READ_AHEAD_BYTES, MIN_READ_AHEAD = 1 << 23, 16
-"""Bytes, and least number, of frames that an iteration decodes at a time: the fields of large
-meshes are gathered once for all of them."""
+"""Size, and minimum number, of frames that an iteration decodes at a time, because each read
+gathers the fields of a mesh."""
 
 MAX_OPEN_SEGMENTS = 4
-"""Segments that stay decoded: enough to play across a boundary, and to go back."""
+"""Maximum number of decoded segments: enough to play across a boundary, and to go back."""
 
 
 class ReelFile(Timed):
@@ -54,8 +54,8 @@ class ReelFile(Timed):
     may share it, and so may processes forked from the one that opened it.
 
     A file of several segments has `segments`, each of which is a `ReelFile` of constant
-    connectivity; what belongs to one segment, such as `faces` and `read`, is theirs, and raises
-    ConnectivityChangeError for the whole.
+    connectivity; attributes of a single segment, such as `faces` and `read`, raise
+    ConnectivityChangeError for the whole file.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class ReelFile(Timed):
     segment : int, optional
         As in `meshreel.open`; frames and all attributes are then of this segment.
     opened : OpenFile, optional
-        The same file, opened already.
+        The same file, already open.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class ReelFile(Timed):
         self._only: OpenStream | None = None
         info = self._whole.info
         if segment is None and info.n_segments > 1:
-            first_frames = (place.first_frame for place in self._whole.segments)
+            first_frames = (entry.first_frame for entry in self._whole.segments)
             self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
             self.timing = timing_of(self._whole)
             self._segment(0)  # raises now if n_modes is not supported or the mesh is too large
@@ -127,7 +127,7 @@ class ReelFile(Timed):
     def segments(self) -> "Sequence[ReelFile]":
         """Segments, whose frames count from 0; opened on access, and open as long as this file.
 
-        A few stay decoded; a caller that keeps none needs memory for these.
+        A few segments stay decoded; a caller that keeps none needs memory only for these.
         """
         return (self,) if self._only is not None else _Segments(self)
 
@@ -300,15 +300,15 @@ class ReelFile(Timed):
         if not isinstance(index, slice):
             return frame_of(self.segments, self.starts, index)
         selected = frame_range(index, self.n_frames)
-        parts, held_bytes = [], 0
+        parts, decoded_bytes = [], 0
         for number, frames in frames_by_segment(self.starts, selected):
             segment = self.segments[number]
             segment._opened.require_frames(frames)
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
-            what = f"frames {selected.start}:{selected.stop} of {self!r}"
-            self._limit.require(held_bytes + frames_bytes, what)
+            subject = f"frames {selected.start}:{selected.stop} of {self!r}"
+            self._limit.require(decoded_bytes + frames_bytes, subject)
             parts.append(frames_of(segment, frames))
-            held_bytes += parts[-1].raw_size_bytes
+            decoded_bytes += parts[-1].raw_size_bytes
         return MeshSequence.of_segments(parts, self.name, self.timing.part(selected))
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
@@ -368,13 +368,13 @@ class ReelFile(Timed):
     @property
     def cached_bytes(self) -> int:
         """Memory of the mesh and of decoded blocks, except for the paper's methods."""
-        return self._opened.file.held_bytes
+        return self._opened.file.memory_bytes
 
     def __iter__(self) -> Iterator[MeshFrame]:
         for segment in self.segments:
             faces = segment.faces
-            for _, several in segment.pieces():
-                yield from (MeshFrame(vertices, faces) for vertices in several)
+            for _, frames in segment.pieces():
+                yield from (MeshFrame(vertices, faces) for vertices in frames)
 
     def pieces(self, selected: range | None = None) -> Iterator[tuple[int, Vertices]]:
         """Yield runs of frames: number of the first, and positions of shape (T_run, V, 3).
@@ -387,12 +387,12 @@ class ReelFile(Timed):
         frames = range(self.n_frames) if selected is None else selected
         starts = self.block_starts
         frame_bytes = self.n_verts * 3 * self.dtype.itemsize
-        n_together = max(MIN_READ_AHEAD, READ_AHEAD_BYTES // frame_bytes)
-        n_together = max(1, min(n_together, int(self._opened.limit.limit_bytes // frame_bytes)))
+        n_per_read = max(MIN_READ_AHEAD, READ_AHEAD_BYTES // frame_bytes)
+        n_per_read = max(1, min(n_per_read, int(self._opened.limit.limit_bytes // frame_bytes)))
         for block, numbers in frames_by_segment(starts, frames):
             start, stop = starts[block] + numbers.start, starts[block] + numbers.stop
-            for run in range(start, stop, n_together):
-                yield run, self.read(run, min(run + n_together, stop))
+            for run in range(start, stop, n_per_read):
+                yield run, self.read(run, min(run + n_per_read, stop))
 
     @cached_property
     def _separated(self) -> bytes | None:
@@ -408,9 +408,9 @@ class ReelFile(Timed):
         return self._whole.info.size_bytes
 
     def stored(self, start: int, stop: int) -> bytes:
-        """Return stored bytes of the stream, for servers.
+        """Return bytes start..stop - 1 of the stream, for servers.
 
-        If the file has several segments, they are of a stream of this segment, kept in memory.
+        For a segment of several, the stream contains this segment alone, and is kept in memory.
         """
         if self._separated is not None:
             return self._separated[start:stop]

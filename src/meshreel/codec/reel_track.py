@@ -90,8 +90,8 @@ class DecodedValues:
                 f"shape {out.shape}"
             )
         frames = out.reshape(len(flat), *shape[-2:])
-        for place, run in consecutive_runs(flat):  # in order of the file: each block is loaded once
-            self._frames.fill(frames[place : place + len(run)], run.start, self._number)
+        for start, run in consecutive_runs(flat):  # in file order, so each block is loaded once
+            self._frames.fill(frames[start : start + len(run)], run.start, self._number)
         return out
 
     def modes(self, block: int) -> FileModes | None:

@@ -128,15 +128,15 @@ def _labels_of_values(first: FrameSource, second: FrameSource) -> tuple[Labels, 
         if domain is Domain.FACE:
             continue
         ids = _row_ids(*(attribute.per_item() for attribute in pair))
-        for own_labels, mesh, item_ids in zip(labels, meshes, ids, strict=True):
+        for mesh_labels, mesh, item_ids in zip(labels, meshes, ids, strict=True):
             is_of_vertices = domain is Domain.VERTEX
-            vertices = np.arange(len(own_labels)) if is_of_vertices else mesh.faces.ravel()
-            np.add.at(own_labels, vertices, _hashed(item_ids))
-            own_labels[:] = _hashed(own_labels)
+            vertices = np.arange(len(mesh_labels)) if is_of_vertices else mesh.faces.ravel()
+            np.add.at(mesh_labels, vertices, _hashed(item_ids))
+            mesh_labels[:] = _hashed(mesh_labels)
     ids = _row_ids(first.read(first.n_frames - 1, first.n_frames)[0], second.read(0, 1)[0])
     if np.array_equal(np.sort(ids[0]), np.sort(ids[1])):  # the mesh rests
-        for own_labels, vertex_ids in zip(labels, ids, strict=True):
-            own_labels += _hashed(vertex_ids)
+        for mesh_labels, vertex_ids in zip(labels, ids, strict=True):
+            mesh_labels += _hashed(vertex_ids)
     return labels
 
 
@@ -207,11 +207,11 @@ def _matching_items(faces: Faces, others: Faces, vertices: Integers) -> _Match |
 
 def _attribute_pairs(first: Surface, second: Surface) -> list[tuple[Attribute, Attribute]] | None:
     """Pair the attributes of two surfaces; None unless names, kinds and domains are equal."""
-    described = [
+    descriptions = [
         [(attribute.name, attribute.kind, attribute.domain) for attribute in surface.attributes]
         for surface in (first, second)
     ]
-    if described[0] != described[1]:
+    if descriptions[0] != descriptions[1]:
         return None
     return list(zip(first.attributes, second.attributes, strict=True))
 

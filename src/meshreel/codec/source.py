@@ -216,9 +216,9 @@ class CodedTrack:
     blocks: Sequence[list[tuple[Section, bytes]]]
     """sequence of lists of (Section, bytes). Sections of each block."""
     prediction: tuple[Coding, float] | None = None
-    """Prediction from decoded positions, and its rate, if it has yet to be tried."""
+    """Prediction from decoded positions, and its rate, if it was not tried yet."""
     values: TrackSource | None = None
-    """Values of the track, if a prediction has yet to be tried."""
+    """Values of the track, if a prediction was not tried yet."""
 
     @property
     def size_bytes(self) -> int:

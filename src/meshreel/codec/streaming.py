@@ -46,7 +46,7 @@ SHARE_FOR_CODING = 1 / 16
 """Share of the latency that is reserved for coding a block after its last frame."""
 
 FPS_IF_UNKNOWN = 25.0
-"""Default frame rate, which converts a latency to frames."""
+"""Frame rate assumed for converting a latency to frames if the rate is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ class Encoder:
     Parameters
     ----------
     faces : integer array of shape (M, 3), or Cells
-        Of the first frame, and of all others that are pushed without faces; cells of a volume mesh,
-        whose surface are the faces.
+        Faces of the first frame, and of others that are pushed without faces; or cells of a volume
+        mesh, whose surface are the faces.
     output : path that ends in ``.reel``, or binary file that is open for writing
         An open file stays open.
     fps : float, default 0
@@ -171,7 +171,7 @@ class Encoder:
         self._mesh: _Mesh | None = None  # of the last frame
         self._frames: list[Vertices] = []
         self._tracks: list[dict[str, Track]] = []
-        self._since = 0.0
+        self._block_start_s = 0.0
         self._coded_mesh: _Mesh | None = None  # of the last block
         self._bounding_frame: BoundingFrame | None = None
         self._segment: _Segment | None = None
@@ -239,7 +239,7 @@ class Encoder:
             self._mesh = mesh
             self.n_segments += 1
         if not self._frames:
-            self._since = perf_counter()
+            self._block_start_s = perf_counter()
         self._frames.append(np.array(array))
         self._tracks.append(values)
         self.n_frames += 1
@@ -364,10 +364,10 @@ class Encoder:
                 "needs its faces with the frame"
             )
         values = _copied_tracks(tracks, mesh.n_verts, len(mesh.faces), mesh.surface)
-        described = {name: describe_track(track) for name, track in values.items()}
-        if mesh.tracks != described:
+        descriptions = {name: describe_track(track) for name, track in values.items()}
+        if mesh.tracks != descriptions:
             raise InvalidInputError(
-                f"frame {self.n_frames} has the tracks {described or 'none'}; frame "
+                f"frame {self.n_frames} has the tracks {descriptions or 'none'}; frame "
                 f"{mesh.first_frame} has {mesh.tracks or 'none'}"
             )
         return values
@@ -379,16 +379,16 @@ class Encoder:
         faces: npt.ArrayLike,
         given_surface: Surface,
     ) -> tuple[_Mesh, dict[str, Track]]:
-        checked = np.array(validate_faces(faces, len(array)))
-        surface = given_surface.validated(len(array), checked)
+        triangles = np.array(validate_faces(faces, len(array)))
+        surface = given_surface.validated(len(array), triangles)
         bits = self._config.uv_bits
         if bits is not None and (self._mesh is None or has_uvs(surface)):
             check_uvs(surface, bits)
-        values = _copied_tracks(tracks, len(array), len(checked), surface)
+        values = _copied_tracks(tracks, len(array), len(triangles), surface)
         kept_bounds(self._config, values, self._targets_of(values, is_first=self._mesh is None))
-        described = {name: describe_track(track) for name, track in values.items()}
+        descriptions = {name: describe_track(track) for name, track in values.items()}
         mesh = _Mesh(
-            checked, surface, given_surface, len(array), array.dtype, self.n_frames, described
+            triangles, surface, given_surface, len(array), array.dtype, self.n_frames, descriptions
         )
         return mesh, values
 
@@ -414,16 +414,16 @@ class Encoder:
     def _code(self) -> None:
         """Start encoding the frames of a block; raises errors of the previous block."""
         self._wait()
-        vertices, since, self._frames = np.stack(self._frames), self._since, []
+        vertices, block_start_s, self._frames = np.stack(self._frames), self._block_start_s, []
         tracks, self._tracks = concatenate_tracks(self._tracks), []
 
         mesh = self._mesh
         assert mesh is not None  # there are frames
-        begins, is_first = mesh is not self._coded_mesh, self._coded_mesh is None
+        is_new, is_first = mesh is not self._coded_mesh, self._coded_mesh is None
         self._coded_mesh = mesh
 
         def analyze() -> None:
-            if begins:
+            if is_new:
                 self._segment = self._new_segment(mesh, vertices, tracks, is_first=is_first)
             segment = self._segment
             assert segment is not None  # the first block begins one
@@ -434,10 +434,10 @@ class Encoder:
 
         def write(segment: _Segment, sections: Sections) -> None:
             with self._errors_naming_output():
-                if begins:
+                if is_new:
                     self._writer.begin_segment(segment.header, segment.leading)
                 self._writer.write_block(len(vertices), sections)
-            self.latency_s = max(self.latency_s, perf_counter() - since)
+            self.latency_s = max(self.latency_s, perf_counter() - block_start_s)
 
         self._analysis = self._analysis_thread.submit(analyze)
 

@@ -77,7 +77,7 @@ def track_bounds(
     Parameters
     ----------
     targets : mapping of str to str or float, or None
-        Bounds that the user gave.
+        Bounds that the user set.
     default : callable
         Returns the bound of each of the other tracks.
 
@@ -178,9 +178,9 @@ def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBo
         If it is none of these, or does not suit the track.
     """
     text = str(bound).strip()
-    words = {"exact": EXACT, "drop": DROP}
-    if text.lower() in words:
-        return words[text.lower()]
+    keywords = {"exact": EXACT, "drop": DROP}
+    if text.lower() in keywords:
+        return keywords[text.lower()]
     match = _BOUND.fullmatch(text)
     if not match:
         raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {bound!r}")
@@ -218,8 +218,8 @@ def _allowed(track: TrackSource) -> str:
     if track.kind is TrackKind.NORMAL:
         allowed = ["an angle such as 0.5deg"]
     else:
-        without = "a number such as 500 (the track has no unit)"
-        allowed.append(f"500{unit} in its unit or one that converts to it" if unit else without)
+        plain = "a number such as 500 (the track has no unit)"
+        allowed.append(f"500{unit} in its unit or one that converts to it" if unit else plain)
     if track.kind is TrackKind.COLOR:
         allowed.append("8bit")
     return f"a bound is {', '.join(allowed)}, exact or drop"

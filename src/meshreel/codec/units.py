@@ -62,11 +62,11 @@ def _in_si(text: str) -> tuple[float, tuple[int, ...]] | None:
     for operator, symbol, digits in _FACTOR.findall(text):
         unit = _WITHOUT_PREFIX.get(symbol) or _DIMENSIONS.get(symbol)
         if unit is None and symbol[1:] in _DIMENSIONS and symbol[0] in _PREFIXES:
-            scale, own = _DIMENSIONS[symbol[1:]]
-            unit = scale * _PREFIXES[symbol[0]], own
+            scale, unit_powers = _DIMENSIONS[symbol[1:]]
+            unit = scale * _PREFIXES[symbol[0]], unit_powers
         if unit is None:
             return None
         power = int(digits or 1) * (-1 if operator == "/" else 1)
         factor *= unit[0] ** power
-        powers = tuple(total + power * own for total, own in zip(powers, unit[1], strict=True))
+        powers = tuple(a + power * b for a, b in zip(powers, unit[1], strict=True))
     return factor, powers

@@ -22,7 +22,7 @@ MAX_COSINES = 1024
 MAX_TIME_PASSES, MAX_NEAR_TIMES = 4, 6
 """REEL_MAX_TIME_PASSES and REEL_MAX_NEAR_TIMES of `core/reel.h`."""
 
-COARSEST = 4
+TIME_STRIDE = 4
 """Distance of the times that are coded first, as in `core/timeline.c`."""
 
 

@@ -590,7 +590,7 @@ class OpenFile:
         return self._source[offset : offset + size]
 
     @property
-    def held_bytes(self) -> int:
+    def memory_bytes(self) -> int:
         """Memory of the file, its segments and its decoders, in bytes."""
         return int(self._memory.n_bytes)
 

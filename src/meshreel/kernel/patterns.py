@@ -15,7 +15,7 @@ MAX_NUMBER_BYTES, MAX_ROW_BYTES = 24, 32
 
 
 @dataclass(frozen=True)
-class Expected:
+class Predictors:
     """Coding order and predictors of the rows of a table."""
 
     order: npt.NDArray[np.int32]
@@ -29,8 +29,8 @@ class Expected:
     """
 
 
-def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
-    """Find the predictors of the rows of a table whose adjacency faces define.
+def face_predictors(faces: Numbers, twins: Numbers, n_rows: int) -> Predictors:
+    """Find the predictors of the rows of a table, which are adjacent as in faces.
 
     Parameters
     ----------
@@ -56,10 +56,10 @@ def expected_along(faces: Numbers, twins: Numbers, n_rows: int) -> Expected:
         noun="rows",
         memory_of=("reel_predictors_memory", n_rows, len(faces)),
     )
-    return Expected(order, starts, triples[:n_triples].copy())
+    return Predictors(order, starts, triples[:n_triples].copy())
 
 
-def encode_patterns(values: Numbers, expected: Expected) -> bytes:
+def encode_patterns(values: Numbers, predictors: Predictors) -> bytes:
     """Encode a table of shape (N, C) of uint8, int32, float32 or float64."""
     table = np.array(values, order="C")
     n_rows, width = table.shape
@@ -69,9 +69,9 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
         *table.shape,
         table.dtype.itemsize,
         int(table.dtype.kind == "f"),
-        expected.order,
-        expected.starts,
-        expected.triples,
+        predictors.order,
+        predictors.starts,
+        predictors.triples,
         noun="numbers",
         capacity=MAX_NUMBER_BYTES * table.size + MAX_ROW_BYTES * (n_rows + 1),
         memory_of=("reel_patterns_memory", width),
@@ -79,7 +79,7 @@ def encode_patterns(values: Numbers, expected: Expected) -> bytes:
 
 
 def decode_patterns(
-    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], expected: Expected
+    data: bytes, shape: tuple[int, int], dtype: np.dtype[Any], predictors: Predictors
 ) -> Numbers:
     """Decode a table that `encode_patterns` wrote; the caller must bound the shape.
 
@@ -96,9 +96,9 @@ def decode_patterns(
         *shape,
         dtype.itemsize,
         int(dtype.kind == "f"),
-        expected.order,
-        expected.starts,
-        expected.triples,
+        predictors.order,
+        predictors.starts,
+        predictors.triples,
         noun="numbers",
         memory_of=("reel_patterns_memory", shape[1]),
     )

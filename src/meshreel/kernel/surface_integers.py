@@ -25,7 +25,7 @@ def encode_on_surface(values: Table, faces: Integers, twins: Integers) -> bytes:
     faces : integer array of shape (M, 3)
         Rows, in 0..N-1.
     twins : integer array of shape (3 M,)
-        As in `kernel.patterns.expected_along`, or those of `kernel.connectivity.encode_faces`.
+        As in `patterns.face_predictors`, or those of `connectivity.encode_faces`.
 
     Raises
     ------

@@ -48,28 +48,29 @@ def sections_of(data, segment):
 
 def test_dropped_faces_are_listed_as_runs():
     result = edit_of(np.delete(SHEET, slice(100, 160), axis=0))
-    np.testing.assert_array_equal(result.verts, np.arange(N_VERTS))
-    np.testing.assert_array_equal(result.listed, np.delete(np.arange(len(SHEET)), slice(100, 160)))
+    np.testing.assert_array_equal(result.base_verts, np.arange(N_VERTS))
+    expected = np.delete(np.arange(len(SHEET)), slice(100, 160))
+    np.testing.assert_array_equal(result.base_faces, expected)
     assert len(result.payload) < 20
 
 
 def test_a_run_of_vertices_is_dropped_with_its_faces():
     kept = SHEET[(SHEET >= 400).all(axis=1) | (SHEET < 300).all(axis=1)]
     result = edit_of(np.where(kept >= 400, kept - 100, kept), N_VERTS - 100)
-    np.testing.assert_array_equal(result.verts, np.delete(np.arange(N_VERTS), slice(300, 400)))
-    assert (result.listed >= 0).all()
+    np.testing.assert_array_equal(result.base_verts, np.delete(np.arange(N_VERTS), slice(300, 400)))
+    assert (result.base_faces >= 0).all()
 
 
 def test_inserted_vertices_and_faces_are_new():
     moved = np.where(SHEET >= 600, SHEET + 3, SHEET)
     result = edit_of([*moved[:900], [600, 601, 602], *moved[900:]], N_VERTS + 3)
-    assert np.flatnonzero(result.verts < 0).tolist() == [600, 601, 602]
-    assert np.flatnonzero(result.listed < 0).tolist() == [900]
+    assert np.flatnonzero(result.base_verts < 0).tolist() == [600, 601, 602]
+    assert np.flatnonzero(result.base_faces < 0).tolist() == [900]
 
 
 def test_faces_in_another_order_are_new():
     result = edit_of([SHEET[-1], *SHEET[:-1]])
-    assert np.flatnonzero(result.listed < 0).tolist() == [0]
+    assert np.flatnonzero(result.base_faces < 0).tolist() == [0]
 
 
 @pytest.mark.parametrize("n_verts", [N_VERTS, N_VERTS + 5, N_VERTS - 5])

@@ -180,8 +180,8 @@ def test_a_mesh_that_lost_vertices_in_many_places_is_an_edit():
     faces = irregular()
     others, used = without(faces, N_VERTS, places(N_VERTS, 20))
     result = find_edit(BaseMesh(faces, N_VERTS), others, len(used))
-    np.testing.assert_array_equal(result.verts, used)
-    assert (result.listed >= 0).all()
+    np.testing.assert_array_equal(result.base_verts, used)
+    assert (result.base_faces >= 0).all()
     own = encode_connectivity(others, len(used), order="keep")
     assert len(result.payload) < own.size_bytes / 20
 
@@ -238,7 +238,7 @@ def test_eroded_elements_of_solvers_are_edits(tmp_path, write):
     for segment in loaded.segments[1:]:
         assert segment.n_verts < base.n_verts
         edit = edits.edit_to(segment.faces, segment.n_verts)
-        assert (edit.listed >= 0).all()
+        assert (edit.base_faces >= 0).all()
     data = meshreel.encode(loaded, order="keep")
     for segment, original in zip(meshreel.decode(data).segments, loaded.segments, strict=True):
         np.testing.assert_array_equal(segment.faces, original.faces)

@@ -130,7 +130,7 @@ def test_too_small_target_is_refused_with_the_smallest_possible(kind, limit):
 
 
 def test_size_reported_as_smallest_is_the_smallest():
-    with pytest.raises(InvalidInputError, match=r"order out \(order=") as refused:
+    with pytest.raises(InvalidInputError, match=r"drop the order \(order=") as refused:
         encoded("grid", size=10)
     [smallest] = map(int, re.findall(r"is (\d+) bytes", str(refused.value)))
     assert len(encoded("grid", size=smallest)) == smallest

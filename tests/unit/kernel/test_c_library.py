@@ -57,7 +57,7 @@ def installed(request, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected():
-    """Expected output of the program."""
+    """Predictors output of the program."""
     return np.ascontiguousarray(meshreel.decode(STREAM).vertices).tobytes()
 
 

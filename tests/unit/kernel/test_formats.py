@@ -12,7 +12,7 @@ from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.cells import cell_sizes, encode_cells, encode_cells_order
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.order import encode_order
-from meshreel.kernel.patterns import encode_patterns, expected_along
+from meshreel.kernel.patterns import encode_patterns, face_predictors
 from samples.meshes import grid_faces, octahedron_faces
 
 
@@ -86,7 +86,7 @@ def test_plain_reader_decodes_the_same_numbers_of_faces(name):
     values[::5] = values[0]
     values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
     twins = twin_sides(faces, n_rows)
-    data = encode_patterns(values, expected_along(faces, twins, n_rows))
+    data = encode_patterns(values, face_predictors(faces, twins, n_rows))
     expected = AlongFaces(faces.tolist(), n_rows).traverse()
     decoded = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)
     assert decoded == values.astype("<i4").tobytes()

@@ -6,12 +6,12 @@ from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.entropy.exact import (
-    nothing_expected,
-    row_before_expected,
-    same_step_expected,
+    linear_predictors,
+    no_predictors,
+    previous_predictors,
 )
 from meshreel.errors import MeshReelError
-from meshreel.kernel.patterns import Expected, decode_patterns, encode_patterns, expected_along
+from meshreel.kernel.patterns import Predictors, decode_patterns, encode_patterns, face_predictors
 
 TYPES = ["u1", "i4", "f4", "f8"]
 SHAPES = st.tuples(st.integers(0, 30), st.integers(1, 4))
@@ -29,7 +29,7 @@ def any_expected(n_rows, rng):
         triples.append(rows)
         starts.append(starts[-1] + count)
     every = np.concatenate([np.zeros((0, 3), np.int32), *triples]).astype(np.int32)
-    return Expected(order, np.array(starts, np.int64), every)
+    return Predictors(order, np.array(starts, np.int64), every)
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -66,7 +66,7 @@ def test_exact_parallelogram_predictions_take_few_bytes():
     at = np.flatnonzero(inner)
     starts = np.concatenate([[0], np.cumsum(inner)])
     triples = np.stack([at - 1, at - 30, at - 31], axis=1).astype(np.int32)
-    expected = Expected(np.arange(900, dtype=np.int32), starts, triples)
+    expected = Predictors(np.arange(900, dtype=np.int32), starts, triples)
     assert len(encode_patterns(values, expected)) < 200
 
 
@@ -74,20 +74,20 @@ def test_few_distinct_rows_are_coded_as_indices():
     rng = np.random.default_rng(4)
     palette = rng.integers(0, 256, (32, 4)).astype(np.uint8)
     values = palette[rng.integers(0, 32, 4000)]
-    assert 8 * len(encode_patterns(values, nothing_expected(4000))) < 5.5 * 4000
+    assert 8 * len(encode_patterns(values, no_predictors(4000))) < 5.5 * 4000
 
 
 def test_motion_predicted_by_its_step_takes_fewer_bytes():
     values = np.cumsum(np.cumsum(np.random.default_rng(2).normal(size=(200, 9)), axis=0), axis=0)
     plain, moving = (
         len(encode_patterns(values, expected(200)))
-        for expected in (row_before_expected, same_step_expected)
+        for expected in (previous_predictors, linear_predictors)
     )
     assert moving < 0.97 * plain
 
 
 def test_mean_of_parallelograms_is_rounded_down_within_range():
-    expected = Expected(
+    expected = Predictors(
         np.arange(4, dtype=np.int32),
         np.array([0, 0, 0, 0, 2]),
         np.array([[0, 1, 2], [1, 1, 2]], np.int32),
@@ -111,7 +111,7 @@ def test_rows_are_predicted_from_earlier_rows_for_any_faces(case):
     n_rows, listed = case
     faces = np.array(listed, np.int32).reshape(-1, 3)
     twins = twin_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
-    expected = expected_along(faces, twins, n_rows)
+    expected = face_predictors(faces, twins, n_rows)
     assert sorted(expected.order) == list(range(n_rows))
     place = np.argsort(expected.order)
     for i, (start, end) in enumerate(zip(expected.starts[:-1], expected.starts[1:], strict=True)):
@@ -127,7 +127,7 @@ def test_rows_of_a_grid_are_predicted_by_parallelograms():
     faces = np.concatenate(
         [np.stack([a, c, b], axis=-1).reshape(-1, 3), np.stack([b, c, d], axis=-1).reshape(-1, 3)]
     )
-    expected = expected_along(faces, twin_sides(faces, n * n), n * n)
+    expected = face_predictors(faces, twin_sides(faces, n * n), n * n)
     assert (expected.triples[:, 2] < 0).sum() <= 3
     rows, cols = np.divmod(np.arange(n * n, dtype=np.int32), n)
     values = np.stack([7 * rows + 100 * cols, rows - 3 * cols], axis=1).astype(np.int32)

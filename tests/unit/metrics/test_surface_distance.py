@@ -233,7 +233,7 @@ def test_error_names_a_frame_without_area():
 
 def test_surface_too_far_from_the_origin_is_rejected():
     far = square()[0] + 1e200, square()[1]
-    with pytest.raises(InvalidInputError, match="frame 0 of the decoded is farther from the original than 1e"):
+    with pytest.raises(InvalidInputError, match="frame 0 of the decoded is farther"):
         compare(square(), far)
 
 

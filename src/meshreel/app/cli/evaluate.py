@@ -63,7 +63,7 @@ def evaluate_command(
     - `meshreel evaluate walk.npz --peers none --json`
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
-    from meshreel.codec.method_names import METHOD_NAMES, own_name
+    from meshreel.codec.method_names import METHOD_NAMES, our_name
     from meshreel.codec.paper_options import PAPER_METHODS
     from meshreel.evaluation.peers import peers_named
     from meshreel.evaluation.positions import (
@@ -78,7 +78,7 @@ def evaluate_command(
 
     method_names: tuple[str, ...] = DEFAULT_METHODS
     if methods is not None:
-        method_names = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
+        method_names = checked_names(map(our_name, split_names(methods)), METHOD_NAMES, "method")
     codecs = peers_named(None if peers is None else split_names(peers), PEERS)
     extras = [] if set(method_names).isdisjoint(PAPER_METHODS) else [PAPER]
     check_before_work(inputs, out, [reference] if reference else [], extras)

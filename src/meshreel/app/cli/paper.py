@@ -94,12 +94,12 @@ def paper_command(
     require([PAPER, PLOT, *extras_to_read(files)])  # the modules of the study import SciPy
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
-    from meshreel.codec.method_names import own_name
+    from meshreel.codec.method_names import our_name
     from meshreel.paper.study.study import PaperStudy
     from meshreel.paper.sweeps import METHOD_NAMES, PRESETS, check_table
     from meshreel.studies.study import checked_names
 
-    method_names = checked_names(map(own_name, split_names(methods)), METHOD_NAMES, "method")
+    method_names = checked_names(map(our_name, split_names(methods)), METHOD_NAMES, "method")
     changes: dict[str, Any] = {
         "modes": modes,
         "block_modes": block_modes,

@@ -15,9 +15,9 @@ from itertools import chain, islice, starmap
 from typing import BinaryIO
 
 from meshreel.codec.bitstream.layout import (
+    APPEARANCE_SECTIONS,
     FORMAT_VERSION,
     INDEX_POSITION,
-    LOOK_SECTIONS,
     MAGIC,
     MAX_NAME_BYTES,
     MESH_SECTIONS,
@@ -29,7 +29,7 @@ from meshreel.errors import CorruptStreamError, TruncatedStreamError
 Sections = Iterable[tuple[Section, bytes]]
 
 _IS_DOUBLE, _IS_PLACED_BY_DOUBLES, _IS_COMPACT = 1, 32, 64
-_ORDER_AT, _LAPLACIAN_AT = 1, 3
+_ORDER_SHIFT, _LAPLACIAN_SHIFT = 1, 3
 _MAX_RATE = 2**32
 _MAX_DECIMALS, _DECIMAL_END = 22, 2**42  # so that a decimal takes at most 7 bytes
 _CHECKSUM = struct.Struct("<I")
@@ -42,7 +42,7 @@ MAX_COMPACT = 1024
 """Size in bytes up to which a stream of one block is compact: one checksum, no index."""
 
 MAX_SHARED = 255
-"""Most sections of a mesh that a segment shares with an earlier one."""
+"""Maximum number of sections of a mesh that a segment shares with an earlier one."""
 
 MAX_VARINT_BYTES = 9
 """Longest variable-length integer: its 63 bits fit a signed 64-bit integer."""
@@ -210,15 +210,15 @@ def write_segment(header: Header, first: Header) -> bytes:
 
 
 def _codes(header: Header, *, is_compact: bool = False) -> bytes:
-    """Return the method, and the form of the numbers."""
+    """Return the codes of the method and of the form of the numbers."""
     form = _IS_DOUBLE * (header.vertex_type == VertexType.FLOAT64) | _IS_COMPACT * is_compact
-    form |= header.order << _ORDER_AT | header.laplacian << _LAPLACIAN_AT
+    form |= header.order << _ORDER_SHIFT | header.laplacian << _LAPLACIAN_SHIFT
     form |= _IS_PLACED_BY_DOUBLES * (not _is_placed_by_floats(header))
     return bytes([header.method, form])
 
 
 def _placement(header: Header) -> bytes:
-    """Return origin and scale, as floats if these are equal."""
+    """Return origin and scale, in single precision if that is exact."""
     return _pack("f" if _is_placed_by_floats(header) else "d", *header.origin, header.scale)
 
 
@@ -238,10 +238,10 @@ class StoredMeshes:
 
     def __init__(self) -> None:
         self._prefixes: dict[bytes, int] = {}
-        """Segment that stores a sequence of leading sections, by their digest."""
-        self._looks: dict[bytes, tuple[int, int]] = {}
-        """Segment that stores materials and images, by their digest, and how many of its sections
-        precede them."""
+        """Segment that stores a sequence of leading sections, by the digest of the sections."""
+        self._appearances: dict[bytes, tuple[int, int]] = {}
+        """Segment that stores materials and images, by their digest, and the number of its sections
+        that precede them."""
 
     def share(self, number: int, header: Header, leading: Sections) -> list[tuple[Section, bytes]]:
         """Return the leading sections of a segment, with a reference if that takes fewer bytes.
@@ -249,35 +249,36 @@ class StoredMeshes:
         Parameters
         ----------
         number : int
-            Of the segment, from 0; numbers ascend from call to call.
+            Number of the segment, from 0; numbers ascend from call to call.
         leading : iterable of (Section, bytes)
             The sections before its first block.
         """
-        listed = list(leading)
-        mesh = [section for section in listed if section[0] in MESH_SECTIONS]
-        own, ranges = mesh, b""
+        all_sections = list(leading)
+        mesh = [section for section in all_sections if section[0] in MESH_SECTIONS]
+        stored, ranges = mesh, b""
         digests = _digests(_coded_counts(header, mesh), mesh[:MAX_SHARED])
         n_shared = sum(digest in self._prefixes for digest in digests)
         if n_shared:
             distance = number - self._prefixes[digests[n_shared - 1]]
-            own, ranges = _without(own, 0, n_shared, distance)
+            stored, ranges = _without(stored, 0, n_shared, distance)
         is_new = not ranges
-        n_before = sum(section not in LOOK_SECTIONS for section, _ in own)
-        look = own[n_before:]
-        earlier = self._looks.get(_digest_of(look)) if look else None
+        n_before = sum(section not in APPEARANCE_SECTIONS for section, _ in stored)
+        appearance = stored[n_before:]
+        earlier = self._appearances.get(_digest_of(appearance)) if appearance else None
         if earlier:
-            source, n_before_look = earlier
-            own, look_ranges = _without(own, n_before, len(look), number - source, n_before_look)
-            ranges += look_ranges
+            source, n_before_source = earlier
+            shared = n_before, len(appearance), number - source, n_before_source
+            stored, appearance_range = _without(stored, *shared)
+            ranges += appearance_range
         if is_new:
-            for digest in digests[: len(own)]:
+            for digest in digests[: len(stored)]:
                 self._prefixes.setdefault(digest, number)
-        if look and len(own) > n_before and n_before + len(look) <= MAX_SHARED:
-            self._looks.setdefault(_digest_of(look), (number, n_before))
+        if appearance and len(stored) > n_before and n_before + len(appearance) <= MAX_SHARED:
+            self._appearances.setdefault(_digest_of(appearance), (number, n_before))
         if not ranges:
-            return listed
-        others = (section for section in listed if section[0] not in MESH_SECTIONS)
-        return [(Section.REFERENCE, ranges), *own, *others]
+            return all_sections
+        others = (section for section in all_sections if section[0] not in MESH_SECTIONS)
+        return [(Section.REFERENCE, ranges), *stored, *others]
 
 
 def _without(
@@ -287,9 +288,9 @@ def _without(
     distance: int,
     n_skipped: int = 0,
 ) -> tuple[list[tuple[Section, bytes]], bytes]:
-    """Return the sections without the shared ones, and the range of a REFERENCE to the latter.
+    """Return the sections that are not shared, and the range of a REFERENCE to the shared ones.
 
-    All sections and no range if that takes fewer bytes.
+    Returns all sections and no range if that takes fewer bytes.
     """
     numbers = write_varints(distance, n_skipped, n_shared)
     shared = sections[start : start + n_shared]
@@ -430,9 +431,9 @@ class StreamWriter:
             BLOCK first and COEFFICIENTS last, so that a block is complete if its last section is.
             Each TRACK_BLOCK starts the sections of a further track.
         """
-        listed = list(sections)
-        encoded, start, sizes = write_sections(listed), self.size_bytes, [0]
-        for (section, _), data in zip(listed, encoded, strict=True):
+        parts = list(sections)
+        encoded, start, sizes = write_sections(parts), self.size_bytes, [0]
+        for (section, _), data in zip(parts, encoded, strict=True):
             if section is Section.TRACK_BLOCK:
                 sizes.append(0)
             sizes[-1] += len(data)
@@ -472,9 +473,9 @@ def write_stream(*segments: Segment) -> bytes:
             return data
     file = BytesIO()
     writer = StreamWriter(file)
-    for segment, sections, its_blocks in [(header, leading, chain(first, blocks)), *further]:
+    for segment, sections, segment_blocks in [(header, leading, chain(first, blocks)), *further]:
         writer.begin_segment(segment, sections)
-        for block in its_blocks:
+        for block in segment_blocks:
             writer.write_block(*block)
     writer.finish()
     return file.getvalue()

@@ -70,7 +70,7 @@ MESH_SECTIONS = (
 )
 """Sections that a segment may share with an earlier one."""
 
-LOOK_SECTIONS = (Section.MATERIAL, Section.IMAGE)
+APPEARANCE_SECTIONS = (Section.MATERIAL, Section.IMAGE)
 """Surface sections that do not depend on the mesh; writers store them last."""
 
 

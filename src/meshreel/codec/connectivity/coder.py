@@ -59,7 +59,7 @@ class CodedConnectivity:
     """
 
     def given_faces(self, faces: Faces) -> Integers:
-        """Return the number of each internal face in the given ones, of shape (M,)."""
+        """Return the given number of each internal face, of shape (M,)."""
         internal = inverse_permutation(self.internal_to_given)[faces]
         return matching_corners(self.internal_faces, internal, len(self.internal_to_given)) // 3
 
@@ -89,11 +89,11 @@ def encode_connectivity(faces: Faces, n_verts: int, *, order: str = "keep") -> C
     """
     if order not in ORDERS:
         raise InvalidInputError(f"order must be one of {', '.join(ORDERS)}; got {order!r}")
-    walked = _code(faces, n_verts, order, listed=False)
-    if walked.size_bytes <= GOOD_WALK_BYTES * len(faces):
-        return walked
-    listed = _code(faces, n_verts, order, listed=True)
-    return min(walked, listed, key=lambda coded: coded.size_bytes)
+    walk = _code(faces, n_verts, order, listed=False)
+    if walk.size_bytes <= GOOD_WALK_BYTES * len(faces):
+        return walk
+    plain = _code(faces, n_verts, order, listed=True)
+    return min(walk, plain, key=lambda coded: coded.size_bytes)
 
 
 def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
@@ -111,7 +111,7 @@ def _code(faces: Faces, n_verts: int, order: str, *, listed: bool) -> CodedConne
 def encode_mesh(
     faces: Faces, cells: Cells | None, n_verts: int, *, order: str
 ) -> CodedConnectivity:
-    """Encode the cells of a mesh, or its faces if it has none; parameters as below.
+    """Encode the cells of a mesh, or its faces if it has no cells.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _encode_cells(cells: Cells, n_verts: int, *, order: str) -> CodedConnectivit
     Raises
     ------
     InvalidInputError
-        If only the order of the vertices is to be kept.
+        If the order is "vertices".
     """
     if order not in ("keep", "drop"):
         raise InvalidInputError(

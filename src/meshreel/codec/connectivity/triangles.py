@@ -34,12 +34,12 @@ def sorted_order(lowest: Integers, n_verts: int) -> Integers:
 
 def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers:
     """Find the first corner of each face in a list of the same triangles in another order."""
-    lowest, front = lowest_rotation(faces, n_verts)
-    known_lowest, known_front = lowest_rotation(known, n_verts)
+    lowest, first = lowest_rotation(faces, n_verts)
+    known_lowest, known_first = lowest_rotation(known, n_verts)
     corners = np.empty(len(lowest), np.int64)
     known_order = sorted_order(known_lowest, n_verts)
-    listed_order = sorted_order(lowest, n_verts)
-    corners[listed_order] = 3 * known_order + (known_front[known_order] - front[listed_order]) % 3
+    face_order = sorted_order(lowest, n_verts)
+    corners[face_order] = 3 * known_order + (known_first[known_order] - first[face_order]) % 3
     return corners
 
 

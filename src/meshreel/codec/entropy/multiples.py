@@ -21,18 +21,18 @@ MAX_GRID_BITS = 24
 
 MAX_INTEGER = 1 << 29
 
-OWN_GRID = 12
-"""Code of a grid with its own step and origins, as Draco's quantization leaves it."""
+OFFSET_GRID = 12
+"""Code of a grid whose step and origins are stored, such as that of Draco's quantization."""
 
 QUANTIZED_BITS = range(4, 21)
 """Bits of such grids."""
 
 N_SAMPLED_ROWS = 64
-"""Number of rows on which a grid is tried first."""
+"""Number of rows on which a grid is tested first."""
 
 
 def divisor(code: int) -> float:
-    """Divisor of the integers that are stored with this code."""
+    """Divisor of integers with this code."""
     if code >= GRID:
         return 2.0 ** (code - GRID)
     return {UNORM8: 255.0, UNORM16: 65535.0}.get(code) or 10.0**code
@@ -68,7 +68,7 @@ def _integers(values: npt.NDArray[Any], exact: npt.NDArray[Any], code: int) -> I
     return integers if restored.tobytes() == values.tobytes() else None
 
 
-def as_own_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
+def as_offset_grid(values: npt.NDArray[Any]) -> Iterator[tuple[bytes, Integers]]:
     """Yield the step and origins, and integers, that represent these floats exactly; or nothing.
 
     A quantizer of b bits divides the widest range of a column into 2^b - 1 steps, and rounds

@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
-from meshreel.codec.entropy.exact import nothing_expected, row_before_expected
-from meshreel.codec.entropy.multiples import GRID, OWN_GRID, as_multiples, as_own_grid
+from meshreel.codec.entropy.exact import no_predictors, previous_predictors
+from meshreel.codec.entropy.multiples import GRID, OFFSET_GRID, as_multiples, as_offset_grid
 from meshreel.kernel.order import opposite_sides
-from meshreel.kernel.patterns import encode_patterns, expected_along
+from meshreel.kernel.patterns import encode_patterns, face_predictors
 from meshreel.kernel.surface_integers import MAX_VALUE, encode_on_surface
 
 Integers = npt.NDArray[np.integer]
@@ -20,8 +20,8 @@ Faces = npt.NDArray[np.int32]
 BIT_PATTERNS = 255
 """First byte of a table that is not stored as multiples."""
 
-NOTHING, ROW_BEFORE, ALONG_FACES, ON_SURFACE = range(4)
-"""Predictors of a row, by their codes."""
+ALONG_FACES, ON_SURFACE = 2, 3
+"""Codes of predictors of a row; 0 and 1 are those without faces."""
 
 SMALL_TABLE, FEW_ROWS = 10_000, 0.5
 """Rows of a table up to which all predictors are tried; share of distinct rows below which the
@@ -41,7 +41,7 @@ def encode_table(values: Numbers, faces: Faces | None = None) -> bytes:
     """
     forms = [(bytes([BIT_PATTERNS]), values)]
     forms += [(bytes([code]), integers) for code, integers in as_multiples(values)]
-    forms += [(bytes([OWN_GRID]) + grid, integers) for grid, integers in as_own_grid(values)]
+    forms += [(bytes([OFFSET_GRID]) + grid, integers) for grid, integers in as_offset_grid(values)]
     return _shortest(forms, faces)
 
 
@@ -61,13 +61,13 @@ def _trials(forms: list[tuple[bytes, Numbers]], faces: Faces | None) -> Iterator
     n_rows = len(table)
     n_distinct = 0 if faces is None else len(np.unique(rows_as_bytes(table)))
     if n_rows <= SMALL_TABLE or n_distinct < FEW_ROWS * n_rows:
-        for number, expected in ((NOTHING, nothing_expected), (ROW_BEFORE, row_before_expected)):
+        for code, predictors_of in enumerate((no_predictors, previous_predictors)):
             for form, numbers in forms:
-                yield form + bytes([number]) + encode_patterns(numbers, expected(n_rows))
+                yield form + bytes([code]) + encode_patterns(numbers, predictors_of(n_rows))
     if faces is None:
         return
     twins = opposite_sides(faces, n_rows)
-    along = expected_along(faces, twins, n_rows)
+    along = face_predictors(faces, twins, n_rows)
     for form, numbers in forms:
         yield form + bytes([ALONG_FACES]) + encode_patterns(numbers, along)
         if numbers.dtype == INTEGER and -MAX_VALUE <= numbers.min() <= numbers.max() <= MAX_VALUE:

@@ -19,7 +19,7 @@ from meshreel.codec.surface.rows import (
     encode_corner_references,
     encode_references,
     faces_of_rows,
-    places_of,
+    sharing_groups,
 )
 from meshreel.codec.surface.uv_grid import is_quantized, uv_integers
 from meshreel.errors import InvalidInputError, Keyword, Message
@@ -44,12 +44,12 @@ Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
 Appearance = Material | Texture
 
-EACH, INDEXED, SHARED = range(3)
+PER_ITEM, INDEXED, SHARED = range(3)
 """Layouts of values: one row per item; indexed rows; or rows that corners share in the stream and
 that are expanded to one row per item on decoding."""
 
-MANY_CORNERS, SHARED_AT_MOST = 30_000, 0.5
-"""With more corners than this, of which at most this share has distinct rows, separate rows for all
+MANY_CORNERS, MAX_DISTINCT_SHARE = 30_000, 0.5
+"""With more corners than this, and less than this share of distinct rows, separate rows for all
 corners are not tried."""
 
 MATERIAL_NUMBERS = {
@@ -163,13 +163,13 @@ def surface_of_internal_cells(
         of cells.
     """
     numbers = {Domain.VERTEX: internal_to_given, Domain.CELL: given_cells}
-    of_faces = [row.name for row in surface.attributes if row.domain not in numbers]
-    of_faces += [groups.name for groups in surface.groups]
-    of_faces += ["parts"] if surface.parts else []
-    of_faces += ["hard edges"] if surface.hard_edges is not None else []
-    if of_faces:
+    unsupported = [row.name for row in surface.attributes if row.domain not in numbers]
+    unsupported += [groups.name for groups in surface.groups]
+    unsupported += ["parts"] if surface.parts else []
+    unsupported += ["hard edges"] if surface.hard_edges is not None else []
+    if unsupported:
         raise InvalidInputError(
-            f"{', '.join(of_faces)} need the order of cells; keep it with ",
+            f"{', '.join(unsupported)} need the order of cells; keep it with ",
             Keyword("order", "keep"),
         )
     attributes = tuple(_reordered(row, numbers[row.domain]) for row in surface.attributes)
@@ -212,7 +212,7 @@ def order_loss_note(surface: Surface, order: Order) -> str:
 
 def _reordered(attribute: Attribute, numbers: Integers) -> Attribute:
     """Return an attribute whose item i is the given item ``numbers[i]``."""
-    if attribute.domain is Domain.CORNER:  # rows in a new order are not worth keeping
+    if attribute.domain is Domain.CORNER:  # rows in a new order take more bytes than they save
         return replace(attribute, values=attribute.per_item()[numbers], indices=None)
     if attribute.indices is not None:
         return replace(attribute, indices=attribute.indices[numbers])
@@ -235,7 +235,7 @@ def _write_values(
     domain, indices = attribute.domain, attribute.indices
     bits = uv_bits if is_quantized(attribute) else None
     values = attribute.values if bits is None else uv_integers(attribute, bits)
-    places = places_of(domain, surface, faces, len(values if indices is None else indices))
+    groups = sharing_groups(domain, surface, faces, len(values if indices is None else indices))
 
     def encoded(layout: int, rows: Integers | None, table: npt.NDArray[Any]) -> bytes:
         references = b""
@@ -244,19 +244,20 @@ def _write_values(
         elif rows is not None:
             references = encode_references(rows)
         counts = write_varint(len(table)) + write_varint(len(references))
-        used = faces_of_rows(domain, rows, surface, faces)
-        coded = encode_table(table, used) if bits is None else encode_grid_table(table, bits, used)
-        return bytes([layout]) + counts + references + coded
+        row_faces = faces_of_rows(domain, rows, surface, faces)
+        if bits is None:
+            return bytes([layout]) + counts + references + encode_table(table, row_faces)
+        return bytes([layout]) + counts + references + encode_grid_table(table, bits, row_faces)
 
     if indices is not None:
         return encoded(INDEXED, indices, values)
     if domain is not Domain.CORNER:
-        return encoded(EACH, None, values)
-    first, rows = distinct_rows(values, places)
+        return encoded(PER_ITEM, None, values)
+    first, rows = distinct_rows(values, groups)
     shared = encoded(SHARED, rows, values[first])
-    if len(rows) > MANY_CORNERS and len(first) < SHARED_AT_MOST * len(rows):
+    if len(rows) > MANY_CORNERS and len(first) < MAX_DISTINCT_SHARE * len(rows):
         return shared
-    return min(encoded(EACH, None, values), shared, key=len)
+    return min(encoded(PER_ITEM, None, values), shared, key=len)
 
 
 def _write_groups(groups: FaceGroups) -> bytes:
@@ -309,7 +310,7 @@ def _write_texture(texture: Texture) -> bytes:
 def _write_numbers(appearance: Appearance, default: Appearance, sizes: dict[str, int]) -> bytes:
     """Encode a mask of the numbers that differ from the defaults, and these numbers."""
     pairs = list(zip(_numbers(appearance, sizes), _numbers(default, sizes), strict=True))
-    changed = [number for number, (own, other) in enumerate(pairs) if own != other]
+    changed = [number for number, (value, default) in enumerate(pairs) if value != default]
     mask = sum(1 << number for number in changed)
     return write_varint(mask) + b"".join(NUMBER.pack(pairs[number][0]) for number in changed)
 

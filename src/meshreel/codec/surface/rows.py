@@ -27,23 +27,23 @@ def faces_of_rows(
     Parameters
     ----------
     rows : integer array or None
-        The row of each vertex or corner; None if each has its own, in order.
+        The row of each vertex or corner; None if row i belongs to item i.
     faces : int32 array of shape (M, 3)
     """
     if domain in (Domain.FACE, Domain.CELL):
         return None
     sizes = surface.sizes(len(faces))
     corners = faces if domain is Domain.VERTEX else triangle_corners(sizes, faces)
-    used = corners if rows is None else np.asarray(rows)[corners]
-    return used.astype(np.int32)
+    row_faces = corners if rows is None else np.asarray(rows)[corners]
+    return row_faces.astype(np.int32)
 
 
-def distinct_rows(values: npt.NDArray[np.generic], places: Integers) -> tuple[Integers, Integers]:
-    """Return the first item of each distinct value at each place, and the value of each item.
+def distinct_rows(values: npt.NDArray[np.generic], groups: Integers) -> tuple[Integers, Integers]:
+    """Return the first item of each distinct value in each group, and the value of each item.
 
     Values are equal if their bits are.
     """
-    records = rows_as_bytes(places.astype(np.int64), values)
+    records = rows_as_bytes(groups.astype(np.int64), values)
     _, first, number = np.unique(records, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(first), np.int64)
@@ -51,8 +51,8 @@ def distinct_rows(values: npt.NDArray[np.generic], places: Integers) -> tuple[In
     return first[order], rank[number]
 
 
-def places_of(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
-    """Return the place of each item: the vertex of a corner, 0 for other items."""
+def sharing_groups(domain: Domain, surface: Surface, faces: Faces, n_items: int) -> Integers:
+    """Return the group of items that may share a value: the vertex of a corner, else 0."""
     if domain is not Domain.CORNER:
         return np.zeros(n_items, np.int64)
     return join_triangles(surface.sizes(len(faces)), faces)

@@ -5,12 +5,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.exact import nothing_expected, row_before_expected
+from meshreel.codec.entropy.exact import no_predictors, previous_predictors
 from meshreel.codec.entropy.multiples import (
     GRID,
     MAX_GRID_BITS,
     MAX_INTEGER,
-    OWN_GRID,
+    OFFSET_GRID,
     UNORM16,
     values_of,
 )
@@ -22,7 +22,7 @@ from meshreel.codec.entropy.tables import (
     encode_grid_table,
     encode_table,
 )
-from meshreel.kernel.patterns import decode_patterns, expected_along
+from meshreel.kernel.patterns import decode_patterns, face_predictors
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces
 
@@ -33,12 +33,12 @@ SHAPES = st.tuples(st.integers(0, 12), st.integers(1, 4))
 
 def decoded(data, shape, dtype, faces=None):
     """The table, with its form and coding in the first bytes."""
-    form, size = data[0], 4 * (1 + shape[1]) if data[0] == OWN_GRID else 0
+    form, size = data[0], 4 * (1 + shape[1]) if data[0] == OFFSET_GRID else 0
     coding, coded = data[1 + size], data[2 + size :]
     if form == BIT_PATTERNS:
         return integers_or_patterns(coded, coding, shape, dtype, faces)
     integers = integers_or_patterns(coded, coding, shape, INTEGER, faces)
-    if form != OWN_GRID:
+    if form != OFFSET_GRID:
         return values_of(integers, form, dtype)
     step, *origins = np.frombuffer(data[1 : 1 + size], "<f4")
     return np.array(origins, np.float32) + integers.astype(np.float32) * step
@@ -46,12 +46,12 @@ def decoded(data, shape, dtype, faces=None):
 
 def integers_or_patterns(coded, coding, shape, dtype, faces):
     if coding < ALONG_FACES:
-        expected = (nothing_expected, row_before_expected)[coding](shape[0])
+        expected = (no_predictors, previous_predictors)[coding](shape[0])
         return decode_patterns(coded, shape, dtype, expected)
     twins = twin_sides(faces, shape[0])
     if coding == ON_SURFACE:
         return decode_on_surface(coded, shape, faces, twins)
-    return decode_patterns(coded, shape, dtype, expected_along(faces, twins, shape[0]))
+    return decode_patterns(coded, shape, dtype, face_predictors(faces, twins, shape[0]))
 
 
 def assert_round_trips(values):
@@ -147,11 +147,11 @@ def test_values_quantized_in_their_own_range_take_the_bytes_of_integers(bits):
     integers = np.stack([rows * (2**bits - 1) // 29, columns * (2**bits - 1) // 80], axis=1)
     values = low + integers.astype(np.float32) * step
     data = encode_table(values, SHEET)
-    assert data[0] == OWN_GRID
+    assert data[0] == OFFSET_GRID
     assert len(data) < len(encode_table(integers.astype(np.int32), SHEET)) + 16
     assert decoded(data, values.shape, SINGLE, SHEET).tobytes() == values.tobytes()
 
 
 def test_values_beside_a_grid_are_not_put_on_it():
     values = np.random.default_rng(5).random((1200, 2)).astype(np.float32)
-    assert encode_table(values, SHEET)[0] != OWN_GRID
+    assert encode_table(values, SHEET)[0] != OFFSET_GRID

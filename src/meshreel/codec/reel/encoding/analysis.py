@@ -54,7 +54,7 @@ class FieldChoices:
     step.
     """
     n_modes: int | None = None
-    """Largest number of modes; None for all that quantization does not zero."""
+    """Maximum number of modes; None: all that are not quantized to zero."""
     basis_step: float = 3.0
     """Step of the temporal basis divided by that of the fields, both as they act on positions."""
     least_rms: float = 0.6
@@ -145,7 +145,7 @@ def analyze_fields(
     ----------
     key : float64 array of shape (V, K), optional
         Fields of the block that this one refers to, in coding order and in steps. They are reused
-        if that takes fewer bits; modes are then found for the remainder.
+        if that takes fewer bits; new modes then code the remainder.
     reference : int, default 0
         Number of blocks from the key to this one.
     """
@@ -191,20 +191,20 @@ def _encode_fields(
     else:
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), target
-    whole, values = basis, new_fields
+    values = new_fields
     if reused is not None:
-        whole = np.concatenate([reused, basis])
-        vectors = decode_basis(whole, layout, key)
+        basis = np.concatenate([reused, basis])
+        vectors = decode_basis(basis, layout, key)
         values = with_reused(values, layout.n_reused, key)
     decoded = JointFrames(vectors, values, step, mesh.number, layout.is_single)
-    return AnalyzedFields(FieldBlock(layout, whole, residuals), decoded, new_fields, target, frames)
+    return AnalyzedFields(FieldBlock(layout, basis, residuals), decoded, new_fields, target, frames)
 
 
 def _analyze_reusing(
     frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices, key: Floats, layout: Layout
 ) -> AnalyzedFields | None:
     """Encode a block with reused fields of its key and modes of the residual, if possible."""
-    if choices.n_modes is not None:  # a given number of modes excludes those of the key
+    if choices.n_modes is not None:  # an option for the number of modes excludes those of the key
         return None
     finer, step = np.float32(choices.basis_step), float(layout.step)
     reused = reuse_fields(frames, key, mesh.number, step, float(finer), choices.rate_weight)
@@ -371,8 +371,8 @@ def _fitted_vectors(frames: BlockFrames, fields: Floats) -> Floats:
     pieces = chunks(frames.n_verts, CHUNK_VERTICES)
     parts: list[Floats] = [np.empty(0)] * len(pieces)
 
-    def multiply(place: int) -> None:
-        parts[place] = frames.coordinates(pieces[place]) @ fields[pieces[place]]
+    def multiply(number: int) -> None:
+        parts[number] = frames.coordinates(pieces[number]) @ fields[pieces[number]]
 
     in_threads(multiply, range(len(pieces)))
     inverse = np.linalg.pinv(fields.T @ fields, hermitian=True)

@@ -1,8 +1,8 @@
 """Choice of the coding of basis vectors over time, for each block.
 
-Short, periodic and smooth motion takes fewer bits as cosines; long motion with sudden changes as
-times that are predicted from adjacent ones, mostly with adaptive weights. docs/codec.md, "Adaptive
-times" and "Cosines over time".
+Short, periodic and smooth motion takes fewer bits as cosines; long motion with sudden changes, as
+values that are predicted from adjacent times, mostly with adaptive weights. docs/codec.md,
+"Adaptive times" and "Cosines over time".
 
 Rounding errors of the temporal basis change in each frame, so a resting model would visibly crawl.
 Times of rest are therefore predicted from the previous time, with finer steps if necessary.
@@ -19,10 +19,10 @@ import numpy.typing as npt
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER, BlockFrames
 from meshreel.kernel.basis import (
     BY_TIMES,
-    COARSEST,
     MAX_COSINES,
     MAX_REST_BITS,
     NO_REST,
+    TIME_STRIDE,
     BasisCoding,
     Rests,
     encode_basis,
@@ -34,7 +34,7 @@ Integers = npt.NDArray[np.int64]
 Runs = tuple[tuple[int, int], ...]
 
 SAMPLED_MODES = 48
-"""Maximum number of modes with which codings are compared; they are the middle ones."""
+"""Maximum number of modes for comparing codings; the middle ones are taken."""
 
 ERROR_WEIGHT = 0.5
 """Weight, in the estimated cost, of the bits that would remove errors. With weight 1 the KG error
@@ -58,8 +58,8 @@ MIN_RESTING = 0.5
 """Minimum share of vertices at rest at a resting time, among those that move in the block."""
 
 MAX_COST_RATIO, MAX_COST_SHARE = 2.0, 0.01
-"""A run of resting times is kept if it takes at most this many times the bits that the same times
-take otherwise, or while the extra bits of all such runs are at most this share of the basis."""
+"""A run of resting times is kept if it takes at most this many times the bits of the same times
+without rest, or while the extra bits of all such runs are at most this share of the basis."""
 
 
 def choose_coding(
@@ -84,7 +84,7 @@ def cheapest_coding(
 ) -> BasisCoding:
     """Return the coding of least estimated cost: bits, and the weighted bits of errors.
 
-    Some consecutive modes are tried, because adaptive weights carry over from mode to mode.
+    A sample of consecutive modes is compared, because adaptive weights carry over between modes.
 
     Parameters
     ----------
@@ -95,16 +95,16 @@ def cheapest_coding(
     """
     n_modes, _, n_frames = targets.shape
     first = max(0, (n_modes - SAMPLED_MODES) // 2)
-    some = targets[first : first + SAMPLED_MODES]
+    sample = targets[first : first + SAMPLED_MODES]
     largest = math.sqrt(n_frames) * float(np.abs(targets).max(initial=0.0))  # possible coefficient
     least_gains = {}
     if may_be_cosines and n_frames <= MAX_COSINES and largest < LARGEST_INTEGER:
         least_gains[BasisCoding(has_cosines=True)] = MIN_COSINE_GAIN
     if n_frames >= MIN_ADAPTIVE_FRAMES:
         least_gains[BasisCoding(is_adaptive=True)] = MIN_ADAPTIVE_GAIN
-    plain = _cost(some, rate_weight, BY_TIMES)
+    plain = _cost(sample, rate_weight, BY_TIMES)
     for coding, least_gain in least_gains.items():
-        if _cost(some, rate_weight, coding) < (1.0 - least_gain) * plain:
+        if _cost(sample, rate_weight, coding) < (1.0 - least_gain) * plain:
             return coding
     return BY_TIMES
 
@@ -130,8 +130,8 @@ def _groups(n_frames: int, has_cosines: bool) -> tuple[Integers, Integers, Integ
     All integers of a group belong to one level of times.
     """
     times = np.arange(n_frames)
-    levels = [times] if has_cosines else [times[::COARSEST], times[2::COARSEST], times[1::2]]
-    sizes = [min(GROUP, len(level) - at) for level in levels for at in range(0, len(level), GROUP)]
+    levels = [times] if has_cosines else [times[::TIME_STRIDE], times[2::TIME_STRIDE], times[1::2]]
+    sizes = [min(GROUP, len(level) - i) for level in levels for i in range(0, len(level), GROUP)]
     counts = np.array(sizes, np.int64)
     return np.concatenate(levels), np.cumsum(counts) - counts, counts
 
@@ -166,8 +166,8 @@ def find_rests(
     runs = _runs_of(np.concatenate([[False], is_resting]))
     rests = Rests(runs, _rest_bits(frames.n_verts, targets, finer))
     with_rests = encode_basis(targets, rate_weight, BasisCoding(rests))
-    without = encode_basis(targets, rate_weight)
-    kept_runs = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(without))
+    plain = encode_basis(targets, rate_weight)
+    kept_runs = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(plain))
     return Rests(kept_runs, rests.bits) if kept_runs else NO_REST
 
 
@@ -196,18 +196,18 @@ def _runs_of(is_resting: npt.NDArray[np.bool_]) -> Runs:
 
 
 def _rest_bits(n_verts: int, targets: Floats, finer: float) -> int:
-    """Return the precision with which rounding moves a vertex by one step (RMS) per frame.
+    """Return the precision, in bits, with which rounding moves a vertex by one step RMS per frame.
 
     An integer of a basis vector moves V vertices by finer sqrt(T / V) steps, RMS. A frame has K C
     of them with independent errors of 1 / sqrt(12) each, and so has the frame before.
     """
     n_modes, n_columns, n_frames = targets.shape
-    moved = finer * math.sqrt(n_frames / n_verts * n_modes * n_columns / 6.0)
-    most = LARGEST_INTEGER / (2.0 * max(1.0, float(np.abs(targets).max())))
-    bits = min(round(math.log2(moved)), math.floor(math.log2(most)))
+    motion = finer * math.sqrt(n_frames / n_verts * n_modes * n_columns / 6.0)
+    max_scale = LARGEST_INTEGER / (2.0 * max(1.0, float(np.abs(targets).max())))
+    bits = min(round(math.log2(motion)), math.floor(math.log2(max_scale)))
     return int(np.clip(bits, 0, MAX_REST_BITS))
 
 
 def _bits_of_times(integers: npt.NDArray[np.int32]) -> Floats:
-    """Return estimated bits of integers (K, C, T) for each time, without those of zeros."""
+    """Return the estimated bits of the nonzero integers, of shape (K, C, T), of each time."""
     return np.asarray(2.0 * np.log2(1.0 + np.abs(integers.astype(np.float64))).sum(axis=(0, 1)))

@@ -24,10 +24,10 @@ LARGEST_INTEGER = 2.0**29
 CHUNK_VERTICES = 2048
 """Number of vertices whose fields are computed at a time."""
 
-SAMPLED = 1024
+SAMPLES = 1024
 """Minimum number of vertices sampled to detect rest."""
 
-SKETCHED = 64
+SKETCH_RATIO = 64
 """Columns of a sketch per row. With K modes, a sketch increases the residual by a share of about
 K / columns, less than 1 / 64."""
 
@@ -48,7 +48,7 @@ class BlockFrames:
     """tuple of float64 arrays of shapes (C, T, R) and (V, R), or None. Vectors and fields, in
     internal order, whose product is subtracted.
     """
-    _found: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
+    _cached: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)
     n_columns: int = field(init=False)
@@ -59,7 +59,7 @@ class BlockFrames:
 
     @property
     def internal_vertices(self) -> npt.NDArray[np.floating]:
-        """The values with vertices in internal order."""
+        """The values, with vertices in internal order."""
         return self.vertices if self.order is None else self.vertices.take(self.order, axis=1)
 
     def internal_frame(self, number: int) -> npt.NDArray[np.floating]:
@@ -116,7 +116,7 @@ class BlockFrames:
     @property
     def _n_sketched(self) -> int:
         """Number of columns of the sketch for trajectories; 0: use all vertices instead."""
-        pieces = SKETCHED * self._n_rows // CHUNK_VERTICES + 1
+        pieces = SKETCH_RATIO * self._n_rows // CHUNK_VERTICES + 1
         return CHUNK_VERTICES * pieces if 2 * CHUNK_VERTICES * pieces <= self.n_verts else 0
 
     def _sketch(self, piece: slice) -> Floats:
@@ -182,7 +182,7 @@ class BlockFrames:
         Distances between consecutive frames, of shape (T - 1, n), and diagonals of the bounding
         boxes of their paths, of shape (n,).
         """
-        sample = self.vertices[:, :: max(1, self.n_verts // SAMPLED)] / np.float64(self.frame.scale)
+        sample = self.vertices[:, :: max(1, self.n_verts // SAMPLES)] / np.float64(self.frame.scale)
         steps = np.linalg.norm(np.diff(sample, axis=0), axis=2)
         return steps, np.linalg.norm(np.ptp(sample, axis=0), axis=1)
 
@@ -192,11 +192,11 @@ class BlockFrames:
         With means, the means over time are separate modes: their vectors are constant in one column
         and 0 in the others, and the fields of all other modes are 0 at vertices that never move.
         """
-        known = self._found.get(with_means)
-        if known is None or known[0] > least:
+        cached = self._cached.get(with_means)
+        if cached is None or cached[0] > least:
             find = self._trajectories_and_means if with_means else self._trajectories
-            self._found[with_means] = known = (least, *find(least))
-        _, strengths, vectors = known
+            self._cached[with_means] = cached = (least, *find(least))
+        _, strengths, vectors = cached
         n_kept = max(1, int(np.sum(strengths > least)))
         return strengths[:n_kept], vectors[:, :n_kept]
 
@@ -220,21 +220,21 @@ class BlockFrames:
         return np.asarray((by_column - by_column.mean(axis=1, keepdims=True)).reshape(rows.shape))
 
     def _trajectories(
-        self, least: float, of: Callable[[Floats], Floats] | None = None
+        self, least: float, transform: Callable[[Floats], Floats] | None = None
     ) -> tuple[Floats, Floats]:
-        """Trajectories of coordinates, or of a linear function of columns."""
+        """Trajectories of coordinates, or of a linear transform of their columns."""
         if self._n_rows < self.n_verts:
             columns, n_columns = self._representative_columns
-            if of is None:
+            if transform is None:
                 return truncated_pca(columns, self._gram, n_columns, least)
 
-            def changed(piece: slice) -> Floats:
-                return of(columns(piece))
+            def transformed(piece: slice) -> Floats:
+                return transform(columns(piece))
 
-            gram = gram_of_rows(changed, self._n_rows, n_columns)
-            return truncated_pca(changed, gram, n_columns, least)
+            gram = gram_of_rows(transformed, self._n_rows, n_columns)
+            return truncated_pca(transformed, gram, n_columns, least)
         rows = self.coordinates(slice(0, self.n_verts))
-        rows = rows if of is None else of(rows)
+        rows = rows if transform is None else transform(rows)
 
         def frames(piece: slice) -> Floats:
             return np.asarray(rows.T[:, piece])

@@ -32,7 +32,7 @@ def allowed_error(bound: float, rounding: float) -> float:
 
 
 def least_bound(rounding: float) -> float:
-    """Return the bound, in diagonals, below which no error of the codec is allowed."""
+    """Return the smallest bound, in diagonals, that can be guaranteed."""
     return rounding + FLOOR
 
 

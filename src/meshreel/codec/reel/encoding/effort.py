@@ -10,7 +10,7 @@ from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError
 
 STEPS_OF_BOUND = 7.0
-"""Ratio of an error bound to the first step tried: larger errors are rare, so cheap to correct."""
+"""Ratio of an error bound to the first step tried; corrections of rare larger errors are cheap."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def finest_step(n_columns: int = 3) -> float:
 
 
 FINEST_STEP = finest_step()
-"""That of positions, in diagonals."""
+"""Finest step of positions, in diagonals."""
 
 
 def checked_step(step: float) -> float:

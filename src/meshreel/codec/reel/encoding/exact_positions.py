@@ -71,7 +71,7 @@ class ExactPositionCoder(PositionCoder):
     half-edge, itself at a boundary. Needed with `grid`.
     """
     grid: PositionGrid | None = None
-    """Grid on which the positions of the only frame lie, as a quantizer left them."""
+    """Grid of the quantizer that rounded the positions of the only frame."""
 
     @property
     def is_exact(self) -> bool:

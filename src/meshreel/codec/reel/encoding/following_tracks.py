@@ -32,7 +32,7 @@ FEW_TRIALS = 3
 
 MIN_TRACK_SHARE = 0.25
 """Finer positions are tried if predicted tracks take more than this share of the bytes of
-positions, about as many as half the step costs."""
+positions, about the cost of halving the step."""
 
 
 class FollowingTracks:

@@ -2,7 +2,7 @@
 
 At bounds near the precision of the positions, modes save little: the residual motion is noise,
 which each mode would code twice, in its field and in its basis vector. A single frame has no
-motion; it is predicted along its surface, which is faster than a hierarchy.
+motion; it is predicted along its surface, which is faster than prediction over a hierarchy.
 """
 
 import math
@@ -92,21 +92,21 @@ class GridPositionCoder(PositionCoder):
             rounding = self.grid.rounding(coordinates[:1], vertices[:1])
         if rounding and meets_bound and len(rounding) > vertices[0].size * MAX_ROUNDING_BYTES:
             rounding = None
-        choices = []
+        candidates = []
         is_precise = meets_bound or rounding is not None
         if is_precise and np.abs(coordinates).max() <= MAX_VALUE:
             coded_frames, n_frames = coordinates[:1] if is_single else coordinates, len(vertices)
-            choices.append(
+            candidates.append(
                 write_on_surface(
                     coded_frames, step, *self.faces_and_twins, rounding, n_frames=n_frames
                 )
             )
             if is_single or self.is_fast:
-                return choices[0]
-        choices.append(write_grid_positions(vertices, 0.0, self.graph))
+                return candidates[0]
+        candidates.append(write_grid_positions(vertices, 0.0, self.graph))
         if len(vertices) > 1 and meets_bound:
-            choices.append(write_grid_positions(coordinates, step, self.graph))
-        return min(choices, key=size_bytes)
+            candidates.append(write_grid_positions(coordinates, step, self.graph))
+        return min(candidates, key=size_bytes)
 
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:
         if self.bound is None:
@@ -169,7 +169,7 @@ def encode(source: Source, progress: Progress) -> bytes:
 
 
 def suits_one_frame(source: Source) -> bool:
-    """Return whether a segment has one frame, and no options of modes.
+    """Return whether a segment has one frame, and no option requires modes.
 
     Modes on a hierarchy take up to a quarter fewer bytes, but decode too slowly for segments that
     play in real time. For a file of a single frame, both are tried, and the smaller one is kept.
@@ -205,8 +205,8 @@ def may_use_grid(source: Source, size_bytes: int, has_one_shape: bool) -> bool:
     """Return whether a grid might take fewer bytes than a stream of modes of this size.
 
     A grid stores a number for each position, so it cannot compress many times, unless many
-    vertices rest, or there are few frames, whose modes are not much smaller. Options of the search
-    for modes exclude it.
+    vertices rest, or there are few frames, whose modes are not much smaller. Options that require
+    modes exclude it.
     """
     if not _takes_grid(source.config):
         return False
@@ -223,7 +223,7 @@ def _compresses_little(source: Source, size_bytes: int) -> bool:
 
 
 def _resting_share(source: Source) -> float:
-    """Return the mean share of vertices that rest from one frame to the next, of some frames."""
+    """Return the mean share of vertices that rest between some frames and the frames after them."""
     shares = []
     for first in range(0, source.n_frames - 1, math.ceil(source.n_frames / N_COMPARED)):
         frame, following = source.sequence.read(first, first + 2)
@@ -239,17 +239,17 @@ def encode_still(source: Source, step: float, progress: Progress) -> bytes | Non
     if not _takes_grid(source.config):
         return None
     grid = grid_of_frame(source)
-    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), grid)
-    own = stream_of(moved, coder, progress)
+    on_grid, coder = _with_coder(_on_grid(source, step, _block_frames(source)), grid)
+    stream = stream_of(on_grid, coder, progress)
     if grid is None or coder.is_stored:
-        return own
-    return min(own, _encoded_on(grid, source, progress), key=len)
+        return stream
+    return min(stream, _encoded_on(grid, source, progress), key=len)
 
 
 def encode_moving(source: Source, step: float) -> bytes:
     """Return a stream on a grid with a step in diagonals, along the surface."""
-    moved, coder = _with_coder(_on_grid(source, step, _cut(source)), None)
-    return stream_of(moved, replace(coder, is_fast=True), silent)
+    on_grid, coder = _with_coder(_on_grid(source, step, _block_frames(source)), None)
+    return stream_of(on_grid, replace(coder, is_fast=True), silent)
 
 
 def _takes_grid(config: EncoderConfig) -> bool:
@@ -268,14 +268,14 @@ def encode_on_grid(
 
     Exact values are tried only if modes, which take `size_bytes`, do not compress well.
     """
-    moved, is_fast = (
-        _on_grid(source, None, _cut(source)),
+    on_grid, is_fast = (
+        _on_grid(source, None, _block_frames(source)),
         not _compresses_little(source, size_bytes),
     )
-    return _encoded(moved, progress, has_one_shape, is_fast=is_fast)
+    return _encoded(on_grid, progress, has_one_shape, is_fast=is_fast)
 
 
-def _cut(source: Source) -> int | None:
+def _block_frames(source: Source) -> int | None:
     """Return the frames per block that coded tracks require."""
     return source.block_frames if source.tracks else source.config.block_frames
 
@@ -288,8 +288,8 @@ def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
 
 def _encoded_on(grid: PositionGrid, source: Source, progress: Progress) -> bytes:
     coder = replace(step_coder(source.mesh, grid.frame, grid.step), is_stored=True)
-    moved = source.with_changes(origin=grid.frame.origin)
-    return stream_of(_on_grid(moved, grid.step, _cut(source)), coder, progress)
+    on_grid = source.with_changes(origin=grid.frame.origin)
+    return stream_of(_on_grid(on_grid, grid.step, _block_frames(source)), coder, progress)
 
 
 def _on_grid(source: Source, step: float | None, block_frames: int | None = None) -> Source:
@@ -321,8 +321,8 @@ def _encoded(
 def _with_coder(source: Source, grid: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
     """Return the source and its coder.
 
-    Both use the given grid if it is coarser than that of the target, and meets the bound;
-    otherwise a coarse grid with errors as small, if few frames lie near one.
+    Both use `grid` if it is coarser than that of the target, and meets the bound; otherwise a
+    coarse grid with equally small errors, if few frames lie near one.
     """
     sequence = source.sequence
     coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
@@ -339,7 +339,7 @@ def _with_coder(source: Source, grid: PositionGrid | None) -> tuple[Source, Grid
 
 
 def _coarse_grid(source: Source, coder: GridPositionCoder) -> PositionGrid | None:
-    """Return a coarser grid than that of the coder with errors as small; None without one."""
+    """Return a coarser grid than that of the coder, with equally small errors; None without one."""
     sequence, step = source.sequence, coder.grid.step * source.frame.scale
 
     def read(index: int) -> Vertices:
@@ -354,6 +354,6 @@ def _coarse_grid(source: Source, coder: GridPositionCoder) -> PositionGrid | Non
     step, origin = coarse
     frame = replace(source.frame, origin=origin)
     grid = step_coder(source.mesh, frame, step / frame.scale).grid
-    on_grid, frames = replace(coder, grid=grid), (read(i)[None] for i in range(source.n_frames))
-    meets_bound = all(on_grid._meets_bound(grid.coordinates(each), each) for each in frames)
+    coder, frames = replace(coder, grid=grid), (read(i)[None] for i in range(source.n_frames))
+    meets_bound = all(coder._meets_bound(grid.coordinates(frame), frame) for frame in frames)
     return grid if meets_bound else None

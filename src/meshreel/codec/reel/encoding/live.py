@@ -50,13 +50,13 @@ class FirstBlock:
         return self.coder.frame.scale
 
     @property
-    def own_diagonal(self) -> float:
+    def model_size(self) -> float:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return extent_of(self.vertices).mean_diagonal / self.diagonal or 1.0
 
     def step_of_quality(self, quality: float) -> float:
         """Return the step of a quality, in diagonals; limited, as later blocks may move more."""
-        size = self.own_diagonal * self.diagonal
+        size = self.model_size * self.diagonal
         steps = steps_of_quality(quality, self.coder.mesh.faces, [self.vertices], size)
         return min(steps.modes, MAX_LIVE_STEP * error_scale(quality) * size) / self.diagonal
 
@@ -79,7 +79,7 @@ class FirstBlock:
         coded = self.coder.with_step(max(FINEST_STEP, step), bound).code(self._frames)
         return float(sum(len(payload) for _, payload in coded.sections))
 
-    def measured(self, step: float) -> float:
+    def measure(self, step: float) -> float:
         """Unused: `check_live` rejects targets that limit a measured quantity."""
         raise AssertionError("live encoding does not measure sizes or errors")
 
@@ -116,8 +116,8 @@ class LiveCoder:
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Return the sections between those of the mesh and the first block."""
-        of_tracks = (track.leading_section() for track in self._tracks.values())
-        return chain(of_tracks, self._coder.leading_sections())
+        track_sections = (track.leading_section() for track in self._tracks.values())
+        return chain(track_sections, self._coder.leading_sections())
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
         """Encode the next block; positions are in internal order, tracks in the given one.
@@ -130,7 +130,7 @@ class LiveCoder:
         frames = checked_frames(self._coder, vertices)
         coded = self._blocks.code(frames)
         positions = self._decoded(coded, frames) if self._has_predicted_tracks else None
-        others = [
+        track_sections = [
             coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
         ]
-        return chain(coded.sections, *others)
+        return chain(coded.sections, *track_sections)

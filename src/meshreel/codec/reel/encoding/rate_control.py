@@ -12,12 +12,12 @@ SAMPLED_BLOCKS = 3
 
 MAX_TRIALS = 16
 TOLERANCE = 0.01
-"""Share of a limit by which the measure of the step that meets it may fall short."""
+"""Share of a limit by which the measure of the returned step may be below it."""
 
 CLOSE_STEPS = 0.04
 STRIDE_GROWTH = 1.5
-"""A search for the least cost ends where the logarithm of the next step is this close to the
-best one; a stride that lowers the cost is followed by one that is this many times as long."""
+"""A search for the least cost ends when the logarithm of the next step is this close to the best
+one; a stride that lowers the cost is followed by one that is this many times as long."""
 
 MAX_JUMP = np.log(64.0)
 MAX_SPAN = np.log(1e7)
@@ -46,40 +46,38 @@ def meet_limit(
     direction = 1.0 if rises else -1.0
     below: tuple[float, float] | None = None
     above: tuple[float, float] | None = None
-    place = 0.0
+    offset = 0.0  # logarithm of the step relative to the start, in the direction of the measure
     for trial in range(MAX_TRIALS):
-        measured = measure(float(start * np.exp(direction * place)))
+        measured = measure(float(start * np.exp(direction * offset)))
         excess = float(np.log(max(measured, 1e-300) / limit))
         if excess <= 0.0:
-            below = max(below or (place, excess), (place, excess))
+            below = max(below or (offset, excess), (offset, excess))
             if excess >= np.log1p(-TOLERANCE):
                 break
         else:
-            above = min(above or (place, excess), (place, excess))
-        before, place = (
-            place,
-            float(np.clip(_next_place(below, above, trial), -MAX_SPAN, MAX_SPAN)),
-        )
-        if place == before:
+            above = min(above or (offset, excess), (offset, excess))
+        previous = offset
+        offset = float(np.clip(_next_offset(below, above, trial), -MAX_SPAN, MAX_SPAN))
+        if offset == previous:
             break
     return None if below is None else float(start * np.exp(direction * below[0]))
 
 
-def _next_place(
+def _next_offset(
     below: tuple[float, float] | None, above: tuple[float, float] | None, trial: int
 ) -> float:
-    """Return the next place to try, from the best trials on both sides of the limit."""
+    """Return the next offset to try, from the best trials on both sides of the limit."""
     if below is None or above is None:
-        place, excess = below or above or (0.0, 0.0)
+        offset, excess = below or above or (0.0, 0.0)
         # Jump as if the measure were proportional to the step, and farther with every trial.
         jump = (1.0 + 0.3 * trial) * abs(excess) + 0.02 * 1.5**trial
-        return float(place + np.sign(-excess) * min(jump, MAX_JUMP))
-    (low, short), (high, excess) = below, above
+        return float(offset + np.sign(-excess) * min(jump, MAX_JUMP))
+    (low, deficit), (high, excess) = below, above
     if trial % 3 == 2:
         return 0.5 * (low + high)
     # Slightly below the crossing, because the measure must not exceed the limit.
-    aim = short + 0.98 * (0.0 - short)
-    return low + (high - low) * (aim - short) / (excess - short)
+    goal = deficit + 0.98 * (0.0 - deficit)
+    return low + (high - low) * (goal - deficit) / (excess - deficit)
 
 
 def least_cost(
@@ -101,27 +99,27 @@ def least_cost(
     costs = {0.0: cost(start)}  # by logarithm of the step, relative to the start
     n_left = n_trials - 1
     while n_left > 0 and len(costs) < MAX_TRIALS:
-        best = min(costs, key=lambda place: costs[place])
-        finer = max((place for place in costs if place < best), default=None)
-        coarser = min((place for place in costs if place > best), default=None)
+        best = min(costs, key=lambda offset: costs[offset])
+        finer = max((offset for offset in costs if offset < best), default=None)
+        coarser = min((offset for offset in costs if offset > best), default=None)
         if finer is not None and coarser is not None:
-            place = _lowest_place(*((at, costs[at]) for at in (finer, best, coarser)))
-            if abs(place - best) < CLOSE_STEPS:
+            offset = _lowest_offset(*((i, costs[i]) for i in (finer, best, coarser)))
+            if abs(offset - best) < CLOSE_STEPS:
                 break
         else:
-            place = best - stride if finer is None else best + stride
-        costs[place] = cost(float(start * np.exp(place)))
-        if costs[place] < costs[best] and (finer is None or coarser is None):
+            offset = best - stride if finer is None else best + stride
+        costs[offset] = cost(float(start * np.exp(offset)))
+        if costs[offset] < costs[best] and (finer is None or coarser is None):
             stride *= STRIDE_GROWTH
         else:
             n_left -= 1
-    return float(start * np.exp(min(costs, key=lambda place: costs[place])))
+    return float(start * np.exp(min(costs, key=lambda offset: costs[offset])))
 
 
-def _lowest_place(
+def _lowest_offset(
     finer: tuple[float, float], best: tuple[float, float], coarser: tuple[float, float]
 ) -> float:
-    """Return where the parabola through three costs is lowest, from the place and cost of each.
+    """Return the offset of the minimum of the parabola through three offsets and costs.
 
     Without a parabola, return the middle of the wider gap, or of the one without an infinite cost.
     """
@@ -135,7 +133,7 @@ def _lowest_place(
 
 
 def sampled(blocks: Sequence[T]) -> Sequence[T]:
-    """Return the blocks with which steps are compared: consecutive ones in the middle, or few all.
+    """Return the blocks for comparing steps: consecutive ones in the middle, or all if few.
 
     Blocks far apart would share fewer fields than those of the sequence.
     """

@@ -1,4 +1,4 @@
-"""Find the grid of positions that were rounded, or that lie on one within a tolerance."""
+"""Detection of the grid to which positions were rounded, or near which they lie."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,14 +13,14 @@ from meshreel.codec.source import Source
 from meshreel.model.extent import Extent
 
 MIN_STEP = 8
-"""Smallest step of a grid, in tolerances; a finer step is just the last digit of text."""
+"""Minimum step of a grid, in tolerances; a finer step is only the last digit of text."""
 
 MAX_CELLS, MIN_GAIN = 64, 1.5
 """Limits of a coarse grid: cells along a side of the bounding box, and the ratio of its step to
 twice the tolerance, the step without such a grid."""
 
 N_SAMPLED = 64
-"""Size of the sample that rules out most coarse grids; the rest are checked on all positions."""
+"""Number of sampled positions, which exclude most coarse grids before all positions are read."""
 
 TEXT_DIGITS = range(4, 8)
 """Significant digits to which text may have rounded a float."""
@@ -54,11 +54,11 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
         return None
     origin = []
     for column in exact:
-        rest = column - np.rint((column - column[0]) / step) * step
-        if np.ptp(rest) > 2.0 * tolerance:
+        offsets = column - np.rint((column - column[0]) / step) * step
+        if np.ptp(offsets) > 2.0 * tolerance:
             return None
-        near = (rest.min() + rest.max()) / 2
-        origin.append(near + round((column[0] + column[-1] - 2 * near) / 2 / step) * step)
+        offset = (offsets.min() + offsets.max()) / 2
+        origin.append(offset + round((column[0] + column[-1] - 2 * offset) / 2 / step) * step)
     return step, tuple(map(float, origin))
 
 

@@ -1,7 +1,7 @@
 """Weights of errors that let vertices slide along the surface: an encoder's choice.
 
-Where vertices are on a surface does not matter to its shape, as for a registered capture. Two of
-three dimensions of an error then count little, and coarser values of them take fewer bits.
+Vertices that slide along a surface do not change its shape; in a registered capture, only the shape
+matters. Errors in two of three dimensions then have small weights, so coarser values suffice.
 """
 
 import numpy as np
@@ -24,14 +24,14 @@ ACROSS = 0.5
 Measured together with `ALONG`, by bits at equal surface PSNR and at equal normals."""
 
 ALONG = 0.0025
-"""Weight of a squared error along the surface; more where the surface bends."""
+"""Weight of a squared error along the surface; it increases where the surface bends."""
 
 SLIDING_STEP = 0.84
-"""Step relative to that of modes that count alone, for about the same surface PSNR."""
+"""Step relative to that without sliding, for about the same surface PSNR."""
 
 MIN_STRENGTH = 20.0
 """Minimum root mean square, in steps, of fields that are quantized jointly. Residuals of weaker
-ones are mostly zero; to correct what others leave would take more bits than it saves."""
+fields are mostly zero; correcting other errors with them would cost more than it saves."""
 
 MAX_TIMES = 8
 """Maximum number of frames whose normals are used."""
@@ -42,8 +42,8 @@ def surface_forms(
 ) -> npt.NDArray[np.float32] | None:
     """Return quadratic forms of the errors of strong modes, as `kernel.predict` needs them.
 
-    The error of a vertex in a frame counts by its squared distances from the planes of the faces
-    around the vertex, as in quadric error metrics (Garland and Heckbert, 1997).
+    The error of a vertex is measured by its squared distances from the planes of the adjacent
+    faces, as in quadric error metrics (Garland and Heckbert, 1997).
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def _squared_normals(
 ) -> npt.NDArray[np.float32]:
     """Return the mean products of the normals around each vertex, of shape (V, 3, 3).
 
-    Faces count by their area. A boundary counts as a square across its face, so that it keeps its
-    place. Without any, all directions count alike.
+    Faces are weighted by area. A boundary side is weighted as a square perpendicular to its face,
+    so that it does not move. Without faces, all directions have equal weights.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class RateModel(Protocol):
         """Diagonal of the bounding box, in model units."""
 
     @property
-    def own_diagonal(self) -> float:
+    def model_size(self) -> float:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
 
     @property
@@ -47,7 +47,7 @@ class RateModel(Protocol):
     def size_bytes(self, step: float, bound: float) -> float:
         """Return the bytes for a step, with corrections that keep a bound in diagonals."""
 
-    def measured(self, step: float) -> float:
+    def measure(self, step: float) -> float:
         """Return the quantity that the target limits, for a step: an error or bytes."""
 
 
@@ -77,8 +77,8 @@ def step_for_target(
         bound = checked_bound(target, model.diagonal, model.rounding, model.dtype)
         step = least_cost(partial(model.size_bytes, bound=bound), bound / STEPS_OF_BOUND)
         return max(FINEST_STEP, step), bound
-    start = FIRST_STEP * model.own_diagonal
-    return step_within_limit(config, model.measured, start, has_tracks=has_tracks), None
+    start = FIRST_STEP * model.model_size
+    return step_within_limit(config, model.measure, start, has_tracks=has_tracks), None
 
 
 def checked_bound(
@@ -162,9 +162,9 @@ def _best(kind: TargetKind, reached: float) -> str:
 def _remedy(config: ReelOptions, has_tracks: bool) -> Iterator[str | Keyword]:
     is_size = config.target.kind is TargetKind.SIZE
     if not is_size:
-        yield "positions come back no nearer than their number type; "
+        yield "errors cannot be below the rounding of the number type; "
     yield "allow more"
     if is_size and config.order != "drop":
-        yield from (", or leave the order out (", Keyword("order", "drop"), ")")
+        yield from (", or drop the order (", Keyword("order", "drop"), ")")
     if is_size and has_tracks:
         yield ", or drop tracks or allow larger errors of them"

@@ -28,8 +28,8 @@ MAX_RESIDUAL_SHARE = 0.5
 """Velocities with a larger share of squared residuals do not follow the positions."""
 
 FPS_TOLERANCE, NEGLIGIBLE_SHARE = 1.1, 1e-8
-"""The frame rate is preferred if its residual share is at most this many times the least, or
-negligible."""
+"""The frame rate is used if its share of squared residuals is at most this many times the least,
+or negligible."""
 
 
 def moving_surface(mesh: CodedMesh) -> MovingSurface:
@@ -44,7 +44,7 @@ class UnreachableError(InvalidInputError):
     """No rotation maps the normal of the surface to that of the track; raised only internally."""
 
 
-INSIDE = {
+INNER_FRAMES = {
     Coding.BACKWARD: slice(1, None),
     Coding.CENTRAL: slice(1, -1),
     Coding.FORWARD: slice(None, -1),
@@ -74,7 +74,7 @@ class DifferenceFit:
         for coding, sums in self._sums.items():
             changes = differences(coding, positions)
             changes[is_missing] = 0.0
-            velocities, changes = known[INSIDE[coding]], changes[INSIDE[coding]]
+            velocities, changes = known[INNER_FRAMES[coding]], changes[INNER_FRAMES[coding]]
             sums += (
                 np.vdot(velocities, velocities),
                 np.vdot(velocities, changes),
@@ -95,8 +95,8 @@ class DifferenceFit:
             return None
         coding = min(shares, key=lambda candidate: shares[candidate])
         energy, product, squares = self._sums[coding]
-        at_fps = 1.0 - float(2.0 * fps * (product / energy) - fps**2 * (squares / energy))
-        if at_fps <= max(FPS_TOLERANCE * shares[coding], NEGLIGIBLE_SHARE):
+        share = 1.0 - float(2.0 * fps * (product / energy) - fps**2 * (squares / energy))
+        if share <= max(FPS_TOLERANCE * shares[coding], NEGLIGIBLE_SHARE):
             return coding, fps
         return coding, float(product / squares)
 

@@ -36,7 +36,7 @@ MAX_BEND_DEG = 20.0
 
 SEAM_ERROR, MIN_SEAM_SHARE = 1.3e-4, 0.1
 """RMS error of positions at the default quality if more than a share of the vertices coincide with
-others: larger errors open cracks."""
+others, because larger errors open cracks."""
 
 SMOOTH_ERRORS, ROUGH_ERRORS = 0.35, 0.40
 """Errors of normals relative to those from independent errors of vertices. Modes lead to smoother
@@ -100,8 +100,8 @@ def steps_of_quality(
     error *= error_scale(quality)
     rounded_vectors = 3.0 * n_frames / n_verts
     allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
-    level = min(_rounding_error(allowed, each) for each in variances)
-    return Steps(float(np.sqrt(12.0 * level)) * model_size or 2.0 * error * model_size, grid)
+    mode_error = min(_rounding_error(allowed, of_block) for of_block in variances)
+    return Steps(float(np.sqrt(12.0 * mode_error)) * model_size or 2.0 * error * model_size, grid)
 
 
 def _rounding_error(allowed: float, variances: Floats) -> float:
@@ -129,7 +129,7 @@ def _variances(sampled: Floats) -> Floats:
 
 
 class SampledSurface:
-    """Measures how visible errors are, on some sides of faces in some frames.
+    """The visibility of errors, measured at sampled sides of faces in sampled frames.
 
     Parameters
     ----------
@@ -153,9 +153,9 @@ class SampledSurface:
         self.has_seams = n_coincident > MIN_SEAM_SHARE * frames.shape[1]
         sides = np.random.default_rng(0).permutation(len(twins))[:MAX_SIDES]
         twins = twins[sides]
-        both = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
-        normals, others = np.split(both, 2, axis=1)
-        areas, other_areas = (np.linalg.norm(each, axis=2) for each in (normals, others))
+        adjacent = face_normals(frames, faces[np.concatenate([sides, twins]) // 3])
+        normals, others = np.split(adjacent, 2, axis=1)
+        areas, other_areas = (np.linalg.norm(vectors, axis=2) for vectors in (normals, others))
         if not areas.any():
             return
         corners = frames[:, faces[sides // 3]]

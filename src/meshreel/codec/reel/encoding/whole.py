@@ -40,7 +40,7 @@ from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
-"""Targets that set the step, so that nothing is searched."""
+"""Targets that set the step, without a search."""
 
 LARGEST_ERROR_STEP = 0.1
 """Coarsest step of a search for an error, in diagonals of the model."""
@@ -84,21 +84,21 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
-    other: bytes | None = None
+    alternative: bytes | None = None
     has_one_shape = is_still(source.sequence)
     if bound is not None and may_use_grid(source, len(data), has_one_shape):
-        other = encode_on_grid(source, progress, has_one_shape, len(data))
+        alternative = encode_on_grid(source, progress, has_one_shape, len(data))
     elif config.target.kind not in SINGLE_TRIALS:
-        other = encode_on_stored_grid(source, progress) if has_one_shape else None
+        alternative = encode_on_stored_grid(source, progress) if has_one_shape else None
     elif has_one_shape:
-        other = encode_still(source, step, progress)
+        alternative = encode_still(source, step, progress)
     elif config.target.kind is TargetKind.QUALITY and may_use_grid(source, len(data), False):
         steps = sequence.steps_of_quality(config.target.value)
-        other = encode_moving(source, steps.grid / sequence.diagonal)
+        alternative = encode_moving(source, steps.grid / sequence.diagonal)
     if following is not None:
         data = following.stream(data)
-    if other is not None:
-        data = min(data, other, key=len)
+    if alternative is not None:
+        data = min(data, alternative, key=len)
     if bound is not None or source.tracks:
         _check_bounds(source, data, bound, progress)
     return data
@@ -115,7 +115,7 @@ def _check_bounds(source: Source, data: bytes, bound: float | None, progress: Pr
         if achieved.max_error_percent > 100.0 * bound:
             raise SolverError(
                 Keyword("max_error"),
-                f" {100.0 * bound:g} was not kept: the stream decodes to "
+                f" {100.0 * bound:g} was exceeded: the largest error is "
                 f"{achieved.max_error_percent:g}; nothing is written; please report this sequence",
             )
     for track in whole_stream(data).tracks:
@@ -164,7 +164,7 @@ class RateSearch:
         return self._source.frame.scale
 
     @cached_property
-    def own_diagonal(self) -> float:
+    def model_size(self) -> float:
         """Mean diagonal of single frames, in diagonals of the bounding box."""
         return self._source.model_size
 
@@ -173,7 +173,7 @@ class RateSearch:
         if quality not in self._steps:
             pieces = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
             blocks = map(Piece.read_given, pieces)
-            size = self.own_diagonal * self.diagonal
+            size = self.model_size * self.diagonal
             faces = self._source.mesh.given_faces
             self._steps[quality] = steps_of_quality(quality, faces, blocks, size)
         return self._steps[quality]
@@ -201,7 +201,7 @@ class RateSearch:
         coded = (blocks.code(frames).sections for frames in self._read_blocks(pieces))
         return estimated_bytes(list(map(_size_bytes, coded)), len(self._pieces))
 
-    def measured(self, step: float) -> float:
+    def measure(self, step: float) -> float:
         """Return the KG error or the bytes for a step."""
         if self._target.kind is TargetKind.KG:
             return self._error(step)
@@ -212,8 +212,8 @@ class RateSearch:
     ) -> float:
         """Return a step, or a finer one if positions and tracks then take fewer bytes together.
 
-        Finer positions predict velocities and normals better. A requested step, or one that meets a
-        size, is kept.
+        Finer positions predict velocities and normals better. A step that is an option, or meets a
+        size, is returned unchanged.
         """
         if self._target.kind in (TargetKind.STEP, TargetKind.SIZE):
             return step
@@ -232,19 +232,18 @@ class RateSearch:
         return least_cost(cost, step, ratio=2.0)
 
     def stream(self, step: float, bound: float | None = None) -> bytes:
-        """Return the stream of a step, with corrections if a bound in diagonals is given."""
+        """Return the stream of a step, with corrections for a bound in diagonals, if any."""
         coded = self._coded_blocks(self._limited(step), bound)
         return self._source.stream([], coded, bound)
 
     def _limited(self, step: float) -> float:
         """Limit a step to the allowed range.
 
-        With a step as large as the model, errors are no longer those of a moving surface, so the
-        search for an error stops there. A size may need a coarser step, and a requested step is
-        used unchanged.
+        A search for an error stops at steps as large as the model, where the error measures no
+        surface any more. A size may need a coarser step, and a step that is an option is unchanged.
         """
         if self._target.kind in (TargetKind.KG, TargetKind.MAX_ERROR):
-            step = min(step, LARGEST_ERROR_STEP * self.own_diagonal)
+            step = min(step, LARGEST_ERROR_STEP * self.model_size)
         return max(step, FINEST_STEP)
 
     def _error(self, step: float) -> float:
@@ -259,7 +258,7 @@ class RateSearch:
             coded = list(self._with_progress(self._metered(blocks, meter)))
             self._errors[step] = meter.value
             is_better = self._best is None or step > self._best[0]
-            if self._keeps_blocks and is_better and meter.value <= self._target.value:
+            if self._caches_blocks and is_better and meter.value <= self._target.value:
                 self._best = step, coded
         return self._errors[step]
 
@@ -303,8 +302,8 @@ class RateSearch:
 
     def _blocks(self) -> Iterable[BlockFrames]:
         """Return the blocks, cached for further trials or re-read for each."""
-        if self._keeps_blocks:
-            return self._kept_blocks
+        if self._caches_blocks:
+            return self._cached_blocks
         return self._read_blocks(self._pieces)
 
     @property
@@ -316,18 +315,18 @@ class RateSearch:
         return self._target.kind in SINGLE_TRIALS
 
     @cached_property
-    def _keeps_blocks(self) -> bool:
+    def _caches_blocks(self) -> bool:
         sequence = self._source.sequence
         if not self._is_cut:
             return True
         if self._is_single_trial:
             return False
-        kept_bytes = CACHED_POSITION_BYTES * self._n_frames * sequence.n_verts
+        cached_bytes = CACHED_POSITION_BYTES * self._n_frames * sequence.n_verts
         memory = self._source.config.memory_bytes
-        return memory is None or kept_bytes <= memory / 2
+        return memory is None or cached_bytes <= memory / 2
 
     @cached_property
-    def _kept_blocks(self) -> list[BlockFrames]:
+    def _cached_blocks(self) -> list[BlockFrames]:
         return list(self._read_blocks(self._pieces))
 
     def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[BlockFrames]:

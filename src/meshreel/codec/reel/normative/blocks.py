@@ -33,7 +33,7 @@ WITH_COSINES = 32
 """Flag of the layout: the basis is coded as coefficients of cosines over time."""
 
 ADAPTIVE = 64
-"""Flag of the layout: the basis is coded by adaptive times."""
+"""Flag of the layout: the prediction weights of the basis adapt."""
 
 
 def write_field_block(
@@ -166,10 +166,10 @@ def _write_rests(rests: Rests) -> bytes:
     return bytes([rests.bits]) + write_varints(*numbers)
 
 
-def write_basis(coded: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES) -> bytes:
+def write_basis(integers: npt.NDArray[np.integer], coding: BasisCoding = BY_TIMES) -> bytes:
     """Encode the integers of the temporal basis, of shape (K, C, T)."""
-    n_modes, n_columns, n_frames = coded.shape
-    rows = coded.reshape(n_modes, n_columns * n_frames)
+    n_modes, n_columns, n_frames = integers.shape
+    rows = integers.reshape(n_modes, n_columns * n_frames)
     return encode_fields(rows, time_order(n_columns, n_frames, coding))
 
 

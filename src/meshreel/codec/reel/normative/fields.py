@@ -26,7 +26,7 @@ class Layout:
     n_learned: int
     """Number of modes, starting with the first, that the prediction weights adapt to."""
     reference: int = 0
-    """How many blocks the key block precedes this one by; the weights adapt to its fields first. 0:
+    """Number of blocks from the key block to this one; the weights adapt to its fields first. 0:
     none, so this block can be a key block.
     """
     is_single: bool = False
@@ -38,7 +38,7 @@ class Layout:
     modes.
     """
     coding: BasisCoding = BY_TIMES
-    """Of the temporal basis."""
+    """Coding of the temporal basis."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def with_reused(new_fields: Floats, n_reused: int, key: Floats | None) -> Floats
 
 
 def decode_basis(
-    coded: npt.NDArray[np.integer], layout: Layout, key: Floats | None = None
+    integers: npt.NDArray[np.integer], layout: Layout, key: Floats | None = None
 ) -> Floats:
     """Decode the temporal basis of a block, of shape (C, T, K), from integers (K, C, T).
 
@@ -83,4 +83,4 @@ def decode_basis(
     lengths = None
     if key is not None and layout.n_reused:
         lengths = lengths_of(key, layout.n_reused, float(layout.finer))
-    return basis_vectors(coded, layout.coding, lengths)
+    return basis_vectors(integers, layout.coding, lengths)

@@ -33,8 +33,8 @@ class PositionGrid:
     def coordinates(self, vertices: Vertices) -> Coordinates:
         """Grid coordinates nearest to positions of shape (T, V, 3)."""
         exact = (vertices - np.array(self.frame.origin)) / self.frame.scale / self.step
-        within: Vertices = np.clip(np.rint(exact), -MAX_COORDINATE, MAX_COORDINATE)
-        return within.astype(np.int32)
+        clipped: Vertices = np.clip(np.rint(exact), -MAX_COORDINATE, MAX_COORDINATE)
+        return clipped.astype(np.int32)
 
     def positions(self, coordinates: Coordinates, dtype: npt.DTypeLike) -> Vertices:
         """Positions at grid coordinates, in model units.
@@ -74,12 +74,12 @@ class PositionGrid:
             return None
         lowest, rows = coordinates.min(axis=(0, 1)), []
         for axis, low in enumerate(lowest):
-            at, of_axis = coordinates[..., axis].astype(np.int64) - low, offsets[..., axis]
-            if at.max() >= at.size:
+            cells, values = coordinates[..., axis].astype(np.int64) - low, offsets[..., axis]
+            if cells.max() >= cells.size:
                 return None
-            row = np.zeros(at.max() + 1, np.int64)
-            row[at] = of_axis
-            if not np.array_equal(row[at], of_axis):
+            row = np.zeros(cells.max() + 1, np.int64)
+            row[cells] = values
+            if not np.array_equal(row[cells], values):
                 return None
             rows.append(row)
         return write_varints(*map(len, rows)) + encode_integers([*lowest.reshape(3, 1), *rows])
