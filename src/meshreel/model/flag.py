@@ -169,9 +169,9 @@ def _disjoint_links(shape: tuple[int, int], steps_m: tuple[float, float]) -> Ite
         yield (every, every, start), (every, every, end), steps_m[1]
     for start, end in down:
         yield (every, start, right), (every, end, right), steps_m[0]
-    for here, there in ((left, right), (right, left)):
+    for first, second in ((left, right), (right, left)):
         for start, end in down:
-            yield (every, start, here), (every, end, there), float(np.hypot(*steps_m))
+            yield (every, start, first), (every, end, second), float(np.hypot(*steps_m))
 
 
 class _Gusts:
@@ -191,10 +191,10 @@ class _Gusts:
     def wind(self, time_s: float) -> Floats:
         """Velocities in m/s, of shape (3, rows - 1, columns - 1)."""
         angle = self.pulse_per_s * time_s
-        moved = np.concatenate([self.speeds * np.cos(angle), -self.speeds * np.sin(angle)], axis=1)
+        gains = np.concatenate([self.speeds * np.cos(angle), -self.speeds * np.sin(angle)], axis=1)
         veer = 0.13 * np.sin(0.7 * time_s + 0.5) + 0.08 * np.sin(1.7 * time_s)
         speed = 1 + 0.25 * np.sin(0.9 * time_s) + 0.15 * np.sin(2.3 * time_s + 1)
         speed *= _WIND_M_PER_S * (1 - 0.5 * np.exp(-2 * time_s))
         # Not a matrix product: its rounding may depend on the number of threads.
-        turbulence = _TURBULENCE * np.einsum("cw,ijw->cij", moved, self.waves)
+        turbulence = _TURBULENCE * np.einsum("cw,ijw->cij", gains, self.waves)
         return np.asarray(speed * (np.array([1, 0, veer])[:, None, None] + turbulence))

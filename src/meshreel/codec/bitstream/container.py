@@ -328,7 +328,7 @@ def _digest_of(sections: Sections) -> bytes:
 
 
 @dataclass(frozen=True)
-class BlockPlace:
+class BlockEntry:
     """Position and size of a block of frames in a stream."""
 
     n_frames: int
@@ -340,38 +340,38 @@ class BlockPlace:
 
 
 @dataclass(frozen=True)
-class SegmentPlace:
+class SegmentEntry:
     """Position of a segment after the first, and its blocks."""
 
     n_verts: int
     n_faces: int
     position: int
     """Byte offset of its section SEGMENT, which is the end of the previous segment."""
-    places: Sequence[BlockPlace]
+    entries: Sequence[BlockEntry]
     """At least 1."""
 
 
-def write_index(places: Sequence[BlockPlace], further: Sequence[SegmentPlace] = ()) -> bytes:
+def write_index(entries: Sequence[BlockEntry], further: Sequence[SegmentEntry] = ()) -> bytes:
     """Return the payload of the section INDEX; blocks are contiguous and end at the index.
 
     Parameters
     ----------
-    places : sequence of BlockPlace
+    entries : sequence of BlockEntry
         Blocks of the first segment.
-    further : sequence of SegmentPlace
+    further : sequence of SegmentEntry
         All further segments.
     """
-    numbers = [places[0].position if places else 0, *_numbers_of(places)]
+    numbers = [entries[0].position if entries else 0, *_numbers_of(entries)]
     for segment in further:
-        first = segment.places[0]
+        first = segment.entries[0]
         numbers += [segment.n_verts, segment.n_faces, len(first.sizes)]
-        numbers += [first.position - segment.position, *_numbers_of(segment.places)]
+        numbers += [first.position - segment.position, *_numbers_of(segment.entries)]
     return write_varints(*numbers)
 
 
-def _numbers_of(places: Sequence[BlockPlace]) -> list[int]:
+def _numbers_of(entries: Sequence[BlockEntry]) -> list[int]:
     """Return the number of blocks, then the frames of each block and the bytes of each track."""
-    return [len(places), *(number for place in places for number in (place.n_frames, *place.sizes))]
+    return [len(entries), *chain.from_iterable((entry.n_frames, *entry.sizes) for entry in entries)]
 
 
 class StreamWriter:
@@ -394,8 +394,8 @@ class StreamWriter:
         self.size_bytes: int = 0
         self._file = file
         self._header: Header | None = None  # of the stream
-        self._places: list[list[BlockPlace]] = []
-        self._further: list[SegmentPlace] = []
+        self._entries: list[list[BlockEntry]] = []
+        self._further: list[SegmentEntry] = []
         self._meshes = StoredMeshes()
 
     def begin_segment(self, header: Header, leading: Sections) -> None:
@@ -411,14 +411,14 @@ class StreamWriter:
         leading : iterable of (Section, bytes)
             The sections before its first block, without START unless it is the first segment.
         """
-        sections = self._meshes.share(len(self._places), header, leading)
-        self._places.append([])
+        sections = self._meshes.share(len(self._entries), header, leading)
+        self._entries.append([])
         if self._header is None:
             self._header = header
             self._write(write_header(header))
         else:
             counts = header.n_verts, header.n_faces
-            self._further.append(SegmentPlace(*counts, self.size_bytes, self._places[-1]))
+            self._further.append(SegmentEntry(*counts, self.size_bytes, self._entries[-1]))
             sections = [(Section.SEGMENT, write_segment(header, self._header)), *sections]
         self._write(b"".join(write_sections(sections)))
 
@@ -439,12 +439,12 @@ class StreamWriter:
             sizes[-1] += len(data)
         self._write(b"".join(encoded))
         self._file.flush()
-        self._places[-1].append(BlockPlace(n_frames, start, tuple(sizes)))
+        self._entries[-1].append(BlockEntry(n_frames, start, tuple(sizes)))
 
     def finish(self, trailing: Sections = ()) -> None:
         """Write sections that follow the blocks, the index, and the end marker."""
         self._write(b"".join(write_sections(list(trailing))))
-        index = write_index(self._places[0], self._further)
+        index = write_index(self._entries[0], self._further)
         position = INDEX_POSITION.pack(self.size_bytes)
         self._write(b"".join(write_sections([(Section.INDEX, index), (Section.END, position)])))
         self._file.flush()

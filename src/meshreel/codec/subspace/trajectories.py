@@ -47,8 +47,8 @@ class BoundingFrame:
             single = exact.astype(np.float32)
         if single[-1] > exact[-1]:
             single[-1] = np.nextafter(single[-1], np.float32(0.0))
-        moved = np.abs(single[:-1] - exact[:-1]).max()
-        if moved > MAX_ORIGIN_ERROR * self.scale or single[-1] < np.finfo(np.float32).tiny:
+        error = np.abs(single[:-1] - exact[:-1]).max()
+        if error > MAX_ORIGIN_ERROR * self.scale or single[-1] < np.finfo(np.float32).tiny:
             return self
         *origin, scale = single.tolist()
         return BoundingFrame(tuple(origin), scale)

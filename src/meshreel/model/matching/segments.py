@@ -153,17 +153,17 @@ def _assembled(
     turns = (np.argmin(numbers % 3, axis=1)[:, None] + np.arange(3)) % 3
     faces, numbers = (np.take_along_axis(table, turns, axis=1)[order] for table in (faces, numbers))
     source = source[order]
-    used, first_corners, inverse = np.unique(faces, return_index=True, return_inverse=True)
+    verts, first_corners, inverse = np.unique(faces, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first_corners))
-    faces, used = rank[inverse].reshape(-1, 3), used[np.argsort(first_corners)]
+    faces, verts = rank[inverse].reshape(-1, 3), verts[np.argsort(first_corners)]
     surface = _surface(segments, source, numbers, np.sort(first_corners))
     if surface.hard_edges is not None:
-        edges = _hard_edges(segments, vertices[:, used], faces)
+        edges = _hard_edges(segments, vertices[:, verts], faces)
         if edges is None:
             return None
         surface = replace(surface, hard_edges=edges)
     return segments[0].replace(
-        vertices=np.concatenate([position[:, used] for position in positions]),
+        vertices=np.concatenate([position[:, verts] for position in positions]),
         faces=faces.astype(np.int32),
         surface=surface,
     )

@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.codec.bitstream.container import (
     MAX_COMPACT,
-    BlockPlace,
+    BlockEntry,
     Header,
     StreamWriter,
     read_varint,
@@ -117,7 +117,7 @@ def test_damaged_block_in_the_index_is_refused():
 def test_index_entry_that_points_to_an_unknown_section_is_refused():
     before = write_header(HEADER) + section(*LEADING[0])
     unknown = unknown_section(OPTIONAL | 0x40)
-    index = write_index([BlockPlace(2, len(before), (len(unknown),))])
+    index = write_index([BlockEntry(2, len(before), (len(unknown),))])
     stream = Stream(ended(before + unknown, index))
     assert stream.file.block(0).n_frames == 2
     with pytest.raises(CorruptStreamError, match="a block does not end with COEFFICIENTS"):
@@ -144,7 +144,7 @@ def test_stream_with_another_frame_count_in_its_header_is_incomplete():
     ids=["shorter", "more frames", "no frames", "no bytes"],
 )
 def test_stream_with_a_contradictory_index_is_incomplete(places):
-    index = write_index([BlockPlace(frames, FIRST_START, (size,)) for frames, size in places])
+    index = write_index([BlockEntry(frames, FIRST_START, (size,)) for frames, size in places])
     assert "contradicts" in damage_of(ended(DATA[:BLOCKS_END], index))
 
 
