@@ -6,31 +6,32 @@
 
 #define MAX_FACES ((int64_t)INT32_MAX / 6)
 
-reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t n, size_t pairs) {
+reel_adjacency_builder reel_allocate_adjacency_builder(reel_arena *arena, size_t n,
+                                                       size_t n_edges) {
     return (reel_adjacency_builder){
         .starts = reel_allocate(arena, n + 1, sizeof(int32_t)),
-        .highs = reel_allocate(arena, pairs, sizeof(int32_t)),
+        .highs = reel_allocate(arena, n_edges, sizeof(int32_t)),
         .firsts = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .ends = reel_allocate(arena, n + 1, sizeof(int32_t)),
-        .lows = reel_allocate(arena, pairs, sizeof(int32_t)),
+        .lows = reel_allocate(arena, n_edges, sizeof(int32_t)),
     };
 }
 
 /* List the upper ends of each lower end, in the order of the edges. */
-static void list_highs(const reel_adjacency_builder *builder, int32_t n, int32_t pairs,
-                       const int32_t *pair) {
+static void list_highs(const reel_adjacency_builder *builder, int32_t n, int32_t n_edges,
+                       const int32_t *edges) {
     int32_t *starts = builder->starts, *firsts = builder->firsts, *cursor = builder->ends;
     reel_zero(starts, ((size_t)n + 1) * sizeof *starts);
     reel_zero(firsts, ((size_t)n + 1) * sizeof *firsts);
-    for (int32_t i = 0; i < pairs; i++) {
-        starts[pair[2 * i] + 1]++;
-        firsts[pair[2 * i + 1] + 1]++;
+    for (int32_t i = 0; i < n_edges; i++) {
+        starts[edges[2 * i] + 1]++;
+        firsts[edges[2 * i + 1] + 1]++;
     }
     reel_prefix_sum(starts, n);
     reel_prefix_sum(firsts, n);
     reel_copy(cursor, starts, (size_t)n * sizeof *starts);
-    for (int32_t i = 0; i < pairs; i++) {
-        builder->highs[cursor[pair[2 * i]]++] = pair[2 * i + 1];
+    for (int32_t i = 0; i < n_edges; i++) {
+        builder->highs[cursor[edges[2 * i]]++] = edges[2 * i + 1];
     }
 }
 
@@ -49,9 +50,9 @@ static void list_lows(const reel_adjacency_builder *builder, int32_t n) {
     }
 }
 
-int32_t reel_build_adjacency(const reel_adjacency_builder *builder, int32_t n, int32_t pairs,
+int32_t reel_build_adjacency(const reel_adjacency_builder *builder, int32_t n, int32_t n_edges,
                              int32_t *starts, int32_t *near) {
-    list_highs(builder, n, pairs, near);
+    list_highs(builder, n, n_edges, near);
     list_lows(builder, n);
     reel_zero(starts, ((size_t)n + 1) * sizeof *starts);
     for (int32_t v = 0; v < n; v++) {
@@ -74,8 +75,8 @@ int32_t reel_build_adjacency(const reel_adjacency_builder *builder, int32_t n, i
 }
 
 /* List the edges of faces; returns their number, or -1 - face for a face with an invalid vertex. */
-static int64_t list_edges(const int32_t *faces, int32_t n_faces, int32_t n_verts, int32_t *pair) {
-    int64_t pairs = 0;
+static int64_t list_edges(const int32_t *faces, int32_t n_faces, int32_t n_verts, int32_t *edges) {
+    int64_t n_edges = 0;
     for (int32_t face = 0; face < n_faces; face++, faces += 3) {
         for (int corner = 0; corner < 3; corner++) {
             int32_t a = faces[corner], b = faces[corner == 2 ? 0 : corner + 1];
@@ -83,13 +84,13 @@ static int64_t list_edges(const int32_t *faces, int32_t n_faces, int32_t n_verts
                 return -1 - face;
             }
             if (a != b) {
-                pair[2 * pairs] = a < b ? a : b;
-                pair[2 * pairs + 1] = a < b ? b : a;
-                pairs++;
+                edges[2 * n_edges] = a < b ? a : b;
+                edges[2 * n_edges + 1] = a < b ? b : a;
+                n_edges++;
             }
         }
     }
-    return pairs;
+    return n_edges;
 }
 
 size_t reel_adjacency_memory(int64_t n_verts, int64_t n_faces) {
@@ -109,11 +110,11 @@ int64_t reel_adjacency(void *memory, size_t memory_size, const int32_t *faces, i
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    int64_t pairs = list_edges(faces, (int32_t)n_faces, (int32_t)n_verts, near);
-    if (pairs < 0) {
-        return reel_failure(REEL_INVALID, (uint64_t)(-1 - pairs));
+    int64_t n_edges = list_edges(faces, (int32_t)n_faces, (int32_t)n_verts, near);
+    if (n_edges < 0) {
+        return reel_failure(REEL_INVALID, (uint64_t)(-1 - n_edges));
     }
-    return reel_build_adjacency(&builder, (int32_t)n_verts, (int32_t)pairs, starts, near);
+    return reel_build_adjacency(&builder, (int32_t)n_verts, (int32_t)n_edges, starts, near);
 }
 
 /* Add a face unless its corners are all equal; returns the end of the faces. */

@@ -50,8 +50,7 @@ REEL_INLINE reel_arena reel_arena_of(void *memory, size_t size) {
 #define REEL_GUARD(block, size, whole) (void)0
 #endif
 
-/* Bytes that an array of `count` items of `item` bytes takes in an arena. The caller bounds the
-   product. */
+/* Bytes of an array of `count` items of `item` bytes in an arena. The caller bounds the product. */
 REEL_INLINE size_t reel_array_bytes(size_t count, size_t item) {
     return (count * item + REEL_GAP + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 }

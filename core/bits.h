@@ -33,9 +33,9 @@ REEL_INLINE bool reel_is_encoder(const reel_range_coder *coder) {
 
 REEL_INLINE uint32_t reel_read_word(reel_range_coder *coder) {
     uint32_t word = 0;
-    size_t left = coder->position < coder->size ? coder->size - coder->position : 0;
+    size_t remaining = coder->position < coder->size ? coder->size - coder->position : 0;
     for (size_t i = 0; i < 4; i++) { /* bytes past the end read as 0 */
-        word = word << 8 | (i < left ? coder->in[coder->position + i] : 0U);
+        word = word << 8 | (i < remaining ? coder->in[coder->position + i] : 0U);
     }
     coder->position += 4;
     return word;
@@ -247,9 +247,9 @@ REEL_INLINE int reel_even_bit(reel_range_coder *coder, reel_model *model, int bi
     }
     uint64_t bound = (coder->range >> 16) * reel_probability(model), low = coder->low;
     bit = low < bound;
-    uint64_t above = (uint64_t)bit - 1; /* all ones if the bit is 0 */
-    coder->low = low - (bound & above);
-    coder->range = (bound & ~above) + ((coder->range - bound) & above);
+    uint64_t zero_mask = (uint64_t)bit - 1; /* all ones if the bit is 0 */
+    coder->low = low - (bound & zero_mask);
+    coder->range = (bound & ~zero_mask) + ((coder->range - bound) & zero_mask);
     if (coder->range < (uint64_t)1 << 32) {
         reel_renormalize(coder);
     }

@@ -51,7 +51,7 @@ typedef struct {
     uint8_t *types;
     int32_t *nodes, *starts;
     int64_t n_cells, n_nodes, n_verts;
-    int64_t n_done, n_named; /* visited cells; numbered nodes */
+    int64_t n_visited, n_numbered; /* visited cells; numbered nodes */
     open_side *sides;
     int32_t n_sides, next_side; /* sides are visited in the order in which they open */
     int32_t *sides_at;          /* link to the first open side at each node */
@@ -63,7 +63,7 @@ typedef struct {
     /* Encoder only. */
     reel_cell_list given; /* cells of the input */
     const int32_t *mates; /* for each side of them, the same side of another cell, or itself */
-    int32_t *name;        /* internal number of each given node */
+    int32_t *numbers;     /* internal number of each given node */
     int32_t *given_of, *given_cells; /* given number of each internal node, and cell */
     uint8_t *is_visited;  /* whether each given cell was visited */
 } cell_walk;
@@ -78,8 +78,7 @@ typedef struct {
     const int32_t *given; /* encoder: its given nodes; else NULL */
 } new_cell;
 
-/* A node that may be the next one of a cell. Open sides that share an edge with the cell propose
-   it. */
+/* A likely next node of a cell, proposed by open sides that share an edge with the cell. */
 typedef struct {
     int32_t node;
     int votes;         /* open sides that propose it */
@@ -125,10 +124,10 @@ static int32_t *link_after(cell_walk *walk, int32_t link) {
 }
 
 static walked_edge *find_edge(const cell_walk *walk, int32_t a, int32_t b) {
-    int32_t low = a < b ? a : b, high = a < b ? b : a, at = walk->edges_at[low];
-    for (int i = 0; i < MAX_LOOKUPS && at != NONE; i++, at = walk->edges[at].next) {
-        if (walk->edges[at].high == high) {
-            return &walk->edges[at];
+    int32_t low = a < b ? a : b, high = a < b ? b : a, index = walk->edges_at[low];
+    for (int i = 0; i < MAX_LOOKUPS && index != NONE; i++, index = walk->edges[index].next) {
+        if (walk->edges[index].high == high) {
+            return &walk->edges[index];
         }
     }
     return NULL;
@@ -147,24 +146,24 @@ static int32_t fail(cell_walk *walk) {
 /* ---- Nodes */
 
 /* Encoder: the internal number of a node, or NONE if it is new. */
-static int32_t name_of(const cell_walk *walk, const new_cell *cell, int slot) {
-    return reel_is_encoder(&walk->coder) ? walk->name[cell->given[slot]] : NONE;
+static int32_t number_of(const cell_walk *walk, const new_cell *cell, int slot) {
+    return reel_is_encoder(&walk->coder) ? walk->numbers[cell->given[slot]] : NONE;
 }
 
 /* Code a node that is not a candidate: a new one, one of those around the entered side, or any
    other by its distance from the newest. */
 static int32_t code_new_or_far(cell_walk *walk, const new_cell *cell, int slot, reel_model *model,
                                const int32_t *around, int n_around) {
-    int32_t node = name_of(walk, cell, slot);
+    int32_t node = number_of(walk, cell, slot);
     if (reel_bit(&walk->coder, model, node == NONE)) {
-        if (walk->n_named == walk->n_verts) {
+        if (walk->n_numbered == walk->n_verts) {
             return fail(walk);
         }
         if (reel_is_encoder(&walk->coder)) {
-            walk->name[cell->given[slot]] = (int32_t)walk->n_named;
-            walk->given_of[walk->n_named] = cell->given[slot];
+            walk->numbers[cell->given[slot]] = (int32_t)walk->n_numbered;
+            walk->given_of[walk->n_numbered] = cell->given[slot];
         }
-        return (int32_t)walk->n_named++;
+        return (int32_t)walk->n_numbered++;
     }
     if (n_around > 0) {
         int place = 0, class = n_around < AROUND_CLASSES ? n_around : AROUND_CLASSES - 1;
@@ -172,12 +171,12 @@ static int32_t code_new_or_far(cell_walk *walk, const new_cell *cell, int slot, 
             place++;
         }
         if (reel_bit(&walk->coder, &walk->models->is_around[class], place < n_around)) {
-            uint32_t coded =
+            uint32_t index =
                 reel_code_count(&walk->coder, &walk->models->place[class], (uint32_t)place);
-            return coded < (uint32_t)n_around ? around[coded] : fail(walk);
+            return index < (uint32_t)n_around ? around[index] : fail(walk);
         }
     }
-    int64_t last = walk->n_named - 1;
+    int64_t last = walk->n_numbered - 1;
     uint32_t back = reel_code_count(&walk->coder, &walk->models->far, (uint32_t)(last - node));
     return back <= last ? (int32_t)(last - back) : fail(walk);
 }
@@ -204,9 +203,9 @@ static void vote_for(proposal_list *list, const new_cell *cell, int32_t node, in
     if (i == list->n) {
         list->items[list->n++] = (proposal){node, 0, 0};
     }
-    proposal *voted = &list->items[i];
-    voted->votes++;
-    voted->cells_at_edge = voted->cells_at_edge > n_cells ? voted->cells_at_edge : n_cells;
+    proposal *item = &list->items[i];
+    item->votes++;
+    item->cells_at_edge = item->cells_at_edge > n_cells ? item->cells_at_edge : n_cells;
 }
 
 /* Let the open sides at an edge vote for the unknown corner. Each is assumed to be the same side as
@@ -255,15 +254,15 @@ static void find_proposals(cell_walk *walk, const new_cell *cell, int slot, prop
     }
     proposal *proposals = list->items;
     for (int i = 1; i < list->n; i++) {
-        proposal moved = proposals[i];
-        int at = i;
-        while (at > 0 && (proposals[at - 1].votes < moved.votes ||
-                          (proposals[at - 1].votes == moved.votes &&
-                           proposals[at - 1].cells_at_edge < moved.cells_at_edge))) {
-            proposals[at] = proposals[at - 1];
-            at--;
+        proposal current = proposals[i];
+        int index = i;
+        while (index > 0 && (proposals[index - 1].votes < current.votes ||
+                             (proposals[index - 1].votes == current.votes &&
+                              proposals[index - 1].cells_at_edge < current.cells_at_edge))) {
+            proposals[index] = proposals[index - 1];
+            index--;
         }
-        proposals[at] = moved;
+        proposals[index] = current;
     }
     list->n = list->n < MAX_CANDIDATES ? list->n : MAX_CANDIDATES;
 }
@@ -278,10 +277,10 @@ static int find_around(cell_walk *walk, const new_cell *cell, const proposal_lis
     }
     for (int i = 0; i < cell->shape->side_sizes[cell->entry]; i++) {
         int32_t corner = cell->nodes[cell->shape->sides[cell->entry][i]];
-        int looked = 0;
+        int n_lookups = 0;
         for (int32_t *link = &walk->sides_at[corner];
-             looked < MAX_LOOKUPS && open_link(walk, link) != NONE;
-             looked++, link = link_after(walk, *link)) {
+             n_lookups < MAX_LOOKUPS && open_link(walk, link) != NONE;
+             n_lookups++, link = link_after(walk, *link)) {
             const open_side *side = &walk->sides[*link / REEL_MAX_SIDES];
             for (int k = 0; k < side_size(walk, side); k++) {
                 int32_t node = side_node(walk, side, k);
@@ -312,7 +311,7 @@ static int32_t code_corner(cell_walk *walk, const new_cell *cell, int slot) {
         int votes = candidate->votes > 3 ? 2 : candidate->votes - 1;
         reel_model *model =
             &walk->models->candidate[shape][i][n - 1][votes][candidate->cells_at_edge];
-        if (reel_bit(&walk->coder, model, candidate->node == name_of(walk, cell, slot))) {
+        if (reel_bit(&walk->coder, model, candidate->node == number_of(walk, cell, slot))) {
             return candidate->node;
         }
     }
@@ -325,24 +324,24 @@ static int32_t code_corner(cell_walk *walk, const new_cell *cell, int slot) {
 /* Find the open side with the same nodes as side `number` of a cell, or NONE. */
 static int32_t find_side(cell_walk *walk, const reel_cell_shape *shape, const int32_t *nodes,
                          int number) {
-    int size = shape->side_sizes[number], looked = 0;
-    int32_t corners[REEL_MAX_SIDE_CORNERS], own[REEL_MAX_SIDE_CORNERS];
+    int size = shape->side_sizes[number], n_lookups = 0;
+    int32_t corners[REEL_MAX_SIDE_CORNERS], sorted[REEL_MAX_SIDE_CORNERS];
     for (int i = 0; i < size; i++) {
         corners[i] = nodes[shape->sides[number][i]];
     }
-    int n_own = reel_sort_nodes(corners, size, own);
-    for (int32_t *link = &walk->sides_at[own[0]];
-         looked < MAX_LOOKUPS && open_link(walk, link) != NONE;
-         looked++, link = link_after(walk, *link)) {
+    int n_sorted = reel_sort_nodes(corners, size, sorted);
+    for (int32_t *link = &walk->sides_at[sorted[0]];
+         n_lookups < MAX_LOOKUPS && open_link(walk, link) != NONE;
+         n_lookups++, link = link_after(walk, *link)) {
         const open_side *side = &walk->sides[*link / REEL_MAX_SIDES];
-        int32_t other[REEL_MAX_SIDE_CORNERS];
+        int32_t other_sorted[REEL_MAX_SIDE_CORNERS];
         for (int i = 0; i < side_size(walk, side); i++) {
             corners[i] = side_node(walk, side, i);
         }
-        int n_other = reel_sort_nodes(corners, side_size(walk, side), other);
-        bool is_same = n_own == n_other;
-        for (int i = 0; i < n_own && is_same; i++) {
-            is_same = own[i] == other[i];
+        int n_other = reel_sort_nodes(corners, side_size(walk, side), other_sorted);
+        bool is_same = n_sorted == n_other;
+        for (int i = 0; i < n_sorted && is_same; i++) {
+            is_same = sorted[i] == other_sorted[i];
         }
         if (is_same) {
             return *link / REEL_MAX_SIDES;
@@ -370,7 +369,7 @@ static int32_t center_of(const cell_walk *walk, int32_t side) {
 /* Code a node that is not a corner. `shared` is the node that a neighbor has there, or NONE. */
 static int32_t code_middle(cell_walk *walk, const new_cell *cell, int slot, int32_t shared) {
     if (shared != NONE &&
-        reel_bit(&walk->coder, &walk->models->is_shared, name_of(walk, cell, slot) == shared)) {
+        reel_bit(&walk->coder, &walk->models->is_shared, number_of(walk, cell, slot) == shared)) {
         return shared;
     }
     return code_new_or_far(walk, cell, slot, &walk->models->is_new_middle, NULL, 0);
@@ -419,11 +418,11 @@ static void visit_edges(cell_walk *walk, const new_cell *cell) {
 static void visit_sides(cell_walk *walk, const new_cell *cell, int32_t number) {
     const reel_cell_shape *shape = cell->shape;
     for (int k = 0; k < shape->n_sides; k++) {
-        int32_t met = k == cell->entry ? NONE : find_side(walk, shape, cell->nodes, k);
-        if (met != NONE) {
-            walk->sides[met].is_open = false;
+        int32_t visited_side = k == cell->entry ? NONE : find_side(walk, shape, cell->nodes, k);
+        if (visited_side != NONE) {
+            walk->sides[visited_side].is_open = false;
         }
-        if (met != NONE || k == cell->entry) {
+        if (visited_side != NONE || k == cell->entry) {
             continue;
         }
         int32_t index = walk->n_sides++;
@@ -442,8 +441,8 @@ static void visit_sides(cell_walk *walk, const new_cell *cell, int32_t number) {
 /* Code the type of a cell: that of the previous cell, or its index. */
 static const reel_cell_type *code_type(cell_walk *walk, const uint8_t *given_type) {
     const reel_cell_type *last = &reel_cell_types[0];
-    if (walk->n_done) {
-        last = reel_find_cell_type(walk->types[walk->n_done - 1]);
+    if (walk->n_visited) {
+        last = reel_find_cell_type(walk->types[walk->n_visited - 1]);
     }
     if (reel_bit(&walk->coder, &walk->models->same_type[last->shape],
                  given_type && *given_type == last->code)) {
@@ -474,7 +473,7 @@ static int entry_of(const cell_walk *walk, const open_side *gate, const reel_cel
             bool fits = true;
             for (int i = 0; i < size; i++) {
                 int corner = (forward ? turn + i : turn - i + size) % size;
-                int32_t node = walk->name[nodes[shape->sides[number][i]]];
+                int32_t node = walk->numbers[nodes[shape->sides[number][i]]];
                 fits &= node == side_node(walk, gate, corner);
             }
             if (fits) {
@@ -518,7 +517,7 @@ static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
     cell.given = writes ? walk->given.nodes + walk->given.starts[given] : NULL;
     cell.type = code_type(walk, writes ? &walk->given.types[given] : NULL);
     cell.shape = reel_shape_of(cell.type);
-    int64_t start = walk->starts[walk->n_done];
+    int64_t start = walk->starts[walk->n_visited];
     if (walk->failed || start + reel_n_nodes(cell.type) > walk->n_nodes) {
         walk->failed = true;
         return;
@@ -541,7 +540,7 @@ static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
     if (walk->failed) {
         return;
     }
-    int32_t number = (int32_t)walk->n_done++;
+    int32_t number = (int32_t)walk->n_visited++;
     walk->types[number] = cell.type->code;
     walk->starts[number + 1] = (int32_t)(start + reel_n_nodes(cell.type));
     reel_copy(walk->nodes + start, cell.nodes, (size_t)reel_n_nodes(cell.type) * sizeof(int32_t));
@@ -556,9 +555,9 @@ static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
 /* Encoder: return the unvisited cell across an open side, or NONE, and its entry. */
 static int32_t cell_behind(const cell_walk *walk, int32_t gate, int *entry) {
     const open_side *side = &walk->sides[gate];
-    int32_t own = REEL_MAX_SIDES * walk->given_cells[side->cell] + side->number;
-    int32_t mate = walk->mates[own], given = mate / REEL_MAX_SIDES;
-    if (mate == own || walk->is_visited[given]) {
+    int32_t side_number = REEL_MAX_SIDES * walk->given_cells[side->cell] + side->number;
+    int32_t mate = walk->mates[side_number], given = mate / REEL_MAX_SIDES;
+    if (mate == side_number || walk->is_visited[given]) {
         return NONE;
     }
     const reel_cell_shape *shape = reel_shape_of(reel_find_cell_type(walk->given.types[given]));
@@ -568,22 +567,22 @@ static int32_t cell_behind(const cell_walk *walk, int32_t gate, int *entry) {
 }
 
 /* Code whether the next cell is across an open side. The contexts are: corners known to be on the
-   surface, edges with another open side, corners, and the most visited cells at such an edge. */
+   surface, edges with another open side, corners, and the maximum of visited cells at these. */
 static bool code_is_next(cell_walk *walk, const open_side *gate, bool is_next) {
     int size = side_size(walk, gate), n_outer = 0, n_met = 0, max_cells = 0;
     for (int i = 0; i < size; i++) {
         int32_t a = side_node(walk, gate, i), b = side_node(walk, gate, (i + 1) % size);
         n_outer += walk->is_outer[a];
-        int looked = 0;
+        int n_lookups = 0;
         for (int32_t *link = &walk->sides_at[a];
-             looked < MAX_LOOKUPS && open_link(walk, link) != NONE;
-             looked++, link = link_after(walk, *link)) {
+             n_lookups < MAX_LOOKUPS && open_link(walk, link) != NONE;
+             n_lookups++, link = link_after(walk, *link)) {
             const open_side *side = &walk->sides[*link / REEL_MAX_SIDES];
             int corner = *link % REEL_MAX_SIDES, n = side_size(walk, side);
             if (side_node(walk, side, (corner + 1) % n) == b ||
                 side_node(walk, side, (corner + n - 1) % n) == b) {
-                int at_edge = cells_at_edge(walk, a, b);
-                max_cells = max_cells > at_edge ? max_cells : at_edge;
+                int n_cells = cells_at_edge(walk, a, b);
+                max_cells = max_cells > n_cells ? max_cells : n_cells;
                 n_met++;
                 break;
             }
@@ -597,7 +596,7 @@ static bool code_is_next(cell_walk *walk, const open_side *gate, bool is_next) {
 /* Code all cells by a breadth-first walk across their sides. */
 static void walk_cells(cell_walk *walk) {
     bool writes = reel_is_encoder(&walk->coder);
-    for (int64_t seed = 0; walk->n_done < walk->n_cells && !walk->failed;) {
+    for (int64_t seed = 0; walk->n_visited < walk->n_cells && !walk->failed;) {
         if (walk->next_side == walk->n_sides) {
             while (writes && walk->is_visited[seed]) {
                 seed++;
@@ -625,27 +624,27 @@ static void walk_cells(cell_walk *walk) {
 
 /* ---- Lists */
 
-/* Code cells in their given order. The difference of a node from the same node of the previous cell
-   of this type is predicted by that of the node before it. */
+/* Code cells in their given order. A node differs from the same node of the previous cell of this
+   type by about as much as the node before it. */
 static void list_cells(cell_walk *walk) {
-    int32_t last[REEL_N_CELL_TYPES][MAX_NODES] = {{0}};
+    int32_t last_nodes[REEL_N_CELL_TYPES][MAX_NODES] = {{0}};
     bool writes = reel_is_encoder(&walk->coder);
-    for (; walk->n_done < walk->n_cells && !walk->failed; walk->n_done++) {
-        const int32_t *given_nodes =
-            writes ? walk->given.nodes + walk->given.starts[walk->n_done] : NULL;
+    for (; walk->n_visited < walk->n_cells && !walk->failed; walk->n_visited++) {
+        const int32_t *input_nodes =
+            writes ? walk->given.nodes + walk->given.starts[walk->n_visited] : NULL;
         const reel_cell_type *type =
-            code_type(walk, writes ? &walk->given.types[walk->n_done] : NULL);
-        int64_t start = walk->starts[walk->n_done], step = 0;
+            code_type(walk, writes ? &walk->given.types[walk->n_visited] : NULL);
+        int64_t start = walk->starts[walk->n_visited], step = 0;
         int n = reel_n_nodes(type), context = 0;
         if (walk->failed || start + n > walk->n_nodes) {
             walk->failed = true;
             return;
         }
-        int32_t *previous = last[type - reel_cell_types];
+        int32_t *previous = last_nodes[type - reel_cell_types];
         for (int i = 0; i < n; i++) {
             reel_integer_model *model =
                 i ? &walk->models->step[type->shape][context] : &walk->models->first[type->shape];
-            int64_t residual = given_nodes ? given_nodes[i] - previous[i] - step : 0;
+            int64_t residual = input_nodes ? input_nodes[i] - previous[i] - step : 0;
             residual = reel_code_integer(&walk->coder, model, (int32_t)residual);
             context = residual != 0;
             step += residual;
@@ -656,8 +655,8 @@ static void list_cells(cell_walk *walk) {
             }
             walk->nodes[start + i] = previous[i] = (int32_t)node;
         }
-        walk->types[walk->n_done] = type->code;
-        walk->starts[walk->n_done + 1] = (int32_t)(start + n);
+        walk->types[walk->n_visited] = type->code;
+        walk->starts[walk->n_visited + 1] = (int32_t)(start + n);
     }
 }
 
@@ -717,7 +716,7 @@ static int64_t code_cells(cell_walk *walk, bool listed) {
     } else {
         walk_cells(walk);
     }
-    walk->failed |= walk->starts[walk->n_done] != walk->n_nodes;
+    walk->failed |= walk->starts[walk->n_visited] != walk->n_nodes;
     return walk->failed ? reel_failure(REEL_CORRUPT, walk->coder.position)
                         : reel_finish(&walk->coder);
 }
@@ -739,7 +738,7 @@ int64_t reel_cells_encode(void *memory, size_t memory_size, const uint8_t *types
                       .given_of = internal_to_given};
     int32_t *starts = reel_allocate(&arena, (size_t)n_cells + 1, sizeof *starts);
     int32_t *mates = reel_allocate(&arena, REEL_MAX_SIDES * (size_t)n_cells, sizeof *mates);
-    walk.name = reel_allocate(&arena, (size_t)n_verts, sizeof *walk.name);
+    walk.numbers = reel_allocate(&arena, (size_t)n_verts, sizeof *walk.numbers);
     walk.is_visited = reel_allocate(&arena, (size_t)n_cells, 1);
     if (!start_walk(&walk, &arena)) {
         return reel_failure(REEL_NO_MEMORY, 0);
@@ -754,7 +753,7 @@ int64_t reel_cells_encode(void *memory, size_t memory_size, const uint8_t *types
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     for (int64_t v = 0; v < n_verts; v++) {
-        walk.name[v] = NONE;
+        walk.numbers[v] = NONE;
     }
     reel_zero(walk.is_visited, (size_t)n_cells);
     walk.coder = reel_start_encoder(out, capacity);
@@ -765,8 +764,8 @@ int64_t reel_cells_encode(void *memory, size_t memory_size, const uint8_t *types
     for (int32_t v = 0; v < n_verts; v++) { /* nodes that no cell uses get the last numbers */
         if (listed) {
             internal_to_given[v] = v;
-        } else if (walk.name[v] == NONE) {
-            internal_to_given[walk.n_named++] = v;
+        } else if (walk.numbers[v] == NONE) {
+            internal_to_given[walk.n_numbered++] = v;
         }
     }
     return size;

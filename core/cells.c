@@ -178,17 +178,17 @@ int64_t reel_start_cells(const uint8_t *types, int64_t n_cells, const int32_t *n
 int reel_sort_nodes(const int32_t *nodes, int n, int32_t *sorted) {
     int count = 0;
     for (int i = 0; i < n; i++) {
-        int at = count;
-        while (at > 0 && sorted[at - 1] > nodes[i]) {
-            at--;
+        int index = count;
+        while (index > 0 && sorted[index - 1] > nodes[i]) {
+            index--;
         }
-        if (at > 0 && sorted[at - 1] == nodes[i]) {
+        if (index > 0 && sorted[index - 1] == nodes[i]) {
             continue;
         }
-        for (int k = count++; k > at; k--) {
+        for (int k = count++; k > index; k--) {
             sorted[k] = sorted[k - 1];
         }
-        sorted[at] = nodes[i];
+        sorted[index] = nodes[i];
     }
     return count;
 }
@@ -207,13 +207,13 @@ static const reel_cell_shape *shape_of_cell(const reel_cell_list *cells, int64_t
 static side_key key_of(const reel_cell_list *cells, int32_t side) {
     const reel_cell_shape *shape = shape_of_cell(cells, side / REEL_MAX_SIDES);
     const int32_t *nodes = cells->nodes + cells->starts[side / REEL_MAX_SIDES];
-    int number = side % REEL_MAX_SIDES;
+    int local_side = side % REEL_MAX_SIDES;
     int32_t corners[REEL_MAX_SIDE_CORNERS];
-    for (int i = 0; i < shape->side_sizes[number]; i++) {
-        corners[i] = nodes[shape->sides[number][i]];
+    for (int i = 0; i < shape->side_sizes[local_side]; i++) {
+        corners[i] = nodes[shape->sides[local_side][i]];
     }
     side_key key = {.nodes = {-1, -1, -1, -1, -1, -1}};
-    key.n = reel_sort_nodes(corners, shape->side_sizes[number], key.nodes);
+    key.n = reel_sort_nodes(corners, shape->side_sizes[local_side], key.nodes);
     return key;
 }
 
@@ -230,20 +230,19 @@ static bool is_before(const reel_cell_list *cells, int32_t a, int32_t b, bool *i
     return a < b;
 }
 
-/* Move side `at` of a heap of n sides down until none of its children is after
- * it. */
-static void sift(const reel_cell_list *cells, int32_t *sides, int64_t at, int64_t n) {
+/* Move side `parent` of a heap of n sides down until none of its children is after it. */
+static void sift(const reel_cell_list *cells, int32_t *sides, int64_t parent, int64_t n) {
     bool is_same;
-    for (int64_t child = 2 * at + 1; child < n; at = child, child = 2 * at + 1) {
+    for (int64_t child = 2 * parent + 1; child < n; parent = child, child = 2 * parent + 1) {
         if (child + 1 < n && is_before(cells, sides[child], sides[child + 1], &is_same)) {
             child++;
         }
-        if (!is_before(cells, sides[at], sides[child], &is_same)) {
+        if (!is_before(cells, sides[parent], sides[child], &is_same)) {
             return;
         }
-        int32_t parent_side = sides[at];
-        sides[at] = sides[child];
-        sides[child] = parent_side;
+        int32_t swapped = sides[parent];
+        sides[parent] = sides[child];
+        sides[child] = swapped;
     }
 }
 
@@ -312,8 +311,7 @@ size_t reel_cells_memory(int64_t n_cells, int64_t n_verts) {
            reel_match_memory(n_cells, n_verts);
 }
 
-/* Allocate and fill the starts of cells, and the mates of their sides; returns
- * 0 or a failure. */
+/* Allocate and fill the starts of cells, and the mates of their sides; returns 0 or a failure. */
 static int64_t prepare(reel_arena *arena, const uint8_t *types, int64_t n_cells,
                        const int32_t *nodes, int64_t n_nodes, int64_t n_verts,
                        reel_cell_list *cells, int32_t **mates) {
@@ -361,12 +359,13 @@ int64_t reel_cells_surface(void *memory, size_t memory_size, const uint8_t *type
     *n_polygons = 0;
     for (int32_t cell = 0; cell < n_cells; cell++) {
         const reel_cell_shape *shape = shape_of_cell(&cells, cell);
-        const int32_t *at = nodes + cells.starts[cell];
+        const int32_t *cell_nodes = nodes + cells.starts[cell];
         int n_outlines = shape->is_solid ? shape->n_sides : shape->n_sides > 0;
         for (int k = 0; k < n_outlines; k++) {
             int32_t polygon[REEL_MAX_SIDE_CORNERS], side = REEL_MAX_SIDES * cell + k;
-            int n = shape->is_solid ? outline(at, shape->sides[k], shape->side_sizes[k], polygon)
-                                    : outline(at, NULL, shape->n_corners, polygon);
+            int n = shape->is_solid
+                        ? outline(cell_nodes, shape->sides[k], shape->side_sizes[k], polygon)
+                        : outline(cell_nodes, NULL, shape->n_corners, polygon);
             if (n < 3 || (shape->is_solid && mates[side] != side)) {
                 continue;
             }
@@ -390,28 +389,27 @@ int64_t reel_cells_surface(void *memory, size_t memory_size, const uint8_t *type
 /* ---- Adjacency */
 
 typedef struct {
-    int32_t *pairs;
+    int32_t *edges;
     int64_t n;
-} pair_list;
+} edge_list;
 
-static void add_pair(pair_list *list, int32_t a, int32_t b) {
+static void add_edge(edge_list *list, int32_t a, int32_t b) {
     if (a != b) {
-        list->pairs[2 * list->n] = a < b ? a : b;
-        list->pairs[2 * list->n++ + 1] = a < b ? b : a;
+        list->edges[2 * list->n] = a < b ? a : b;
+        list->edges[2 * list->n++ + 1] = a < b ? b : a;
     }
 }
 
-/* Add the edges of a cell. A node on an edge divides it; one on a side is
-   adjacent to the nodes on the edges of the side, one inside to the nodes on
-   the sides, or without any on the edges. */
-static void add_edges(pair_list *list, const reel_cell_type *type, const int32_t *nodes) {
+/* Add the edges of a cell. A node on an edge splits it. A node on a side is adjacent to the nodes
+   on the edges of the side; a node inside to those on the sides or, without any, on the edges. */
+static void add_cell_edges(edge_list *list, const reel_cell_type *type, const int32_t *nodes) {
     const reel_cell_shape *shape = reel_shape_of(type);
     const int32_t *mids = nodes + shape->n_corners, *centers = mids + shape->n_edges;
     for (int i = 0; i < shape->n_edges; i++) {
         int32_t a = nodes[shape->edges[i][0]], b = nodes[shape->edges[i][1]];
-        add_pair(list, a, type->has_mids ? mids[i] : b);
+        add_edge(list, a, type->has_mids ? mids[i] : b);
         if (type->has_mids) {
-            add_pair(list, b, mids[i]);
+            add_edge(list, b, mids[i]);
         }
     }
     for (int i = 0; i < type->n_centers; i++) {
@@ -421,14 +419,14 @@ static void add_edges(pair_list *list, const reel_cell_type *type, const int32_t
         }
         for (int k = 0; k < shape->n_edges; k++) {
             if (corners >> shape->edges[k][0] & corners >> shape->edges[k][1] & 1U) {
-                add_pair(list, mids[k], centers[i]);
+                add_edge(list, mids[k], centers[i]);
             }
         }
     }
     if (type->has_middle) {
         int n = type->n_centers ? type->n_centers : shape->n_edges;
         for (int i = 0; i < n; i++) {
-            add_pair(list, type->n_centers ? centers[i] : mids[i], centers[type->n_centers]);
+            add_edge(list, type->n_centers ? centers[i] : mids[i], centers[type->n_centers]);
         }
     }
 }
@@ -436,9 +434,9 @@ static void add_edges(pair_list *list, const reel_cell_type *type, const int32_t
 size_t reel_cells_adjacency_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts,
                                    int64_t of_cells) {
     reel_arena arena = REEL_MEASURE;
-    size_t pairs = of_cells ? REEL_MAX_SIDES / 2 * (size_t)n_cells : 2 * (size_t)n_nodes;
+    size_t edges = of_cells ? REEL_MAX_SIDES / 2 * (size_t)n_cells : 2 * (size_t)n_nodes;
     reel_allocate(&arena, (size_t)n_cells + 1, sizeof(int32_t));
-    reel_allocate_adjacency_builder(&arena, (size_t)(of_cells ? n_cells : n_verts), pairs);
+    reel_allocate_adjacency_builder(&arena, (size_t)(of_cells ? n_cells : n_verts), edges);
     return arena.used + (of_cells ? reel_cells_memory(n_cells, n_verts) : 0);
 }
 
@@ -446,7 +444,7 @@ int64_t reel_cells_adjacency(void *memory, size_t memory_size, const uint8_t *ty
                              int64_t n_cells, const int32_t *nodes, int64_t n_nodes,
                              int64_t n_verts, int64_t of_cells, int32_t *starts, int32_t *near) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    pair_list list = {.pairs = near};
+    edge_list list = {.edges = near};
     reel_cell_list cells;
     int64_t n = of_cells ? n_cells : n_verts;
     if (of_cells) {
@@ -456,7 +454,7 @@ int64_t reel_cells_adjacency(void *memory, size_t memory_size, const uint8_t *ty
             for (int k = 0; k < shape_of_cell(&cells, cell)->n_sides; k++) {
                 int32_t mate = mates[REEL_MAX_SIDES * cell + k] / REEL_MAX_SIDES;
                 if (mate > cell) {
-                    add_pair(&list, cell, mate);
+                    add_edge(&list, cell, mate);
                 }
             }
         }
@@ -472,7 +470,7 @@ int64_t reel_cells_adjacency(void *memory, size_t memory_size, const uint8_t *ty
             return failure;
         }
         for (int64_t i = 0; i < n_cells; i++) {
-            add_edges(&list, reel_find_cell_type(types[i]), nodes + cell_starts[i]);
+            add_cell_edges(&list, reel_find_cell_type(types[i]), nodes + cell_starts[i]);
         }
     }
     reel_adjacency_builder builder =

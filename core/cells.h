@@ -1,5 +1,4 @@
-/* Cells of any type: lines, polygons and solids, with nodes on edges and sides.
-   docs/format.md, CELLS. */
+/* Cells: lines, polygons and solids, with nodes on edges and sides. docs/format.md, CELLS. */
 
 #ifndef REEL_CELLS_H
 #define REEL_CELLS_H
@@ -11,9 +10,8 @@
 #define REEL_MAX_CELL_CORNERS 12
 #define REEL_MAX_EDGES 18
 
-/* Corners, edges and sides of a cell. Sides are the faces of a solid,
-   counterclockwise as seen from outside, or the edges of a polygon; a line has
-   none. */
+/* Corners, edges and sides of a cell. Sides are the faces of a solid, counterclockwise as seen from
+   outside, or the edges of a polygon; a line has none. */
 typedef struct {
     uint8_t n_corners, n_edges, n_sides;
     bool is_solid;
@@ -22,8 +20,8 @@ typedef struct {
     uint8_t sides[REEL_MAX_SIDES][REEL_MAX_SIDE_CORNERS];
 } reel_cell_shape;
 
-/* Nodes of a cell: the corners, then one on each edge if `has_mids`, then one
-   on each of the sides `centers`, then one inside if `has_middle`. */
+/* Nodes of a cell: the corners, then one on each edge if `has_mids`, then one on each of the sides
+   in `centers`, then one inside if `has_middle`. */
 typedef struct {
     uint8_t code; /* cell type of VTK */
     uint8_t shape;
@@ -42,7 +40,6 @@ REEL_INLINE const reel_cell_shape *reel_shape_of(const reel_cell_type *type) {
     return &reel_cell_shapes[type->shape];
 }
 
-/* Number of nodes of a cell. */
 REEL_INLINE int reel_n_nodes(const reel_cell_type *type) {
     const reel_cell_shape *shape = reel_shape_of(type);
     return shape->n_corners + (type->has_mids ? shape->n_edges : 0) + type->n_centers +
@@ -52,8 +49,7 @@ REEL_INLINE int reel_n_nodes(const reel_cell_type *type) {
 /* The type of a code, or NULL. */
 const reel_cell_type *reel_find_cell_type(uint32_t code);
 
-/* Sort up to REEL_MAX_SIDE_CORNERS nodes and drop duplicates; returns how many
-   remain. */
+/* Sort up to REEL_MAX_SIDE_CORNERS nodes and drop duplicates; returns how many remain. */
 int reel_sort_nodes(const int32_t *nodes, int n, int32_t *sorted);
 
 /* Cells; the nodes of cell i are nodes[starts[i]] .. nodes[starts[i + 1] - 1]. */
@@ -64,10 +60,9 @@ typedef struct {
     int64_t n;
 } reel_cell_list;
 
-/* Pair the sides of different cells that have the same nodes. Side k of cell c
-   has the number 8 c + k; its entry of `mates` is the number of its partner, or
-   its own if it has none. Sides with the same nodes are paired in order.
-   Returns false if the arena is too small. */
+/* Pair the sides of different cells that have the same nodes. Side k of cell c has the number
+   8 c + k; its entry of `mates` is the number of its partner, or its own if it has none. Sides with
+   the same nodes are paired in order. Returns false if the arena is too small. */
 bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *arena,
                       int32_t *mates);
 

@@ -102,9 +102,9 @@ static int longest_axis(const item *items, int64_t n) {
     reel_copy(high, items->centroid, sizeof high);
     for (int64_t i = 1; i < n; i++) {
         for (int axis = 0; axis < 3; axis++) {
-            float place = items[i].centroid[axis];
-            low[axis] = place < low[axis] ? place : low[axis];
-            high[axis] = place > high[axis] ? place : high[axis];
+            float coordinate = items[i].centroid[axis];
+            low[axis] = coordinate < low[axis] ? coordinate : low[axis];
+            high[axis] = coordinate > high[axis] ? coordinate : high[axis];
         }
     }
     int longest = 0;
@@ -128,7 +128,7 @@ static void sort_items(item *items, int64_t n, int64_t size) {
     sort_items(items + middle, n - middle, size);
 }
 
-static void set_triangle(triangles *leaf, int place, const double *vertices, const int32_t *faces,
+static void set_triangle(triangles *leaf, int slot, const double *vertices, const int32_t *faces,
                          int32_t face) {
     const double *corners[3];
     double edges[3][3], squares[3] = {0.0, 0.0, 0.0}, normal[3], square = 0.0;
@@ -149,13 +149,13 @@ static void set_triangle(triangles *leaf, int place, const double *vertices, con
         square += normal[axis] * normal[axis];
     }
     for (int axis = 0; axis < 3; axis++) {
-        leaf->origin[axis][place] = corners[0][axis];
-        leaf->edges[0][axis][place] = edges[0][axis];
-        leaf->edges[1][axis][place] = edges[1][axis];
-        leaf->normal[axis][place] = normal[axis] / square;
-        leaf->inverses[axis][place] = squares[axis] > 0.0 ? 1.0 / squares[axis] : 0.0;
+        leaf->origin[axis][slot] = corners[0][axis];
+        leaf->edges[0][axis][slot] = edges[0][axis];
+        leaf->edges[1][axis][slot] = edges[1][axis];
+        leaf->normal[axis][slot] = normal[axis] / square;
+        leaf->inverses[axis][slot] = squares[axis] > 0.0 ? 1.0 / squares[axis] : 0.0;
     }
-    leaf->face[place] = face;
+    leaf->face[slot] = face;
 }
 
 static void set_box(boxes *nodes, int64_t child, const double *low, const double *high) {
@@ -167,7 +167,6 @@ static void set_box(boxes *nodes, int64_t child, const double *low, const double
     }
 }
 
-/* Remove the children of a node. */
 static void clear_node(boxes *node) {
     for (int child = 0; child < FANOUT; child++) {
         for (int axis = 0; axis < 3; axis++) {
@@ -190,7 +189,7 @@ static void bound_node(const boxes *node, double *low, double *high) {
     }
 }
 
-/* Fill a leaf, and set its box. After the last item, it is repeated. */
+/* Fill a leaf, and set its box. Slots after the last item repeat it. */
 static void set_leaf(const triangle_tree *tree, int64_t number, const item *items, int64_t n,
                      const double *vertices, const int32_t *faces) {
     double low[3], high[3];
@@ -198,10 +197,10 @@ static void set_leaf(const triangle_tree *tree, int64_t number, const item *item
         low[axis] = __builtin_inf();
         high[axis] = -__builtin_inf();
     }
-    for (int place = 0; place < LEAF; place++) {
-        int64_t index = LEAF * number + place;
+    for (int slot = 0; slot < LEAF; slot++) {
+        int64_t index = LEAF * number + slot;
         int32_t face = items[index < n ? index : n - 1].face;
-        set_triangle(tree->leaves + number, place, vertices, faces, face);
+        set_triangle(tree->leaves + number, slot, vertices, faces, face);
         for (int i = 0; i < 9; i++) {
             double value = vertices[3 * (int64_t)faces[3 * (int64_t)face + i / 3] + i % 3];
             low[i % 3] = smaller(low[i % 3], value);
@@ -244,9 +243,9 @@ int64_t reel_triangle_tree(void *memory, size_t memory_size, const double *verti
         return reel_failure(REEL_INVALID, 0);
     }
     reel_arena arena = reel_arena_of(memory, memory_size);
-    reel_arena of_tree = reel_arena_of(tree, reel_triangle_tree_bytes(n_faces));
+    reel_arena tree_arena = reel_arena_of(tree, reel_triangle_tree_bytes(n_faces));
     item *items = reel_allocate(&arena, (size_t)n_faces, sizeof *items);
-    triangle_tree built = allocate_tree(&of_tree, n_faces);
+    triangle_tree new_tree = allocate_tree(&tree_arena, n_faces);
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -271,7 +270,7 @@ int64_t reel_triangle_tree(void *memory, size_t memory_size, const double *verti
         size *= FANOUT;
     }
     sort_items(items, n_faces, size);
-    fill_tree(&built, items, n_faces, vertices, faces);
+    fill_tree(&new_tree, items, n_faces, vertices, faces);
     return n_faces;
 }
 
@@ -280,7 +279,7 @@ int64_t reel_triangle_tree(void *memory, size_t memory_size, const double *verti
 typedef struct {
     triangle_tree tree;
     double slack;
-    const double *points, *directions; /* these may be NULL */
+    const double *points, *directions; /* `directions` may be NULL */
     double reach_square;
     const uint64_t *order; /* numbers of the points, in the lower 32 bits */
     int64_t n_points;
@@ -293,7 +292,7 @@ typedef struct {
     double square; /* of the distance */
     double s, t;   /* coordinates along the edges of the triangle */
     int64_t face, leaf;
-    int place; /* in the leaf */
+    int slot; /* in the leaf */
 } nearest_point;
 
 typedef struct {
@@ -315,9 +314,9 @@ static void write_point(const search_job *job, int64_t point, const nearest_poin
     job->distances[point] = __builtin_sqrt(nearest->square);
     job->faces[point] = (int32_t)nearest->face;
     for (int axis = 0; axis < 3; axis++) {
-        double along = nearest->s * leaf->edges[0][axis][nearest->place] +
-                       nearest->t * leaf->edges[1][axis][nearest->place];
-        job->closest[3 * point + axis] = leaf->origin[axis][nearest->place] + along;
+        double along = nearest->s * leaf->edges[0][axis][nearest->slot] +
+                       nearest->t * leaf->edges[1][axis][nearest->slot];
+        job->closest[3 * point + axis] = leaf->origin[axis][nearest->slot] + along;
     }
     job->weights[3 * point] = larger(1.0 - nearest->s - nearest->t, 0.0);
     job->weights[3 * point + 1] = nearest->s;
@@ -357,8 +356,8 @@ static uint64_t *sort_points(const double *points, int64_t n, uint64_t *keys, ui
     for (int64_t i = 0; i < n; i++) {
         uint64_t key = 0;
         for (int axis = 0; axis < 3; axis++) {
-            double place = larger((points[3 * i + axis] - low[axis]) * scale, 0.0);
-            key |= spread_bits((uint64_t)smaller(place, N_DIGITS - 1)) << axis;
+            double coordinate = larger((points[3 * i + axis] - low[axis]) * scale, 0.0);
+            key |= spread_bits((uint64_t)smaller(coordinate, N_DIGITS - 1)) << axis;
         }
         keys[i] = key << 32 | (uint64_t)i;
     }
@@ -390,7 +389,7 @@ int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t
         return reel_failure(REEL_INVALID, 0);
     }
     reel_arena arena = reel_arena_of(memory, memory_size);
-    reel_arena of_tree = reel_arena_of((void *)tree, reel_triangle_tree_bytes(n_faces));
+    reel_arena tree_arena = reel_arena_of((void *)tree, reel_triangle_tree_bytes(n_faces));
     uint64_t *keys = reel_allocate(&arena, (size_t)n_points, sizeof *keys);
     uint64_t *sorted = reel_allocate(&arena, (size_t)n_points, sizeof *sorted);
     if (arena.failed) {
@@ -399,7 +398,7 @@ int64_t reel_closest(void *memory, size_t memory_size, const void *tree, int64_t
     if (n_points == 0) {
         return 0;
     }
-    search_job job = {.tree = allocate_tree(&of_tree, n_faces),
+    search_job job = {.tree = allocate_tree(&tree_arena, n_faces),
                       .points = points,
                       .directions = directions,
                       .reach_square = reach * reach,

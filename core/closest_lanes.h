@@ -80,25 +80,25 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
         VEC inside_s = NAMED(dot)(normal, NAMED(cross)(offset, second));
         VEC inside_t = NAMED(dot)(normal, NAMED(cross)(first, offset));
 
-        VEC3 rest = NAMED(subtract)(offset, on_first, first);
-        VEC square = NAMED(dot)(rest, rest), s = on_first, t = {0};
+        VEC3 residual = NAMED(subtract)(offset, on_first, first);
+        VEC square = NAMED(dot)(residual, residual), s = on_first, t = {0};
 
-        rest = NAMED(subtract)(offset, on_second, second);
-        VEC other = NAMED(dot)(rest, rest);
+        residual = NAMED(subtract)(offset, on_second, second);
+        VEC other = NAMED(dot)(residual, residual);
         MASK is_less = other < square;
         square = SELECT(is_less, other, square);
         s = (VEC)((MASK)s & ~is_less);
         t = SELECT(is_less, on_second, t);
 
-        rest = NAMED(subtract)(end, on_third, third);
-        other = NAMED(dot)(rest, rest);
+        residual = NAMED(subtract)(end, on_third, third);
+        other = NAMED(dot)(residual, residual);
         is_less = other < square;
         square = SELECT(is_less, other, square);
         s = SELECT(is_less, 1.0 - on_third, s);
         t = SELECT(is_less, on_third, t);
 
-        rest = NAMED(subtract)(NAMED(subtract)(offset, inside_s, first), inside_t, second);
-        other = NAMED(dot)(rest, rest);
+        residual = NAMED(subtract)(NAMED(subtract)(offset, inside_s, first), inside_t, second);
+        other = NAMED(dot)(residual, residual);
         is_less = (other < square) & (inside_s >= 0.0) & (inside_t >= 0.0) &
                   (inside_s + inside_t <= 1.0);
         square = SELECT(is_less, other, square);
@@ -134,8 +134,8 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
     int n_pending = 1;
     pending[0] = (pending_node){0.0, 0, tree->n_levels - 1};
     *nearest = (nearest_point){job->reach_square, 0.0, 0.0, INT64_MAX, nearest->leaf, 0};
-    int64_t searched = nearest->leaf;
-    NAMED(search_leaf)(tree->leaves, searched, point, direction, nearest);
+    int64_t first_leaf = nearest->leaf;
+    NAMED(search_leaf)(tree->leaves, first_leaf, point, direction, nearest);
     double bound = nearest->square * (1.0 + SLACK) + job->slack;
     while (n_pending) {
         pending_node node = pending[--n_pending];
@@ -143,7 +143,7 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
             continue;
         }
         if (node.level < 0) {
-            if (node.number != searched) {
+            if (node.number != first_leaf) {
                 NAMED(search_leaf)(tree->leaves, node.number, point, direction, nearest);
                 bound = nearest->square * (1.0 + SLACK) + job->slack;
             }
@@ -154,18 +154,18 @@ TARGET REEL_INLINE void NAMED(search_point)(const search_job *job, int64_t numbe
             NAMED(near_boxes)(tree->levels[node.level] + node.number, point, bound, squares);
         int first = n_pending;
         for (; bits; bits &= bits - 1) { /* descending, so that the nearest box is popped first */
-            int child = __builtin_ctz(bits), place = n_pending++;
-            for (; place > first && pending[place - 1].square < squares[child]; place--) {
-                pending[place] = pending[place - 1];
+            int child = __builtin_ctz(bits), index = n_pending++;
+            for (; index > first && pending[index - 1].square < squares[child]; index--) {
+                pending[index] = pending[index - 1];
             }
-            pending[place] = (pending_node){squares[child], FANOUT * node.number + child,
-                                            node.level - 1};
+            pending[index] =
+                (pending_node){squares[child], FANOUT * node.number + child, node.level - 1};
         }
     }
 }
 
 TARGET static void NAMED(search)(const search_job *job) {
-    nearest_point nearest = {.leaf = 0}; /* later of the previous point, which is nearby */
+    nearest_point nearest = {.leaf = 0}; /* then the leaf of the previous point, which is nearby */
     for (int64_t i = 0; i < job->n_points; i++) {
         int64_t point = (int64_t)(job->order[i] & UINT32_MAX);
         NAMED(search_point)(job, point, &nearest);

@@ -4,14 +4,14 @@
 #include "walk.h"
 
 /* Code faces as a list of corner differences. */
-static void code_listed(reel_walk *walk, int32_t *faces, int64_t n_faces) {
+static void code_face_list(reel_walk *walk, int32_t *faces, int64_t n_faces) {
     int64_t previous = 0;
     for (int64_t i = 0; i < n_faces && !walk->failed; i++) {
         int32_t *face = faces + 3 * i;
         for (int k = 0; k < 3; k++) {
             int64_t base = k ? face[0] : previous;
-            int32_t more = reel_is_encoder(&walk->coder) ? (int32_t)(face[k] - base) : 0;
-            int64_t value = base + reel_code_integer(&walk->coder, &walk->models->corner[k], more);
+            int32_t step = reel_is_encoder(&walk->coder) ? (int32_t)(face[k] - base) : 0;
+            int64_t value = base + reel_code_integer(&walk->coder, &walk->models->corner[k], step);
             if (value < 0 || value >= walk->n_verts) {
                 walk->failed = true;
                 return;
@@ -22,18 +22,18 @@ static void code_listed(reel_walk *walk, int32_t *faces, int64_t n_faces) {
     }
 }
 
-static int64_t code_amount(reel_walk *walk, int64_t amount, int64_t limit) {
-    amount = reel_code_count(&walk->coder, &walk->models->amounts, (uint32_t)amount);
-    walk->failed |= amount > limit;
-    return amount;
+static int64_t code_bounded_count(reel_walk *walk, int64_t count, int64_t limit) {
+    count = reel_code_count(&walk->coder, &walk->models->amounts, (uint32_t)count);
+    walk->failed |= count > limit;
+    return count;
 }
 
 /* Encoder: traverse all parts, those with a boundary first, each from its first boundary edge or
    face. */
 static void write_parts(reel_walk *walk) {
     const reel_surface *surface = &walk->surface;
-    int64_t n_given = 3 * surface->n_faces, n_all = n_given + 3 * surface->n_closing;
-    for (int64_t side = n_given + 2; side < n_all && !walk->failed; side += 3) {
+    int64_t n_mesh_sides = 3 * surface->n_faces, n_sides = n_mesh_sides + 3 * surface->n_closing;
+    for (int64_t side = n_mesh_sides + 2; side < n_sides && !walk->failed; side += 3) {
         if (!walk->is_met[surface->point[side]]) {
             reel_walk_part(walk, (int32_t)side);
         }
@@ -46,40 +46,40 @@ static void write_parts(reel_walk *walk) {
 }
 
 /* Encoder: number the vertices that no part uses, and renumber the degenerate faces. */
-static void finish_names(reel_walk *walk, const int32_t *faces) {
-    int64_t named = walk->n_named;
+static void finish_numbers(reel_walk *walk, const int32_t *faces) {
+    int64_t number = walk->n_numbered;
     for (int64_t v = 0; v < walk->n_verts; v++) {
-        if (walk->name[v] == REEL_NONE) {
-            walk->name[v] = (int32_t)named;
-            walk->given[named++] = (int32_t)v;
+        if (walk->numbers[v] == REEL_NONE) {
+            walk->numbers[v] = (int32_t)number;
+            walk->given[number++] = (int32_t)v;
         }
     }
-    int32_t *flat = walk->faces + 3 * walk->n_done;
+    int32_t *flat = walk->faces + 3 * walk->n_visited;
     for (int64_t f = 0; f < walk->surface.n_faces; f++) {
         for (int k = 0; walk->surface.flat[f] && k < 3; k++) {
-            *flat++ = walk->name[faces[3 * f + k]];
+            *flat++ = walk->numbers[faces[3 * f + k]];
         }
     }
 }
 
 static int64_t code_faces(reel_walk *walk, const int32_t *given) {
     const reel_surface *surface = &walk->surface;
-    int64_t n_unused = code_amount(walk, walk->n_verts - surface->n_used, walk->n_verts);
-    int64_t n_flat = code_amount(walk, surface->n_flat, walk->n_faces);
+    int64_t n_unused = code_bounded_count(walk, walk->n_verts - surface->n_used, walk->n_verts);
+    int64_t n_flat = code_bounded_count(walk, surface->n_flat, walk->n_faces);
     walk->n_faces -= walk->failed ? 0 : n_flat;
-    walk->n_caps = code_amount(walk, surface->n_caps, 3 * walk->n_faces);
+    walk->n_caps = code_bounded_count(walk, surface->n_caps, 3 * walk->n_faces);
     walk->pinched = reel_code_raw(&walk->coder, 1, surface->pinched);
     walk->has_flipped = reel_code_raw(&walk->coder, 1, surface->has_flipped);
     if (reel_is_encoder(&walk->coder)) {
         write_parts(walk);
-        finish_names(walk, given);
+        finish_numbers(walk, given);
     } else {
-        while (walk->n_done < walk->n_faces && !walk->failed) {
+        while (walk->n_visited < walk->n_faces && !walk->failed) {
             reel_walk_part(walk, REEL_NONE);
         }
     }
-    walk->failed |= walk->n_caps != 0 || walk->n_named + n_unused != walk->n_verts;
-    code_listed(walk, walk->faces + 3 * walk->n_done, walk->failed ? 0 : n_flat);
+    walk->failed |= walk->n_caps != 0 || walk->n_numbered + n_unused != walk->n_verts;
+    code_face_list(walk, walk->faces + 3 * walk->n_visited, walk->failed ? 0 : n_flat);
     return walk->failed ? reel_failure(REEL_CORRUPT, walk->coder.position)
                         : reel_finish(&walk->coder);
 }
@@ -109,8 +109,7 @@ static reel_walk new_walk(reel_arena *arena, int64_t n_verts, int64_t n_faces) {
     return walk;
 }
 
-/* Find the twins of listed faces, unless they are not requested; returns false if the arena is too
-   small. */
+/* Find the twins of listed faces if requested; returns false if the arena is too small. */
 static bool find_twins(const reel_walk *walk, reel_arena *arena) {
     if (!walk->twins) {
         return true;
@@ -149,18 +148,18 @@ size_t reel_connectivity_encode_memory(int64_t n_verts, int64_t n_faces) {
            reel_array_bytes(6 * (size_t)n_faces, 1);
 }
 
-static int64_t write_listed(reel_walk *walk, const int32_t *faces) {
+static int64_t write_face_list(reel_walk *walk, const int32_t *faces) {
     reel_copy(walk->faces, faces, 3 * (size_t)walk->n_faces * sizeof *faces);
     for (int64_t v = 0; v < walk->n_verts; v++) {
         walk->given[v] = (int32_t)v;
     }
-    code_listed(walk, walk->faces, walk->n_faces);
+    code_face_list(walk, walk->faces, walk->n_faces);
     return reel_finish(&walk->coder);
 }
 
 static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *faces) {
     size_t n_verts = (size_t)walk->n_verts, n_faces = (size_t)walk->n_faces;
-    walk->name = reel_allocate(arena, n_verts, sizeof *walk->name);
+    walk->numbers = reel_allocate(arena, n_verts, sizeof *walk->numbers);
     walk->side = reel_allocate(arena, max_nodes(walk->n_faces), sizeof *walk->side);
     walk->is_met = reel_allocate(arena, 6 * n_faces, 1);
     if (arena->failed ||
@@ -169,13 +168,13 @@ static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *fa
     }
     reel_zero(walk->is_met, 6 * n_faces);
     for (int64_t v = 0; v < walk->n_verts; v++) {
-        walk->name[v] = REEL_NONE;
+        walk->numbers[v] = REEL_NONE;
     }
     return code_faces(walk, faces);
 }
 
 int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t *faces,
-                                 int64_t n_faces, int64_t n_verts, int64_t listed,
+                                 int64_t n_faces, int64_t n_verts, int64_t keep_order,
                                  int32_t *internal_faces, int32_t *twins,
                                  int32_t *internal_to_given, uint8_t *out, size_t capacity) {
     if (!is_within(n_verts, n_faces)) {
@@ -196,11 +195,11 @@ int64_t reel_connectivity_encode(void *memory, size_t memory_size, const int32_t
     walk.twins = twins;
     walk.given = internal_to_given;
     start_twins(&walk);
-    reel_code_raw(&walk.coder, 1, listed != 0);
-    if (!listed) {
+    reel_code_raw(&walk.coder, 1, keep_order != 0);
+    if (!keep_order) {
         return write_walks(&walk, &arena, faces);
     }
-    int64_t size = write_listed(&walk, faces);
+    int64_t size = write_face_list(&walk, faces);
     return find_twins(&walk, &arena) ? size : reel_failure(REEL_NO_MEMORY, 0);
 }
 
@@ -222,7 +221,7 @@ int64_t reel_connectivity_decode(void *memory, size_t memory_size, const uint8_t
     if (!reel_code_raw(&walk.coder, 1, 0)) {
         return code_faces(&walk, NULL);
     }
-    code_listed(&walk, faces, n_faces);
+    code_face_list(&walk, faces, n_faces);
     if (walk.failed) {
         return reel_failure(REEL_CORRUPT, walk.coder.position);
     }

@@ -12,20 +12,19 @@ typedef struct {
     int64_t first, n, n_columns;
 } selection;
 
-/* Normalize one frame of `count` vertices, starting at `from`, into the rows of each column,
-   `stride` apart. */
+/* Normalize a frame of `count` vertices, from `begin` on, into rows of columns, `stride` apart. */
 #define DEFINE_ROWS(name, type)                                                                    \
-    static void name(const type *frame, const selection *selected, int64_t from, int64_t count,    \
+    static void name(const type *frame, const selection *subset, int64_t begin, int64_t count,     \
                      double *out, int64_t stride) {                                                \
-        for (int64_t column = 0; column < selected->n_columns; column++) {                         \
+        for (int64_t column = 0; column < subset->n_columns; column++) {                           \
             const type *values = frame + column;                                                   \
-            double scale = selected->placement[0], origin = selected->placement[1 + column];       \
+            double scale = subset->placement[0], origin = subset->placement[1 + column];           \
             double *row = out + column * stride;                                                   \
-            for (int64_t i = from; i < from + count; i++) {                                        \
+            for (int64_t i = begin; i < begin + count; i++) {                                      \
                 int64_t vertex =                                                                   \
-                    selected->order ? selected->order[selected->first + i] : selected->first + i;  \
-                double value = ((double)values[selected->n_columns * vertex] - origin) / scale;    \
-                row[i] = selected->signs ? row[i] + selected->signs[i] * value : value;            \
+                    subset->order ? subset->order[subset->first + i] : subset->first + i;          \
+                double value = ((double)values[subset->n_columns * vertex] - origin) / scale;      \
+                row[i] = subset->signs ? row[i] + subset->signs[i] * value : value;                \
             }                                                                                      \
         }                                                                                          \
     }
@@ -44,19 +43,19 @@ int64_t reel_coordinates(const void *vertices, int64_t size, int64_t n_frames, i
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    selection selected = {order, placement, signs, first, last - first, n_columns};
-    for (int64_t from = 0; from < selected.n; from += TILE) {
-        int64_t count = selected.n - from < TILE ? selected.n - from : TILE;
+    selection subset = {order, placement, signs, first, last - first, n_columns};
+    for (int64_t begin = 0; begin < subset.n; begin += TILE) {
+        int64_t count = subset.n - begin < TILE ? subset.n - begin : TILE;
         for (int64_t frame = 0; frame < n_frames; frame++) {
-            double *rows = out + frame * selected.n;
+            double *rows = out + frame * subset.n;
             if (size == 4) {
-                rows_of_floats((const float *)vertices + frame * n_verts * n_columns, &selected,
-                               from, count, rows, n_frames * selected.n);
+                rows_of_floats((const float *)vertices + frame * n_verts * n_columns, &subset,
+                               begin, count, rows, n_frames * subset.n);
             } else {
-                rows_of_doubles((const double *)vertices + frame * n_verts * n_columns, &selected,
-                                from, count, rows, n_frames * selected.n);
+                rows_of_doubles((const double *)vertices + frame * n_verts * n_columns, &subset,
+                                begin, count, rows, n_frames * subset.n);
             }
         }
     }
-    return selected.n;
+    return subset.n;
 }

@@ -9,8 +9,8 @@
 
 enum corner_code { BEST = 0, NEW = 1, EXPLICIT = 2 }; /* 3 and more: further candidates */
 
-/* A side at a corner, by the rows at its other end: that of the neighboring face is the same; the
-   one of this face is not coded yet; they differ; or no neighboring face was coded. */
+/* State of a side at a corner, by the rows of this and the neighboring face at its other end. OPEN:
+   this face's row is not coded yet; NO_NEIGHBOR: there is no coded face across the side. */
 enum side_state { SAME = 0, OPEN = 1, SEAM = 2, NO_NEIGHBOR = 3 };
 
 typedef struct {
@@ -56,9 +56,9 @@ static int examine_side(const corner_walk *walk, int32_t side, int32_t corner, i
 }
 
 static candidate_list find_candidates(const corner_walk *walk, int32_t corner) {
-    int32_t after = corner_after(corner), before = corner_after(after), rows[2];
-    int states[2] = {examine_side(walk, before, corner, before, &rows[0]),
-                     examine_side(walk, corner, corner, after, &rows[1])};
+    int32_t next = corner_after(corner), previous = corner_after(next), rows[2];
+    int states[2] = {examine_side(walk, previous, corner, previous, &rows[0]),
+                     examine_side(walk, corner, corner, next, &rows[1])};
     int first = states[1] < states[0];
     int32_t vertex = walk->triangles[corner];
     const int32_t *recent = walk->recent + (int64_t)vertex * MAX_RECENT;
@@ -82,18 +82,18 @@ static candidate_list find_candidates(const corner_walk *walk, int32_t corner) {
 static void set_row(corner_walk *walk, int32_t corner, int32_t item, int32_t row) {
     int32_t vertex = walk->triangles[corner];
     int32_t *recent = walk->recent + (int64_t)vertex * MAX_RECENT;
-    int n = walk->n_recent[vertex], at = 0;
+    int n = walk->n_recent[vertex], index = 0;
     walk->rows[item] = row;
-    while (at < n && recent[at] != row) {
-        at++;
+    while (index < n && recent[index] != row) {
+        index++;
     }
-    if (at == n && n < MAX_RECENT) {
+    if (index == n && n < MAX_RECENT) {
         walk->n_recent[vertex] = (uint8_t)(n + 1);
-    } else if (at == n) {
-        at = MAX_RECENT - 1;
+    } else if (index == n) {
+        index = MAX_RECENT - 1;
     }
-    for (; at > 0; at--) {
-        recent[at] = recent[at - 1];
+    for (; index > 0; index--) {
+        recent[index] = recent[index - 1];
     }
     recent[0] = row;
 }

@@ -1,9 +1,9 @@
 /* Loops over vector lanes, compiled for the baseline vectors of the machine and, on x86-64, again
    for AVX2 or AVX-512, which are detected at run time.
 
-   A file with such loops defines LANES, the number of doubles in a vector, and includes its
-   `..._lanes.h`, which undefines it; once for each width. There, TARGET is the attribute of functions,
-   and NAMED(x) is x with LANES appended: a name for each width. Lanes are independent and no
+   For each width, a file with such loops defines LANES, the number of doubles in a vector, and
+   includes its `..._lanes.h`, which undefines it. There, TARGET is the attribute of functions, and
+   NAMED(x) is x with LANES appended: a name for each width. Lanes are independent and no
    operations are fused, so all widths give the same bits. */
 
 #ifndef REEL_CPU_H

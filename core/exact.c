@@ -9,23 +9,23 @@
 #include "exact_state.h"
 
 static void allocate_state(exact_coder *coder, reel_arena *arena) {
-    size_t n = (size_t)coder->n_items, rows = n * (size_t)coder->n_frames,
-           all = rows * (size_t)coder->width;
-    size_t row = (size_t)(coder->n_frames * coder->width);
+    size_t n = (size_t)coder->n_items, n_rows = n * (size_t)coder->n_frames,
+           n_numbers = n_rows * (size_t)coder->width;
+    size_t row_size = (size_t)(coder->n_frames * coder->width);
     reel_allocate_traversal(&coder->traversal, arena, n);
     coder->models = reel_allocate(arena, 1, sizeof *coder->models);
     coder->columns = reel_allocate(arena, (size_t)coder->width, sizeof *coder->columns);
-    coder->coded.values = reel_allocate(arena, all, sizeof *coder->coded.values);
-    coder->coded.sizes = reel_allocate(arena, all, sizeof *coder->coded.sizes);
-    coder->coded.flags = reel_allocate(arena, rows, 1);
-    coder->coded.is_constant = reel_allocate(arena, n, 1);
+    coder->past.values = reel_allocate(arena, n_numbers, sizeof *coder->past.values);
+    coder->past.sizes = reel_allocate(arena, n_numbers, sizeof *coder->past.sizes);
+    coder->past.flags = reel_allocate(arena, n_rows, 1);
+    coder->past.is_constant = reel_allocate(arena, n, 1);
     coder->lags = reel_allocate(arena, (size_t)coder->n_frames, sizeof *coder->lags);
     coder->samples =
         reel_allocate(arena, (size_t)coder->n_frames * N_SAMPLES, sizeof *coder->samples);
-    coder->coded.noises = reel_allocate(arena, n, sizeof *coder->coded.noises);
-    coder->item.patterns = reel_allocate(arena, row, sizeof *coder->item.patterns);
-    coder->item.near_size_sums = reel_allocate(arena, row, sizeof *coder->item.near_size_sums);
-    coder->item.max_near_sizes = reel_allocate(arena, row, sizeof *coder->item.max_near_sizes);
+    coder->past.noises = reel_allocate(arena, n, sizeof *coder->past.noises);
+    coder->item.patterns = reel_allocate(arena, row_size, sizeof *coder->item.patterns);
+    coder->item.near_size_sums = reel_allocate(arena, row_size, sizeof *coder->item.near_size_sums);
+    coder->item.max_near_sizes = reel_allocate(arena, row_size, sizeof *coder->item.max_near_sizes);
     coder->filter.motions =
         reel_allocate(arena, 2 * exact_motions_count(coder->width), sizeof *coder->filter.motions);
     coder->filter.lagged_motions =

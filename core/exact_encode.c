@@ -5,8 +5,7 @@
 
 #define MAX_LAG 512
 
-/* Whether all finite floats have decimal indices that restore them, sampled every `step`
-   numbers. */
+/* Whether decimal indices restore the finite floats, of which every `step`-th is tested. */
 static bool restores_all(const exact_coder *coder, const reel_numbers *numbers, int64_t step) {
     int64_t count = coder->n_frames * coder->n_items * coder->width;
     int decade = 0;
@@ -31,7 +30,7 @@ static double octaves_saved(const exact_coder *coder, const reel_numbers *decima
     for (int64_t i = 0; i < count; i += step) {
         uint64_t pattern = reel_read_pattern(decimal, coder->values, i);
         if (!reel_is_special(decimal, pattern)) {
-            double value = reel_float_value(decimal, pattern) * decimal->down;
+            double value = reel_float_value(decimal, pattern) * decimal->to_scaled;
             int32_t coarse, fine;
             reel_predict_index(decimal, value, value, 0, &decade, &coarse);
             reel_predict_index(&plain, value, value, 0, &decade, &fine);
@@ -42,28 +41,27 @@ static double octaves_saved(const exact_coder *coder, const reel_numbers *decima
     return n ? (double)sum / (double)n : 0;
 }
 
-/* Choose the decimal grid with the fewest digits, then places, if it is coarser than the binary
-   one. */
+/* Choose the decimal grid with the fewest digits, then places, unless the binary one is coarser. */
 static void choose_decimal(exact_coder *coder) {
     int64_t count = coder->n_frames * coder->n_items * coder->width, step = count / 1024 + 1;
-    reel_numbers tried = coder->numbers;
+    reel_numbers trial = coder->numbers;
     int max_digits = coder->numbers.size == 4 ? 8 : REEL_MAX_DIGITS;
     for (int digits = 1; digits <= max_digits; digits++) {
-        reel_set_decimal(&tried, digits, REEL_MAX_PLACES);
-        if (!restores_all(coder, &tried, step)) {
+        reel_set_decimal(&trial, digits, REEL_MAX_PLACES);
+        if (!restores_all(coder, &trial, step)) {
             continue;
         }
         int places = REEL_MAX_PLACES;
         do {
-            reel_set_decimal(&tried, digits, places--);
-        } while (places >= 0 && restores_all(coder, &tried, step));
+            reel_set_decimal(&trial, digits, places--);
+        } while (places >= 0 && restores_all(coder, &trial, step));
         for (places += 2; places <= REEL_MAX_PLACES; places++) {
-            reel_set_decimal(&tried, digits, places);
-            if (octaves_saved(coder, &tried, step) < 4) {
+            reel_set_decimal(&trial, digits, places);
+            if (octaves_saved(coder, &trial, step) < 4) {
                 break;
             }
-            if (restores_all(coder, &tried, 1)) {
-                coder->numbers = tried;
+            if (restores_all(coder, &trial, 1)) {
+                coder->numbers = trial;
                 return;
             }
         }
@@ -77,17 +75,17 @@ static void choose_numbers(exact_coder *coder) {
         return;
     }
     int64_t count = coder->n_frames * coder->n_items * coder->width;
-    uint64_t any = 0, max_pattern = 0, magnitudes = reel_sign_bit(numbers) - 1;
+    uint64_t union_bits = 0, max_pattern = 0, magnitude_mask = reel_sign_bit(numbers) - 1;
     for (int64_t i = 0; i < count; i++) {
-        uint64_t pattern = reel_read_pattern(numbers, coder->values, i) & magnitudes;
+        uint64_t pattern = reel_read_pattern(numbers, coder->values, i) & magnitude_mask;
         if (reel_is_special(numbers, pattern)) {
             coder->choices.has_special = true;
         } else {
-            any |= pattern;
+            union_bits |= pattern;
             max_pattern = pattern > max_pattern ? pattern : max_pattern;
         }
     }
-    numbers->shift = any ? __builtin_ctzll(any) : 0;
+    numbers->shift = union_bits ? __builtin_ctzll(union_bits) : 0;
     double largest = reel_float_value(numbers, max_pattern);
     int scale = (int)(reel_bits_of(largest) >> 52) - 1022;
     scale = scale < -REEL_MAX_SCALE ? -REEL_MAX_SCALE : scale;
@@ -139,8 +137,8 @@ static void choose_lags(exact_coder *coder) {
     coder->choices.has_lags = n_similar >= coder->n_frames / 8 + 1;
 }
 
-/* Whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */
-static void count_repeats(exact_coder *coder, bool *many, bool *some) {
+/* Find whether many rows repeat the previous row (more than half), or some (more than 1 in 256). */
+static void count_repeats(exact_coder *coder, bool *has_many, bool *has_some) {
     int64_t n_repeated = 0, n_rows = 0, n_constant = 0;
     for (coder->item.index = 0; coder->item.index < coder->n_items; coder->item.index++) {
         if (is_constant(coder)) {
@@ -152,8 +150,8 @@ static void count_repeats(exact_coder *coder, bool *many, bool *some) {
         }
         n_rows += coder->n_frames - 1;
     }
-    *some = n_repeated > n_rows / 256;
-    *many = n_repeated > n_rows / 2 || n_constant > coder->n_items / 2;
+    *has_some = n_repeated > n_rows / 256;
+    *has_many = n_repeated > n_rows / 2 || n_constant > coder->n_items / 2;
 }
 
 /* An additional mode to try: labels in the given order. */
@@ -166,13 +164,13 @@ static void set_mode(exact_coder *coder, int mode) {
 
 /* Return the size of the first items when coded in a mode. */
 static int64_t try_mode(exact_coder *coder, int mode, uint8_t *out, size_t capacity) {
-    exact_coder tried = *coder;
+    exact_coder trial = *coder;
     reel_range_coder range_coder = reel_start_encoder(out, capacity);
     int64_t count = coder->n_items / 32 + 64;
-    set_mode(&tried, mode);
-    tried.range_coder = &range_coder;
-    int64_t size = reel_exact_block(&tried, count < coder->n_items ? count : coder->n_items);
-    coder->traversal = tried.traversal;
+    set_mode(&trial, mode);
+    trial.range_coder = &range_coder;
+    int64_t size = reel_exact_block(&trial, count < coder->n_items ? count : coder->n_items);
+    coder->traversal = trial.traversal;
     return size < 0 ? INT64_MAX : size;
 }
 
@@ -183,10 +181,10 @@ static void choose_mode(exact_coder *coder, uint8_t *out, size_t capacity) {
     bool is_float = coder->numbers.type == REEL_FLOATS;
     int best = coder->n_frames > 1 && (is_float || coder->numbers.size > 1) ? FILTER : MEANS;
     if (!is_float || many_repeats) {
-        int numeric = best;
-        int64_t min_bytes = try_mode(coder, numeric, out, capacity);
+        int numeric_mode = best;
+        int64_t min_bytes = try_mode(coder, numeric_mode, out, capacity);
         for (int i = 0; i < 3; i++) {
-            bool is_new = candidates[i] != numeric && !(is_float && candidates[i] == MEANS);
+            bool is_new = candidates[i] != numeric_mode && !(is_float && candidates[i] == MEANS);
             int64_t result = is_new ? try_mode(coder, candidates[i], out, capacity) : INT64_MAX;
             if (result < min_bytes) {
                 min_bytes = result;

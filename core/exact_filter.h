@@ -15,8 +15,8 @@ static void start_filter(exact_coder *coder) {
     motion_filter *filter = &coder->filter;
     int n = coder->item.n_near, n_used = n + TEMPORAL;
     for (; filter->n_filled > n; filter->n_filled--) {
-        for (size_t at = 0; at < 2 * exact_motions_count(coder->width); at += INPUTS) {
-            filter->motions[at + (size_t)filter->n_filled - 1] = 0;
+        for (size_t row = 0; row < 2 * exact_motions_count(coder->width); row += INPUTS) {
+            filter->motions[row + (size_t)filter->n_filled - 1] = 0;
         }
     }
     filter->n_filled = n;
@@ -32,14 +32,14 @@ static void start_filter(exact_coder *coder) {
     }
     double noise = 0;
     for (int i = 0; i < n; i++) {
-        noise += coder->coded.noises[coder->item.near[i]];
+        noise += coder->past.noises[coder->item.near[i]];
     }
     filter->noise = filter->fast_noise = n ? noise / n : 0;
 }
 
-/* Keep what the filters of later items start from. */
+/* Store the noise and the temporal weights, from which the filters of later items start. */
 static void end_filter(exact_coder *coder) {
-    coder->coded.noises[coder->item.position] = coder->filter.noise;
+    coder->past.noises[coder->item.position] = coder->filter.noise;
     for (int i = 0; i < TEMPORAL; i++) {
         double *weight = &coder->models->temporal[i];
         *weight += (coder->filter.weights[coder->item.n_near + i] - *weight) / 64;
@@ -56,18 +56,18 @@ static void load_motions(exact_coder *coder, int64_t first) {
     const current_item *item = &coder->item;
     filter->first_frame = first;
     for (int i = 0; i < item->n_near; i++) {
-        const double *row = coder->coded.values + item->near[i] * stride;
-        for (int64_t at = from * w; at < end * w; at++) {
-            filter->motions[(at - origin) * INPUTS + i] = row[at] - row[at - w];
+        const double *row = coder->past.values + item->near[i] * stride;
+        for (int64_t index = from * w; index < end * w; index++) {
+            filter->motions[(index - origin) * INPUTS + i] = row[index] - row[index - w];
         }
     }
     for (int64_t t = first; coder->choices.has_lags && t < end; t++) {
         int64_t lag = coder->lags[t];
         for (int i = 0; lag && i < item->n_near; i++) {
-            const double *row = coder->coded.values + item->near[i] * stride;
-            for (int64_t at = t * w; at < (t + 1) * w; at++) {
-                filter->lagged_motions[(at - origin) * INPUTS + i] =
-                    row[at - lag * w] - row[at - w];
+            const double *row = coder->past.values + item->near[i] * stride;
+            for (int64_t index = t * w; index < (t + 1) * w; index++) {
+                filter->lagged_motions[(index - origin) * INPUTS + i] =
+                    row[index - lag * w] - row[index - w];
             }
         }
     }

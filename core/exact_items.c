@@ -9,25 +9,25 @@
 /* Return the mean of a column over neighbors: of values at the first frame, then of their changes
    since the previous frame. */
 REEL_INLINE double mean_near(const exact_coder *coder, int64_t t, int64_t col, int max_neighbors) {
-    int64_t stride = coder->n_frames * coder->width, at = t * coder->width + col;
+    int64_t stride = coder->n_frames * coder->width, index = t * coder->width + col;
     int n = coder->item.n_near < max_neighbors ? coder->item.n_near : max_neighbors;
     double sum = 0;
     for (int i = 0; i < n; i++) {
-        const double *row = coder->coded.values + coder->item.near[i] * stride + at;
+        const double *row = coder->past.values + coder->item.near[i] * stride + index;
         sum += t ? row[0] - row[-coder->width] : row[0];
     }
     return n ? sum / n : 0;
 }
 
-/* Code whether a number is infinite or NaN, and if so its bit pattern. Return the former. */
+/* Code whether a number is infinite or NaN, and if so its bit pattern; returns whether it is. */
 REEL_INLINE bool code_special(exact_coder *coder, int64_t t, uint64_t *pattern) {
-    int own = t && flags_of(coder, coder->item.position)[t - 1] & SPECIAL, near = 0;
+    int was_special = t && flags_of(coder, coder->item.position)[t - 1] & SPECIAL, n_special = 0;
     for (int i = 0; i < coder->item.n_near && i < 2; i++) {
-        near += (flags_of(coder, coder->item.near[i])[t] & SPECIAL) != 0;
+        n_special += (flags_of(coder, coder->item.near[i])[t] & SPECIAL) != 0;
     }
     bool special =
         reel_is_encoder(coder->range_coder) && reel_is_special(&coder->numbers, *pattern);
-    if (!reel_bit(coder->range_coder, &coder->models->special[own][near], special)) {
+    if (!reel_bit(coder->range_coder, &coder->models->special[was_special][n_special], special)) {
         return false;
     }
     uint64_t last = coder->models->last_special;
@@ -49,9 +49,9 @@ REEL_INLINE bool code_special(exact_coder *coder, int64_t t, uint64_t *pattern) 
 /* Record a number and the size of its difference for later predictions. */
 REEL_INLINE void record(exact_coder *coder, int64_t t, int64_t col, double value, int32_t size) {
     column_state *state = &coder->columns[col];
-    int64_t at = (coder->item.position * coder->n_frames + t) * coder->width + col;
-    coder->coded.values[at] = value;
-    coder->coded.sizes[at] = (int16_t)size;
+    int64_t index = (coder->item.position * coder->n_frames + t) * coder->width + col;
+    coder->past.values[index] = value;
+    coder->past.sizes[index] = (int16_t)size;
     int32_t excess = size - (t > 1 ? state->fast >> 4 : state->recent);
     coder->item.excess = col ? (coder->item.excess + excess) >> 1 : excess;
     state->last = size;
@@ -71,10 +71,10 @@ static void update_columns(exact_coder *coder, int64_t t) {
 }
 
 typedef struct {
-    double base;    /* last value of the item, or of a neighbor */
-    double value;   /* prediction */
-    double spread;  /* estimated variance of its error, or 0 */
-    uint64_t index; /* index of the base, for integers */
+    double base;     /* last value of the item, or of a neighbor */
+    double value;    /* prediction */
+    double variance; /* estimated variance of its error, or 0 */
+    uint64_t index;  /* index of the base, for integers */
 } prediction;
 
 /* Predict a number of the first frame, from neighbors or the previous item. */
@@ -85,7 +85,7 @@ REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
     if (source < 0) {
         return result;
     }
-    result.base = coder->coded.values[source * stride + col];
+    result.base = coder->past.values[source * stride + col];
     result.value = coder->item.n_near ? mean_near(coder, 0, col, REEL_MAX_NEAR) : result.base;
     if (coder->numbers.type != REEL_FLOATS) {
         uint64_t pattern = pattern_at(coder, 0, coder->traversal.order[source], col);
@@ -108,19 +108,19 @@ REEL_INLINE prediction predict_first(exact_coder *coder, int64_t col) {
 
 /* Code whether a row differs from the previous one. */
 REEL_INLINE bool code_moved(exact_coder *coder, int64_t t, bool moved) {
-    const uint8_t *own = flags_of(coder, coder->item.position) + t;
-    int near = 0;
+    const uint8_t *flags = flags_of(coder, coder->item.position) + t;
+    int n_moved = 0;
     for (int i = 0; i < coder->item.n_near && i < N_VOTES; i++) {
-        near += flags_of(coder, coder->item.near[i])[t] & MOVED;
+        n_moved += flags_of(coder, coder->item.near[i])[t] & MOVED;
     }
-    int history = (t > 1 ? own[-1] & MOVED : 0) | (t > 2 ? (own[-2] & MOVED) << 1 : 0);
-    return reel_bit(coder->range_coder, &coder->models->moved[near][history], moved);
+    int history = (t > 1 ? flags[-1] & MOVED : 0) | (t > 2 ? (flags[-2] & MOVED) << 1 : 0);
+    return reel_bit(coder->range_coder, &coder->models->moved[n_moved][history], moved);
 }
 
-static void copy_row(const exact_coder *coder, int64_t t, int64_t from) {
+static void copy_row(const exact_coder *coder, int64_t t, int64_t source) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
     reel_copy(coder->values + (size_t)(t * coder->n_items + coder->item.index) * size,
-              coder->values + (size_t)(from * coder->n_items + coder->item.index) * size, size);
+              coder->values + (size_t)(source * coder->n_items + coder->item.index) * size, size);
 }
 
 /* Set a row to that of the previous frame, and update the statistics as for any row. */
@@ -128,9 +128,9 @@ static void repeat_row(exact_coder *coder, int64_t t) {
     uint8_t *flags = flags_of(coder, coder->item.position) + t;
     if (!reel_is_encoder(coder->range_coder)) {
         copy_row(coder, t, t - 1);
-        for (int64_t at = t * coder->width;
-             coder->choices.kind != LABELS && at < (t + 1) * coder->width; at++) {
-            coder->item.patterns[at] = coder->item.patterns[at - coder->width];
+        for (int64_t index = t * coder->width;
+             coder->choices.kind != LABELS && index < (t + 1) * coder->width; index++) {
+            coder->item.patterns[index] = coder->item.patterns[index - coder->width];
         }
     }
     *flags = flags[-1] & SPECIAL;
@@ -138,8 +138,8 @@ static void repeat_row(exact_coder *coder, int64_t t) {
         return;
     }
     for (int64_t col = 0; col < coder->width; col++) {
-        int64_t before = (coder->item.position * coder->n_frames + t - 1) * coder->width + col;
-        double value = coder->coded.values[before];
+        int64_t previous = (coder->item.position * coder->n_frames + t - 1) * coder->width + col;
+        double value = coder->past.values[previous];
         int32_t step;
         reel_predict_index(&coder->numbers, value, value, 0, &coder->columns[col].decade, &step);
         record(coder, t, col, value, clamp(step - 16, REEL_MAX_SIZE));
@@ -166,12 +166,12 @@ static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **
         }
         const uint8_t *row = i < 0 ? row_of(coder, t - 2, coder->item.index)
                                    : row_of(coder, t, coder->traversal.order[coder->item.near[i]]);
-        int same = 0;
-        while (same < n && !reel_equal_bytes(rows[same], row, size)) {
-            same++;
+        int index = 0;
+        while (index < n && !reel_equal_bytes(rows[index], row, size)) {
+            index++;
         }
-        if (same < n) {
-            votes[same]++;
+        if (index < n) {
+            votes[index]++;
         } else if (!previous || !reel_equal_bytes(previous, row, size)) {
             votes[n] = i >= 0;
             rows[n++] = row;
@@ -186,9 +186,9 @@ static void code_new_row(exact_coder *coder, int64_t t) {
     int decade = 0; /* unused */
     for (int64_t col = 0; col < coder->width; col++) {
         column_state *state = &coder->columns[col];
-        int64_t from = coder->item.position ? coder->traversal.order[coder->item.position - 1] : -1;
+        int64_t last = coder->item.position ? coder->traversal.order[coder->item.position - 1] : -1;
         uint64_t base = t           ? pattern_at(coder, t - 1, coder->item.index, col)
-                        : from >= 0 ? pattern_at(coder, 0, from, col)
+                        : last >= 0 ? pattern_at(coder, 0, last, col)
                                     : 0;
         uint64_t index = reel_index_of(numbers, base, &decade);
         uint64_t pattern =
@@ -227,14 +227,14 @@ static void code_label(exact_coder *coder, int64_t t) {
 static bool code_constant(exact_coder *coder) {
     bool constant =
         coder->n_frames > 1 && reel_is_encoder(coder->range_coder) && is_constant(coder);
-    int near = coder->item.n_near ? 1 : 0;
+    int n_constant = coder->item.n_near ? 1 : 0;
     for (int i = 0; i < coder->item.n_near && i < 2; i++) {
-        near += coder->coded.is_constant[coder->item.near[i]];
+        n_constant += coder->past.is_constant[coder->item.near[i]];
     }
     if (coder->n_frames > 1) {
-        constant = reel_bit(coder->range_coder, &coder->models->constant[near], constant);
+        constant = reel_bit(coder->range_coder, &coder->models->constant[n_constant], constant);
     }
-    coder->coded.is_constant[coder->item.position] = constant;
+    coder->past.is_constant[coder->item.position] = constant;
     return constant;
 }
 
@@ -252,19 +252,19 @@ static void load_item(exact_coder *coder) {
     }
     reel_zero(coder->item.near_size_sums, (size_t)count * sizeof *coder->item.near_size_sums);
     for (int i = 0; i < n; i++) {
-        const int16_t *row = coder->coded.sizes + coder->item.near[i] * count;
-        for (int64_t at = 0; at < count; at++) {
-            coder->item.near_size_sums[at] += row[at];
-            coder->item.max_near_sizes[at] = i && coder->item.max_near_sizes[at] > row[at]
-                                                 ? coder->item.max_near_sizes[at]
-                                                 : row[at];
+        const int16_t *row = coder->past.sizes + coder->item.near[i] * count;
+        for (int64_t index = 0; index < count; index++) {
+            coder->item.near_size_sums[index] += row[index];
+            coder->item.max_near_sizes[index] = i && coder->item.max_near_sizes[index] > row[index]
+                                                    ? coder->item.max_near_sizes[index]
+                                                    : row[index];
         }
     }
 }
 
 static void code_item(exact_coder *coder) {
-    int64_t after = coder->item.position + 1;
-    int64_t next = after < coder->n_items ? coder->traversal.order[after] : coder->item.index;
+    int64_t position = coder->item.position + 1;
+    int64_t next = position < coder->n_items ? coder->traversal.order[position] : coder->item.index;
     bool constant = code_constant(coder);
     if (coder->choices.kind != LABELS) {
         load_item(coder);

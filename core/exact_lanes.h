@@ -21,14 +21,14 @@ TARGET REEL_INLINE double NAMED(filter_sum)(const double *a, const double *input
     VEC sums[SUMS];
     FOR_SUMS(k) { sums[k] = (VEC){0}; }
     FOR_VECS(k) { sums[k % SUMS] += ((const VEC *)a)[k] * ((const VEC *)inputs)[k]; }
-    double *each = (double *)sums;
+    double *partial_sums = (double *)sums;
     for (int i = 0; temporal && i < TEMPORAL; i++) {
-        each[(n + i) % 4] += a[n + i] * temporal[i];
+        partial_sums[(n + i) % 4] += a[n + i] * temporal[i];
     }
-    return (each[0] + each[1]) + (each[2] + each[3]);
+    return (partial_sums[0] + partial_sums[1]) + (partial_sums[2] + partial_sums[3]);
 }
 
-/* Compute the gains = covariance inputs; returns the variance of the predicted motion. */
+/* Compute the gains, covariance times inputs; returns the variance of the predicted motion. */
 TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *coder, const double *inputs,
                                             const double *temporal) {
     const VEC *row = (const VEC *)coder->filter.covariance;
@@ -44,13 +44,13 @@ TARGET REEL_INLINE double NAMED(find_gains)(exact_coder *coder, const double *in
     return NAMED(filter_sum)(coder->filter.gains, inputs, coder->item.n_near, temporal);
 }
 
-/* Kalman update with a prediction error of variance `spread`: move the weights along the gains, and
+/* Kalman update with a prediction error and its variance: move the weights along the gains, and
    shrink the covariance. Returns false if the numbers are unusable. */
-TARGET REEL_INLINE bool NAMED(update_filter)(motion_filter *filter, double error, double spread) {
-    if (!(spread > 0 && spread < 1e100 && error * error < 1e100)) {
+TARGET REEL_INLINE bool NAMED(update_filter)(motion_filter *filter, double error, double variance) {
+    if (!(variance > 0 && variance < 1e100 && error * error < 1e100)) {
         return false;
     }
-    double scale = 1.0 / spread, step = error * scale;
+    double scale = 1.0 / variance, step = error * scale;
     VEC gains[N_VECS];
     FOR_VECS(k) {
         gains[k] = ((const VEC *)filter->gains)[k];
@@ -85,13 +85,13 @@ TARGET static void NAMED(update_from_positions)(exact_coder *coder, int64_t col,
     int64_t stride = coder->n_frames * coder->width;
     double positions[INPUTS] __attribute__((aligned(REEL_ALIGNMENT))) = {0};
     for (int i = 0; i < coder->item.n_near; i++) {
-        positions[i] = coder->coded.values[coder->item.near[i] * stride + col] - mean;
+        positions[i] = coder->past.values[coder->item.near[i] * stride + col] - mean;
     }
     double squares = NAMED(filter_sum)(positions, positions, 0, NULL);
     double sum = NAMED(filter_sum)(coder->filter.weights, positions, 0, NULL);
-    double spread =
+    double variance =
         NAMED(find_gains)(coder, positions, zeros) + 0.2 * (squares / coder->item.n_near);
-    NAMED(update_filter)(&coder->filter, (value - mean) - sum, spread + coder->numbers.rounding);
+    NAMED(update_filter)(&coder->filter, (value - mean) - sum, variance + coder->numbers.rounding);
 }
 
 /* Motion of the item relative to the weighted motions of its neighbors. */
@@ -103,33 +103,33 @@ TARGET REEL_INLINE double NAMED(residual_motion)(const exact_coder *coder, const
 /* Predict the motion of a number since the last frame, from its neighbors' motions and its own
    recent ones. */
 TARGET REEL_INLINE double NAMED(predict_motion)(exact_coder *coder, int64_t t, int64_t col,
-                                                double *spread) {
+                                                double *variance) {
     int64_t w = coder->width, lag = coder->lags[t],
-            at = (t - coder->filter.first_frame + 1) * w + col;
+            index = (t - coder->filter.first_frame + 1) * w + col;
     const double *patterns =
-        coder->coded.values + (coder->item.position * coder->n_frames + t) * w + col;
-    const double *motions = coder->filter.motions + at * INPUTS;
+        coder->past.values + (coder->item.position * coder->n_frames + t) * w + col;
+    const double *motions = coder->filter.motions + index * INPUTS;
     double temporal[TEMPORAL] = {0};
     if (t > 1) {
         temporal[0] =
             NAMED(residual_motion)(coder, motions - w * INPUTS, patterns[-w] - patterns[-2 * w]);
     }
     if (lag) {
-        temporal[1] = NAMED(residual_motion)(coder, coder->filter.lagged_motions + at * INPUTS,
+        temporal[1] = NAMED(residual_motion)(coder, coder->filter.lagged_motions + index * INPUTS,
                                              patterns[-lag * w] - patterns[-w]);
     }
     double fast = 4 * coder->filter.fast_noise,
            noise = coder->filter.noise < fast ? coder->filter.noise : fast;
-    *spread = (NAMED(find_gains)(coder, motions, temporal) + noise) + coder->numbers.rounding;
+    *variance = (NAMED(find_gains)(coder, motions, temporal) + noise) + coder->numbers.rounding;
     return NAMED(filter_sum)(coder->filter.weights, motions, coder->item.n_near, temporal);
 }
 
 TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *coder, int64_t t, int64_t col) {
     prediction result = {0};
     result.base =
-        coder->coded.values[(coder->item.position * coder->n_frames + t - 1) * coder->width + col];
+        coder->past.values[(coder->item.position * coder->n_frames + t - 1) * coder->width + col];
     if (coder->choices.kind == FILTER) {
-        result.value = result.base + NAMED(predict_motion)(coder, t, col, &result.spread);
+        result.value = result.base + NAMED(predict_motion)(coder, t, col, &result.variance);
     } else {
         result.value = result.base + mean_near(coder, t, col, N_NEAR);
     }
@@ -143,13 +143,12 @@ TARGET REEL_INLINE prediction NAMED(predict_at)(exact_coder *coder, int64_t t, i
 TARGET REEL_INLINE void NAMED(learn_motion)(exact_coder *coder, const prediction *predicted,
                                             double value) {
     double error = value - predicted->value;
-    if (NAMED(update_filter)(&coder->filter, error, predicted->spread)) {
+    if (NAMED(update_filter)(&coder->filter, error, predicted->variance)) {
         coder->filter.noise += (error * error - coder->filter.noise) / 20;
         coder->filter.fast_noise += (error * error - coder->filter.fast_noise) / 8;
     }
 }
 
-/* Code a number. */
 TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_t col) {
     const reel_numbers *numbers = &coder->numbers;
     prediction predicted = t ? NAMED(predict_at)(coder, t, col) : predict_first(coder, col);
@@ -162,7 +161,7 @@ TARGET REEL_INLINE void NAMED(code_number)(exact_coder *coder, int64_t t, int64_
     uint64_t index = reel_predict_index(numbers, predicted.value, predicted.base, predicted.index,
                                         &decade, &step);
     coder->columns[col].decade = decade;
-    int32_t inputs[N_INPUTS], size = predict_size(coder, t, col, predicted.spread, inputs);
+    int32_t inputs[N_INPUTS], size = predict_size(coder, t, col, predicted.variance, inputs);
     if (coder->choices.has_special && code_special(coder, t, &pattern)) {
         put_pattern(coder, t, col, pattern);
         record(coder, t, col, predicted.value, clamp(size, REEL_MAX_SIZE));

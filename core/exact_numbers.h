@@ -16,17 +16,17 @@
 #define REEL_MIN_POWER (-22)
 
 typedef struct {
-    int size;   /* bytes: 1, 2, 4 or 8 */
-    int type;   /* of enum reel_type */
-    int shift;  /* number of lowest mantissa bits that are 0 in all floats */
-    int digits; /* significant digits of decimal floats; 0: not decimal */
-    int places; /* decimal places of decimal floats */
-    int scale;              /* values are scaled by 2^-scale */
-    double down, up;        /* 2^-scale, 2^scale */
-    double rounding;        /* lower bound of the variance of prediction errors, scaled */
-    uint64_t min_of_decade; /* smallest number with all digits: 10^(digits - 1) */
-    uint64_t steps;         /* indices per decade: 9 x min_of_decade */
-    uint64_t max_index;     /* largest index of decimal floats */
+    int size;                      /* bytes: 1, 2, 4 or 8 */
+    int type;                      /* of enum reel_type */
+    int shift;                     /* number of lowest mantissa bits that are 0 in all floats */
+    int digits;                    /* significant digits of decimal floats; 0: not decimal */
+    int places;                    /* decimal places of decimal floats */
+    int scale;                     /* values are scaled by 2^-scale */
+    double to_scaled, from_scaled; /* 2^-scale, 2^scale */
+    double rounding;               /* lower bound of the variance of prediction errors, scaled */
+    uint64_t min_of_decade;        /* smallest number with all digits: 10^(digits - 1) */
+    uint64_t decade_size;          /* indices per decade: 9 x min_of_decade */
+    uint64_t max_index;            /* largest index of decimal floats */
 } reel_numbers;
 
 /* The doubles nearest to 10^-22 .. 10^38. */
@@ -67,10 +67,10 @@ REEL_INLINE uint64_t reel_sign_bit(const reel_numbers *numbers) {
 /* Set the scale to a power of two within -REEL_MAX_SCALE..REEL_MAX_SCALE. */
 REEL_INLINE void reel_set_scale(reel_numbers *numbers, int scale) {
     numbers->scale = scale;
-    numbers->down = reel_double_of((uint64_t)(1023 - scale) << 52);
-    numbers->up = reel_double_of((uint64_t)(1023 + scale) << 52);
+    numbers->to_scaled = reel_double_of((uint64_t)(1023 - scale) << 52);
+    numbers->from_scaled = reel_double_of((uint64_t)(1023 + scale) << 52);
     numbers->rounding =
-        numbers->type == REEL_FLOATS ? 0x1p-110 : numbers->down * numbers->down / 16;
+        numbers->type == REEL_FLOATS ? 0x1p-110 : numbers->to_scaled * numbers->to_scaled / 16;
 }
 
 REEL_INLINE void reel_set_decimal(reel_numbers *numbers, int digits, int places) {
@@ -80,43 +80,43 @@ REEL_INLINE void reel_set_decimal(reel_numbers *numbers, int digits, int places)
     for (int i = 1; i < digits; i++) {
         numbers->min_of_decade *= 10;
     }
-    numbers->steps = 9 * numbers->min_of_decade;
+    numbers->decade_size = 9 * numbers->min_of_decade;
     uint64_t decades = (uint64_t)(places + REEL_MAX_PLACES);
     numbers->max_index = numbers->min_of_decade * (10 + 9 * decades) - 1;
 }
 
 REEL_INLINE uint64_t reel_read_pattern(const reel_numbers *numbers, const uint8_t *values,
-                                       int64_t at) {
+                                       int64_t index) {
     uint64_t pattern = 0;
     switch (numbers->size) {
     case 1:
-        return values[at];
+        return values[index];
     case 2:
-        reel_copy(&pattern, values + 2 * at, 2);
+        reel_copy(&pattern, values + 2 * index, 2);
         return pattern;
     case 4:
-        reel_copy(&pattern, values + 4 * at, 4);
+        reel_copy(&pattern, values + 4 * index, 4);
         return pattern;
     default:
-        reel_copy(&pattern, values + 8 * at, 8);
+        reel_copy(&pattern, values + 8 * index, 8);
         return pattern;
     }
 }
 
-REEL_INLINE void reel_write_pattern(const reel_numbers *numbers, uint8_t *values, int64_t at,
+REEL_INLINE void reel_write_pattern(const reel_numbers *numbers, uint8_t *values, int64_t index,
                                     uint64_t pattern) {
     switch (numbers->size) {
     case 1:
-        values[at] = (uint8_t)pattern;
+        values[index] = (uint8_t)pattern;
         break;
     case 2:
-        reel_copy(values + 2 * at, &pattern, 2);
+        reel_copy(values + 2 * index, &pattern, 2);
         break;
     case 4:
-        reel_copy(values + 4 * at, &pattern, 4);
+        reel_copy(values + 4 * index, &pattern, 4);
         break;
     default:
-        reel_copy(values + 8 * at, &pattern, 8);
+        reel_copy(values + 8 * index, &pattern, 8);
     }
 }
 
@@ -158,27 +158,28 @@ REEL_INLINE int reel_decade_of(const reel_numbers *numbers, double magnitude, in
 REEL_INLINE uint64_t reel_decimal_index(const reel_numbers *numbers, double magnitude,
                                         int decade) {
     int places = numbers->places - decade;
-    double count =
+    double coefficient =
         places < 0 ? magnitude / reel_power_of_ten(-places) : magnitude * reel_power_of_ten(places);
-    if (!(count < 1e16)) {
+    if (!(coefficient < 1e16)) {
         return numbers->max_index;
     }
-    uint64_t index = (uint64_t)(int64_t)(count + 0.5) + numbers->steps * (uint64_t)decade;
+    uint64_t index =
+        (uint64_t)(int64_t)(coefficient + 0.5) + numbers->decade_size * (uint64_t)decade;
     return index < numbers->max_index ? index : numbers->max_index;
 }
 
 /* Return the bit pattern of the magnitude with a decimal index; `guess` is a likely decade. */
 REEL_INLINE uint64_t reel_decimal_pattern(const reel_numbers *numbers, uint64_t index, int guess) {
-    uint64_t min_index = numbers->min_of_decade, steps = numbers->steps;
+    uint64_t min_index = numbers->min_of_decade, decade_size = numbers->decade_size;
     index = index < numbers->max_index ? index : numbers->max_index;
     int decade = guess;
-    if (index - (min_index + steps * (uint64_t)guess) >= steps) {
-        decade = index < min_index ? 0 : (int)((index - min_index) / steps);
+    if (index - (min_index + decade_size * (uint64_t)guess) >= decade_size) {
+        decade = index < min_index ? 0 : (int)((index - min_index) / decade_size);
     }
-    double count = (double)(int64_t)(index - steps * (uint64_t)decade);
+    double coefficient = (double)(int64_t)(index - decade_size * (uint64_t)decade);
     int places = numbers->places - decade;
-    double value =
-        places < 0 ? count * reel_power_of_ten(-places) : count / reel_power_of_ten(places);
+    double value = places < 0 ? coefficient * reel_power_of_ten(-places)
+                              : coefficient / reel_power_of_ten(places);
     if (numbers->size == 8) {
         return reel_bits_of(value);
     }
@@ -231,12 +232,12 @@ REEL_INLINE double reel_known_value(const reel_numbers *numbers, uint64_t patter
     if (numbers->type != REEL_FLOATS) {
         uint64_t index = reel_integer_of(numbers, pattern);
         return (numbers->type == REEL_SIGNED_INTEGERS ? (double)(int64_t)index : (double)index) *
-               numbers->down;
+               numbers->to_scaled;
     }
     if (reel_is_special(numbers, pattern)) {
         return predicted;
     }
-    double value = reel_float_value(numbers, pattern) * numbers->down;
+    double value = reel_float_value(numbers, pattern) * numbers->to_scaled;
     return value >= -0x1p1000 && value <= 0x1p1000 ? value : predicted;
 }
 
@@ -254,22 +255,22 @@ REEL_INLINE uint64_t reel_nearest_float(const reel_numbers *numbers, double valu
 REEL_INLINE uint64_t reel_predict_index(const reel_numbers *numbers, double value, double base,
                                         uint64_t index, int *decade, int32_t *step) {
     if (numbers->type != REEL_FLOATS) {
-        double difference = (value - base) * numbers->up;
+        double difference = (value - base) * numbers->from_scaled;
         difference = difference < -0x1p62 ? -0x1p62 : difference > 0x1p62 ? 0x1p62 : difference;
         *step = -16 * numbers->scale;
         return index + (uint64_t)(int64_t)(difference < 0 ? difference - 0.5 : difference + 0.5);
     }
-    uint64_t pattern = reel_nearest_float(numbers, value * numbers->up);
-    uint64_t sign = reel_sign_bit(numbers), size = pattern & (sign - 1), result;
+    uint64_t pattern = reel_nearest_float(numbers, value * numbers->from_scaled);
+    uint64_t sign = reel_sign_bit(numbers), bits = pattern & (sign - 1), result;
     if (numbers->digits) {
-        double magnitude = reel_float_value(numbers, size);
+        double magnitude = reel_float_value(numbers, bits);
         *decade = reel_decade_of(numbers, magnitude, *decade);
         result = reel_decimal_index(numbers, magnitude, *decade);
         *step = 53 * (*decade - numbers->places) - 16 * numbers->scale;
     } else {
-        int mantissa = numbers->size == 8 ? 52 : 23, exponent = (int)(size >> mantissa);
+        int mantissa_bits = numbers->size == 8 ? 52 : 23, exponent = (int)(bits >> mantissa_bits);
         int min_exponent = numbers->size == 8 ? 1074 : 149;
-        result = (size + ((uint64_t)1 << numbers->shift >> 1)) >> numbers->shift;
+        result = (bits + ((uint64_t)1 << numbers->shift >> 1)) >> numbers->shift;
         *step =
             16 * ((exponent ? exponent - 1 : 0) - min_exponent + numbers->shift - numbers->scale);
     }

@@ -11,7 +11,7 @@
 #define REEL_MAX_NEAR 10        /* earlier items that predict one */
 #define REEL_QUEUES 4           /* by number of visited neighbors; the last holds all with more */
 #define REEL_MAX_PATH_DEGREE 24 /* paths do not pass through items with more neighbors */
-#define REEL_NOT_YET INT32_MAX
+#define REEL_UNVISITED INT32_MAX
 
 typedef struct {
     reel_graph graph;
@@ -58,7 +58,7 @@ REEL_INLINE int32_t reel_next_item(reel_traversal *traversal, reel_queue_ends *e
         const int32_t *queue = traversal->queues + (int64_t)i * traversal->graph.n;
         while (ends->first[i] < ends->end[i]) {
             int32_t item = queue[ends->first[i]++];
-            if (traversal->position[item] == REEL_NOT_YET) {
+            if (traversal->position[item] == REEL_UNVISITED) {
                 return item;
             }
         }
@@ -74,7 +74,8 @@ REEL_INLINE void reel_visit_item(reel_traversal *traversal, reel_queue_ends *end
     traversal->position[item] = position;
     for (int32_t i = graph->starts[item]; i < graph->starts[item + 1]; i++) {
         int32_t other = graph->near[i];
-        if (traversal->position[other] == REEL_NOT_YET && traversal->counts[other] < REEL_QUEUES) {
+        if (traversal->position[other] == REEL_UNVISITED &&
+            traversal->counts[other] < REEL_QUEUES) {
             int32_t queue = traversal->counts[other]++;
             traversal->queues[(int64_t)queue * graph->n + ends->end[queue]++] = other;
         }
@@ -93,12 +94,12 @@ REEL_INLINE void reel_traverse_graph(reel_traversal *traversal) {
     int32_t n = traversal->graph.n, seed = 0;
     reel_queue_ends ends = {0};
     for (int32_t i = 0; i < n; i++) {
-        traversal->position[i] = REEL_NOT_YET;
+        traversal->position[i] = REEL_UNVISITED;
         traversal->counts[i] = 0;
     }
     for (int32_t position = 0; position < n; position++) {
         int32_t item = reel_next_item(traversal, &ends);
-        while (item < 0 && traversal->position[seed] != REEL_NOT_YET) {
+        while (item < 0 && traversal->position[seed] != REEL_UNVISITED) {
             seed++;
         }
         reel_visit_item(traversal, &ends, item < 0 ? seed : item, position);

@@ -24,9 +24,9 @@ REEL_INLINE int32_t clamp(int32_t value, int32_t limit) {
 
 /* Size of a magnitude: 16 log2(magnitude + 1 / 2), linear between powers of 2 and rounded down. */
 REEL_INLINE int32_t size_of(uint64_t magnitude) {
-    uint64_t twice = magnitude >> 62 ? UINT64_MAX : 2 * magnitude + 1;
-    int length = bit_length(twice);
-    return 16 * (length - 2) + (int32_t)(twice << (64 - length) >> 59 & 15U);
+    uint64_t doubled = magnitude >> 62 ? UINT64_MAX : 2 * magnitude + 1;
+    int length = bit_length(doubled);
+    return 16 * (length - 2) + (int32_t)(doubled << (64 - length) >> 59 & 15U);
 }
 
 /* Code the number of bits of a magnitude, in unary steps up or down from the number that its class
@@ -74,10 +74,10 @@ REEL_INLINE uint64_t code_difference(exact_coder *coder, int class, uint64_t dif
         uint32_t bits = (uint32_t)(magnitude >> (low - RAW_BITS));
         result = result << RAW_BITS | reel_code_raw(coder->range_coder, RAW_BITS, bits);
     }
-    uint32_t rest = (uint32_t)(magnitude << 1 | difference >> 63); /* the lowest bit is the sign */
-    rest = reel_code_raw(coder->range_coder, low + 1, rest);
-    result = result << low | rest >> 1;
-    return rest & 1U ? 0 - result : result;
+    uint32_t tail = (uint32_t)(magnitude << 1 | difference >> 63); /* the lowest bit is the sign */
+    tail = reel_code_raw(coder->range_coder, low + 1, tail);
+    result = result << low | tail >> 1;
+    return tail & 1U ? 0 - result : result;
 }
 
 /* Return the class of a predicted size, which selects the bit models. */
@@ -92,27 +92,27 @@ static const int32_t inverses_q16[N_NEAR + 1] = {0, 65536, 32768, 21845, 16384, 
 
 /* Predict the size of the next difference. Store the inputs of the regression, a constant and
    differences of sizes, for `update_size_weights`. */
-REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double spread,
+REEL_INLINE int32_t predict_size(exact_coder *coder, int64_t t, int64_t col, double variance,
                                  int32_t inputs[N_INPUTS]) {
     column_state *state = &coder->columns[col];
     int n = coder->item.n_near < N_NEAR ? coder->item.n_near : N_NEAR;
-    int64_t at = t * coder->width + col;
+    int64_t index = t * coder->width + col;
     int32_t recent = state->fast >> 4; /* moving average of the sizes in this column */
     int32_t neighbors =
-        n   ? coder->item.near_size_sums[at] * inverses_q16[n] >> 16 /* their mean size */
+        n   ? coder->item.near_size_sums[index] * inverses_q16[n] >> 16 /* their mean size */
         : t ? recent
             : state->last;
     recent = t > 1 ? recent : neighbors;
     int32_t neighbors_before =
-        n && t ? coder->item.near_size_sums[at - coder->width] * inverses_q16[n] >> 16 : recent;
+        n && t ? coder->item.near_size_sums[index - coder->width] * inverses_q16[n] >> 16 : recent;
     state->recent = recent;
     inputs[0] = 16;
     inputs[1] = neighbors - recent;
     inputs[2] = col ? coder->item.excess : 0;
     inputs[3] = neighbors_before - recent;
     inputs[4] = t > 1 ? recent - (state->slow >> 4) : 0;
-    inputs[5] = n ? coder->item.max_near_sizes[at] - neighbors : 0;
-    inputs[6] = spread > 0 ? reel_size_of_variance(spread) - recent : 0;
+    inputs[5] = n ? coder->item.max_near_sizes[index] - neighbors : 0;
+    inputs[6] = variance > 0 ? reel_size_of_variance(variance) - recent : 0;
     int64_t sum = 0;
     for (int i = 0; i < N_INPUTS; i++) {
         inputs[i] = clamp(inputs[i], MAX_INPUT);

@@ -50,7 +50,7 @@ typedef struct {
     int decade;         /* decade of the last number, for decimal floats */
 } column_state;
 
-/* What the encoder chooses for a block; its header stores it. */
+/* Choices of the encoder for a block, stored in its header. */
 typedef struct {
     int kind;         /* how values are predicted: LABELS, MEANS, FILTER or RAW */
     bool has_repeats; /* rows may repeat the previous frame */
@@ -59,8 +59,7 @@ typedef struct {
     bool in_given_order;
 } exact_choices;
 
-/* Results of coded items from which later ones are predicted. The first dimension of each array is
-   the items, in coding order. */
+/* Results of coded items, in coding order, from which later ones are predicted. */
 typedef struct {
     double *values;       /* items x frames x width: scaled values for prediction */
     int16_t *sizes;       /* items x frames x width: sizes of the differences */
@@ -101,8 +100,8 @@ typedef struct {
     exact_choices choices;
     reel_traversal traversal;
     exact_models *models;
-    column_state *columns; /* per column */
-    coded_items coded;
+    column_state *columns;
+    coded_items past;
     current_item item;
     int32_t *lags;    /* frames: distance to a frame with similar motion before it; 0: none */
     float *samples;   /* frames x N_SAMPLES: changes of sampled numbers, to find such frames */
@@ -150,7 +149,7 @@ REEL_INLINE void put_pattern(const exact_coder *coder, int64_t t, int64_t col, u
 
 /* Return the row flags of an item at each frame. */
 REEL_INLINE uint8_t *flags_of(const exact_coder *coder, int64_t position) {
-    return coder->coded.flags + position * coder->n_frames;
+    return coder->past.flags + position * coder->n_frames;
 }
 
 /* Whether the item has equal rows at two frames. */

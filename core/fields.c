@@ -52,8 +52,7 @@ typedef struct {
     const int64_t *pass_starts;
     const int32_t *columns;
     int64_t *starts, *dependent_starts; /* of each position, in `near` and in `dependents` */
-    /* Neighbors are at earlier positions; dependents are the later positions that have one as
-       neighbor. */
+    /* Earlier neighbors of each position, and later positions that it is a neighbor of. */
     int32_t *near, *dependents;
     int16_t *agreement; /* sign correlation with each neighbor; padded by one vector */
     near_magnitudes *near_sums;
@@ -75,12 +74,12 @@ typedef struct {
     int32_t row, row_mean, local, local_mean, pass;
 } recent_magnitudes;
 
-static const int16_t inverse_count_of[MAX_NEAR + 1] = {
+static const int16_t inverses_of_counts[MAX_NEAR + 1] = {
     0, 4096, 2048, 1365, 1024, 819, 682, 585, 512, 455, 409, 372, 341, 315, 292, 273, 256};
 
 /* Initial weights, Q16: learned on simulated cloth and on tubes, then rounded. */
-static const int32_t first_weights[N_INPUTS] = {0,    0,     16384, 16384, 8192,
-                                                8192, 24576, 8192,  -16384};
+static const int32_t initial_weights[N_INPUTS] = {0,    0,     16384, 16384, 8192,
+                                                  8192, 24576, 8192,  -16384};
 
 /* Return 16 log2 of a value of 1..2^24, piecewise linear. Such integers are exact floats, whose
    highest bits are the logarithm. */
@@ -155,8 +154,8 @@ REEL_INLINE int code_sign(reel_range_coder *coder, field_coder *f, int64_t posit
     negative = reel_bit(coder, model, negative ^ expected) ^ expected;
     int16_t step = negative ? -16 : 16;
     for (int64_t i = 0; i < n; i += SIGN_LANES) { /* unchanged where a sign is 0 */
-        vec8s *agreed = (vec8s *)(agreement + i), sign = *(vec8s *)(signs + i);
-        *agreed += step * sign - ((*agreed >> 3) & -(sign & 1));
+        vec8s *agreements = (vec8s *)(agreement + i), sign = *(vec8s *)(signs + i);
+        *agreements += step * sign - ((*agreements >> 3) & -(sign & 1));
     }
     return negative;
 }
@@ -239,7 +238,7 @@ REEL_INLINE void update_recent(recent_magnitudes *recent, int32_t magnitude, int
 REEL_INLINE bool code_positions(reel_range_coder *coder, field_coder *f, int32_t *row,
                                 int64_t first, int64_t last, recent_magnitudes *recent,
                                 int32_t *bias) {
-    int32_t inputs[N_INPUTS], all = 0;
+    int32_t inputs[N_INPUTS], any_nonzero = 0;
     for (int64_t position = first; position < last; position++) {
         find_inputs(f, position, recent, inputs);
         int size = predict_magnitude(f->weights, *bias, inputs, f->slow[position]);
@@ -256,9 +255,9 @@ REEL_INLINE bool code_positions(reel_range_coder *coder, field_coder *f, int32_t
             }
         }
         update_recent(recent, magnitude, f->sums[2][position]);
-        all |= magnitude;
+        any_nonzero |= magnitude;
     }
-    return !all;
+    return !any_nonzero;
 }
 
 /* Update the decaying means with a row; `restrict` lets compilers vectorize it. */
@@ -345,8 +344,7 @@ REEL_INLINE void code_row(reel_range_coder *coder, field_coder *f, int64_t numbe
     }
 }
 
-/* Convert neighbors to positions; returns false unless the columns are a permutation and neighbors
-   come earlier. */
+/* Convert neighbors to positions; returns false if a column repeats or a neighbor is later. */
 static bool convert_neighbors(field_coder *f, const int64_t *starts, const int32_t *near,
                               int32_t *position_of) {
     for (int64_t i = 0; i < f->n_positions; i++) {
@@ -366,7 +364,7 @@ static bool convert_neighbors(field_coder *f, const int64_t *starts, const int32
             f->agreement[j] = 16;
         }
         position_of[column] = (int32_t)i;
-        f->inverse_counts[i] = inverse_count_of[n];
+        f->inverse_counts[i] = inverses_of_counts[n];
     }
     reel_copy(f->starts, starts, ((size_t)f->n_positions + 1) * sizeof *starts);
     return true;
@@ -391,7 +389,7 @@ static void list_dependents(field_coder *f) {
 
 static void start_fields(field_coder *f) {
     start_tables(f->models);
-    reel_copy(f->weights, first_weights, sizeof first_weights);
+    reel_copy(f->weights, initial_weights, sizeof initial_weights);
     for (int64_t i = 0; i < f->n_positions; i++) {
         f->sums[0][i] = f->sums[1][i] = f->sums[2][i] = ONE;
         f->slow[i] = f->neighbor_mean[i] = 16 * 12; /* log of ONE */
@@ -440,14 +438,14 @@ size_t reel_fields_memory(int64_t n_columns, int64_t n_passes, int64_t n_near) {
 static enum reel_code prepare(field_coder *f, void *memory, size_t memory_size,
                               const int64_t *near_starts, const int32_t *near) {
     reel_arena arena = reel_arena_of(memory, memory_size);
-    int64_t before = 0;
+    int64_t previous_start = 0;
     for (int64_t i = 0; i <= f->n_passes; i++) {
-        if (f->pass_starts[i] < before || f->pass_starts[i] > f->n_positions) {
+        if (f->pass_starts[i] < previous_start || f->pass_starts[i] > f->n_positions) {
             return REEL_INVALID;
         }
-        before = f->pass_starts[i];
+        previous_start = f->pass_starts[i];
     }
-    if (f->pass_starts[0] != 0 || before != f->n_positions || near_starts[0] != 0 ||
+    if (f->pass_starts[0] != 0 || previous_start != f->n_positions || near_starts[0] != 0 ||
         near_starts[f->n_positions] < 0) {
         return REEL_INVALID;
     }

@@ -19,12 +19,12 @@ typedef struct {
     int64_t n_requested;
     int64_t *corrections; /* for each requested frame the next correction, or NULL */
     const int64_t *correction_starts;
-    const int32_t *corrected;
+    const int32_t *correction_vertices;
     const double *offsets;
     const double *placement; /* scale, and the origin of each column */
     int64_t layout;
     void *out;
-    int widest;
+    int vector_width;
 } frames_job;
 
 /* ---- packing ---- */
@@ -115,30 +115,29 @@ DEFINE_SCATTER(write_doubles, double)
 #endif
 
 /* Add the corrections of a requested frame within a tile; corrections ascend by vertex. */
-static void add_corrections(const frames_job *job, int64_t number, int64_t first,
+static void add_corrections(const frames_job *job, int64_t request, int64_t first,
                             double (*sums)[TILE]) {
-    int64_t next = job->corrections[number], end = job->correction_starts[number + 1];
-    for (; next < end && job->corrected[next] < first + TILE; next++) {
-        int64_t lane = job->corrected[next] - first;
+    int64_t next = job->corrections[request], end = job->correction_starts[request + 1];
+    for (; next < end && job->correction_vertices[next] < first + TILE; next++) {
+        int64_t lane = job->correction_vertices[next] - first;
         for (int64_t column = 0; column < job->n_columns && lane >= 0; column++) {
             sums[column][lane] += job->offsets[job->n_columns * next + column];
         }
     }
-    job->corrections[number] = next;
+    job->corrections[request] = next;
 }
 
-/* Write values in model units, the columns of a vertex interleaved. Returns whether all are
-   finite. */
-static bool write_values(const frames_job *job, int64_t number, int64_t first, int count,
+/* Write values in model units, columns interleaved; returns whether all are finite. */
+static bool write_values(const frames_job *job, int64_t request, int64_t first, int count,
                          double (*sums)[TILE]) {
-    int64_t start = job->n_columns * (number * job->n_verts + first);
-    return REEL_WIDEST(job->widest, place_tile, job, sums, start, count);
+    int64_t start = job->n_columns * (request * job->n_verts + first);
+    return REEL_WIDEST(job->vector_width, place_tile, job, sums, start, count);
 }
 
 /* Write sums without scale and origin, each column separately. */
-static void write_columns(const frames_job *job, int64_t number, int64_t first, int count,
+static void write_columns(const frames_job *job, int64_t request, int64_t first, int count,
                           double (*sums)[TILE]) {
-    double *out = (double *)job->out + number * job->n_verts + first;
+    double *out = (double *)job->out + request * job->n_verts + first;
     for (int64_t column = 0; column < job->n_columns; column++) {
         reel_copy(out, sums[column], (size_t)count * sizeof *out);
         out += job->n_requested * job->n_verts;
@@ -151,15 +150,15 @@ static bool write_tile(const frames_job *job, int64_t begin, int64_t end, int64_
                        int count, double (*sums)[TILE]) {
     bool is_finite = true;
     const uint8_t *tile = job->packed + (size_t)(first / TILE) * job->tile_bytes;
-    for (int64_t number = begin; number < end; number++) {
-        REEL_WIDEST(job->widest, sum_tile, job, tile, number, sums);
+    for (int64_t request = begin; request < end; request++) {
+        REEL_WIDEST(job->vector_width, sum_tile, job, tile, request, sums);
         if (job->corrections) {
-            add_corrections(job, number, first, sums);
+            add_corrections(job, request, first, sums);
         }
         if (job->layout == REEL_COLUMNS) {
-            write_columns(job, number, first, count, sums);
+            write_columns(job, request, first, count, sums);
         } else {
-            is_finite &= write_values(job, number, first, count, sums);
+            is_finite &= write_values(job, request, first, count, sums);
         }
     }
     return is_finite;
@@ -172,8 +171,8 @@ static const float *rounded_basis(reel_arena *arena, const frames_job *job) {
         reel_allocate(arena, (size_t)(job->n_columns * job->n_requested * n), sizeof *singles);
     float *next = singles;
     for (int64_t column = 0; column < job->n_columns && !arena->failed; column++) {
-        for (int64_t number = 0; number < job->n_requested; number++) {
-            const double *from = job->basis + (column * job->n_frames + job->frames[number]) * n;
+        for (int64_t request = 0; request < job->n_requested; request++) {
+            const double *from = job->basis + (column * job->n_frames + job->frames[request]) * n;
             for (int64_t mode = 0; mode < n; mode++) {
                 *next++ = (float)from[mode];
             }
@@ -191,7 +190,7 @@ size_t reel_frames_memory(int64_t n_columns, int64_t n_modes, int64_t n_requeste
 int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const void *packed,
                     int64_t precision, int64_t n_columns, int64_t n_frames, int64_t n_modes,
                     int64_t n_verts, const int32_t *frames, int64_t n_requested,
-                    const int64_t *correction_starts, const int32_t *corrected,
+                    const int64_t *correction_starts, const int32_t *correction_vertices,
                     const double *offsets, const double *placement, int64_t layout, void *out) {
     if (precision != REEL_SUMS_4 && precision != REEL_SUMS_8) {
         return reel_failure(REEL_INVALID, 0);
@@ -202,11 +201,11 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
-    for (int64_t number = 0; number < n_requested; number++) {
-        if (frames[number] < 0 || frames[number] >= n_frames) {
-            return reel_failure(REEL_INVALID, (uint64_t)number);
+    for (int64_t request = 0; request < n_requested; request++) {
+        if (frames[request] < 0 || frames[request] >= n_frames) {
+            return reel_failure(REEL_INVALID, (uint64_t)request);
         }
-        corrections[number] = correction_starts ? correction_starts[number] : 0;
+        corrections[request] = correction_starts ? correction_starts[request] : 0;
     }
     frames_job job = {basis,
                       NULL,
@@ -220,7 +219,7 @@ int64_t reel_frames(void *memory, size_t memory_size, const double *basis, const
                       n_requested,
                       correction_starts ? corrections : NULL,
                       correction_starts,
-                      corrected,
+                      correction_vertices,
                       offsets,
                       placement,
                       layout,

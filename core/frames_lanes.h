@@ -16,15 +16,15 @@
 #undef NUMBERS
 #undef SUM_NAME
 
-/* Sum requested frame `number` of a tile over the modes. */
-static void NAMED(sum_tile)(const frames_job *job, const void *tile, int64_t number,
+/* Sum requested frame `request` of a tile over the modes. */
+static void NAMED(sum_tile)(const frames_job *job, const void *tile, int64_t request,
                             double (*sums)[TILE]) {
     int64_t n = job->n_modes;
     if (job->single_basis) {
-        NAMED(sum_tile_float)(job, job->single_basis + number * n, job->n_requested * n, tile,
+        NAMED(sum_tile_float)(job, job->single_basis + request * n, job->n_requested * n, tile,
                               sums);
     } else {
-        NAMED(sum_tile_double)(job, job->basis + job->frames[number] * n, job->n_frames * n, tile,
+        NAMED(sum_tile_double)(job, job->basis + job->frames[request] * n, job->n_frames * n, tile,
                                sums);
     }
 }

@@ -5,8 +5,7 @@
 
 #include "base.h"
 
-/* The neighbors of vertex v are near[starts[v]] .. near[starts[v + 1] - 1], ascending, each
-   once. */
+/* The neighbors of vertex v are near[starts[v]] .. near[starts[v + 1] - 1], strictly ascending. */
 typedef struct {
     int32_t n;
     const int32_t *starts;

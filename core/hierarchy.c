@@ -12,25 +12,24 @@
 /* Levels of a resolution; the last takes all remaining vertices. */
 #define N_LEVELS (REEL_STATES - 1)
 
-#define LEFT 8U /* state LEFT + n: not in a level yet, after n thinnings */
+#define UNASSIGNED 8U /* state UNASSIGNED + n: not in a level after n thinnings */
 
 /* Working memory; resolutions are processed from fine to coarse. */
 typedef struct {
     reel_graph graph;
-    int32_t *members;   /* mesh vertex of each vertex of the graph, ascending */
-    int32_t *ranked;    /* vertices of the graph by descending rank */
-    uint8_t *states;    /* level of each vertex: 0 if the coarser resolution keeps it */
-    uint8_t *divides;   /* whether each vertex of the finest resolution divides an edge */
-    int32_t *cells;     /* vertex of the coarser graph whose cell contains each vertex */
-    int32_t *starts[2]; /* adjacency of coarser graphs, double buffered */
+    int32_t *members;     /* mesh vertex of each vertex of the graph, ascending */
+    int32_t *by_rank;     /* vertices of the graph by descending rank */
+    uint8_t *states;      /* level of each vertex: 0 if the coarser resolution keeps it */
+    uint8_t *is_midpoint; /* whether each vertex of the finest resolution splits an edge */
+    int32_t *cells;       /* vertex of the coarser graph whose cell contains each vertex */
+    int32_t *starts[2];   /* adjacency of coarser graphs, double buffered */
     int32_t *near[2];
     reel_adjacency_builder builder;
     reel_stencil_finder finder;
     reel_smoother smoother;
 } workspace;
 
-/* Results of all resolutions. They are filled from the end, because the finest resolution comes
-   first. */
+/* Results of all resolutions, filled from the end because the finest is computed first. */
 typedef struct {
     int32_t *order;
     int32_t *stencil;
@@ -46,7 +45,7 @@ typedef struct {
 
 /* Sort vertices 0 .. n - 1 by descending hash: a bucket sort by the highest bits, then an insertion
    sort, as buckets are small. */
-static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
+static void rank_vertices(int32_t n, int32_t *by_rank, int32_t *ends) {
     int shift = 63 - reel_bit_length((uint32_t)n >> 2); /* n + 1 buckets suffice */
     reel_zero(ends, ((size_t)n + 1) * sizeof *ends);
     for (int32_t v = 0; v < n; v++) {
@@ -54,21 +53,20 @@ static void rank_vertices(int32_t n, int32_t *ranked, int32_t *ends) {
     }
     reel_prefix_sum(ends, n);
     for (int32_t v = n - 1; v >= 0; v--) {
-        ranked[--ends[~reel_hash((uint64_t)v) >> shift]] = v;
+        by_rank[--ends[~reel_hash((uint64_t)v) >> shift]] = v;
     }
     for (int32_t i = 1; i < n; i++) {
-        int32_t v = ranked[i], place = i;
+        int32_t v = by_rank[i], place = i;
         uint64_t hash = reel_hash((uint64_t)v);
-        for (; place > 0 && reel_hash((uint64_t)ranked[place - 1]) < hash; place--) {
-            ranked[place] = ranked[place - 1];
+        for (; place > 0 && reel_hash((uint64_t)by_rank[place - 1]) < hash; place--) {
+            by_rank[place] = by_rank[place - 1];
         }
-        ranked[place] = v;
+        by_rank[place] = v;
     }
 }
 
-/* Whether a vertex has at least three edges, each with a vertex in its middle: a neighbor with only
-   two neighbors. */
-static bool has_divided_edges(const reel_graph *graph, int32_t v) {
+/* Whether a vertex has at least three neighbors, all with only two neighbors: likely midpoints. */
+static bool has_split_edges(const reel_graph *graph, int32_t v) {
     bool result = reel_degree(graph, v) > 2;
     for (int32_t i = graph->starts[v]; result && i < graph->starts[v + 1]; i++) {
         result = reel_degree(graph, graph->near[i]) == 2;
@@ -78,43 +76,43 @@ static bool has_divided_edges(const reel_graph *graph, int32_t v) {
 
 /* Find the vertices in the middle of an edge, such as the mid-edge nodes of quadratic cells. They
    rank after all others, so that coarser resolutions prefer the ends. */
-static void find_dividing(workspace *work) {
+static void find_midpoints(workspace *work) {
     const reel_graph *graph = &work->graph;
-    uint8_t *has_divided = work->states;
+    uint8_t *has_split = work->states;
     for (int32_t v = 0; v < graph->n; v++) {
-        has_divided[v] = has_divided_edges(graph, v);
+        has_split[v] = has_split_edges(graph, v);
     }
     for (int32_t v = 0; v < graph->n; v++) {
         const int32_t *ends = graph->near + graph->starts[v];
-        work->divides[v] =
-            reel_degree(graph, v) == 2 && has_divided[ends[0]] && has_divided[ends[1]];
+        work->is_midpoint[v] =
+            reel_degree(graph, v) == 2 && has_split[ends[0]] && has_split[ends[1]];
     }
-    int32_t n_others = 0, n_dividing = 0, *dividing = work->cells;
+    int32_t n_others = 0, n_midpoints = 0, *midpoints = work->cells;
     for (int32_t i = 0; i < graph->n; i++) {
-        int32_t v = work->ranked[i];
-        if (work->divides[v]) {
-            dividing[n_dividing++] = v;
+        int32_t v = work->by_rank[i];
+        if (work->is_midpoint[v]) {
+            midpoints[n_midpoints++] = v;
         } else {
-            work->ranked[n_others++] = v;
+            work->by_rank[n_others++] = v;
         }
     }
-    reel_copy(work->ranked + n_others, dividing, (size_t)n_dividing * sizeof *dividing);
+    reel_copy(work->by_rank + n_others, midpoints, (size_t)n_midpoints * sizeof *midpoints);
 }
 
-/* Select a maximal independent set of the vertices in state `left`, greedily by descending rank.
-   Its members get the state `level`, the others `left` + 1. */
-static void thin(workspace *work, uint8_t left, uint8_t level) {
+/* Select a maximal independent set of the vertices in state `unassigned`, greedily by descending
+   rank. Its members get the state `level`, the others `unassigned` + 1. */
+static void thin(workspace *work, uint8_t unassigned, uint8_t level) {
     const reel_graph *graph = &work->graph;
     uint8_t *states = work->states;
     for (int32_t i = 0; i < graph->n; i++) {
-        int32_t v = work->ranked[i];
-        if (states[v] != left) {
+        int32_t v = work->by_rank[i];
+        if (states[v] != unassigned) {
             continue;
         }
         states[v] = level;
         for (int32_t k = graph->starts[v]; k < graph->starts[v + 1]; k++) {
             uint8_t *state = &states[graph->near[k]];
-            *state = (uint8_t)(*state + (*state == left));
+            *state = (uint8_t)(*state + (*state == unassigned));
         }
     }
 }
@@ -122,13 +120,13 @@ static void thin(workspace *work, uint8_t left, uint8_t level) {
 /* Assign levels: 0 is kept for the coarser resolution, 1 .. N_LEVELS are predicted. */
 static void assign_levels(workspace *work) {
     for (int32_t v = 0; v < work->graph.n; v++) {
-        work->states[v] = LEFT;
+        work->states[v] = UNASSIGNED;
     }
     for (uint8_t level = 0; level < N_LEVELS; level++) {
-        thin(work, (uint8_t)(LEFT + level), level);
+        thin(work, (uint8_t)(UNASSIGNED + level), level);
     }
     for (int32_t v = 0; v < work->graph.n; v++) {
-        if (work->states[v] >= LEFT) {
+        if (work->states[v] >= UNASSIGNED) {
             work->states[v] = N_LEVELS;
         }
     }
@@ -180,7 +178,6 @@ static void list_contexts(const workspace *work, int32_t v, const int32_t *stenc
     }
 }
 
-/* Convert vertices of the graph to vertices of the mesh. */
 static void to_mesh_vertices(const workspace *work, int32_t *vertices, size_t count) {
     for (size_t i = 0; i < count; i++) {
         vertices[i] = vertices[i] < 0 ? -1 : work->members[vertices[i]];
@@ -194,8 +191,8 @@ static void find_stencils(workspace *work, hierarchy_results *results, int32_t b
     int32_t *contexts = results->contexts + (size_t)begin * REEL_CONTEXT_NEIGHBORS;
     bool is_finest = !results->n_rows;
     reel_find_stencils(&work->finder, &work->graph, work->states,
-                       is_finest ? work->divides : NULL, order, end - begin, results->size, stencil,
-                       results->hops + (size_t)begin * size);
+                       is_finest ? work->is_midpoint : NULL, order, end - begin, results->size,
+                       stencil, results->hops + (size_t)begin * size);
     for (size_t i = 0; i < n; i++) {
         list_contexts(work, order[i], stencil + i * size, results->size,
                       contexts + i * REEL_CONTEXT_NEIGHBORS);
@@ -227,8 +224,8 @@ static int32_t assign_cells(workspace *work) {
     }
     int32_t n_ranked = 0;
     for (int32_t i = 0; i < graph->n; i++) {
-        int32_t v = work->ranked[i];
-        work->ranked[n_ranked] = cells[v]; /* overwritten next unless v is kept */
+        int32_t v = work->by_rank[i];
+        work->by_rank[n_ranked] = cells[v]; /* overwritten next unless v is kept */
         n_ranked += !work->states[v];
     }
     return n_kept;
@@ -238,29 +235,29 @@ static int32_t assign_cells(workspace *work) {
    connects their cells. */
 static void coarsen(workspace *work, int buffer) {
     const reel_graph *graph = &work->graph;
-    int32_t n_kept = assign_cells(work), pairs = 0;
+    int32_t n_kept = assign_cells(work), n_edges = 0;
     int32_t *starts = work->starts[buffer], *near = work->near[buffer];
     for (int32_t v = 0; v < graph->n; v++) {
         int32_t cell = work->cells[v];
         for (int32_t i = graph->starts[v]; i < graph->starts[v + 1]; i++) {
             int32_t u = graph->near[i], other_cell = work->cells[u];
             if (u > v && cell != other_cell) {
-                near[2 * pairs] = cell < other_cell ? cell : other_cell;
-                near[2 * pairs + 1] = cell < other_cell ? other_cell : cell;
-                pairs++;
+                near[2 * n_edges] = cell < other_cell ? cell : other_cell;
+                near[2 * n_edges + 1] = cell < other_cell ? other_cell : cell;
+                n_edges++;
             }
         }
     }
-    reel_build_adjacency(&work->builder, n_kept, pairs, starts, near);
+    reel_build_adjacency(&work->builder, n_kept, n_edges, starts, near);
     work->graph = (reel_graph){n_kept, starts, near};
 }
 
 /* Add the coarsest resolution: all its vertices form one level without prediction. */
 static void add_coarsest(workspace *work, hierarchy_results *results, int32_t resolution) {
-    size_t n = (size_t)work->graph.n, filled = n * (size_t)results->size;
+    size_t n = (size_t)work->graph.n, n_entries = n * (size_t)results->size;
     reel_copy(results->order, work->members, n * sizeof *results->order);
-    __builtin_memset(results->stencil, 0xFF, filled * sizeof *results->stencil);
-    reel_zero(results->hops, filled);
+    __builtin_memset(results->stencil, 0xFF, n_entries * sizeof *results->stencil);
+    reel_zero(results->hops, n_entries);
     reel_zero(work->states, n);
     for (int32_t v = 0; v < work->graph.n; v++) {
         list_contexts(work, v, NULL, 0, results->contexts + v * REEL_CONTEXT_NEIGHBORS);
@@ -296,9 +293,9 @@ static void build(workspace *work, hierarchy_results *results) {
 static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) {
     return (workspace){
         .members = reel_allocate(arena, n + 1, sizeof(int32_t)),
-        .ranked = reel_allocate(arena, n + 1, sizeof(int32_t)),
+        .by_rank = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .states = reel_allocate(arena, n, 1),
-        .divides = reel_allocate(arena, n, 1),
+        .is_midpoint = reel_allocate(arena, n, 1),
         .cells = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .starts = {reel_allocate(arena, n + 1, sizeof(int32_t)),
                    reel_allocate(arena, n + 1, sizeof(int32_t))},
@@ -372,7 +369,7 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                        int32_t *level_starts, int32_t *level_resolutions, int64_t *smooth_starts,
                        int32_t *stencil, uint8_t *hops, int32_t *contexts, float *smooth) {
     if (stencil_size < 1 || stencil_size > REEL_MAX_STENCIL || n_verts < 0 ||
-        n_verts >= 1 << REEL_PLACE_BITS) {
+        n_verts >= 1 << REEL_VERTEX_BITS) {
         return reel_failure(REEL_INVALID, 0);
     }
     size_t n = (size_t)n_verts;
@@ -386,8 +383,8 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
     for (int32_t v = 0; v < (int32_t)n; v++) {
         work.members[v] = v;
     }
-    rank_vertices((int32_t)n, work.ranked, work.cells);
-    find_dividing(&work);
+    rank_vertices((int32_t)n, work.by_rank, work.cells);
+    find_midpoints(&work);
     hierarchy_results results = {.order = order,
                                  .stencil = stencil,
                                  .hops = hops,

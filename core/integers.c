@@ -5,34 +5,34 @@
 
 #include "integers.h"
 
-#define N_PAST_CLASSES 24 /* classes of the decaying mean */
+#define N_MEAN_CLASSES 24 /* classes of the decaying mean */
 
 typedef struct {
-    reel_integer_model all;
-    reel_integer_model by_past[N_PAST_CLASSES];
+    reel_integer_model shared;
+    reel_integer_model by_mean[N_MEAN_CLASSES];
 } table;
 
 size_t reel_integers_memory(int64_t n_tables) {
     return reel_array_bytes((size_t)n_tables, sizeof(table));
 }
 
-/* Class of the decaying mean: `past` is four times the mean, and each octave of past + 4 has two
-   classes. */
-static int past_class(uint64_t past) {
-    int above = 61 - __builtin_clzll(past + 4); /* index of the highest bit, less 2 */
-    int result = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
-    return result < N_PAST_CLASSES ? result : N_PAST_CLASSES - 1;
+/* Class of the decaying mean, which is given times 4: each octave of `scaled_mean` + 4 has two. */
+static int mean_class(uint64_t scaled_mean) {
+    int octave = 61 - __builtin_clzll(scaled_mean + 4); /* index of the highest bit, less 2 */
+    int result = 2 * octave + (int)((scaled_mean + 4) >> (octave + 1) & 1U);
+    return result < N_MEAN_CLASSES ? result : N_MEAN_CLASSES - 1;
 }
 
 static void code_row(reel_range_coder *coder, table *models, int32_t *values, int64_t length) {
-    uint64_t past = 0;
+    uint64_t scaled_mean = 0;
     int sign = 0;
     for (int64_t i = 0; i < length; i++) {
-        reel_integer_model *context = &models->by_past[past_class(past)];
-        int32_t value = reel_code_integer_in_context(coder, &models->all, context, sign, values[i]);
+        reel_integer_model *context = &models->by_mean[mean_class(scaled_mean)];
+        int32_t value =
+            reel_code_integer_in_context(coder, &models->shared, context, sign, values[i]);
         values[i] = value;
         sign = value > 0 ? 1 : value < 0 ? 2 : 0;
-        past = past / 2 + 2 * (uint64_t)(value < 0 ? -value : value);
+        scaled_mean = scaled_mean / 2 + 2 * (uint64_t)(value < 0 ? -value : value);
     }
 }
 
@@ -49,8 +49,8 @@ static table *new_tables(void *memory, size_t size, int64_t n_tables) {
     reel_arena arena = reel_arena_of(memory, size);
     table *models = reel_allocate(&arena, (size_t)n_tables, sizeof *models);
     for (int64_t i = 0; models && i < n_tables; i++) {
-        reel_reset_integer_model(&models[i].all);
-        reel_zero(models[i].by_past, sizeof models[i].by_past);
+        reel_reset_integer_model(&models[i].shared);
+        reel_zero(models[i].by_mean, sizeof models[i].by_mean);
     }
     return models;
 }

@@ -32,32 +32,33 @@ REEL_INLINE void reel_reset_integer_model(reel_integer_model *model) {
 
 #define REEL_MAX_INHERITED_COUNT 3 /* largest count that a new context takes over */
 
-/* Code a bit with the model `all` of all contexts and the model `context` of one: all zeros before
+/* Code a bit with the model shared by all contexts and the model of its context: all zeros before
    its first bit, or NULL without a context. */
-REEL_INLINE int reel_bit_in_context(reel_range_coder *coder, reel_model *all, reel_model *context,
-                                    int bit) {
+REEL_INLINE int reel_bit_in_context(reel_range_coder *coder, reel_model *shared,
+                                    reel_model *context, int bit) {
     if (!context) {
-        return reel_bit(coder, all, bit);
+        return reel_bit(coder, shared, bit);
     }
     if (!context->count) {
-        *context = *all;
+        *context = *shared;
         context->count =
-            all->count < REEL_MAX_INHERITED_COUNT ? all->count : REEL_MAX_INHERITED_COUNT;
+            shared->count < REEL_MAX_INHERITED_COUNT ? shared->count : REEL_MAX_INHERITED_COUNT;
     }
-    bit = reel_code_bit(coder, (3 * reel_probability(context) + reel_probability(all)) >> 2, bit);
+    bit =
+        reel_code_bit(coder, (3 * reel_probability(context) + reel_probability(shared)) >> 2, bit);
     reel_update_model(context, bit);
-    reel_update_model(all, bit);
+    reel_update_model(shared, bit);
     return bit;
 }
 
 /* The model of one bit of a context, or NULL without a context. */
 #define REEL_CONTEXT_MODEL(context, bit) ((context) ? &(context)->bit : NULL)
 
-REEL_INLINE uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_integer_model *all,
+REEL_INLINE uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_integer_model *shared,
                                                 reel_integer_model *context, uint32_t value) {
     int length = 0, target_length = reel_bit_length(value);
     while (length < REEL_MAX_MAGNITUDE_BITS &&
-           reel_bit_in_context(coder, &all->longer[length],
+           reel_bit_in_context(coder, &shared->longer[length],
                                REEL_CONTEXT_MODEL(context, longer[length]),
                                target_length > length)) {
         length++;
@@ -67,11 +68,11 @@ REEL_INLINE uint32_t reel_code_count_in_context(reel_range_coder *coder, reel_in
     }
     int low = length - 2; /* bits below the second highest */
     uint32_t result =
-        2U | (uint32_t)reel_bit_in_context(coder, &all->second[length - 1],
+        2U | (uint32_t)reel_bit_in_context(coder, &shared->second[length - 1],
                                            REEL_CONTEXT_MODEL(context, second[length - 1]),
                                            (int)(value >> low & 1U));
     if (low > 0) {
-        reel_model *third = &all->third[length - 1][result & 1U];
+        reel_model *third = &shared->third[length - 1][result & 1U];
         low--;
         result = result << 1 | (uint32_t)reel_bit(coder, third, (int)(value >> low & 1U));
     }
@@ -89,15 +90,16 @@ REEL_INLINE uint32_t reel_code_count(reel_range_coder *coder, reel_integer_model
     return reel_code_count_in_context(coder, model, NULL, value);
 }
 
-REEL_INLINE int32_t reel_code_integer_in_context(reel_range_coder *coder, reel_integer_model *all,
+REEL_INLINE int32_t reel_code_integer_in_context(reel_range_coder *coder,
+                                                 reel_integer_model *shared,
                                                  reel_integer_model *context, int sign,
                                                  int32_t value) {
     uint32_t size = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
-    size = reel_code_count_in_context(coder, all, context, size);
+    size = reel_code_count_in_context(coder, shared, context, size);
     if (size == 0) {
         return 0;
     }
-    int negative = reel_bit_in_context(coder, &all->negative[sign],
+    int negative = reel_bit_in_context(coder, &shared->negative[sign],
                                        REEL_CONTEXT_MODEL(context, negative[sign]), value < 0);
     return negative ? -(int32_t)size : (int32_t)size;
 }

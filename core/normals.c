@@ -90,14 +90,14 @@ int64_t reel_normals(const void *positions, int64_t size, int64_t n_frames, int6
 /* Tangents of a normal: those of (0, 0, 1), rotated with it along the shortest path; near (0, 0,
    -1), where that path is undefined, the mirrored ones. */
 static void tangents(const double *n, double *along_a, double *along_b) {
-    double x = n[0], y = n[1], side = 1.0 + n[2] < NEAR_POLE ? -1.0 : 1.0;
-    double d = 1.0 + side * n[2], off_diagonal = -(x * y / d);
+    double x = n[0], y = n[1], hemisphere = 1.0 + n[2] < NEAR_POLE ? -1.0 : 1.0;
+    double d = 1.0 + hemisphere * n[2], off_diagonal = -(x * y / d);
     along_a[0] = 1.0 - x * x / d;
     along_a[1] = off_diagonal;
-    along_a[2] = -(side * x);
+    along_a[2] = -(hemisphere * x);
     along_b[0] = off_diagonal;
     along_b[1] = 1.0 - y * y / d;
-    along_b[2] = -(side * y);
+    along_b[2] = -(hemisphere * y);
 }
 
 static bool is_zero(const double *n) { return n[0] == 0.0 && n[1] == 0.0 && n[2] == 0.0; }
@@ -142,20 +142,20 @@ int64_t reel_find_rotations(const double *normals, const void *rotated, int64_t 
     }
     for (int64_t i = 0; i < count; i++) {
         const double *n = normals + 3 * i;
-        double vector[3], along_a[3], along_b[3], up = 0.0, a = 0.0, b = 0.0;
+        double vector[3], along_a[3], along_b[3], cosine = 0.0, a = 0.0, b = 0.0;
         load_vector(rotated, size, i, vector);
         to_unit_length(vector);
         tangents(n, along_a, along_b);
         for (int axis = 0; axis < 3; axis++) {
-            up += vector[axis] * n[axis];
+            cosine += vector[axis] * n[axis];
             a += vector[axis] * along_a[axis];
             b += vector[axis] * along_b[axis];
         }
-        if (is_zero(n) != is_zero(vector) || up <= MIN_COSINE) {
+        if (is_zero(n) != is_zero(vector) || cosine <= MIN_COSINE) {
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
-        rotations[2 * i] = is_zero(n) ? 0.0 : 2.0 * a / (1.0 + up);
-        rotations[2 * i + 1] = is_zero(n) ? 0.0 : 2.0 * b / (1.0 + up);
+        rotations[2 * i] = is_zero(n) ? 0.0 : 2.0 * a / (1.0 + cosine);
+        rotations[2 * i + 1] = is_zero(n) ? 0.0 : 2.0 * b / (1.0 + cosine);
     }
     return count;
 }

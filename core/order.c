@@ -66,16 +66,15 @@ typedef struct {
     int32_t entries[FAR];
 } near_faces;
 
-static near_faces find_near(const mesh_order *mesh, int64_t listed) {
-    near_faces near = {.end = listed < 2 ? (int)listed * 9 : FAR};
-    for (int i = 0; i < 2 && i < listed; i++) {
-        near.last[i] = mesh->corners[listed - 1 - i];
+static near_faces find_near(const mesh_order *mesh, int64_t n_coded) {
+    near_faces near = {.end = n_coded < 2 ? (int)n_coded * 9 : FAR};
+    for (int i = 0; i < 2 && i < n_coded; i++) {
+        near.last[i] = mesh->corners[n_coded - 1 - i];
     }
     return near;
 }
 
-/* Find one more face next to the last two, or next to one of these; returns false if there is
-   none. */
+/* Find another face next to the last two, or to one of these; returns false if none is left. */
 static bool find_next(const mesh_order *mesh, const face_state *state, near_faces *near) {
     int n_first = near->end / 3;
     while (near->next_way < near->end) {
@@ -104,9 +103,9 @@ static bool find_next(const mesh_order *mesh, const face_state *state, near_face
 /* Code whether the next face is near the last two, and which. Returns the corner entered, or -1;
    `way` is how it was found. */
 static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_state *state,
-                         int64_t listed, int32_t target, int *way) {
+                         int64_t n_coded, int32_t target, int *way) {
     face_models *models = state->models;
-    near_faces near = find_near(mesh, listed);
+    near_faces near = find_near(mesh, n_coded);
     int last_way = models->last_ways[0], earlier = models->last_ways[1], index = 0,
         target_index = -1;
     bool has_more = find_next(mesh, state, &near), is_last = false;
@@ -122,9 +121,9 @@ static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_s
     }
     for (;; index++) {
         is_last = index + 1 == near.n && !find_next(mesh, state, &near); /* the only one left */
-        reel_model *all = &models->near[near.ways[index]][last_way];
+        reel_model *shared = &models->near[near.ways[index]][last_way];
         reel_model *context = &models->near_in_context[near.ways[index]][last_way][earlier];
-        if (is_last || reel_bit_in_context(coder, all, context, index == target_index)) {
+        if (is_last || reel_bit_in_context(coder, shared, context, index == target_index)) {
             break;
         }
     }
@@ -134,24 +133,23 @@ static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_s
 
 /* Choose the open side to reach a face from: the one whose rank is nearest to that of the last. */
 static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_t face) {
-    int64_t result = -1, min_distance = 0, here = reel_ranks_rank(&state->open, state->last_open);
+    int64_t result = -1, min_distance = 0, last = reel_ranks_rank(&state->open, state->last_open);
     for (int i = 0; i < 3; i++) {
         int32_t twin = mesh->twins[3 * face + i];
         if (state->opened_at[twin] < 0 || twin == 3 * face + i) {
             continue;
         }
-        int64_t far = reel_ranks_rank(&state->open, state->opened_at[twin]) - here;
-        far = far < 0 ? -far : far;
-        if (result < 0 || far < min_distance) {
+        int64_t distance = reel_ranks_rank(&state->open, state->opened_at[twin]) - last;
+        distance = distance < 0 ? -distance : distance;
+        if (result < 0 || distance < min_distance) {
             result = state->opened_at[twin];
-            min_distance = far;
+            min_distance = distance;
         }
     }
     return result;
 }
 
-/* Code a face across an open side, or among all. Returns the corner entered, or -1 - face for the
-   latter. */
+/* Code a face across an open side, and return the corner entered; or among all: -1 - face. */
 static int32_t code_far(reel_range_coder *coder, const mesh_order *mesh, face_state *state,
                         int64_t target) {
     face_models *models = state->models;
@@ -169,11 +167,12 @@ static int32_t code_far(reel_range_coder *coder, const mesh_order *mesh, face_st
 
 static int code_turn(reel_range_coder *coder, face_models *models, int way, int turn) {
     int last_way = models->last_ways[0], last_turn = models->last_turn;
-    reel_model *all = models->turn[way], *here = models->turn_in_context[way][last_way][last_turn];
-    if (!reel_bit_in_context(coder, &all[0], &here[0], turn > 0)) {
+    reel_model *shared = models->turn[way],
+               *context = models->turn_in_context[way][last_way][last_turn];
+    if (!reel_bit_in_context(coder, &shared[0], &context[0], turn > 0)) {
         return 0;
     }
-    return 1 + reel_bit_in_context(coder, &all[1], &here[1], turn > 1);
+    return 1 + reel_bit_in_context(coder, &shared[1], &context[1], turn > 1);
 }
 
 /* Mark a face as coded: sides towards it close, its own open. */
@@ -240,10 +239,10 @@ static int64_t code_faces(reel_range_coder *coder, reel_arena *arena, const mesh
         if (entered < 0) {
             entered = code_far(coder, mesh, &state, target / 3);
         }
-        bool any_face = entered < 0;
-        entered = any_face ? 3 * (-1 - entered) : entered;
+        bool is_any = entered < 0;
+        entered = is_any ? 3 * (-1 - entered) : entered;
         int turn = (int)((uint32_t)(target - entered + 3) % 3);
-        turn = code_turn(coder, state.models, any_face ? FAR + 1 : way, turn);
+        turn = code_turn(coder, state.models, is_any ? FAR + 1 : way, turn);
         mesh->corners[i] = side_of(entered, turn);
         mark_coded(mesh, &state, mesh->corners[i]);
         state.models->last_ways[1] = state.models->last_ways[0];

@@ -12,7 +12,7 @@ typedef struct {
     int32_t *vertex_sequence; /* vertex of each original number */
 } cell_order;
 
-static int64_t most_neighbors(const cell_order *order, bool of_cells) {
+static int64_t max_neighbors(const cell_order *order, bool of_cells) {
     return of_cells ? REEL_MAX_SIDES * order->n_cells : 4 * order->n_nodes;
 }
 
@@ -20,7 +20,7 @@ static int64_t most_neighbors(const cell_order *order, bool of_cells) {
 static int64_t find_cell_graph(reel_arena *arena, const cell_order *order, bool of_cells,
                                reel_item_graph *graph) {
     int64_t n = of_cells ? order->n_cells : order->n_verts;
-    *graph = reel_allocate_item_graph(arena, n, most_neighbors(order, of_cells));
+    *graph = reel_allocate_item_graph(arena, n, max_neighbors(order, of_cells));
     reel_arena scratch = *arena;
     size_t size =
         reel_cells_adjacency_memory(order->n_cells, order->n_nodes, order->n_verts, of_cells);
@@ -59,7 +59,7 @@ static void name_nodes(const cell_order *order, const int32_t *starts, reel_vert
 
 static int64_t code_cell_vertices(reel_range_coder *coder, reel_arena arena,
                                   const cell_order *order) {
-    cell_order named = *order;
+    cell_order renumbered = *order;
     reel_item_graph graph;
     reel_vertex_names names = reel_start_names(&arena, order->n_verts);
     int32_t *nodes = reel_allocate(&arena, (size_t)order->n_nodes, sizeof *nodes);
@@ -74,8 +74,8 @@ static int64_t code_cell_vertices(reel_range_coder *coder, reel_arena arena,
         return result;
     }
     name_nodes(order, starts, &names, nodes);
-    named.nodes = nodes;
-    result = find_cell_graph(&arena, &named, false, &graph);
+    renumbered.nodes = nodes;
+    result = find_cell_graph(&arena, &renumbered, false, &graph);
     return result < 0 ? result
                       : reel_code_named(coder, arena, &graph, &names, order->vertex_sequence);
 }
@@ -91,18 +91,18 @@ static int64_t code_cell_order(reel_range_coder *coder, void *memory, size_t mem
 
 size_t reel_cells_order_memory(int64_t n_cells, int64_t n_nodes, int64_t n_verts) {
     const cell_order order = {.n_cells = n_cells, .n_nodes = n_nodes, .n_verts = n_verts};
-    size_t most = 0;
+    size_t max_size = 0;
     for (int of_cells = 0; of_cells < 2; of_cells++) {
         int64_t n = of_cells ? n_cells : n_verts;
-        size_t graph = reel_item_graph_bytes(n, most_neighbors(&order, of_cells));
+        size_t graph = reel_item_graph_bytes(n, max_neighbors(&order, of_cells));
         size_t adjacency =
             reel_array_bytes((size_t)n + 1, sizeof(int32_t)) +
             reel_array_bytes(reel_cells_adjacency_memory(n_cells, n_nodes, n_verts, of_cells), 1);
         size_t coder = reel_item_coder_bytes(n);
         size_t size = graph + (adjacency > coder ? adjacency : coder);
-        most = most > size ? most : size;
+        max_size = max_size > size ? max_size : size;
     }
-    return most + reel_vertex_names_bytes(n_verts) +
+    return max_size + reel_vertex_names_bytes(n_verts) +
            reel_array_bytes((size_t)n_nodes, sizeof(int32_t)) +
            reel_array_bytes((size_t)n_cells + 1, sizeof(int32_t));
 }

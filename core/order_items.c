@@ -45,7 +45,7 @@ void reel_reset_models(void *models, size_t size) {
 }
 
 void reel_reset_leaps(reel_leap_model *model) {
-    reel_reset_integer_model(&model->all);
+    reel_reset_integer_model(&model->shared);
     reel_zero(model->by_last, sizeof model->by_last);
     model->last = 0;
 }
@@ -61,7 +61,7 @@ int64_t reel_code_leap(reel_range_coder *coder, reel_leap_model *model, const re
     int length = reel_bit_length(size), sign = model->last > 0 ? 1 : model->last < 0 ? 2 : 0;
     reel_integer_model *context =
         &model->by_last[length < REEL_N_LEAP_CLASSES ? length : REEL_N_LEAP_CLASSES - 1];
-    leap = reel_code_integer_in_context(coder, &model->all, context, sign, leap);
+    leap = reel_code_integer_in_context(coder, &model->shared, context, sign, leap);
     model->last = leap;
     int64_t rank = (start + leap) % set->size;
     return reel_ranks_select(set, rank < 0 ? rank + set->size : rank);
@@ -140,24 +140,25 @@ static int near_items(const item_state *state, int32_t last, int32_t next, int32
 static int32_t code_near_item(reel_range_coder *coder, item_state *state, int32_t last,
                               int32_t target, int *way) {
     item_models *models = state->models;
-    int h = models->last_ways[0], g = models->last_ways[1]; /* last way, and the one before */
+    int last_way = models->last_ways[0], earlier_way = models->last_ways[1];
     int32_t next = last + 1;
     if (next >= state->graph->n || !reel_ranks_has(&state->uncoded, next)) {
         next = -1;
     } else {
         *way = 0;
-        if (reel_bit(coder, &models->next[h][g][state->open.time_of[next] >= 0], target == next)) {
+        if (reel_bit(coder, &models->next[last_way][earlier_way][state->open.time_of[next] >= 0],
+                     target == next)) {
             return next;
         }
     }
-    int32_t result[MAX_NEIGHBORS];
-    int n = last < 0 ? 0 : near_items(state, last, next, result);
+    int32_t neighbors[MAX_NEIGHBORS];
+    int n = last < 0 ? 0 : near_items(state, last, next, neighbors);
     for (int i = 0; i < n; i++) {
         reel_model *model =
-            &models->near[i < 4 ? i : 4][n < N_ITEM_WAYS ? n - 1 : N_ITEM_WAYS - 1][h];
-        if (reel_bit(coder, model, target == result[i])) {
+            &models->near[i < 4 ? i : 4][n < N_ITEM_WAYS ? n - 1 : N_ITEM_WAYS - 1][last_way];
+        if (reel_bit(coder, model, target == neighbors[i])) {
             *way = 1 + (i < 4 ? i : 3);
-            return result[i];
+            return neighbors[i];
         }
     }
     return -1;

@@ -11,7 +11,7 @@
 
 /* Models of leaps: a shared one, and one for each class of the previous leap, `last`. */
 typedef struct {
-    reel_integer_model all;
+    reel_integer_model shared;
     reel_integer_model by_last[REEL_N_LEAP_CLASSES];
     int32_t last;
 } reel_leap_model;

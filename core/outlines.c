@@ -18,27 +18,27 @@ static bool allocate_outline(reel_arena *arena, int64_t max_size, outline *resul
     return !arena->failed;
 }
 
-static void insert_node(outline *result, int32_t after, int32_t node, int32_t before) {
+static void insert_node(outline *polygon, int32_t after, int32_t node, int32_t before) {
     const int32_t sides[2][2] = {{after, node}, {node, before}};
     for (int i = 0; i < 2; i++) {
-        result->next[sides[i][0]] = sides[i][1];
-        result->from[result->depth] = sides[i][0];
-        result->to[result->depth++] = sides[i][1];
+        polygon->next[sides[i][0]] = sides[i][1];
+        polygon->from[polygon->depth] = sides[i][0];
+        polygon->to[polygon->depth++] = sides[i][1];
     }
 }
 
 /* Attach the triangles of a polygon; sets the corner of the polygon, from `first` on, at each of
    theirs. Returns false if a triangle has no side of the outline. */
-static bool attach_triangles(outline *result, const int32_t *triangles, int32_t size,
+static bool attach_triangles(outline *polygon, const int32_t *triangles, int32_t size,
                              int32_t first, int32_t *corners) {
-    int32_t *position = result->from;
-    result->from[0] = 0;
-    result->to[0] = 1;
-    result->depth = 1;
-    result->next[0] = 1;
-    insert_node(result, 1, 2, 0);
+    int32_t *position = polygon->from;
+    polygon->from[0] = 0;
+    polygon->to[0] = 1;
+    polygon->depth = 1;
+    polygon->next[0] = 1;
+    insert_node(polygon, 1, 2, 0);
     for (int32_t i = 0; i < 3; i++) {
-        result->vertex[i] = triangles[i];
+        polygon->vertex[i] = triangles[i];
         corners[i] = i;
     }
     for (int32_t node = 3; node < size; node++) {
@@ -46,19 +46,19 @@ static bool attach_triangles(outline *result, const int32_t *triangles, int32_t 
         corners += 3;
         int32_t after, before;
         do {
-            if (!result->depth) {
+            if (!polygon->depth) {
                 return false;
             }
-            after = result->from[--result->depth];
-            before = result->to[result->depth];
-        } while (result->vertex[before] != triangles[0] || result->vertex[after] != triangles[1]);
-        result->vertex[node] = triangles[2];
-        insert_node(result, after, node, before);
+            after = polygon->from[--polygon->depth];
+            before = polygon->to[polygon->depth];
+        } while (polygon->vertex[before] != triangles[0] || polygon->vertex[after] != triangles[1]);
+        polygon->vertex[node] = triangles[2];
+        insert_node(polygon, after, node, before);
         corners[0] = before;
         corners[1] = after;
         corners[2] = node;
     }
-    for (int32_t i = 0, node = 0; i < size; i++, node = result->next[node]) {
+    for (int32_t i = 0, node = 0; i < size; i++, node = polygon->next[node]) {
         position[node] = first + i;
     }
     corners -= 3 * (size - 3);

@@ -8,10 +8,10 @@
 #include "integers.h"
 
 #define MAX_BITS 64       /* bits of a number */
-#define N_PAST_CLASSES 48 /* classes of the decaying mean of differences */
+#define N_MEAN_CLASSES 48 /* classes of the decaying mean of differences */
 #define N_PREDICTORS 3    /* predictors of a row: none, a row, parallelograms */
 #define RECENT_BITS 6
-#define RECENT (1 << RECENT_BITS) /* distinct recent rows that may be repeated */
+#define N_RECENT (1 << RECENT_BITS) /* distinct recent rows that may be repeated */
 
 typedef struct {
     reel_model longer[MAX_BITS];
@@ -20,21 +20,21 @@ typedef struct {
 } pattern_model;
 
 typedef struct {
-    uint64_t past; /* four times the decaying mean of the differences */
-    int sign;      /* sign of the last difference: none, +, - */
+    uint64_t scaled_mean; /* four times the decaying mean of the differences */
+    int sign;             /* sign of the last difference: none, +, - */
 } column_state;
 
 typedef struct {
-    pattern_model all; /* for all contexts; see reel_bit_in_context */
-    pattern_model contexts[N_PREDICTORS][N_PAST_CLASSES];
+    pattern_model shared; /* for all contexts; see reel_bit_in_context */
+    pattern_model contexts[N_PREDICTORS][N_MEAN_CLASSES];
     reel_model low[MAX_BITS];  /* by bit position: bits below the third */
     reel_model negative[3][3]; /* by the previous signs in the column and in the row */
     reel_model is_repeated[4]; /* by whether each of the last two rows repeated a recent one */
-    reel_model which[RECENT];  /* bits of the index of the repeated row, by the higher bits */
-    int64_t recent[RECENT];
-    uint32_t hashes[RECENT]; /* hashes of the recent rows; the encoder compares them first */
+    reel_model repeated_index[N_RECENT]; /* bits of the index of a repeated row, by higher bits */
+    int64_t recent_rows[N_RECENT];
+    uint32_t hashes[N_RECENT]; /* hashes of the recent rows; the encoder compares them first */
     int n_recent;
-    unsigned repeated_rows;
+    unsigned repeat_history;
 } pattern_models;
 
 typedef struct {
@@ -51,9 +51,9 @@ size_t reel_patterns_memory(int64_t width) {
 
 static void start_patterns(pattern_models *models) {
     reel_zero(models, sizeof *models);
-    reel_model *all = (reel_model *)&models->all;
-    for (size_t i = 0; i < sizeof models->all / sizeof *all; i++) {
-        all[i] = reel_model_of(32768, 0);
+    reel_model *shared = (reel_model *)&models->shared;
+    for (size_t i = 0; i < sizeof models->shared / sizeof *shared; i++) {
+        shared[i] = reel_model_of(32768, 0);
     }
     for (int i = 0; i < MAX_BITS; i++) {
         models->low[i] = reel_model_of(32768, 0);
@@ -61,8 +61,8 @@ static void start_patterns(pattern_models *models) {
     for (int i = 0; i < 9; i++) {
         models->negative[i / 3][i % 3] = reel_model_of(32768, 0);
     }
-    for (int i = 0; i < RECENT; i++) {
-        models->which[i] = models->is_repeated[i & 3] = reel_model_of(32768, 0);
+    for (int i = 0; i < N_RECENT; i++) {
+        models->repeated_index[i] = models->is_repeated[i & 3] = reel_model_of(32768, 0);
     }
 }
 
@@ -73,7 +73,7 @@ static uint64_t bits_at(const number_table *table, int64_t index) {
     return result;
 }
 
-static void put_bits(const number_table *table, int64_t index, uint64_t bits) {
+static void set_bits(const number_table *table, int64_t index, uint64_t bits) {
     reel_copy(table->values + index * table->size, &bits, (size_t)table->size);
 }
 
@@ -100,9 +100,9 @@ static double float_of(const number_table *table, uint64_t bits) {
         reel_copy(&result, &bits, sizeof result);
         return result;
     }
-    uint32_t half = (uint32_t)bits;
+    uint32_t word = (uint32_t)bits;
     float result;
-    reel_copy(&result, &half, sizeof result);
+    reel_copy(&result, &word, sizeof result);
     return (double)result;
 }
 
@@ -155,20 +155,20 @@ static uint64_t predict_bits(const number_table *table, int64_t col, const int32
 }
 
 /* Class of the decaying mean; each octave has two classes. */
-static int past_class(uint64_t past) {
-    int above = 61 - __builtin_clzll(past + 4);
-    int result = 2 * above + (int)((past + 4) >> (above + 1) & 1U);
-    return result < N_PAST_CLASSES ? result : N_PAST_CLASSES - 1;
+static int mean_class(uint64_t scaled_mean) {
+    int octave = 61 - __builtin_clzll(scaled_mean + 4);
+    int result = 2 * octave + (int)((scaled_mean + 4) >> (octave + 1) & 1U);
+    return result < N_MEAN_CLASSES ? result : N_MEAN_CLASSES - 1;
 }
 
 static int bit_length(uint64_t value) { return value ? 64 - __builtin_clzll(value) : 0; }
 
 static uint64_t code_magnitude(reel_range_coder *coder, pattern_models *models,
                                pattern_model *context, int max_bits, uint64_t value) {
-    pattern_model *all = &models->all;
+    pattern_model *shared = &models->shared;
     int length = 0, target_length = bit_length(value);
     while (length < max_bits &&
-           reel_bit_in_context(coder, &all->longer[length], &context->longer[length],
+           reel_bit_in_context(coder, &shared->longer[length], &context->longer[length],
                                target_length > length)) {
         length++;
     }
@@ -177,10 +177,10 @@ static uint64_t code_magnitude(reel_range_coder *coder, pattern_models *models,
     }
     int low = length - 2;
     uint64_t result =
-        2U | (uint64_t)reel_bit_in_context(coder, &all->second[length - 1],
+        2U | (uint64_t)reel_bit_in_context(coder, &shared->second[length - 1],
                                            &context->second[length - 1], (int)(value >> low & 1U));
     if (low > 0) {
-        reel_model *third = &all->third[length - 1][result & 1U];
+        reel_model *third = &shared->third[length - 1][result & 1U];
         low--;
         result = result << 1 | (uint64_t)reel_bit(coder, third, (int)(value >> low & 1U));
     }
@@ -192,22 +192,21 @@ static uint64_t code_magnitude(reel_range_coder *coder, pattern_models *models,
     return result;
 }
 
-/* Code a difference in a column; `previous_sign` is the sign in the row before it, and receives
-   that of this one. */
+/* Code a difference in a column. `previous_sign`, of the column before, becomes its sign. */
 static uint64_t code_number(reel_range_coder *coder, pattern_models *models, int predictor,
                             column_state *column, int *previous_sign, int n_bits,
                             uint64_t difference) {
     uint64_t mask = UINT64_MAX >> (64 - n_bits), half = (uint64_t)1 << (n_bits - 1);
     bool negative = difference > half;
     uint64_t magnitude = negative ? mask - difference + 1 : difference;
-    pattern_model *contexts = &models->contexts[predictor][past_class(column->past)];
+    pattern_model *contexts = &models->contexts[predictor][mean_class(column->scaled_mean)];
     magnitude = code_magnitude(coder, models, contexts, n_bits, magnitude);
     int sign = 0;
     if (magnitude) {
         sign = 1 + reel_bit(coder, &models->negative[column->sign][*previous_sign], negative);
     }
     uint64_t bounded = magnitude >> 48 ? (uint64_t)1 << 48 : magnitude;
-    column->past = column->past / 2 + 2 * bounded;
+    column->scaled_mean = column->scaled_mean / 2 + 2 * bounded;
     column->sign = *previous_sign = sign;
     return sign == 2 ? (mask - magnitude + 1) & mask : magnitude & mask;
 }
@@ -227,7 +226,7 @@ static int recent_index(const pattern_models *models, const number_table *table,
     size_t size = (size_t)(table->width * table->size);
     for (int i = 0; i < models->n_recent; i++) {
         if (models->hashes[i] == hash &&
-            reel_equal_bytes(table->values + (size_t)models->recent[i] * size,
+            reel_equal_bytes(table->values + (size_t)models->recent_rows[i] * size,
                              table->values + (size_t)row * size, size)) {
             return i;
         }
@@ -237,10 +236,10 @@ static int recent_index(const pattern_models *models, const number_table *table,
 
 static void move_to_front(pattern_models *models, int index, int64_t row, uint32_t hash) {
     for (; index > 0; index--) {
-        models->recent[index] = models->recent[index - 1];
+        models->recent_rows[index] = models->recent_rows[index - 1];
         models->hashes[index] = models->hashes[index - 1];
     }
-    models->recent[0] = row;
+    models->recent_rows[0] = row;
     models->hashes[0] = hash;
 }
 
@@ -253,22 +252,22 @@ static bool code_repetition(reel_range_coder *coder, pattern_models *models,
         index = recent_index(models, table, row, hash);
     }
     bool is_repeated =
-        n && reel_bit(coder, &models->is_repeated[models->repeated_rows & 3U], index < n);
-    models->repeated_rows = models->repeated_rows << 1 | is_repeated;
+        n && reel_bit(coder, &models->is_repeated[models->repeat_history & 3U], index < n);
+    models->repeat_history = models->repeat_history << 1 | is_repeated;
     if (!is_repeated) {
-        models->n_recent += n < RECENT;
-        move_to_front(models, n < RECENT ? n : RECENT - 1, row, hash);
+        models->n_recent += n < N_RECENT;
+        move_to_front(models, n < N_RECENT ? n : N_RECENT - 1, row, hash);
         return false;
     }
     int node = 1;
     for (int i = RECENT_BITS - 1; i >= 0; i--) {
-        node = node << 1 | reel_bit(coder, &models->which[node], index >> i & 1);
+        node = node << 1 | reel_bit(coder, &models->repeated_index[node], index >> i & 1);
     }
-    index = node - RECENT < n ? node - RECENT : n - 1; /* only damaged streams exceed it */
+    index = node - N_RECENT < n ? node - N_RECENT : n - 1; /* only damaged streams exceed it */
     if (!reel_is_encoder(coder)) {
         size_t size = (size_t)(table->width * table->size);
         reel_copy(table->values + (size_t)row * size,
-                  table->values + (size_t)models->recent[index] * size, size);
+                  table->values + (size_t)models->recent_rows[index] * size, size);
     }
     move_to_front(models, index, row, hash);
     return true;
@@ -285,7 +284,7 @@ static void code_row(reel_range_coder *coder, pattern_models *models, column_sta
             (to_ordered(table, bits_at(table, index)) - predicted) & all_bits(table);
         difference = code_number(coder, models, predictor, &columns[i], &previous_sign,
                                  8 * table->size, difference);
-        put_bits(table, index, from_ordered(table, (predicted + difference) & all_bits(table)));
+        set_bits(table, index, from_ordered(table, (predicted + difference) & all_bits(table)));
     }
 }
 

@@ -17,7 +17,7 @@
 #define N_COVARIANCES (MAX_STENCIL * (MAX_STENCIL + 1) / 2)
 
 #define PRIOR_VARIANCE 0.5F  /* of the weights of the nearest vertices */
-#define PRIOR_RESTORED 0.15F /* share of it that is restored after the smooth fields */
+#define RESTORED_SHARE 0.15F /* share of it that is restored after the smooth fields */
 /* Noise of a smooth field, relative to the mean squared offset of all fields. */
 #define SMALL_NOISE 0.004F
 #define LARGE_NOISE 0.0002F /* the same in resolutions of more than REEL_SMALL_GRAPH vertices */
@@ -33,10 +33,10 @@
 #define MAX_CARRIED_COUNT 60.0 /* weight of the counts of all earlier levels */
 #define BATCHES_PER_ZONE 4     /* batches between updates of the dead zone */
 
-#define MAX_COUNTED 400.0      /* weight of all counted magnitudes of a mode */
-#define COUNTS_KEPT 0.75       /* share of the counts that remains beyond it */
+#define MAX_COUNT_SUM 400.0 /* weight of all counted magnitudes of a mode */
+#define COUNT_DECAY 0.75    /* share of the counts that remains beyond it */
 #define MIN_COUNT 0.02
-#define MAX_SHORTENED 12       /* by which joint quantization may shorten a residual */
+#define MAX_REDUCTION 12 /* by which joint quantization may shorten a residual */
 
 #define FOR_LANES(l) for (int l = 0; l < REEL_BATCH; l++)
 
@@ -102,24 +102,24 @@ static void estimate_bits(double *counts, double *bits) {
     }
     for (int i = 0; i < REEL_MAGNITUDES; i++) {
         bits[i] = reel_log2(sum / counts[i]) + (i ? 1.0 : 0.0);
-        if (sum > MAX_COUNTED) {
-            counts[i] = COUNTS_KEPT * counts[i] + MIN_COUNT;
+        if (sum > MAX_COUNT_SUM) {
+            counts[i] = COUNT_DECAY * counts[i] + MIN_COUNT;
         }
     }
 }
 
-/* Magnitude of the residual with the least squared error, times `weight`, plus bits. */
+/* Magnitude of the cheapest residual: its squared error times `weight`, plus rd_lambda per bit. */
 static int32_t cheapest_magnitude(double magnitude, double weight, double rd_lambda,
                                   const double *bits) {
     const int32_t last = REEL_MAGNITUDES - 1, nearest = (int32_t)(magnitude + 0.5);
-    int32_t best = 0, q = nearest > MAX_SHORTENED ? nearest - MAX_SHORTENED : 1;
-    double least = weight * magnitude * magnitude + rd_lambda * bits[0];
+    int32_t best = 0, q = nearest > MAX_REDUCTION ? nearest - MAX_REDUCTION : 1;
+    double min_cost = weight * magnitude * magnitude + rd_lambda * bits[0];
     for (; q <= nearest; q++) {
         double error = magnitude - q;
         double n_bits = q < last ? bits[q] : bits[last] + 1.0 + 2.0 * reel_log2(q - last + 1.0);
         double cost = weight * error * error + rd_lambda * n_bits;
-        if (cost < least) {
-            least = cost;
+        if (cost < min_cost) {
+            min_cost = cost;
             best = q;
         }
     }
@@ -127,8 +127,8 @@ static int32_t cheapest_magnitude(double magnitude, double weight, double rd_lam
 }
 
 /* Quantize mode k at some vertices, given the errors of the modes before it, which it may correct:
-   the modes after it are taken to correct what is left (as in successive interference cancellation,
-   or Babai's nearest plane). Return false if a residual is too large. */
+   later modes are assumed to correct the rest (as in successive interference cancellation, or
+   Babai's nearest plane). Return false if a residual is too large. */
 static bool quantize_jointly(const reel_quantizer *quantizer, int64_t k, const double *predictions,
                              const int32_t *vertices, int n_verts,
                              double (*errors)[REEL_BATCH], reel_fields *fields) {
@@ -136,17 +136,17 @@ static bool quantize_jointly(const reel_quantizer *quantizer, int64_t k, const d
     int64_t form_size = quantizer->n_joint * (quantizer->n_joint + 1) / 2;
     estimate_bits(counts, bits);
     for (int l = 0; l < n_verts; l++) {
-        const float *row = quantizer->forms + vertices[l] * form_size + k * (k + 1) / 2;
+        const float *form = quantizer->forms + vertices[l] * form_size + k * (k + 1) / 2;
         double target = quantizer->targets[vertices[l] * fields->n_modes + k];
         double scaled = target - predictions[l];
         for (int64_t j = 0; j < k; j++) {
-            scaled -= row[j] * errors[j][l];
+            scaled -= form[j] * errors[j][l];
         }
         double magnitude = reel_magnitude(scaled);
         if (!(magnitude < REEL_TOO_LARGE)) {
             return false;
         }
-        int32_t best = cheapest_magnitude(magnitude, row[k], quantizer->rd_lambda, bits);
+        int32_t best = cheapest_magnitude(magnitude, form[k], quantizer->rd_lambda, bits);
         counts[best < REEL_MAGNITUDES ? best : REEL_MAGNITUDES - 1] += 1.0;
         int32_t residual = scaled < 0 ? -best : best;
         fields->residuals[k * fields->n_verts + vertices[l]] = residual;
@@ -192,7 +192,7 @@ static bool code_coarsest(reel_fields *fields, const reel_quantizer *quantizer, 
 REEL_INLINE int64_t max(int64_t a, int64_t b) { return a > b ? a : b; }
 REEL_INLINE int64_t min(int64_t a, int64_t b) { return a < b ? a : b; }
 
-static bool code_level(int widest, const reel_mesh *mesh, reel_fields *fields,
+static bool code_level(int vector_width, const reel_mesh *mesh, reel_fields *fields,
                        const reel_quantizer *quantizer, int64_t level, int64_t first,
                        int64_t last) {
     if (quantizer) {
@@ -201,17 +201,18 @@ static bool code_level(int widest, const reel_mesh *mesh, reel_fields *fields,
     if (!level) {
         return code_coarsest(fields, quantizer, first, last);
     }
-    return REEL_WIDEST(widest, code, mesh, fields, quantizer, level, first, last);
+    return REEL_WIDEST(vector_width, code, mesh, fields, quantizer, level, first, last);
 }
 
 /* Code vertices first..last-1, level by level. */
 static int64_t code_levels(const reel_mesh *mesh, reel_fields *fields,
                            const reel_quantizer *quantizer, int64_t first, int64_t last) {
-    int widest = reel_vector_width();
+    int vector_width = reel_vector_width();
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t start = max(first, mesh->level_starts[level]);
         int64_t stop = min(last, mesh->level_starts[level + 1]);
-        if (start < stop && !code_level(widest, mesh, fields, quantizer, level, start, stop)) {
+        if (start < stop &&
+            !code_level(vector_width, mesh, fields, quantizer, level, start, stop)) {
             return reel_failure(REEL_INVALID, (uint64_t)level);
         }
     }

@@ -103,7 +103,6 @@ TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     }
 }
 
-/* Clear the deferred update. */
 TARGET REEL_INLINE void NAMED(clear_update)(NAMED(batch) *b) {
     b->last = 0;
     reel_zero(b->scaled_gain, sizeof b->scaled_gain);
@@ -122,14 +121,14 @@ TARGET REEL_INLINE void NAMED(apply_update)(NAMED(batch) *b, int size) {
 }
 
 /* Add `share` times the prior covariance, under which the sum of the weights has no variance. */
-TARGET REEL_INLINE void NAMED(add_prior)(NAMED(batch) *b, int size, const BATCH_VEC *by_distance,
-                                         float share) {
+TARGET REEL_INLINE void NAMED(add_prior)(NAMED(batch) *b, int size,
+                                         const BATCH_VEC *initial_weights, float share) {
     BATCH_VEC *row = b->filter.variance;
     for (int i = 0; i < size; row += ++i) {
         for (int j = 0; j < i; j++) {
-            FOR_VECS(p) row[j][p] -= share * (by_distance[i][p] * b->prior[j][p]);
+            FOR_VECS(p) row[j][p] -= share * (initial_weights[i][p] * b->prior[j][p]);
         }
-        FOR_VECS(p) row[i][p] += share * (b->prior[i][p] - by_distance[i][p] * b->prior[i][p]);
+        FOR_VECS(p) row[i][p] += share * (b->prior[i][p] - initial_weights[i][p] * b->prior[i][p]);
     }
 }
 
@@ -144,7 +143,7 @@ TARGET REEL_INLINE void NAMED(predict)(const NAMED(batch) *b, int size, const BA
 /* Apply the deferred update to rows i..i + n - 1 of the covariance, and accumulate their part of
    gain = covariance offset, by symmetry also for the columns below the diagonal. */
 TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BATCH_VEC *offset,
-                                        const BATCH_VEC *before, BATCH_VEC *gain) {
+                                        const BATCH_VEC *last_gain, BATCH_VEC *gain) {
     BATCH_VEC *rows[ROWS];
     REEL_UNROLLED for (int r = 0; r < n; r++) {
         rows[r] = b->filter.variance + (i + r) * (i + r + 1) / 2;
@@ -159,7 +158,7 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
         for (int j = 0; j < i; j++) {
             VEC sum = gain[j][p];
             REEL_UNROLLED for (int r = 0; r < n; r++) {
-                VEC variance = rows[r][j][p] - scaled_gain[r] * before[j][p];
+                VEC variance = rows[r][j][p] - scaled_gain[r] * last_gain[j][p];
                 rows[r][j][p] = variance;
                 sums[r] += variance * offset[j][p];
                 sum += variance * row_offsets[r];
@@ -168,12 +167,12 @@ TARGET REEL_INLINE void NAMED(add_rows)(NAMED(batch) *b, int i, int n, const BAT
         }
         REEL_UNROLLED for (int r = 0; r < n; r++) {
             REEL_UNROLLED for (int j = 0; j < r; j++) {
-                VEC variance = rows[r][i + j][p] - scaled_gain[r] * before[i + j][p];
+                VEC variance = rows[r][i + j][p] - scaled_gain[r] * last_gain[i + j][p];
                 rows[r][i + j][p] = variance;
                 sums[r] += variance * row_offsets[j];
                 gain[i + j][p] += variance * row_offsets[r];
             }
-            VEC variance = rows[r][i + r][p] - scaled_gain[r] * before[i + r][p];
+            VEC variance = rows[r][i + r][p] - scaled_gain[r] * last_gain[i + r][p];
             rows[r][i + r][p] = variance;
             gain[i + r][p] = sums[r] + variance * row_offsets[r];
         }
@@ -186,17 +185,17 @@ TARGET REEL_INLINE void NAMED(observe_stencil)(NAMED(batch) *b, int size, BATCH_
                                                const VEC *predicted, const VEC *error,
                                                const VEC *noise, float relative) {
     BATCH_VEC total, squares = {0};
-    const BATCH_VEC *before = b->gains[b->last];
+    const BATCH_VEC *last_gain = b->gains[b->last];
     BATCH_VEC *gain = b->gains[b->last ^= 1];
     for (int i = 0; i < size; i++) {
         FOR_VECS(p) offset[i][p] = b->mask[i][p] * (offset[i][p] - predicted[p]);
     }
     int row = 0;
     for (; row + ROWS <= size; row += ROWS) {
-        NAMED(add_rows)(b, row, ROWS, offset, before, gain);
+        NAMED(add_rows)(b, row, ROWS, offset, last_gain, gain);
     }
     for (; row < size; row++) {
-        NAMED(add_rows)(b, row, 1, offset, before, gain);
+        NAMED(add_rows)(b, row, 1, offset, last_gain, gain);
     }
     for (int i = 0; i < size; i++) {
         FOR_VECS(p) squares[p] += offset[i][p] * offset[i][p];
@@ -289,13 +288,14 @@ TARGET REEL_INLINE void NAMED(transpose)(const VEC *rows, BATCH_VEC *lanes, int 
 }
 
 /* Subtract eight doubles from eight others, and round to float. */
-TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *at, const double *base) {
+TARGET REEL_INLINE VEC_8F NAMED(difference)(const double *values, const double *base) {
 #if LANES == 8
-    return __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, VEC_8F);
+    return __builtin_convertvector(*(const VEC_D *)values - *(const VEC_D *)base, VEC_8F);
 #else
-    HALF_VEC_F low = __builtin_convertvector(*(const VEC_D *)at - *(const VEC_D *)base, HALF_VEC_F);
-    HALF_VEC_F high =
-        __builtin_convertvector(*(const VEC_D *)(at + 4) - *(const VEC_D *)(base + 4), HALF_VEC_F);
+    HALF_VEC_F low =
+        __builtin_convertvector(*(const VEC_D *)values - *(const VEC_D *)base, HALF_VEC_F);
+    HALF_VEC_F high = __builtin_convertvector(
+        *(const VEC_D *)(values + 4) - *(const VEC_D *)(base + 4), HALF_VEC_F);
     return SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
 #endif
 }
@@ -423,40 +423,40 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 /* Initialize the filters before the first mode of the block. */
 TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
                                        const float *smooth, float smooth_noise) {
-    BATCH_VEC by_distance[MAX_STENCIL];
+    BATCH_VEC initial_weights[MAX_STENCIL];
     NAMED(clear_update)(b);
     NAMED(start_weights)(b, size);
-    reel_copy(by_distance, b->filter.weight, sizeof by_distance);
+    reel_copy(initial_weights, b->filter.weight, sizeof initial_weights);
     reel_zero(b->filter.variance, sizeof b->filter.variance);
-    NAMED(add_prior)(b, size, by_distance, PRIOR_VARIANCE);
+    NAMED(add_prior)(b, size, initial_weights, PRIOR_VARIANCE);
     NAMED(observe_smooth)(b, size, smooth, smooth_noise);
     NAMED(apply_update)(b, size);
-    NAMED(add_prior)(b, size, by_distance, PRIOR_RESTORED * PRIOR_VARIANCE);
+    NAMED(add_prior)(b, size, initial_weights, RESTORED_SHARE * PRIOR_VARIANCE);
     NAMED(observe_key)(b, size, fields);
 }
 
 /* Quantize LANES modes of a vertex to residuals, and count the zeros and ones of each mode.
-   `shaped` are the predictions from unquantized values, or NULL if the quantization noise is not
+   `open_loop` are the predictions from unquantized values, or NULL if the quantization noise is not
    shaped. Return false if a residual is too large. */
 TARGET REEL_INLINE bool NAMED(quantize_modes)(bool to_nearest, const reel_quantizer *quantizer,
                                               const VEC_D *zones, const VEC_D *predictions,
-                                              const VEC_D *target_value, const VEC_D *shaped,
+                                              const VEC_D *target_value, const VEC_D *open_loop,
                                               HALF_VEC_I *residuals, VEC_D *zeros, VEC_D *ones) {
-    const VEC_D none = {0}, one = none + 1.0;
+    const VEC_D zero = {0}, one = zero + 1.0;
     VEC_D target = *target_value;
-    if (shaped) {
-        VEC_D feedback = quantizer->gain * (*predictions - *shaped);
+    if (open_loop) {
+        VEC_D feedback = quantizer->gain * (*predictions - *open_loop);
         target += SELECT((feedback <= MAX_FEEDBACK) & (feedback >= -MAX_FEEDBACK), feedback);
     }
     VEC_D scaled = target - *predictions;
-    VEC_MASK is_negative = scaled < none;
+    VEC_MASK is_negative = scaled < zero;
     VEC_D size = SELECT(is_negative, -scaled) + SELECT(~is_negative, scaled);
     VEC_MASK fits = size < REEL_TOO_LARGE, is_zero = size < *zones;
     *zeros += SELECT(is_zero, one);
     *ones += SELECT(~is_zero & (size < ONE_LIMIT), one);
     /* Vectorized reel_round_rd. */
-    VEC_D raised = SELECT(fits, size) + (to_nearest ? 0.5 : 0.5 - REEL_ROUNDING_BIAS);
-    HALF_VEC_I whole = __builtin_convertvector(raised, HALF_VEC_I);
+    VEC_D biased = SELECT(fits, size) + (to_nearest ? 0.5 : 0.5 - REEL_ROUNDING_BIAS);
+    HALF_VEC_I whole = __builtin_convertvector(biased, HALF_VEC_I);
     VEC_D rounded = __builtin_convertvector(whole, VEC_D);
     rounded = SELECT(~is_zero, rounded + SELECT(rounded < one, one));
     rounded = SELECT(~is_negative, rounded) - SELECT(is_negative, rounded);
@@ -473,18 +473,18 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
                                               int64_t k, reel_fields *fields,
                                               const reel_quantizer *quantizer,
                                               const NAMED(batch_numbers) *predictions,
-                                              const NAMED(offsets) *shaped) {
-    NAMED(batch_numbers) targets, shaped_values, zones, zeros = {{0}}, ones = {{0}};
+                                              const NAMED(offsets) *open_loop) {
+    NAMED(batch_numbers) targets, open_loop_values, zones, zeros = {{0}}, ones = {{0}};
     union {
         int32_t number[REEL_BATCH];
         HALF_VEC_I vector[REEL_BATCH / LANES];
     } residuals;
-    if (shaped) {
+    if (open_loop) {
         BATCH_VEC predicted;
-        NAMED(predict)(b, size, shaped->offset[k % FIELDS_PER_GATHER], predicted);
+        NAMED(predict)(b, size, open_loop->offset[k % FIELDS_PER_GATHER], predicted);
         FOR_LANES(l) {
-            shaped_values.number[l] =
-                shaped->base[k % FIELDS_PER_GATHER][l] + (double)AT(predicted, l);
+            open_loop_values.number[l] =
+                open_loop->base[k % FIELDS_PER_GATHER][l] + (double)AT(predicted, l);
         }
     }
     FOR_LANES(l) {
@@ -493,10 +493,10 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
     }
     bool fits = true;
     for (int i = 0; i < REEL_BATCH / LANES; i++) {
-        fits &=
-            NAMED(quantize_modes)(to_nearest, quantizer, zones.vector + i, predictions->vector + i,
-                                  targets.vector + i, shaped ? shaped_values.vector + i : NULL,
-                                  residuals.vector + i, zeros.vector + i, ones.vector + i);
+        fits &= NAMED(quantize_modes)(to_nearest, quantizer, zones.vector + i,
+                                      predictions->vector + i, targets.vector + i,
+                                      open_loop ? open_loop_values.vector + i : NULL,
+                                      residuals.vector + i, zeros.vector + i, ones.vector + i);
     }
     for (int l = 0; l < b->n_lanes; l++) {
         quantizer->counts[2 * k] += zeros.number[l];
@@ -511,7 +511,7 @@ TARGET REEL_INLINE bool NAMED(quantize_batch)(const NAMED(batch) *b, int size, b
 TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_nearest,
                                              bool is_shaped, int64_t n_adaptive,
                                              reel_fields *fields, const reel_quantizer *quantizer) {
-    NAMED(offsets) result, shaped;
+    NAMED(offsets) result, open_loop;
     BATCH_VEC predicted, error, noise;
     NAMED(batch_numbers) predictions;
     double errors[REEL_MAX_JOINT][REEL_BATCH];
@@ -523,7 +523,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
             NAMED(gather)(b, size, fields->values, k, n_modes, false, &result);
         }
         if (!m && is_shaped) {
-            NAMED(gather)(b, size, quantizer->targets, k, n_modes, false, &shaped);
+            NAMED(gather)(b, size, quantizer->targets, k, n_modes, false, &open_loop);
         }
         NAMED(predict)(b, size, result.offset[m], predicted);
         FOR_LANES(l) { predictions.number[l] = result.base[m][l] + (double)AT(predicted, l); }
@@ -534,7 +534,7 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
         }
         if (quantizer && !is_joint &&
             !NAMED(quantize_batch)(b, size, to_nearest, k, fields, quantizer, &predictions,
-                                   is_shaped ? &shaped : NULL)) {
+                                   is_shaped ? &open_loop : NULL)) {
             return false;
         }
         FOR_LANES(l) {
@@ -581,12 +581,11 @@ TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t
 #endif
 }
 
-/* Code n * LANES modes at the vertices of a batch, n = 1 or 2, with weights that no longer adapt.
- */
+/* Code n * LANES modes at the vertices of a batch, n = 1 or 2, with fixed weights. */
 TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n, bool to_nearest,
                                           bool is_shaped, int64_t k, reel_fields *fields,
                                           const reel_quantizer *quantizer) {
-    VEC_D predictions[2], shaped[2], zeros[2] = {{0}, {0}}, ones[2] = {{0}, {0}};
+    VEC_D predictions[2], open_loop[2], zeros[2] = {{0}, {0}}, ones[2] = {{0}, {0}};
     HALF_VEC_I residuals;
     int64_t n_modes = fields->n_modes, n_verts = fields->n_verts;
     bool fits = true;
@@ -598,7 +597,7 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
         int64_t vertex = b->neighbors[SELF][l];
         NAMED(predict_modes)(b, size, l, n, fields->values + k, n_modes, predictions);
         if (is_shaped) {
-            NAMED(predict_modes)(b, size, l, n, quantizer->targets + k, n_modes, shaped);
+            NAMED(predict_modes)(b, size, l, n, quantizer->targets + k, n_modes, open_loop);
         }
         VEC_D *values = (VEC_D *)(fields->values + vertex * n_modes + k);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
@@ -607,7 +606,7 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
                 fits &= NAMED(quantize_modes)(
                     to_nearest, quantizer, (const VEC_D *)(quantizer->zones + k) + i,
                     &predictions[i], (const VEC_D *)(quantizer->targets + vertex * n_modes + k) + i,
-                    is_shaped ? &shaped[i] : NULL, &residuals, &zeros[i], &ones[i]);
+                    is_shaped ? &open_loop[i] : NULL, &residuals, &zeros[i], &ones[i]);
                 for (int m = 0; m < LANES; m++) {
                     residual[m * n_verts] = residuals[m];
                 }

@@ -40,9 +40,9 @@ enum reel_code {
 /* REEL_ABI of the loaded library. */
 REEL_API int64_t reel_abi(void);
 
-/* Rows of integers of -(2^31-1)..2^31-1: row i has lengths[i] integers and uses table tables[i] of
-   0..n_tables-1. `values` holds all rows, concatenated. Writes at most 16 bytes for each integer
-   and 16 more. */
+/* Code rows of integers in -(2^31-1)..2^31-1: row i has lengths[i] integers and uses table
+   tables[i] of 0..n_tables-1. `values` holds all rows, concatenated. Writes at most 16 bytes for
+   each integer and 16 more. */
 REEL_API size_t reel_integers_memory(int64_t n_tables);
 REEL_API int64_t reel_integers_encode(void *memory, size_t memory_size, int32_t *values,
                                       const int64_t *lengths, const int32_t *tables, int64_t n_rows,
@@ -163,8 +163,8 @@ REEL_API int64_t reel_basis(void *memory, size_t memory_size, const int32_t *int
                             int64_t n_modes, int64_t n_columns, int64_t n_frames,
                             const uint8_t *rests, int64_t rest_bits, int64_t is_adaptive,
                             const double *lengths, int64_t n_reused, double *basis);
-/* The same from coefficients of a discrete cosine transform over time, for 1 to REEL_MAX_COSINES
-   frames: for each mode all frequencies of the first column, then of the next. */
+/* As reel_basis, from coefficients of a discrete cosine transform over time, for 1 to
+   REEL_MAX_COSINES frames: for each mode all frequencies of the first column, then of the next. */
 #define REEL_MAX_COSINES 1024
 REEL_API size_t reel_cosine_basis_memory(int64_t n_columns, int64_t n_frames);
 REEL_API int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integers,
@@ -199,8 +199,8 @@ REEL_API int64_t reel_pack(const double *fields, int64_t mode_stride, int64_t ve
 /* Reconstruct frames frames[0 .. n_requested - 1] of a block from packed fields. Products of fields
    and basis vectors are summed in IEEE single or double; `precision` must be that of reel_pack.
    Corrections, unless correction_starts is NULL: those of requested frame i are
-   correction_starts[i] to correction_starts[i + 1] - 1, each at vertex corrected[k], ascending,
-   with n_columns numbers of `offsets`. `placement` is the scale, and the origin of each column.
+   correction_starts[i] to correction_starts[i + 1] - 1, at correction_vertices[k], ascending, with
+   n_columns numbers of `offsets`. `placement` is the scale, and the origin of each column.
    Layouts: the columns of each vertex together, as 4 or 8 byte floats; or the first column of all
    frames, then the next, without scale and origin, as 8 byte floats. There is at least one column.
    Returns 1 if all values are finite, else 0; those of REEL_COLUMNS are not checked. */
@@ -210,7 +210,7 @@ REEL_API int64_t reel_frames(void *memory, size_t memory_size, const double *bas
                              const void *packed, int64_t precision, int64_t n_columns,
                              int64_t n_frames, int64_t n_modes, int64_t n_verts,
                              const int32_t *frames, int64_t n_requested,
-                             const int64_t *correction_starts, const int32_t *corrected,
+                             const int64_t *correction_starts, const int32_t *correction_vertices,
                              const double *offsets, const double *placement, int64_t layout,
                              void *out);
 
@@ -474,7 +474,7 @@ REEL_API int64_t reel_cells_order_decode(void *memory, size_t memory_size, const
 
 /* Closest points of a triangle mesh (closest.c), for analysis: no stream depends on them.
    `vertices` are three coordinates each, and `faces` n_faces triples of 0..n_verts-1, at least one
-   and at most 2^29. `tree` has reel_triangle_tree_bytes(n_faces) bytes, aligned to 64 bytes. Returns
+   and at most 2^29. `tree` has reel_triangle_tree_bytes(n_faces) bytes, aligned to 64. Returns
    n_faces; fails with REEL_INVALID at the first face with a vertex that does not exist. */
 REEL_API size_t reel_triangle_tree_bytes(int64_t n_faces);
 REEL_API size_t reel_triangle_tree_memory(int64_t n_faces);
@@ -495,9 +495,8 @@ REEL_API int64_t reel_closest(void *memory, size_t memory_size, const void *tree
                               int64_t n_points, double *distances, int32_t *faces, double *closest,
                               double *weights);
 
-/* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory. May
-   be called from several threads. Functions of this section are not pure: they change the
-   structure. */
+/* Memory for the host of include/meshreel.h (host_memory.c), whose `user` is a reel_host_memory.
+   Several threads may call these functions, which are not pure: they change the structure. */
 typedef struct {
     void *(*allocate)(size_t size); /* called by several threads; returns NULL if it fails */
     void (*release)(void *memory);

@@ -89,13 +89,13 @@ static int parallelograms(const traversal *walk, int32_t row, int32_t *triples_o
     return n;
 }
 
-/* Append a row to the order, with its parallelograms; without any, it is predicted by `near` unless
-   that is negative. */
-static void add_row(traversal *walk, int32_t row, int32_t near) {
+/* Append a row to the order, with its parallelograms; without any, row `fallback` predicts it,
+   unless that is negative. */
+static void add_row(traversal *walk, int32_t row, int32_t fallback) {
     int32_t *triples = walk->triples + 3 * walk->n_triples;
     int n = parallelograms(walk, row, triples);
-    if (n == 0 && near >= 0) {
-        triples[0] = triples[1] = near;
+    if (n == 0 && fallback >= 0) {
+        triples[0] = triples[1] = fallback;
         triples[2] = -1;
         n = 1;
     }

@@ -52,7 +52,7 @@ static const series large = {
 reel_smoother reel_allocate_smoother(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_smoother){
         .fields = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
-        .others = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
+        .previous = reel_allocate(arena, n + 1, FIELDS * sizeof(float)),
         .near = reel_allocate(arena, n_near + (UNROLL - 1) * n, sizeof(int32_t)),
         .signs = reel_allocate(arena, n, sizeof(uint16_t)),
         .lanes = reel_vector_width(),
@@ -75,14 +75,14 @@ static void fill_signs(uint16_t *signs, int32_t n) {
    UNROLL with the zero row. */
 static void write_neighbor_rows(int32_t *near, const reel_graph *graph) {
     for (int32_t v = 0; v < graph->n; v++) {
-        int32_t degree = reel_degree(graph, v), padded = (degree + UNROLL - 1) & -UNROLL;
+        int32_t degree = reel_degree(graph, v), padded_degree = (degree + UNROLL - 1) & -UNROLL;
         for (int32_t i = 0; i < degree; i++) {
             near[i] = FIELDS * graph->near[graph->starts[v] + i];
         }
-        for (int32_t i = degree; i < padded; i++) {
-            near[i] = FIELDS * graph->n; /* below 2^31: vertex numbers have REEL_PLACE_BITS */
+        for (int32_t i = degree; i < padded_degree; i++) {
+            near[i] = FIELDS * graph->n; /* below 2^31: vertex numbers have REEL_VERTEX_BITS */
         }
-        near += padded;
+        near += padded_degree;
     }
 }
 

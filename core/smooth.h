@@ -7,9 +7,9 @@
 
 /* Memory for graphs of up to n vertices. */
 typedef struct {
-    float *fields; /* n + 1 x REEL_SMOOTH_FIELDS; the last row is 0 */
-    float *others; /* previous step of the recurrence, of the same size */
-    int32_t *near; /* neighbor lists as offsets into fields, padded */
+    float *fields;   /* n + 1 x REEL_SMOOTH_FIELDS; the last row is 0 */
+    float *previous; /* previous step of the recurrence, of the same size */
+    int32_t *near;   /* neighbor lists as offsets into fields, padded */
     uint16_t *signs;
     int lanes; /* doubles in the widest vectors */
 } reel_smoother;

@@ -9,8 +9,7 @@
 typedef float VECTOR __attribute__((vector_size(8 * LANES), may_alias));
 typedef uint32_t NAMED(bit_vector) __attribute__((vector_size(4 * FLOATS)));
 
-/* A value times FLOATS signs: bit 0 of the vector's bits is the sign of its first lane; 1 is
-   positive. */
+/* A value times FLOATS signs: bit 0 of the vector's bits is its first lane's; 1 is positive. */
 TARGET REEL_INLINE VECTOR NAMED(apply_signs)(uint32_t signs, int k, NAMED(bit_vector) shifts,
                                              VECTOR value) {
     NAMED(bit_vector) bits = (NAMED(bit_vector)){0} + (~signs >> k * FLOATS);
@@ -20,7 +19,7 @@ TARGET REEL_INLINE VECTOR NAMED(apply_signs)(uint32_t signs, int k, NAMED(bit_ve
 /* One step of Clenshaw's recurrence at every vertex: b, from two steps before, becomes factor W
    last - b + value Z, where W averages over neighbors and Z are the signs. */
 TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *graph, float factor,
-                               float value, const float *last, float *b) {
+                               float value, const float *current, float *b) {
     NAMED(bit_vector) shifts;
     for (int lane = 0; lane < FLOATS; lane++) {
         shifts[lane] = (uint32_t)lane;
@@ -33,7 +32,7 @@ TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *
         FOR_VECS(k) { sums[k] = (VECTOR){0}; }
         for (int32_t left = degree; left > 0; left -= UNROLL, near += UNROLL) {
             REEL_UNROLLED for (int i = 0; i < UNROLL; i++) {
-                const VECTOR *row = (const VECTOR *)(last + near[i]);
+                const VECTOR *row = (const VECTOR *)(current + near[i]);
                 FOR_VECS(k) { sums[k] += row[k]; }
             }
         }
@@ -49,17 +48,17 @@ TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *
 /* Smooth fields of a graph: the Chebyshev series of the diffusion applied to the signs, summed by
    Clenshaw's recurrence from the last term. */
 TARGET static const float *NAMED(diffuse)(const reel_smoother *smoother, const reel_graph *graph) {
-    float *last = smoother->fields, *b = smoother->others;
-    const series *chosen = graph->n > REEL_SMALL_GRAPH ? &large : &small;
-    reel_zero(last, ((size_t)graph->n + 1) * FIELDS * sizeof *last);
+    float *current = smoother->fields, *b = smoother->previous;
+    const series *diffusion = graph->n > REEL_SMALL_GRAPH ? &large : &small;
+    reel_zero(current, ((size_t)graph->n + 1) * FIELDS * sizeof *current);
     reel_zero(b, ((size_t)graph->n + 1) * FIELDS * sizeof *b);
-    for (int term = chosen->n_terms - 1; term >= 0; term--) {
-        NAMED(step)(smoother, graph, term ? 2.0F : 1.0F, chosen->terms[term], last, b);
-        float *latest = b;
-        b = last;
-        last = latest;
+    for (int term = diffusion->n_terms - 1; term >= 0; term--) {
+        NAMED(step)(smoother, graph, term ? 2.0F : 1.0F, diffusion->terms[term], current, b);
+        float *next = b;
+        b = current;
+        current = next;
     }
-    return last;
+    return current;
 }
 
 #undef VECTOR

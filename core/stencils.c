@@ -10,7 +10,7 @@
 #define RADIUS 3              /* radius of a stencil, in edges of its resolution */
 #define MAX_PASSAGE_DEGREE 24 /* searches do not pass through vertices with more neighbors */
 #define MAX_PATHS 15          /* path counts saturate here */
-#define GATHERED 256          /* neighbors gathered before they are filtered */
+#define MAX_GATHERED 256      /* neighbors gathered before they are filtered */
 #define SMALL_SORT 48         /* arrays up to this size are sorted without branches */
 #define WIDE 8                /* numbers copied and compared per vector */
 
@@ -19,10 +19,10 @@ typedef int32_t vec8i __attribute__((vector_size(32), aligned(4), may_alias));
 /* Neighbors of a ring, possibly repeated. */
 typedef struct {
     int32_t count;
-    int32_t vertices[GATHERED + MAX_PASSAGE_DEGREE + WIDE];
+    int32_t vertices[MAX_GATHERED + MAX_PASSAGE_DEGREE + WIDE];
     /* Shortest paths to the ring vertex that each comes from. */
-    int32_t paths[GATHERED + MAX_PASSAGE_DEGREE + WIDE];
-} gathered;
+    int32_t paths[MAX_GATHERED + MAX_PASSAGE_DEGREE + WIDE];
+} neighbor_list;
 
 reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, size_t n_near) {
     return (reel_stencil_finder){
@@ -40,18 +40,18 @@ reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, si
 static void sort_rows(const reel_stencil_finder *finder, const reel_graph *graph,
                       const uint8_t *states) {
     for (int32_t v = 0; v < graph->n; v++) {
-        int32_t places[REEL_STATES + 1] = {0}, begin = graph->starts[v], end = graph->starts[v + 1];
+        int32_t starts[REEL_STATES + 1] = {0}, begin = graph->starts[v], end = graph->starts[v + 1];
         for (int32_t i = begin; i < end; i++) {
-            places[states[graph->near[i]] + 1]++;
+            starts[states[graph->near[i]] + 1]++;
         }
-        places[0] = begin;
+        starts[0] = begin;
         for (int state = 0; state < REEL_STATES - 1; state++) {
-            places[state + 1] += places[state];
-            finder->ends[v].of[state] = places[state + 1];
+            starts[state + 1] += starts[state];
+            finder->ends[v].by_state[state] = starts[state + 1];
         }
         for (int32_t i = begin; i < end; i++) {
             int32_t u = graph->near[i];
-            finder->rows[places[states[u]]++] = u;
+            finder->rows[starts[states[u]]++] = u;
         }
     }
 }
@@ -67,33 +67,32 @@ REEL_INLINE int32_t paths_to(const reel_stencil_finder *finder, int32_t v) {
     return paths < MAX_PATHS ? paths : MAX_PATHS;
 }
 
-/* Append a row. Reads up to WIDE - 1 numbers past the row, and writes as many past the gathered
-   ones. */
-REEL_INLINE void add_row(gathered *all, const int32_t *row, int32_t length, int32_t paths) {
+/* Append a row. Reads up to WIDE - 1 numbers past the row, and writes as many past its copy. */
+REEL_INLINE void add_row(neighbor_list *list, const int32_t *row, int32_t length, int32_t paths) {
     for (int32_t i = 0; i < length; i += WIDE) {
-        *(vec8i *)&all->vertices[all->count + i] = *(const vec8i *)&row[i];
-        *(vec8i *)&all->paths[all->count + i] = paths - (vec8i){0};
+        *(vec8i *)&list->vertices[list->count + i] = *(const vec8i *)&row[i];
+        *(vec8i *)&list->paths[list->count + i] = paths - (vec8i){0};
     }
-    all->count += length;
+    list->count += length;
 }
 
 /* Append the gathered vertices that this search has not visited to `next`; returns its new length.
    Path counts of all vertices that belong to the marked ring increase. Masks replace conditions
    that compilers would turn into branches. */
-static int32_t append_unvisited(const reel_stencil_finder *finder, uint64_t mark, gathered *all,
-                                int32_t n_next) {
+static int32_t append_unvisited(const reel_stencil_finder *finder, uint64_t mark,
+                                neighbor_list *list, int32_t n_next) {
     uint64_t *marks = finder->visits;
-    int32_t *next = finder->next, count = all->count;
+    int32_t *next = finder->next, count = list->count;
     for (int32_t i = 0; i < count; i++) {
-        int32_t w = all->vertices[i];
+        int32_t w = list->vertices[i];
         uint64_t visit = marks[w];
         next[n_next] = w; /* overwritten by the next vertex unless it is new */
         n_next += visit < mark;
         visit = visit > mark ? visit : mark;
-        uint64_t belongs = (visit - mark) >> 32 == 0;
-        marks[w] = visit + ((uint64_t)all->paths[i] & (0 - belongs));
+        uint64_t in_ring = (visit - mark) >> 32 == 0;
+        marks[w] = visit + ((uint64_t)list->paths[i] & (0 - in_ring));
     }
-    all->count = 0;
+    list->count = 0;
     return n_next;
 }
 
@@ -102,19 +101,19 @@ static int32_t append_unvisited(const reel_stencil_finder *finder, uint64_t mark
 static int32_t grow_ring(reel_stencil_finder *finder, const reel_graph *graph, int32_t search,
                          int distance, uint8_t level, int32_t n) {
     int32_t n_next = 0;
-    gathered all;
-    all.count = 0;
+    neighbor_list list;
+    list.count = 0;
     for (int32_t i = 0; i < n; i++) {
         int32_t u = finder->ring[i], begin = graph->starts[u], end = graph->starts[u + 1];
         if (end - begin <= MAX_PASSAGE_DEGREE) {
-            int32_t last = distance < RADIUS ? end : finder->ends[u].of[level - 1];
-            add_row(&all, finder->rows + begin, last - begin, paths_to(finder, u));
+            int32_t last = distance < RADIUS ? end : finder->ends[u].by_state[level - 1];
+            add_row(&list, finder->rows + begin, last - begin, paths_to(finder, u));
         }
-        if (all.count > GATHERED) {
-            n_next = append_unvisited(finder, visit_mark(search, distance), &all, n_next);
+        if (list.count > MAX_GATHERED) {
+            n_next = append_unvisited(finder, visit_mark(search, distance), &list, n_next);
         }
     }
-    return append_unvisited(finder, visit_mark(search, distance), &all, n_next);
+    return append_unvisited(finder, visit_mark(search, distance), &list, n_next);
 }
 
 /* Begin a search: the first ring consists of all neighbors of v. */
@@ -130,14 +129,14 @@ static int32_t begin_ring(reel_stencil_finder *finder, const reel_graph *graph, 
     return n;
 }
 
-/* List the sort keys of the vertices of a ring that are of earlier levels: most shortest paths
-   first, then lowest number. Returns how many there are. */
+/* List the sort keys of the vertices of a ring that are of earlier levels: by descending number of
+   shortest paths, then ascending vertex number. Returns their number. */
 static int32_t list_keys(const reel_stencil_finder *finder, const uint8_t *states, uint8_t level,
                          int32_t n) {
     int32_t count = 0;
     for (int32_t i = 0; i < n; i++) {
         int32_t u = finder->next[i];
-        finder->keys[count] = (MAX_PATHS - paths_to(finder, u)) << REEL_PLACE_BITS | u;
+        finder->keys[count] = (MAX_PATHS - paths_to(finder, u)) << REEL_VERTEX_BITS | u;
         count += states[u] < level;
     }
     return count;
@@ -208,7 +207,7 @@ static void find_nearest(reel_stencil_finder *finder, const reel_graph *graph,
         }
         count = count < capacity ? count : capacity;
         for (int32_t i = 0; i < count; i++) {
-            stencil[n_found] = sorted[i] & ((1 << REEL_PLACE_BITS) - 1);
+            stencil[n_found] = sorted[i] & ((1 << REEL_VERTEX_BITS) - 1);
             hops[n_found++] = (uint8_t)distance;
         }
         int32_t *ring = finder->ring;
@@ -222,13 +221,13 @@ static void find_nearest(reel_stencil_finder *finder, const reel_graph *graph,
 }
 
 void reel_find_stencils(reel_stencil_finder *finder, const reel_graph *graph, const uint8_t *states,
-                        const uint8_t *divides, const int32_t *order, int32_t n, int32_t size,
+                        const uint8_t *is_midpoint, const int32_t *order, int32_t n, int32_t size,
                         int32_t *stencil, uint8_t *hops) {
     reel_zero(finder->visits, (size_t)graph->n * sizeof *finder->visits);
     sort_rows(finder, graph, states);
     for (int32_t i = 0; i < n; i++) {
         size_t row = (size_t)i * (size_t)size;
-        int radius = divides && divides[order[i]] ? 1 : RADIUS;
+        int radius = is_midpoint && is_midpoint[order[i]] ? 1 : RADIUS;
         find_nearest(finder, graph, states, i + 1, order[i], radius, size, stencil + row,
                      hops + row);
     }

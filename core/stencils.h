@@ -5,12 +5,12 @@
 
 #include "graph.h"
 
-#define REEL_STATES 4      /* states of vertices: kept, or one of three levels */
-#define REEL_PLACE_BITS 27 /* bits of a vertex number */
+#define REEL_STATES 4       /* of vertices: in the coarser resolution, or in one of three levels */
+#define REEL_VERTEX_BITS 27 /* bits of a vertex number */
 
-/* Where the neighbors of each state but the last end in a row. */
+/* Ends of the neighbors of each state but the last, in a row. */
 typedef struct {
-    int32_t of[REEL_STATES - 1];
+    int32_t by_state[REEL_STATES - 1];
 } reel_row_ends;
 
 /* Memory for graphs of up to n vertices and n_near neighbors. */
@@ -28,10 +28,10 @@ typedef struct {
 reel_stencil_finder reel_allocate_stencil_finder(reel_arena *arena, size_t n, size_t n_near);
 
 /* Find the stencils of the vertices order[0 .. n - 1], whose states are 1 or more: up to `size`
-   vertices of lower state, padded with -1, and their distances in edges. The stencils of vertices
-   that divide an edge have neighbors only; `divides` may be NULL. */
+   vertices of lower state, padded with -1, and their distances in edges. The stencils of midpoints
+   of edges have neighbors only; `is_midpoint` may be NULL. */
 void reel_find_stencils(reel_stencil_finder *finder, const reel_graph *graph, const uint8_t *states,
-                        const uint8_t *divides, const int32_t *order, int32_t n, int32_t size,
+                        const uint8_t *is_midpoint, const int32_t *order, int32_t n, int32_t size,
                         int32_t *stencil, uint8_t *hops);
 
 #endif

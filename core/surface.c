@@ -11,10 +11,10 @@
 /* Pairs of half-edges, as the faces are given. */
 typedef struct {
     const int32_t *faces;
-    int32_t *order; /* half-edges, sorted by their lower end */
-    int32_t *next;  /* of each of `order`: the next one with the same ends, or NONE */
-    int32_t *first; /* of each vertex: the first of `order` with it as higher end */
-    int32_t *pair;  /* partner of each half-edge; NONE on a boundary */
+    int32_t *order;   /* half-edges, sorted by their lower end */
+    int32_t *next;    /* of each of `order`: the next one with the same ends, or NONE */
+    int32_t *first;   /* of each vertex: the first of `order` with it as higher end */
+    int32_t *partner; /* partner of each half-edge; NONE on a boundary */
 } pairing;
 
 static int32_t end_of(const int32_t *faces, int32_t side) { return faces[reel_side_after(side)]; }
@@ -29,28 +29,27 @@ static bool goes_up(const int32_t *faces, int32_t side) {
 
 /* Pair the half-edges of one edge: first those of opposite direction and different third vertex,
    then of opposite direction, then any two. */
-static void join_edge(pairing *sides, const int32_t *of_edge, int64_t n) {
+static void join_edge(pairing *sides, const int32_t *edge_sides, int64_t n) {
     const int32_t *faces = sides->faces;
     for (int round = 0; round < 3; round++) {
         for (int64_t i = 0; i < n; i++) {
-            int32_t side = of_edge[i];
+            int32_t side = edge_sides[i];
             int64_t limit = n - i < CANDIDATES ? n : i + CANDIDATES;
-            for (int64_t j = i + 1; j < limit && sides->pair[side] == NONE; j++) {
-                int32_t other = of_edge[j];
+            for (int64_t j = i + 1; j < limit && sides->partner[side] == NONE; j++) {
+                int32_t other = edge_sides[j];
                 bool opposite = goes_up(faces, side) != goes_up(faces, other);
                 bool is_distinct = apex_of(faces, side) != apex_of(faces, other);
-                if (sides->pair[other] == NONE && (round == 2 || opposite) &&
+                if (sides->partner[other] == NONE && (round == 2 || opposite) &&
                     (round > 0 || is_distinct)) {
-                    sides->pair[side] = other;
-                    sides->pair[other] = side;
+                    sides->partner[side] = other;
+                    sides->partner[other] = side;
                 }
             }
         }
     }
 }
 
-/* Find the degenerate faces, and sort the half-edges of the others by their lower end; none is
-   paired. */
+/* Find the degenerate faces; sort the half-edges of the others, unpaired, by their lower end. */
 static void list_sides(pairing *sides, reel_surface *surface, int32_t *starts, int64_t n_verts) {
     int32_t *ends = starts + 1;
     reel_zero(starts, (size_t)(n_verts + 2) * sizeof *starts);
@@ -76,65 +75,64 @@ static void list_sides(pairing *sides, reel_surface *surface, int32_t *starts, i
         reel_prefix_sum(ends, pass ? 0 : n_verts);
     }
     for (int64_t i = 0; i < 3 * surface->n_faces; i++) {
-        sides->pair[i] = NONE;
+        sides->partner[i] = NONE;
     }
 }
 
-/* Pair the half-edges order[start..end-1], those with the same lower end. `of_edge` has space for
-   all of them. */
-static void join_sides(pairing *sides, int32_t start, int32_t end, int32_t *of_edge) {
+/* Pair the half-edges order[start..end-1], those with the same lower end. `edge_sides` has space
+   for all of them. */
+static void join_sides(pairing *sides, int32_t start, int32_t end, int32_t *edge_sides) {
     const int32_t *faces = sides->faces;
     for (int32_t i = end - 1; i >= start; i--) {
         int32_t side = sides->order[i], a = faces[side], b = end_of(faces, side);
         int32_t *first = &sides->first[a < b ? b : a];
-        sides->next[i] = *first >= start ? *first : NONE; /* those before belong to other ends */
+        sides->next[i] = *first >= start ? *first : NONE; /* entries before have other ends */
         *first = i;
     }
     for (int32_t i = start; i < end; i++) {
         int32_t side = sides->order[i], next = sides->next[i];
-        if (sides->pair[side] != NONE || next == NONE) {
+        if (sides->partner[side] != NONE || next == NONE) {
             continue;
         }
         if (sides->next[next] == NONE) {
-            sides->pair[side] = sides->order[next];
-            sides->pair[sides->order[next]] = side;
+            sides->partner[side] = sides->order[next];
+            sides->partner[sides->order[next]] = side;
             continue;
         }
         int64_t n = 0;
         for (int32_t j = i; j != NONE; j = next) {
             next = sides->next[j];
             sides->next[j] = NONE; /* so that those without a partner are not tried again */
-            of_edge[n++] = sides->order[j];
+            edge_sides[n++] = sides->order[j];
         }
-        join_edge(sides, of_edge, n);
+        join_edge(sides, edge_sides, n);
     }
 }
 
-/* Flip faces so that paired half-edges have opposite directions; unpair those for which that is
-   impossible. */
-static void orient_faces(pairing *sides, reel_surface *surface, int32_t *queue, uint8_t *reached) {
-    reel_zero(reached, (size_t)surface->n_faces);
+/* Flip faces so that paired half-edges have opposite directions; unpair those that still agree. */
+static void orient_faces(pairing *sides, reel_surface *surface, int32_t *queue, uint8_t *is_seen) {
+    reel_zero(is_seen, (size_t)surface->n_faces);
     for (int64_t seed = 0; seed < surface->n_faces; seed++) {
         int64_t n = 0;
-        if (!reached[seed] && !surface->flat[seed]) {
-            reached[seed] = 1;
+        if (!is_seen[seed] && !surface->flat[seed]) {
+            is_seen[seed] = 1;
             queue[n++] = (int32_t)seed;
         }
         for (int64_t i = 0; i < n; i++) {
             for (int32_t side = 3 * queue[i]; side < 3 * queue[i] + 3; side++) {
-                int32_t other = sides->pair[side];
+                int32_t other = sides->partner[side];
                 if (other == NONE) {
                     continue;
                 }
                 bool same_direction = goes_up(sides->faces, side) == goes_up(sides->faces, other);
                 uint8_t flipped = surface->flipped[queue[i]] ^ (uint8_t)same_direction;
-                if (!reached[other / 3]) {
-                    reached[other / 3] = 1;
+                if (!is_seen[other / 3]) {
+                    is_seen[other / 3] = 1;
                     surface->flipped[other / 3] = flipped;
                     surface->has_flipped |= flipped;
                     queue[n++] = other / 3;
                 } else if (surface->flipped[other / 3] != flipped) {
-                    sides->pair[side] = sides->pair[other] = NONE;
+                    sides->partner[side] = sides->partner[other] = NONE;
                 }
             }
         }
@@ -153,7 +151,7 @@ static void join(reel_surface *surface, int32_t side, int32_t other) {
 }
 
 /* Set the twins of all given half-edges, and close boundary edges with additional faces. */
-static void close_surface(reel_surface *surface, const int32_t *pair) {
+static void close_surface(reel_surface *surface, const int32_t *partner) {
     int32_t n_sides = (int32_t)(3 * surface->n_faces), next = n_sides;
     for (int32_t given_side = 0; given_side < n_sides; given_side++) {
         if (surface->flat[given_side / 3]) {
@@ -161,11 +159,11 @@ static void close_surface(reel_surface *surface, const int32_t *pair) {
             continue;
         }
         int32_t side = flipped_side(surface, given_side);
-        if (pair[given_side] == NONE) {
+        if (partner[given_side] == NONE) {
             join(surface, side, next);
             next += 3;
         } else {
-            surface->twin[side] = flipped_side(surface, pair[given_side]);
+            surface->twin[side] = flipped_side(surface, partner[given_side]);
         }
     }
     surface->n_closing = (next - n_sides) / 3;
@@ -181,18 +179,18 @@ static void close_surface(reel_surface *surface, const int32_t *pair) {
 }
 
 /* Make a new point of all corners around the origin of a half-edge. */
-static void name_point(reel_surface *surface, int32_t side, int64_t number, int32_t vertex) {
-    int32_t degree = 0, here = side;
+static void set_point(reel_surface *surface, int32_t side, int64_t number, int32_t vertex) {
+    int32_t degree = 0, current = side;
     do {
-        surface->point[here] = (int32_t)number;
+        surface->point[current] = (int32_t)number;
         degree++;
-        here = surface->twin[reel_side_before(here)];
-    } while (here != side);
+        current = surface->twin[reel_side_before(current)];
+    } while (current != side);
     surface->vertex[number] = vertex;
     surface->degree[number] = degree;
 }
 
-static void name_points(reel_surface *surface, const int32_t *faces, uint8_t *used) {
+static void set_points(reel_surface *surface, const int32_t *faces, uint8_t *is_used) {
     int32_t n_sides = (int32_t)(3 * surface->n_faces);
     int32_t n_all = n_sides + (int32_t)(3 * surface->n_closing);
     int64_t n_points = 0;
@@ -206,15 +204,15 @@ static void name_points(reel_surface *surface, const int32_t *faces, uint8_t *us
         int32_t vertex = -1;
         if (side < n_sides) {
             int32_t face = side / 3, corner = side % 3;
-            bool swaps = surface->flipped[face] && corner;
-            vertex = faces[3 * face + (swaps ? 3 - corner : corner)];
-            surface->pinched |= used[vertex];
-            surface->n_used += !used[vertex];
-            used[vertex] = 1;
+            bool is_swapped = surface->flipped[face] && corner;
+            vertex = faces[3 * face + (is_swapped ? 3 - corner : corner)];
+            surface->pinched |= is_used[vertex];
+            surface->n_used += !is_used[vertex];
+            is_used[vertex] = 1;
         } else {
             surface->n_caps++;
         }
-        name_point(surface, side, n_points++, vertex);
+        set_point(surface, side, n_points++, vertex);
     }
 }
 
@@ -237,7 +235,7 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
     result->flat = reel_allocate(arena, m, 1);
     pairing sides = {.faces = faces};
     sides.order = reel_allocate(arena, 3 * m, word);
-    sides.pair = reel_allocate(arena, 3 * m, word);
+    sides.partner = reel_allocate(arena, 3 * m, word);
     sides.next = reel_allocate(arena, 3 * m, word);
     sides.first = reel_allocate(arena, v, word);
     int32_t *starts = reel_allocate(arena, v + 2, word);
@@ -250,11 +248,11 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
         sides.first[i] = NONE;
     }
     for (int64_t i = 0; i < n_verts; i++) {
-        join_sides(&sides, starts[i], starts[i + 1], result->twin); /* of which nothing is set */
+        join_sides(&sides, starts[i], starts[i + 1], result->twin); /* twin: scratch space */
     }
     orient_faces(&sides, result, sides.next, marks);
-    close_surface(result, sides.pair);
+    close_surface(result, sides.partner);
     reel_zero(marks, m + v);
-    name_points(result, faces, marks);
+    set_points(result, faces, marks);
     return true;
 }

@@ -41,8 +41,7 @@ REEL_INLINE int32_t reel_side_before(int32_t side) {
 /* Bytes of the arena that `reel_find_surface` takes. */
 size_t reel_surface_memory(int64_t n_verts, int64_t n_faces);
 
-/* Build the surface of faces with vertices 0..n_verts-1; returns false if the arena is too
-   small. */
+/* Build the surface of faces of vertices 0..n_verts-1; returns false if the arena is too small. */
 bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces, int64_t n_verts,
                        reel_surface *result);
 

@@ -19,12 +19,12 @@
 #define N_SIZES 29                  /* classes of the expected magnitude, two per octave */
 #define N_VOTES (2 * N_CONTEXT + 1) /* possible sums of N_CONTEXT signs */
 #define N_RUNS 16                   /* classes of run lengths of copies: 0, 1, ..., 15 or more */
-#define N_LIKELY 2                  /* run length from which another copy is probable initially */
+#define LIKELY_RUN 2                /* run length from which another copy is probable initially */
 #define MAX_HASH_BITS 15            /* bits of the hash of the last residuals of a column */
 #define N_CANDIDATES 5              /* predictions to select from: see predict_group */
 #define N_CONTEXTS (3 * N_CLASSES)  /* contexts of the selection: see find_neighbors */
-#define N_COMPARED 2048             /* rows that the encoder samples to choose a frame's kind */
-#define N_CHOSEN 4096               /* rows that it encodes to make the choices of a kind */
+#define N_SAMPLED_ROWS 2048         /* rows that the encoder samples to choose a frame's kind */
+#define N_TRIAL_ROWS 4096           /* rows that it encodes to make the choices of a kind */
 #define LONG_TOKEN 15               /* token of all magnitudes of at least LONG */
 #define LONG 192
 
@@ -32,14 +32,14 @@
 enum {
     FITTED = 1,     /* fitted weights are stored; otherwise parallelograms predict by their mean */
     BEST = 2,       /* predict by the candidate with the least error so far */
-    COPIES = 4,     /* a bit before a residual may tell that it is a copy of an earlier one */
+    COPIES = 4,     /* a bit before a residual may state that it copies an earlier one */
     BY_CONTEXT = 8, /* measure the errors of the candidates separately in each context */
     N_CHOICES = 4   /* bits of these flags */
 };
 
 /* How a frame is coded: it repeats the previous one; directly; as the difference from the previous
    one; or as the difference from the linear extrapolation of the previous two. */
-enum { SAME, OWN, CHANGE, EXTRAPOLATED, N_KINDS };
+enum { SAME, DIRECT, CHANGE, EXTRAPOLATED, N_KINDS };
 
 typedef int32_t vec4i __attribute__((vector_size(4 * LANES), may_alias));
 typedef uint32_t vec4u __attribute__((vector_size(4 * LANES), may_alias));
@@ -99,7 +99,7 @@ typedef struct {
     copy_source sources[MAX_COLUMNS];
 } surface_coder;
 
-/* Values of the row that is being coded, and what its columns so far tell about the next ones. */
+/* The row that is being coded, and statistics of its columns so far. */
 typedef struct {
     const int32_t *input;   /* encoder: its values */
     int32_t *decoded;       /* decoder: memory of its values */
@@ -221,7 +221,7 @@ static void start_models(residual_models *models) {
         models->negative[i] = reel_model_of(32768, 8);
     }
     for (int run = 0; run < N_RUNS; run++) {
-        reel_model model = reel_model_of(run < N_LIKELY ? 32768 : 60000, 2);
+        reel_model model = reel_model_of(run < LIKELY_RUN ? 32768 : 60000, 2);
         for (int context = 0; context < 3; context++) {
             models->copy[context][0][run] = models->copy[context][1][run] = model;
         }
@@ -285,7 +285,6 @@ REEL_INLINE void find_means(const surface_coder *coder, int64_t group, int64_t n
     means->around = around * (1.0 / (double)coder->n_around);
 }
 
-/* Clip values to a maximum. */
 REEL_INLINE void limit_group(vec4d *values, double limit) {
     const vec4d limits = {limit, limit, limit, limit};
     vec4l is_less = *values < limits;
@@ -317,13 +316,13 @@ REEL_INLINE vec4i complete(const vec4d *rows, const parallelogram *shape, int64_
    predicts, or the previous row. Otherwise the weighted means do; with BEST, they are one of five
    candidates: the first and the last parallelogram, the weighted means, and two neighbors. */
 REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t group,
-                                int64_t n_groups, candidates *all) {
+                                int64_t n_groups, candidates *candidate_set) {
     int class = class_of(coder);
     const vec4d *rows = coder->values + group;
     if (class < 0) {
-        int64_t other = coder->n_around ? coder->around[0] : row - 1;
+        int64_t neighbor = coder->n_around ? coder->around[0] : row - 1;
         vec4d values = {0};
-        return __builtin_convertvector(other < 0 ? values : rows[other * n_groups], vec4i);
+        return __builtin_convertvector(neighbor < 0 ? values : rows[neighbor * n_groups], vec4i);
     }
     double f = coder->state->weights[2 * class], g = coder->state->weights[2 * class + 1];
     row_means means;
@@ -334,29 +333,29 @@ REEL_INLINE vec4i predict_group(const surface_coder *coder, int64_t row, int64_t
         return mean;
     }
     const vec4i *errors = coder->state->errors[coder->context][group];
-    vec4i *values = all->values;
+    vec4i *values = candidate_set->values;
     values[0] = complete(rows, coder->parallelograms, n_groups);
     values[1] = complete(rows, &coder->parallelograms[coder->n_parallelograms - 1], n_groups);
     values[2] = mean;
     values[3] = __builtin_convertvector(rows[coder->around[0] * n_groups], vec4i);
     values[4] = __builtin_convertvector(rows[coder->around[1] * n_groups], vec4i);
     vec4i best = values[0];
-    all->error = errors[0];
+    candidate_set->error = errors[0];
     for (int i = 1; i < N_CANDIDATES; i++) {
-        vec4i is_better = errors[i] < all->error;
+        vec4i is_better = errors[i] < candidate_set->error;
         best = select_group(is_better, values[i], best);
-        all->error = select_group(is_better, errors[i], all->error);
+        candidate_set->error = select_group(is_better, errors[i], candidate_set->error);
     }
     return best;
 }
 
 /* Update the average errors of the candidates with the actual values. */
-REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group, const candidates *all,
-                                    vec4i actual) {
+REEL_INLINE void compare_candidates(surface_coder *coder, int64_t group,
+                                    const candidates *candidate_set, vec4i actual) {
     const vec4i largest = {LARGEST, LARGEST, LARGEST, LARGEST};
     for (int i = 0; i < N_CANDIDATES; i++) {
         vec4i *error = &coder->state->errors[coder->context][group][i];
-        vec4i size = (vec4i)((vec4u)actual - (vec4u)all->values[i]);
+        vec4i size = (vec4i)((vec4u)actual - (vec4u)candidate_set->values[i]);
         vec4i is_negative = size < 0; /* -1 if true */
         size = (vec4i)((vec4u)(size ^ is_negative) - (vec4u)is_negative);
         size = select_group((size < largest) & (size >= 0), size, largest);
@@ -400,18 +399,18 @@ REEL_INLINE uint32_t code_magnitude(reel_range_coder *coder, residual_models *mo
         int n_raw = token / 2 - 1;
         return (2U | (token & 1U)) << n_raw | reel_code_raw(coder, n_raw, magnitude);
     }
-    uint32_t above = magnitude - (LONG - 1);
-    length = reel_bit_length(above) - 1;
+    uint32_t extra = magnitude - (LONG - 1);
+    length = reel_bit_length(extra) - 1;
     token = reel_code_symbol(coder, &models->long_token, length < LONG_TOKEN ? length : LONG_TOKEN);
     if (token == LONG_TOKEN) {
         length = LONG_TOKEN + (int)reel_code_raw(coder, 4, (uint32_t)(length - LONG_TOKEN));
-        uint32_t high = reel_code_raw(coder, 15, above >> (length - 15));
-        above = 1U << 15 | high;
-        above = above << (length - 15) | reel_code_raw(coder, length - 15, magnitude - (LONG - 1));
+        uint32_t high = reel_code_raw(coder, 15, extra >> (length - 15));
+        extra = 1U << 15 | high;
+        extra = extra << (length - 15) | reel_code_raw(coder, length - 15, magnitude - (LONG - 1));
     } else {
-        above = 1U << token | reel_code_raw(coder, token, above);
+        extra = 1U << token | reel_code_raw(coder, token, extra);
     }
-    return above + (LONG - 1);
+    return extra + (LONG - 1);
 }
 
 /* Code a residual. `size` is the class of its expected magnitude, `votes` the sum of the signs of
@@ -474,11 +473,11 @@ REEL_INLINE near_residuals sum_near(const surface_coder *coder, int64_t group, i
    errors of the selected candidate, or else of the residuals of the column; and of the residuals in
    earlier columns of the row. */
 REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *coder, current_row *row,
-                              int64_t number, int64_t group, int64_t n_groups, int64_t n_columns) {
+                              int64_t index, int64_t group, int64_t n_groups, int64_t n_columns) {
     static const int32_t shares[N_CONTEXT + 1] = {0, 48, 24, 16, 12}; /* 48 / number of rows */
-    int32_t value[LANES] = {0}, coded[LANES] = {0};
-    candidates all = {0};
-    vec4i predicted = predict_group(coder, number, group, n_groups, &all);
+    int32_t value[LANES] = {0}, clipped[LANES] = {0};
+    candidates candidate_set = {0};
+    vec4i predicted = predict_group(coder, index, group, n_groups, &candidate_set);
     near_residuals near = sum_near(coder, group, n_groups);
     bool has_deviation = coder->n_parallelograms != 0;
     bool has_candidates = has_deviation && coder->state->choices & BEST;
@@ -490,7 +489,7 @@ REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *code
         int64_t column = LANES * group + k;
         int32_t *recent = &coder->state->recent[column];
         int32_t mean = near.n ? near.sizes[k] * shares[near.n] : *recent;
-        int32_t earlier = has_candidates ? 3 * all.error[k] >> 2 : *recent;
+        int32_t earlier = has_candidates ? 3 * candidate_set.error[k] >> 2 : *recent;
         int32_t sum = 2 * (has_deviation ? deviation[k] : mean) + 2 * earlier + 72;
         float expected = (float)(sum + (column ? mean + 48 * row->mean_magnitude : 2 * mean));
         int32_t bits;
@@ -500,11 +499,11 @@ REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *code
         if (reel_is_encoder(range_coder)) {
             residual = (int32_t)((uint32_t)row->input[column] - (uint32_t)predicted[k]);
         }
-        const copy_source *from = &coder->sources[column];
+        const copy_source *copied = &coder->sources[column];
         bool is_copy = false;
-        if (from->next) {
-            int32_t source = coder->residuals[from->next * n_groups + group][k];
-            is_copy = code_copy(range_coder, coder, source, from->run, row, &residual);
+        if (copied->next) {
+            int32_t source = coder->residuals[copied->next * n_groups + group][k];
+            is_copy = code_copy(range_coder, coder, source, copied->run, row, &residual);
         }
         if (!is_copy) {
             residual =
@@ -516,9 +515,9 @@ REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *code
         }
         residual = residual < LARGEST ? residual : LARGEST;
         residual = residual > -LARGEST ? residual : -LARGEST;
-        coded[k] = residual;
+        clipped[k] = residual;
         if (coder->state->choices & COPIES) {
-            find_source(coder, number, column, residual, is_copy);
+            find_source(coder, index, column, residual, is_copy);
         }
         int32_t magnitude = residual < 0 ? -residual : residual;
         *recent += (48 * magnitude - *recent) >> 3;
@@ -526,22 +525,21 @@ REEL_INLINE void code_columns(reel_range_coder *range_coder, surface_coder *code
     }
     vec4i values = {value[0], value[1], value[2], value[3]};
     if (has_candidates) {
-        compare_candidates(coder, group, &all, values);
+        compare_candidates(coder, group, &candidate_set, values);
     }
-    coder->values[number * n_groups + group] = __builtin_convertvector(values, vec4d);
-    coder->residuals[(coder->first_row + number) * n_groups + group] =
-        (vec4i){coded[0], coded[1], coded[2], coded[3]};
+    coder->values[index * n_groups + group] = __builtin_convertvector(values, vec4d);
+    coder->residuals[(coder->first_row + index) * n_groups + group] =
+        (vec4i){clipped[0], clipped[1], clipped[2], clipped[3]};
 }
 
-/* Code all rows of a frame. The encoder passes `input`, the decoder `decoded`, and NULL for the
-   other. */
+/* Code all rows of a frame: `input` in the encoder, `decoded` in the decoder; the other is NULL. */
 REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, int64_t n_groups,
                            int64_t n_columns, const int32_t *input, int32_t *decoded) {
-    for (int64_t number = 0; number < coder->n_rows; number++) {
+    for (int64_t index = 0; index < coder->n_rows; index++) {
         current_row row = {.input = input, .decoded = decoded};
-        find_neighbors(coder, (int32_t)number);
+        find_neighbors(coder, (int32_t)index);
         for (int64_t group = 0; group < n_groups; group++) {
-            code_columns(range_coder, coder, &row, number, group, n_groups, n_columns);
+            code_columns(range_coder, coder, &row, index, group, n_groups, n_columns);
         }
         input += input ? n_columns : 0;
         decoded += decoded ? n_columns : 0;
@@ -649,7 +647,6 @@ static void code_head(reel_range_coder *range_coder, kind_state *state) {
 
 /* ---- frames ---- */
 
-/* Return the number of values in a frame. */
 static size_t n_values(const surface_coder *coder) {
     return (size_t)(coder->n_rows * coder->n_columns);
 }
@@ -657,7 +654,7 @@ static size_t n_values(const surface_coder *coder) {
 /* Predict value i of a frame from the previous frames, which precede it in memory; modulo 2^32. */
 static uint32_t predicted_value(const surface_coder *coder, int kind, const int32_t *frame,
                                 size_t i) {
-    if (kind == OWN) {
+    if (kind == DIRECT) {
         return 0;
     }
     const int32_t *previous = frame - n_values(coder);
@@ -687,8 +684,8 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
                         int32_t *difference, const uint8_t *kinds, int32_t *decoded) {
     start_frames(coder);
     for (int kind = 0, t = 0; t < coder->n_frames; t++) {
-        size_t n = n_values(coder), at = n * (size_t)t;
-        kind = t ? code_kind(range_coder, coder, kind, kinds ? kinds[t] : 0) : OWN;
+        size_t n = n_values(coder), offset = n * (size_t)t;
+        kind = t ? code_kind(range_coder, coder, kind, kinds ? kinds[t] : 0) : DIRECT;
         if (kind == EXTRAPOLATED && t < 2) {
             return false;
         }
@@ -703,15 +700,15 @@ static bool code_frames(reel_range_coder *range_coder, surface_coder *coder, con
             reel_zero(coder->residuals + coder->first_row * coder->n_groups,
                       (size_t)(coder->n_rows * coder->n_groups) * sizeof *coder->residuals);
         } else if (input) {
-            subtract_prediction(coder, kind, input + at, difference);
+            subtract_prediction(coder, kind, input + offset, difference);
             code_frame(range_coder, coder, difference, NULL);
         } else {
-            code_frame(range_coder, coder, NULL, decoded + at);
+            code_frame(range_coder, coder, NULL, decoded + offset);
         }
-        for (size_t i = 0; decoded && kind != OWN && i < n; i++) {
-            uint32_t predicted = predicted_value(coder, kind, decoded + at, i);
-            uint32_t value = kind == SAME ? 0U : (uint32_t)decoded[at + i];
-            decoded[at + i] = (int32_t)(predicted + value);
+        for (size_t i = 0; decoded && kind != DIRECT && i < n; i++) {
+            uint32_t predicted = predicted_value(coder, kind, decoded + offset, i);
+            uint32_t value = kind == SAME ? 0U : (uint32_t)decoded[offset + i];
+            decoded[offset + i] = (int32_t)(predicted + value);
         }
     }
     return true;
@@ -730,29 +727,29 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
     int n_kinds = can_extrapolate ? N_KINDS : EXTRAPOLATED;
     int64_t costs[N_KINDS][2] = {0}, n = coder->n_columns;
     start_rows(coder);
-    for (int64_t row = 0; row < coder->n_rows; row += 1 + coder->n_rows / N_COMPARED) {
+    for (int64_t row = 0; row < coder->n_rows; row += 1 + coder->n_rows / N_SAMPLED_ROWS) {
         find_neighbors(coder, (int32_t)row);
-        int64_t other = coder->n_around ? coder->around[0] : row ? row - 1 : row;
+        int64_t neighbor = coder->n_around ? coder->around[0] : row ? row - 1 : row;
         const parallelogram *shape = coder->n_parallelograms ? coder->parallelograms : NULL;
-        int64_t rows[] = {row, other, 0, 0};
+        int64_t rows[] = {row, neighbor, 0, 0};
         if (shape) {
             rows[1] = shape->a, rows[2] = shape->b, rows[3] = shape->c;
         }
-        for (int64_t i = n * OWN; i < n * n_kinds; i++) {
+        for (int64_t i = n * DIRECT; i < n * n_kinds; i++) {
             int64_t kind = i / n, column = i % n;
             uint32_t values[4];
             for (int k = 0; k < (shape ? 4 : 2); k++) {
-                size_t at = (size_t)(rows[k] * n + column);
-                values[k] = (uint32_t)frame[at] - predicted_value(coder, (int)kind, frame, at);
+                size_t item = (size_t)(rows[k] * n + column);
+                values[k] = (uint32_t)frame[item] - predicted_value(coder, (int)kind, frame, item);
             }
             int size = size_of(values[0] - values[1]);
             costs[kind][0] += size;
             costs[kind][1] += shape ? size_of(values[0] - values[1] - values[2] + values[3]) : size;
         }
     }
-    int best = OWN;
+    int best = DIRECT;
     int64_t least = INT64_MAX;
-    for (int i = 2 * OWN; i < 2 * n_kinds; i++) {
+    for (int i = 2 * DIRECT; i < 2 * n_kinds; i++) {
         best = costs[i / 2][i % 2] < least ? i / 2 : best;
         least = costs[i / 2][i % 2] < least ? costs[i / 2][i % 2] : least;
     }
@@ -761,8 +758,8 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
 
 /* Encode one frame with these choices, fitted weights if they are stored, and initial models.
    Return its size in bytes, or a negative number if it exceeds the capacity. */
-static int64_t size_with(surface_coder *coder, uint32_t choices, const int32_t *values,
-                         uint8_t *out, size_t capacity) {
+static int64_t encoded_size(surface_coder *coder, uint32_t choices, const int32_t *values,
+                            uint8_t *out, size_t capacity) {
     reel_range_coder range_coder = reel_start_encoder(out, capacity);
     coder->state->choices = choices;
     if (choices & FITTED) {
@@ -777,15 +774,15 @@ static int64_t size_with(surface_coder *coder, uint32_t choices, const int32_t *
 
 /* Set the choices and weights of the current kind to those with which a frame is smallest. For a
    table of several frames, only the first N_CHOSEN rows are encoded. */
-static void choose(surface_coder *coder, const int32_t *values, uint8_t *out, size_t capacity) {
+static void set_flags(surface_coder *coder, const int32_t *values, uint8_t *out, size_t capacity) {
     /* Flip these flags in turn, and keep each change that saves bytes. */
     static const uint32_t changes[] = {BEST | BY_CONTEXT, COPIES, BY_CONTEXT, BEST, FITTED};
     int64_t n_rows = coder->n_rows;
-    coder->n_rows = coder->n_frames > 1 && n_rows > N_CHOSEN ? N_CHOSEN : n_rows;
+    coder->n_rows = coder->n_frames > 1 && n_rows > N_TRIAL_ROWS ? N_TRIAL_ROWS : n_rows;
     uint32_t best = FITTED;
-    int64_t smallest = size_with(coder, best, values, out, capacity);
+    int64_t smallest = encoded_size(coder, best, values, out, capacity);
     for (size_t i = 0; i < sizeof changes / sizeof *changes; i++) {
-        int64_t size = size_with(coder, best ^ changes[i], values, out, capacity);
+        int64_t size = encoded_size(coder, best ^ changes[i], values, out, capacity);
         if (size >= 0 && size < smallest) {
             smallest = size;
             best ^= changes[i];
@@ -799,8 +796,8 @@ static void choose(surface_coder *coder, const int32_t *values, uint8_t *out, si
 }
 
 /* Choose the kind of each frame, and the choices and weights of each kind by its first frame. */
-static void choose_all(surface_coder *coder, const int32_t *input, int32_t *difference,
-                       uint8_t *kinds, uint8_t *out, size_t capacity) {
+static void choose_kinds(surface_coder *coder, const int32_t *input, int32_t *difference,
+                         uint8_t *kinds, uint8_t *out, size_t capacity) {
     size_t n = n_values(coder);
     bool has_choices[N_KINDS] = {0};
     for (int64_t t = 0; t < coder->n_frames; t++) {
@@ -809,19 +806,18 @@ static void choose_all(surface_coder *coder, const int32_t *input, int32_t *diff
         for (size_t i = 0; is_same && i < n; i++) {
             is_same = frame[i] == (frame - n)[i];
         }
-        kinds[t] = (uint8_t)(is_same ? SAME : t ? choose_kind(coder, frame, t > 1) : OWN);
+        kinds[t] = (uint8_t)(is_same ? SAME : t ? choose_kind(coder, frame, t > 1) : DIRECT);
         if (!is_same && !has_choices[kinds[t]]) {
             has_choices[kinds[t]] = true;
             subtract_prediction(coder, kinds[t], frame, difference);
             coder->state = &coder->states[kinds[t]];
-            choose(coder, difference, out, capacity);
+            set_flags(coder, difference, out, capacity);
         }
     }
 }
 
 /* ---- tables ---- */
 
-/* Return a coder of a table, without memory. */
 static surface_coder coder_of(int64_t n_frames, int64_t n_rows, int64_t n_columns,
                               const int32_t *faces, const int32_t *twins, int64_t n_faces) {
     return (surface_coder){.n_frames = n_frames,
@@ -852,8 +848,7 @@ size_t reel_surface_integers_memory(int64_t n_frames, int64_t n_rows, int64_t n_
     return arena.used;
 }
 
-/* Check the faces, allocate memory, and sort the faces. Return 0, or the failure REEL_INVALID or
-   REEL_NO_MEMORY. */
+/* Check the faces, allocate memory, and sort the faces; returns 0 or a failure. */
 static int64_t prepare(surface_coder *coder, reel_arena *arena) {
     if (coder->n_rows > INT32_MAX / coder->n_frames || !has_valid_faces(coder)) {
         return reel_failure(REEL_INVALID, 0);
@@ -890,7 +885,7 @@ int64_t reel_surface_integers_encode(void *memory, size_t memory_size, const int
             return reel_failure(REEL_INVALID, (uint64_t)i);
         }
     }
-    choose_all(&coder, values, difference, kinds, out, capacity);
+    choose_kinds(&coder, values, difference, kinds, out, capacity);
     reel_range_coder range_coder = reel_start_encoder(out, capacity);
     code_frames(&range_coder, &coder, values, difference, kinds, NULL);
     return reel_finish(&range_coder);

@@ -18,8 +18,7 @@
 
 typedef int16_t reel_vec8s __attribute__((vector_size(16), may_alias));
 
-/* `below[i]` is the probability of a symbol less than i; that of 16, which exceeds int16_t, is not
-   stored. */
+/* `below[i]` is the probability of a symbol less than i; below[16] would exceed int16_t. */
 typedef struct {
     _Alignas(16) int16_t below[REEL_SYMBOLS];
     uint16_t count; /* symbols coded so far, plus 1; 0 before the first use */

@@ -14,7 +14,7 @@
 #define N_WEIGHTS 3       /* terms of an adaptive prediction: the plain one, and two differences */
 #define RECOVERY 0.0625   /* share of the initial variances in those at the start of a mode */
 #define ERROR_RATE 0.0625 /* share of the last squared error in its moving average */
-#define OWN_NOISE 4.0     /* weight of the current squared error in the observation noise */
+#define CURRENT_ERROR_SHARE 4.0   /* weight of the current squared error in the observation noise */
 #define LARGEST_PREDICTION 0x1p29 /* keeps values of hostile streams finite */
 
 #define HALF_PI 0x1.921fb54442d18p+0
@@ -58,10 +58,10 @@ static const double initial_variances[N_WEIGHTS] = {0.0625, 0.015625, 0.015625};
 
 static void start_filter(time_filter *filter) {
     for (int level = 0; level < N_LEVELS; level++) {
-        level_filter *here = &filter->levels[level];
-        *here = (level_filter){.error = 1.0};
+        level_filter *level_state = &filter->levels[level];
+        *level_state = (level_filter){.error = 1.0};
         for (int i = 0; i < N_WEIGHTS; i++) {
-            here->variances[i] = initial_variances[i];
+            level_state->variances[i] = initial_variances[i];
         }
     }
 }
@@ -103,16 +103,16 @@ REEL_INLINE double predict_adaptive(const level_filter *filter, const double *te
 /* Update the weights with the error of a prediction: the decoded integer. */
 REEL_INLINE void observe(level_filter *filter, const double *terms, double error) {
     double gains[N_WEIGHTS], square = error * error;
-    double noise = (1.0 + filter->error) + OWN_NOISE * square;
+    double noise = (1.0 + filter->error) + CURRENT_ERROR_SHARE * square;
     for (int i = 0; i < N_WEIGHTS; i++) {
         gains[i] = filter->variances[i] * terms[i];
         noise += gains[i] * terms[i];
     }
     double inverse = 1.0 / noise;
     for (int i = 0; i < N_WEIGHTS; i++) {
-        double unknown = 1.0 - (gains[i] * terms[i]) * inverse;
+        double remaining_share = 1.0 - (gains[i] * terms[i]) * inverse;
         filter->weights[i] += gains[i] * (error * inverse);
-        filter->variances[i] *= unknown > 0.0 ? unknown : 0.0;
+        filter->variances[i] *= remaining_share > 0.0 ? remaining_share : 0.0;
     }
     filter->error += ERROR_RATE * (square - filter->error);
 }
@@ -131,18 +131,17 @@ static level_times times_of_level(int level) {
 static void decode_adaptive(const int32_t *integers, int64_t n_frames, time_filter *filter,
                             double *values) {
     for (int level = 0; level < N_LEVELS; level++) {
-        level_times at = times_of_level(level);
-        for (int64_t time = at.first; time < n_frames; time += at.step) {
+        level_times grid = times_of_level(level);
+        for (int64_t time = grid.first; time < n_frames; time += grid.step) {
             double terms[N_WEIGHTS];
-            find_terms(values, level, time, at.d, n_frames, terms);
+            find_terms(values, level, time, grid.d, n_frames, terms);
             values[time] = predict_adaptive(&filter->levels[level], terms) + integers[time];
             observe(&filter->levels[level], terms, integers[time]);
         }
     }
 }
 
-/* Whether the integers of a mode are all 0. Encoders drop such modes, and weights do not adapt to
-   them. */
+/* Whether the integers of a mode are all 0. Encoders drop such modes; weights ignore them. */
 static bool is_zero(const int32_t *integers, int64_t n) {
     for (int64_t i = 0; i < n; i++) {
         if (integers[i]) {
@@ -169,7 +168,7 @@ static void decode_times(const int32_t *integers, int64_t n_frames, double *valu
 /* Moving and resting times of a block. */
 typedef struct {
     int64_t n_frames, n_moving;
-    int32_t *moving;       /* moving times, ascending */
+    int32_t *moving_times; /* moving times, ascending */
     const uint8_t *rests;  /* whether each time rests; NULL if none does */
     double unit;           /* step of the integers at resting times */
 } timeline;
@@ -182,7 +181,7 @@ static size_t timeline_bytes(int64_t n_frames) {
 static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t *rests,
                              int64_t rest_bits, timeline *times) {
     *times = (timeline){.n_frames = n_frames, .rests = rests};
-    times->moving = reel_allocate(arena, (size_t)n_frames, sizeof *times->moving);
+    times->moving_times = reel_allocate(arena, (size_t)n_frames, sizeof *times->moving_times);
     if (arena->failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -192,32 +191,32 @@ static int64_t find_timeline(reel_arena *arena, int64_t n_frames, const uint8_t 
     times->unit = rests ? 1.0 / (double)((int64_t)1 << rest_bits) : 1.0;
     for (int64_t time = 0; time < n_frames; time++) {
         if (!rests || !rests[time]) {
-            times->moving[times->n_moving++] = (int32_t)time;
+            times->moving_times[times->n_moving++] = (int32_t)time;
         }
     }
     return 0;
 }
 
 /* Move the values of moving times, stored at the front, to their times. */
-static void spread(const timeline *times, double *values) {
+static void scatter(const timeline *times, double *values) {
     for (int64_t i = times->n_moving - 1; i >= 0; i--) { /* moving[i] >= i: none is overwritten */
-        values[times->moving[i]] = values[i];
+        values[times->moving_times[i]] = values[i];
     }
 }
 
-/* Decode a column at all times. `gathered` has space for n_frames integers; `filter` is NULL for
-   plain predictions. */
+/* Decode a column at all times. `moving_integers` has space for n_frames integers; `filter` is NULL
+   for plain predictions. */
 static void decode_column(const int32_t *integers, const timeline *times, time_filter *filter,
-                          int32_t *gathered, double *values) {
+                          int32_t *moving_integers, double *values) {
     for (int64_t i = 0; i < times->n_moving; i++) {
-        gathered[i] = integers[times->moving[i]];
+        moving_integers[i] = integers[times->moving_times[i]];
     }
     if (filter) {
-        decode_adaptive(gathered, times->n_moving, filter, values);
+        decode_adaptive(moving_integers, times->n_moving, filter, values);
     } else {
-        decode_times(gathered, times->n_moving, values);
+        decode_times(moving_integers, times->n_moving, values);
     }
-    spread(times, values);
+    scatter(times, values);
     for (int64_t time = 1; times->rests && time < times->n_frames; time++) {
         if (times->rests[time]) {
             values[time] = values[time - 1] + integers[time] * times->unit;
@@ -229,7 +228,7 @@ static void decode_column(const int32_t *integers, const timeline *times, time_f
    other times of its column, and at its time in previous columns.
    docs/format.md, "Passes by times". */
 #define NEAR_TIMES 4
-#define COLUMNS_BEFORE 2
+#define PREVIOUS_COLUMNS 2
 
 typedef struct {
     int64_t n_frames, n_added;
@@ -246,9 +245,9 @@ static void add_time(time_order *order, int64_t column, int64_t time, const int6
             order->near[count++] = (int32_t)(column * order->n_frames + near[k]);
         }
     }
-    for (int64_t before = column - COLUMNS_BEFORE; before < column; before++) {
-        if (before >= 0) {
-            order->near[count++] = (int32_t)(before * order->n_frames + time);
+    for (int64_t previous = column - PREVIOUS_COLUMNS; previous < column; previous++) {
+        if (previous >= 0) {
+            order->near[count++] = (int32_t)(previous * order->n_frames + time);
         }
     }
     order->near_starts[position + 1] = count;
@@ -256,16 +255,16 @@ static void add_time(time_order *order, int64_t column, int64_t time, const int6
 
 /* Append a level of the moving times of a column. */
 static void add_level(time_order *order, int64_t column, int level, const timeline *times) {
-    level_times at = times_of_level(level);
-    int64_t known = level ? at.d : at.d / 2;
-    for (int64_t i = at.first; i < times->n_moving; i += at.step) {
-        const int64_t others[] = {i - known, i + known, i - 2 * known, i - 4 * known};
+    level_times grid = times_of_level(level);
+    int64_t distance = level ? grid.d : grid.d / 2;
+    for (int64_t i = grid.first; i < times->n_moving; i += grid.step) {
+        const int64_t nearby[] = {i - distance, i + distance, i - 2 * distance, i - 4 * distance};
         int64_t near[NEAR_TIMES];
         for (int k = 0; k < NEAR_TIMES; k++) { /* times between those of level 0 are coded later */
-            bool is_known = (level || k >= 2) && others[k] >= 0 && others[k] < times->n_moving;
-            near[k] = is_known ? times->moving[others[k]] : -1;
+            bool is_known = (level || k >= 2) && nearby[k] >= 0 && nearby[k] < times->n_moving;
+            near[k] = is_known ? times->moving_times[nearby[k]] : -1;
         }
-        add_time(order, column, times->moving[i], near);
+        add_time(order, column, times->moving_times[i], near);
     }
 }
 
@@ -293,9 +292,9 @@ int64_t reel_time_order(void *memory, size_t memory_size, int64_t n_columns, int
     reel_arena arena = reel_arena_of(memory, memory_size);
     time_order order = {n_frames, 0, columns, near, near_starts};
     timeline times;
-    int64_t failed = find_timeline(&arena, n_frames, rests, 0, &times);
-    if (failed) {
-        return failed;
+    int64_t failure = find_timeline(&arena, n_frames, rests, 0, &times);
+    if (failure) {
+        return failure;
     }
     int n_passes = has_cosines ? 1 : rests ? N_LEVELS + 1 : N_LEVELS;
     pass_starts[0] = near_starts[0] = 0;
@@ -325,26 +324,26 @@ int64_t reel_lengths(const double *values, int64_t n_verts, int64_t n_modes, int
         lengths[mode] = 0.0;
     }
     for (int64_t v = 0; v < n_verts; v++) {
-        const double *here = values + v * n_modes;
+        const double *row = values + v * n_modes;
         for (int64_t mode = 0; mode < n_reused; mode++) {
-            lengths[mode] += here[mode] * here[mode];
+            lengths[mode] += row[mode] * row[mode];
         }
     }
     for (int64_t mode = 0; mode < n_reused; mode++) {
-        double size = lengths[mode] > 0.0 ? __builtin_sqrt(lengths[mode]) : 1.0;
-        lengths[mode] = size / finer;
+        double norm = lengths[mode] > 0.0 ? __builtin_sqrt(lengths[mode]) : 1.0;
+        lengths[mode] = norm / finer;
     }
     return n_reused;
 }
 
-/* Write a basis vector: the values divided by `size` or, if that is NULL, by their norm. */
-static void write_vector(const double *values, int64_t length, const double *size, double *vector,
+/* Write a basis vector: the values divided by `norm` or, if that is NULL, by their norm. */
+static void write_vector(const double *values, int64_t length, const double *norm, double *vector,
                          int64_t stride) {
     double sum = 0.0;
     for (int64_t i = 0; i < length; i++) {
         sum += values[i] * values[i];
     }
-    double divisor = size ? *size : sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
+    double divisor = norm ? *norm : sum > 0.0 ? __builtin_sqrt(sum) : 1.0;
     for (int64_t i = 0; i < length; i++) {
         vector[i * stride] = values[i] / divisor;
     }
@@ -358,14 +357,14 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
     timeline times;
     time_filter filter;
     double *values = reel_allocate(&arena, (size_t)length, sizeof *values);
-    int32_t *gathered = reel_allocate(&arena, (size_t)n_frames, sizeof *gathered);
-    int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
-    if (failed) {
-        return failed;
+    int32_t *moving_integers = reel_allocate(&arena, (size_t)n_frames, sizeof *moving_integers);
+    int64_t failure = find_timeline(&arena, n_frames, rests, rest_bits, &times);
+    if (failure) {
+        return failure;
     }
     for (int64_t mode = 0; mode < n_modes; mode++) {
-        const int32_t *coded = integers + mode * length;
-        bool adapts = is_adaptive && !is_zero(coded, length);
+        const int32_t *mode_integers = integers + mode * length;
+        bool adapts = is_adaptive && !is_zero(mode_integers, length);
         if (!mode || mode == n_reused) {
             start_filter(&filter);
         }
@@ -373,7 +372,7 @@ int64_t reel_basis(void *memory, size_t memory_size, const int32_t *integers, in
             begin_mode(&filter);
         }
         for (int64_t first = 0; first < length; first += n_frames) {
-            decode_column(coded + first, &times, adapts ? &filter : NULL, gathered,
+            decode_column(mode_integers + first, &times, adapts ? &filter : NULL, moving_integers,
                           values + first);
         }
         write_vector(values, length, mode < n_reused ? lengths + mode : NULL, basis + mode,
@@ -506,8 +505,8 @@ int64_t reel_cosine_basis(void *memory, size_t memory_size, const int32_t *integ
     return n_modes;
 }
 
-/* Return the magnitude below which `count` values are quantized to 0. Coding a 1 takes more bits
-   than a 0, as their frequencies tell; a bit is worth `rd_lambda` squared steps of error. */
+/* Return the magnitude below which `count` values are quantized to 0. The bits of a 1 and of a 0
+   are estimated from their frequencies; a bit is worth `rd_lambda` squared steps of error. */
 static double dead_zone(const double *scaled, int64_t count, double rd_lambda) {
     double zone = FIRST_DEAD_ZONE;
     for (int round = 0; round < N_ROUNDS && rd_lambda > 0.0; round++) {
@@ -553,13 +552,13 @@ static bool encode_times(const double *targets, int64_t n_frames, double rd_lamb
                          double *scaled, int32_t *integers) {
     int32_t latest = 0;
     for (int64_t time = 0; time < n_frames; time += COARSEST) {
-        int32_t here;
-        if (!quantize(targets[time], REEL_NEAREST_ZONE, 0.0, &here)) {
+        int32_t integer;
+        if (!quantize(targets[time], REEL_NEAREST_ZONE, 0.0, &integer)) {
             return false;
         }
-        values[time] = here;
-        integers[time] = here - latest;
-        latest = here;
+        values[time] = integer;
+        integers[time] = integer - latest;
+        latest = integer;
     }
     for (int64_t d = COARSEST / 2; d; d /= 2) {
         if (!encode_level(targets, n_frames, d, rd_lambda, values, scaled, integers)) {
@@ -578,21 +577,21 @@ static bool encode_adaptive(const double *targets, int64_t n_frames, double rd_l
                             time_filter *filter, level_counts *counts, double *values,
                             int32_t *integers) {
     for (int level = 0; level < N_LEVELS; level++) {
-        level_times at = times_of_level(level);
-        for (int64_t time = at.first; time < n_frames; time += at.step) {
+        level_times grid = times_of_level(level);
+        for (int64_t time = grid.first; time < n_frames; time += grid.step) {
             double terms[N_WEIGHTS];
-            find_terms(values, level, time, at.d, n_frames, terms);
+            find_terms(values, level, time, grid.d, n_frames, terms);
             double predicted = predict_adaptive(&filter->levels[level], terms);
             double scaled = targets[time] - predicted, size = reel_magnitude(scaled);
-            level_counts *here = &counts[level];
+            level_counts *tally = &counts[level];
             bool is_plain = !level || !(rd_lambda > 0.0); /* level 0 predicts the others */
             double zone = is_plain ? REEL_NEAREST_ZONE
-                                   : reel_dead_zone(here->n_zeros, here->n_ones, rd_lambda);
+                                   : reel_dead_zone(tally->n_zeros, tally->n_ones, rd_lambda);
             if (!quantize(scaled, zone, is_plain ? 0.0 : rd_lambda, &integers[time])) {
                 return false;
             }
-            here->n_zeros += size < zone ? 1.0 : 0.0;
-            here->n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
+            tally->n_zeros += size < zone ? 1.0 : 0.0;
+            tally->n_ones += size >= zone && size < 1.5 ? 1.0 : 0.0;
             values[time] = predicted + integers[time];
             observe(&filter->levels[level], terms, integers[time]);
         }
@@ -632,7 +631,7 @@ static bool encode_rests(const double *targets, const timeline *times, double rd
 static bool encode_column(const double *targets, const timeline *times, double rd_lambda,
                           column_work *work, int32_t *integers) {
     for (int64_t i = 0; i < times->n_moving; i++) {
-        work->targets[i] = targets[times->moving[i]];
+        work->targets[i] = targets[times->moving_times[i]];
     }
     bool is_done = work->filter
                        ? encode_adaptive(work->targets, times->n_moving, rd_lambda, work->filter,
@@ -643,9 +642,9 @@ static bool encode_column(const double *targets, const timeline *times, double r
         return false;
     }
     for (int64_t i = 0; i < times->n_moving; i++) {
-        integers[times->moving[i]] = work->integers[i];
+        integers[times->moving_times[i]] = work->integers[i];
     }
-    spread(times, work->values);
+    scatter(times, work->values);
     return encode_rests(targets, times, rd_lambda, work->values, integers);
 }
 
@@ -686,9 +685,9 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *target
     work.values = reel_allocate(&arena, (size_t)n_frames, sizeof *work.values);
     work.scaled = reel_allocate(&arena, (size_t)n_frames, sizeof *work.scaled);
     work.integers = reel_allocate(&arena, (size_t)n_frames, sizeof *work.integers);
-    int64_t failed = find_timeline(&arena, n_frames, rests, rest_bits, &times);
-    if (failed) {
-        return failed;
+    int64_t failure = find_timeline(&arena, n_frames, rests, rest_bits, &times);
+    if (failure) {
+        return failure;
     }
     start_filter(&filter);
     for (int64_t mode = 0; mode < n_modes; mode++) {
@@ -700,8 +699,8 @@ int64_t reel_basis_encode(void *memory, size_t memory_size, const double *target
     return n_modes;
 }
 
-/* Quantize the coefficients of a column. The first FIRST_BAND, and then each octave, have their own
-   dead zone. */
+/* Quantize the coefficients of a column: the first FIRST_BAND, and then each octave, with a dead
+   zone of their own. */
 static bool round_coefficients(const double *coefficients, int64_t n, double rd_lambda,
                                int32_t *integers) {
     for (int64_t first = 0, end = FIRST_BAND; first < n; first = end, end *= 2) {

@@ -60,8 +60,7 @@ static void link_nodes(reel_walk *walk, int32_t n, int32_t next) {
     walk->nodes[next].prev = n;
 }
 
-/* Encoder: set the half-edge of a node. The twin of a half-edge on a ring is stored as -1 -
-   node. */
+/* Encoder: set the half-edge of a node. On a ring, -1 - node is stored as its twin. */
 static void set_half_edge(reel_walk *walk, int32_t n, int32_t side) {
     if (reel_is_encoder(&walk->coder)) {
         walk->side[n] = side;
@@ -69,7 +68,7 @@ static void set_half_edge(reel_walk *walk, int32_t n, int32_t side) {
     }
 }
 
-/* Encoder: the half-edges across the other two edges of the face left of the edge from n. */
+/* Encoder: the half-edge across the next or the previous edge of the face left of n's edge. */
 static int32_t half_edge_behind(const reel_walk *walk, int32_t n, bool after) {
     if (!reel_is_encoder(&walk->coder)) {
         return REEL_NONE;
@@ -103,13 +102,13 @@ static visited_face add_face(reel_walk *walk, int32_t a, int32_t b, int32_t c) {
         walk->failed |= walk->n_closing > 3 * walk->n_faces;
         return (visited_face){nodes[a].flipped, REEL_NONE, REEL_NONE};
     }
-    if (walk->n_done == walk->n_faces) {
+    if (walk->n_visited == walk->n_faces) {
         walk->failed = true;
         return (visited_face){false, REEL_NONE, REEL_NONE};
     }
     bool flipped = reel_is_encoder(&walk->coder) && walk->surface.flipped[walk->side[a] / 3];
     flipped = reel_code_flipped(walk, a, flipped);
-    int32_t side = 3 * (int32_t)walk->n_done++, *face = walk->faces + side;
+    int32_t side = 3 * (int32_t)walk->n_visited++, *face = walk->faces + side;
     face[0] = u;
     face[1] = flipped ? w : v;
     face[2] = flipped ? v : w;

@@ -3,7 +3,7 @@
    docs/format.md, CONNECTIVITY. The visited region of a part is bounded by rings of nodes. A node
    is a point between two consecutive edges of a ring; the corner between them is not yet visited.
    The degree of a point is coded when it is first met, so that a node knows how many of its edges
-   are still to come, and most faces follow without a bit. */
+   remain, and most faces cost no bits. */
 
 #ifndef REEL_WALK_H
 #define REEL_WALK_H
@@ -30,14 +30,14 @@ typedef struct {
     int32_t remaining;    /* remaining edges between the two ring edges */
     int32_t across;       /* degree of the third point of the visited face at the edge to `next` */
     int32_t flipped;      /* is that face flipped? */
-    int32_t behind;       /* its half-edge there, in `faces`; REEL_NONE without one */
+    int32_t behind;       /* its half-edge at this edge, in `faces`, or REEL_NONE */
     /* Neighbors in the stack, a ring that its head closes: `below` of the head is the top. */
     int32_t above, below;
 } reel_node;
 
 typedef struct {
-    reel_symbol_model degree[REEL_FLANK_CLASSES], degree_at[REEL_EDGE_CONTEXTS];
-    reel_model meets[REEL_RING_LENGTHS], meets_at[REEL_MEET_CONTEXTS];
+    reel_symbol_model degree[REEL_FLANK_CLASSES], degree_by_edge[REEL_EDGE_CONTEXTS];
+    reel_model meets[REEL_RING_LENGTHS], meets_by_nodes[REEL_MEET_CONTEXTS];
     reel_model is_cap, is_copy, starts_open, is_far, is_behind, flipped[2];
     reel_integer_model more_degree, cap_degree, offset, share, copy, amounts, corner[3];
 } reel_walk_models;
@@ -46,10 +46,10 @@ typedef struct {
     reel_range_coder coder;
     bool failed;
     reel_walk_models *models;
-    int64_t n_verts, n_faces; /* of the mesh; n_faces without degenerate faces */
-    int64_t n_named, n_done;  /* vertices named and faces visited so far */
-    int64_t n_closing;        /* faces with a cap so far */
-    int64_t n_caps;           /* caps still to come */
+    int64_t n_verts, n_faces;      /* of the mesh; n_faces without degenerate faces */
+    int64_t n_numbered, n_visited; /* vertices numbered and faces visited so far */
+    int64_t n_closing;             /* faces with a cap so far */
+    int64_t n_caps;                /* caps not yet coded */
     bool has_flipped, pinched;
     int32_t last_copied; /* vertex of the last copy */
     int32_t *faces;      /* visited faces */
@@ -62,10 +62,10 @@ typedef struct {
     uint32_t filled;   /* one bit per stack: 0 if it is empty */
     /* Encoder only. */
     reel_surface surface;
-    int32_t *side;   /* per node: the half-edge to its next, of an unvisited face */
-    uint8_t *is_met; /* per point: was it met? */
-    int32_t *name;   /* internal number of each given vertex */
-    int32_t *given;  /* its inverse */
+    int32_t *side;    /* per node: the half-edge to its next, of an unvisited face */
+    uint8_t *is_met;  /* per point: was it met? */
+    int32_t *numbers; /* internal number of each given vertex */
+    int32_t *given;   /* its inverse */
 } reel_walk;
 
 /* Coded decisions: the encoder passes the actual value, and both sides get it back. */

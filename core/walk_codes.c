@@ -20,12 +20,12 @@ static uint32_t node_class(const reel_node *node) {
     return node->vertex == REEL_CAP ? 7 : degree_class(node->degree);
 }
 
-static uint32_t free_class(const reel_node *node) {
+static uint32_t remaining_class(const reel_node *node) {
     return node->remaining > 7 ? 7 : (uint32_t)node->remaining;
 }
 
-/* Sum the degree classes, relative to degree 6, of the nodes that are certainly connected to a new
-   point beside node `from`; caps do not count. */
+/* Sum the degree classes, relative to degree 6, of the nodes on one side, from `from` on, that a
+   new point is certainly connected to; caps do not count. */
 static int32_t flank_excess(const reel_walk *walk, int32_t from, bool backward) {
     const reel_node *end = &walk->nodes[from];
     int32_t excess = 0;
@@ -42,30 +42,30 @@ static int32_t flank_excess(const reel_walk *walk, int32_t from, bool backward) 
 
 /* Code the degree of a point first met behind the edge from n to m, or at a start. */
 int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree) {
-    uint32_t around = REEL_FLANK_CLASSES - 1, edge = REEL_EDGE_CONTEXTS - 1;
+    uint32_t flanks = REEL_FLANK_CLASSES - 1, nodes = REEL_EDGE_CONTEXTS - 1;
     if (n != REEL_NONE) {
         const reel_node *a = &walk->nodes[n];
         int32_t excess = flank_excess(walk, n, true) + flank_excess(walk, m, false);
-        around = (uint32_t)(excess < -7 ? 0 : excess > 8 ? 15 : excess + 7);
-        edge = node_class(a) << 6 | node_class(&walk->nodes[m]) << 3 | degree_class(a->across);
+        flanks = (uint32_t)(excess < -7 ? 0 : excess > 8 ? 15 : excess + 7);
+        nodes = node_class(a) << 6 | node_class(&walk->nodes[m]) << 3 | degree_class(a->across);
     }
     int symbol = degree - MIN_DEGREE < LONG_DEGREE ? degree - MIN_DEGREE : LONG_DEGREE;
-    symbol = reel_code_symbol_in_context(&walk->coder, &walk->models->degree[around],
-                                         &walk->models->degree_at[edge], symbol);
+    symbol = reel_code_symbol_in_context(&walk->coder, &walk->models->degree[flanks],
+                                         &walk->models->degree_by_edge[nodes], symbol);
     if (symbol < LONG_DEGREE) {
         return MIN_DEGREE + symbol;
     }
-    uint32_t more = (uint32_t)(degree - MIN_DEGREE - LONG_DEGREE);
-    more = reel_code_count(&walk->coder, &walk->models->more_degree, more);
-    walk->failed |= more > 12 * REEL_MAX_ITEMS;
-    return walk->failed ? 6 : MIN_DEGREE + LONG_DEGREE + (int32_t)more;
+    uint32_t excess = (uint32_t)(degree - MIN_DEGREE - LONG_DEGREE);
+    excess = reel_code_count(&walk->coder, &walk->models->more_degree, excess);
+    walk->failed |= excess > 12 * REEL_MAX_ITEMS;
+    return walk->failed ? 6 : MIN_DEGREE + LONG_DEGREE + (int32_t)excess;
 }
 
 int32_t reel_code_cap_degree(reel_walk *walk, int32_t degree) {
-    uint32_t more = (uint32_t)(degree - 2);
-    more = reel_code_count(&walk->coder, &walk->models->cap_degree, more);
-    walk->failed |= more > 3 * walk->n_faces;
-    return walk->failed ? 2 : 2 + (int32_t)more;
+    uint32_t excess = (uint32_t)(degree - 2);
+    excess = reel_code_count(&walk->coder, &walk->models->cap_degree, excess);
+    walk->failed |= excess > 3 * walk->n_faces;
+    return walk->failed ? 2 : 2 + (int32_t)excess;
 }
 
 /* Code whether a new point, or the first of a part, is a cap. */
@@ -81,23 +81,23 @@ bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts) {
 
 /* Code the vertex of a new point: the next number, or a copy of an earlier vertex. */
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
-    int32_t known = reel_is_encoder(&walk->coder) ? walk->name[vertex] : REEL_NONE;
-    if (walk->pinched && reel_bit(&walk->coder, &walk->models->is_copy, known != REEL_NONE)) {
+    int32_t number = reel_is_encoder(&walk->coder) ? walk->numbers[vertex] : REEL_NONE;
+    if (walk->pinched && reel_bit(&walk->coder, &walk->models->is_copy, number != REEL_NONE)) {
         int64_t result = walk->last_copied;
-        result += reel_code_integer(&walk->coder, &walk->models->copy, known - walk->last_copied);
-        walk->failed |= result < 0 || result >= walk->n_named;
+        result += reel_code_integer(&walk->coder, &walk->models->copy, number - walk->last_copied);
+        walk->failed |= result < 0 || result >= walk->n_numbered;
         walk->last_copied = walk->failed ? 0 : (int32_t)result;
         return walk->last_copied;
     }
-    if (walk->n_named == walk->n_verts) {
+    if (walk->n_numbered == walk->n_verts) {
         walk->failed = true;
         return 0;
     }
     if (reel_is_encoder(&walk->coder)) {
-        walk->name[vertex] = (int32_t)walk->n_named;
-        walk->given[walk->n_named] = vertex;
+        walk->numbers[vertex] = (int32_t)walk->n_numbered;
+        walk->given[walk->n_numbered] = vertex;
     }
-    return (int32_t)walk->n_named++;
+    return (int32_t)walk->n_numbered++;
 }
 
 /* Code whether a face is flipped; `behind` is the node before the edge at which it is met. */
@@ -113,10 +113,10 @@ bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets) {
     for (int32_t i = b->next; i != n && length < MAX_RING_LENGTH; i = nodes[i].next) {
         length++;
     }
-    uint32_t at = free_class(a) << 9 | free_class(b) << 6 | free_class(&nodes[a->prev]) << 3 |
-                  free_class(&nodes[b->next]);
+    uint32_t context = remaining_class(a) << 9 | remaining_class(b) << 6 |
+                       remaining_class(&nodes[a->prev]) << 3 | remaining_class(&nodes[b->next]);
     return reel_bit_in_context(&walk->coder, &walk->models->meets[length],
-                               &walk->models->meets_at[at], meets);
+                               &walk->models->meets_by_nodes[context], meets);
 }
 
 /* Code the node that the face behind the edge from n to m meets: as an offset in the ring, or as
