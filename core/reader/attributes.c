@@ -12,15 +12,15 @@
 
 /* EACH: every item has its own row. INDEXED: items refer to rows. SHARED: they do so only to save
    space. */
-enum layout_number { EACH = 0, INDEXED = 1, SHARED = 2 };
+enum layout_number { PER_ITEM = 0, INDEXED = 1, SHARED = 2 };
 enum reference_code { REPEAT = 0, NEW = 1, EXPLICIT = 2 };
-enum row_predictor { NOTHING = 0, ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3 };
+enum row_predictor { NO_PREDICTOR = 0, ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3 };
 
 /* Stored forms of numbers; 0 to 9: integers divided by a power of ten. */
 enum number_form {
     BY_BYTE = 10,
     BY_SHORT = 11,
-    OWN_GRID = 12,
+    CUSTOM_GRID = 12,
     GRID = 64,
     FINEST_GRID = 88,
     PLAIN = 255
@@ -28,15 +28,15 @@ enum number_form {
 
 /* ---- type and layout ---- */
 
-static int read_type(reel_call *call, reel_range *left, meshreel_attribute *result) {
+static int read_type(reel_call *call, reel_range *input, meshreel_attribute *result) {
     static const uint32_t types[] = {MESHREEL_UINT8, MESHREEL_INT32, MESHREEL_FLOAT32,
                                      MESHREEL_FLOAT64};
     uint8_t bytes[4];
-    uint64_t at = left->at;
-    REEL_TRY(reel_read_bytes(call, left, bytes, sizeof bytes));
-    REEL_CORRUPT_IF(bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CELLS || bytes[2] > 3, at,
+    uint64_t offset = input->offset;
+    REEL_TRY(reel_read_bytes(call, input, bytes, sizeof bytes));
+    REEL_CORRUPT_IF(bytes[0] > MESHREEL_OTHER || bytes[1] > MESHREEL_CELLS || bytes[2] > 3, offset,
                     "the kind, domain or number type of an attribute is unknown");
-    REEL_CORRUPT_IF(!bytes[3] || bytes[3] > MAX_WIDTH, at + 3,
+    REEL_CORRUPT_IF(!bytes[3] || bytes[3] > MAX_WIDTH, offset + 3,
                     "the values of an attribute do not have 1 to 16 numbers");
     result->kind = bytes[0];
     result->domain = bytes[1];
@@ -58,30 +58,29 @@ typedef struct {
     reel_range references;
 } value_layout;
 
-static int read_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
+static int read_layout(reel_call *call, reel_range *input, const meshreel_attribute *result,
                        value_layout *layout) {
-    uint64_t at = left->at, size;
-    REEL_TRY(reel_read_bytes(call, left, &layout->number, 1));
-    REEL_TRY(reel_read_varint(call, left, &layout->n_rows));
-    REEL_TRY(reel_read_varint(call, left, &size));
-    REEL_CORRUPT_IF(layout->number > SHARED, at, "the layout of an attribute is unknown");
-    REEL_CORRUPT_IF(layout->number == EACH && (layout->n_rows != result->n_items || size), at,
-                    "an attribute does not have one row for each item");
-    if (size > left->length) {
-        return reel_fail(call, MESHREEL_TRUNCATED, left->at,
+    uint64_t offset = input->offset, size;
+    REEL_TRY(reel_read_bytes(call, input, &layout->number, 1));
+    REEL_TRY(reel_read_varint(call, input, &layout->n_rows));
+    REEL_TRY(reel_read_varint(call, input, &size));
+    REEL_CORRUPT_IF(layout->number > SHARED, offset, "the layout of an attribute is unknown");
+    REEL_CORRUPT_IF(layout->number == PER_ITEM && (layout->n_rows != result->n_items || size),
+                    offset, "an attribute does not have one row for each item");
+    if (size > input->length) {
+        return reel_fail(call, MESHREEL_TRUNCATED, input->offset,
                          "an attribute ends inside its references");
     }
-    layout->references = (reel_range){left->at, size};
-    *left = (reel_range){left->at + size, left->length - size};
+    layout->references = (reel_range){input->offset, size};
+    *input = (reel_range){input->offset + size, input->length - size};
     return MESHREEL_OK;
 }
 
-/* Allocate the rows of the table. */
 static int allocate_values(reel_call *call, reel_pool *pool, const value_layout *layout,
                            meshreel_attribute *result, void **values) {
     *values = reel_pool_allocate(call, pool, layout->n_rows, result->width * size_of(result));
     REEL_NEED(*values);
-    REEL_UNSUPPORTED_IF(layout->n_rows > MAX_ROWS, layout->references.at,
+    REEL_UNSUPPORTED_IF(layout->n_rows > MAX_ROWS, layout->references.offset,
                         "an attribute has more than 2^31 - 1 rows");
     result->values = *values;
     result->n_rows = (uint32_t)layout->n_rows;
@@ -114,48 +113,48 @@ static const char *follow_references(const int32_t *codes, uint64_t n_items,
     return differences == end ? NULL : "an attribute has fewer explicit references than announced";
 }
 
-static int read_item_rows(reel_call *call, reel_range coded, const meshreel_attribute *result,
+static int read_item_rows(reel_call *call, reel_range data, const meshreel_attribute *result,
                           int32_t *rows) {
-    uint64_t at = coded.at, n_items = result->n_items, n_explicit;
-    REEL_TRY(reel_read_varint(call, &coded, &n_explicit));
-    REEL_CORRUPT_IF(n_explicit > n_items, at,
+    uint64_t offset = data.offset, n_items = result->n_items, n_explicit;
+    REEL_TRY(reel_read_varint(call, &data, &n_explicit));
+    REEL_CORRUPT_IF(n_explicit > n_items, offset,
                     "an attribute has more explicit references than items");
     int64_t lengths[] = {(int64_t)n_items, (int64_t)n_explicit};
     int32_t tables[] = {0, 1}, *values;
-    REEL_TRY(reel_decode_rows(call, coded, lengths, tables, 2, 2, &values));
+    REEL_TRY(reel_decode_rows(call, data, lengths, tables, 2, 2, &values));
     const int32_t *differences = values + n_items;
     const char *message = follow_references(values, n_items, differences, differences + n_explicit,
                                             result->n_rows, rows);
-    return message ? reel_corrupt(call, at, message) : MESHREEL_OK;
+    return message ? reel_corrupt(call, offset, message) : MESHREEL_OK;
 }
 
 /* Read how many codes each context has, and how many rows are explicit. */
-static int read_corner_counts(reel_call *call, reel_range *left, uint64_t n_items,
+static int read_corner_counts(reel_call *call, reel_range *input, uint64_t n_items,
                               int64_t lengths[REEL_CORNER_CONTEXTS + 1]) {
-    uint64_t at = left->at, total = 0;
+    uint64_t offset = input->offset, total = 0;
     for (int i = 1; i <= REEL_CORNER_CONTEXTS; i++) {
         uint64_t count;
-        REEL_TRY(reel_read_varint(call, left, &count));
-        REEL_CORRUPT_IF(count > n_items, at, "an attribute has more references than corners");
+        REEL_TRY(reel_read_varint(call, input, &count));
+        REEL_CORRUPT_IF(count > n_items, offset, "an attribute has more references than corners");
         lengths[i] = (int64_t)count;
         total += i < REEL_CORNER_CONTEXTS ? count : 0;
     }
-    REEL_CORRUPT_IF(total > n_items, at, "an attribute has more references than corners");
+    REEL_CORRUPT_IF(total > n_items, offset, "an attribute has more references than corners");
     lengths[0] = (int64_t)(n_items - total);
     return MESHREEL_OK;
 }
 
-static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range coded,
+static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range data,
                             const meshreel_attribute *result, int32_t *rows) {
     const reel_outline *outline = faces->outline;
-    uint64_t at = coded.at, n_items = result->n_items;
+    uint64_t offset = data.offset, n_items = result->n_items;
     int64_t lengths[REEL_CORNER_CONTEXTS + 1], n_faces = (int64_t)outline->n_faces;
     int32_t tables[REEL_CORNER_CONTEXTS + 1], *values, *twins;
     for (int32_t i = 0; i <= REEL_CORNER_CONTEXTS; i++) {
         tables[i] = i;
     }
-    REEL_TRY(read_corner_counts(call, &coded, n_items, lengths));
-    REEL_TRY(reel_decode_rows(call, coded, lengths, tables, REEL_CORNER_CONTEXTS + 1,
+    REEL_TRY(read_corner_counts(call, &data, n_items, lengths));
+    REEL_TRY(reel_decode_rows(call, data, lengths, tables, REEL_CORNER_CONTEXTS + 1,
                               REEL_CORNER_CONTEXTS + 1, &values));
     const int32_t *triangles = (const int32_t *)faces->triangles;
     REEL_TRY(reel_find_twins(call, &call->scratch, triangles, outline->n_faces, outline->n_verts,
@@ -167,18 +166,17 @@ static int read_corner_rows(reel_call *call, const reel_faces *faces, reel_range
     int64_t code = reel_corner_rows(memory, size, triangles, twins, faces->corners, n_faces,
                                      (int64_t)outline->n_verts, (int64_t)n_items, result->n_rows,
                                      values, lengths, values + n_items, n_explicit, rows);
-    return code < 0 ? reel_corrupt(call, at, "the references of corners do not match the faces")
-                     : MESHREEL_OK;
+    return code < 0 ? reel_corrupt(call, offset, "the references of corners do not match the faces")
+                    : MESHREEL_OK;
 }
 
-static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range coded,
+static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, reel_range data,
                      meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
     int32_t *rows = reel_pool_allocate(call, pool, result->n_items, sizeof *rows);
     REEL_NEED(rows);
-    REEL_TRY(result->domain == MESHREEL_CORNERS
-                 ? read_corner_rows(call, faces, coded, result, rows)
-                 : read_item_rows(call, coded, result, rows));
+    REEL_TRY(result->domain == MESHREEL_CORNERS ? read_corner_rows(call, faces, data, result, rows)
+                                                : read_item_rows(call, data, result, rows));
     result->rows = rows;
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
@@ -188,29 +186,28 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
 
 /* The coding order of rows and their predictors, as reel_patterns_decode takes them. */
 typedef struct {
-    int32_t *order, *triples;
+    int32_t *rows, *triples;
     int64_t *starts;
 } row_order;
 
 static int allocate_row_order(reel_call *call, uint64_t n_rows, uint64_t n_triples,
-                              row_order *rows_order) {
-    rows_order->order = reel_scratch(call, n_rows, sizeof *rows_order->order);
-    rows_order->starts = reel_scratch(call, n_rows + 1, sizeof *rows_order->starts);
-    rows_order->triples = reel_scratch(call, n_triples, 3 * sizeof *rows_order->triples);
-    return rows_order->order && rows_order->starts && rows_order->triples ? MESHREEL_OK
-                                                                          : call->error.code;
+                              row_order *order) {
+    order->rows = reel_scratch(call, n_rows, sizeof *order->rows);
+    order->starts = reel_scratch(call, n_rows + 1, sizeof *order->starts);
+    order->triples = reel_scratch(call, n_triples, 3 * sizeof *order->triples);
+    return order->rows && order->starts && order->triples ? MESHREEL_OK : call->error.code;
 }
 
 /* Code rows in table order, without predictor or each predicted by the previous one. */
 static int predict_in_order(reel_call *call, uint32_t n_rows, bool from_previous,
-                            row_order *rows_order) {
-    REEL_TRY(allocate_row_order(call, n_rows, from_previous ? n_rows : 0, rows_order));
-    rows_order->starts[0] = 0;
+                            row_order *order) {
+    REEL_TRY(allocate_row_order(call, n_rows, from_previous ? n_rows : 0, order));
+    order->starts[0] = 0;
     for (uint32_t i = 0; i < n_rows; i++) {
-        rows_order->order[i] = (int32_t)i;
-        rows_order->starts[i + 1] = from_previous ? i : 0;
+        order->rows[i] = (int32_t)i;
+        order->starts[i + 1] = from_previous ? i : 0;
         if (from_previous && i) {
-            int32_t *triple = rows_order->triples + 3 * (size_t)(i - 1);
+            int32_t *triple = order->triples + 3 * (size_t)(i - 1);
             triple[0] = triple[1] = (int32_t)i - 1;
             triple[2] = NONE;
         }
@@ -242,76 +239,73 @@ static int find_row_faces(reel_call *call, const reel_faces *faces,
 }
 
 static int predict_along_faces(reel_call *call, const reel_faces *faces,
-                               const meshreel_attribute *output, row_order *rows_order) {
+                               const meshreel_attribute *output, row_order *order) {
     int64_t n_faces = (int64_t)faces->outline->n_faces, n_rows = output->n_rows;
     uint64_t n_sides = 3 * faces->outline->n_faces;
     int32_t *triangles, *twins;
-    REEL_TRY(allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, rows_order));
+    REEL_TRY(allocate_row_order(call, (uint64_t)n_rows, n_sides + (uint64_t)n_rows, order));
     const reel_chunk *mark = call->scratch.last;
     REEL_TRY(find_row_faces(call, faces, output, &triangles, &twins));
     size_t memory_size = reel_predictors_memory(n_rows, n_faces);
     void *memory = reel_scratch(call, memory_size, 1);
     REEL_NEED(memory);
-    int64_t result =
-        reel_predictors_find(memory, memory_size, triangles, twins, n_rows, n_faces,
-                             rows_order->order, rows_order->starts, rows_order->triples);
+    int64_t result = reel_predictors_find(memory, memory_size, triangles, twins, n_rows, n_faces,
+                                          order->rows, order->starts, order->triples);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
 }
 
 static int find_row_order(reel_call *call, const reel_faces *faces,
-                          const meshreel_attribute *result, uint8_t predictor,
-                          row_order *rows_order) {
+                          const meshreel_attribute *result, uint8_t predictor, row_order *order) {
     return predictor == ALONG_FACES
-               ? predict_along_faces(call, faces, result, rows_order)
-               : predict_in_order(call, result->n_rows, predictor == ROW_BEFORE, rows_order);
+               ? predict_along_faces(call, faces, result, order)
+               : predict_in_order(call, result->n_rows, predictor == ROW_BEFORE, order);
 }
 
 /* ---- values ---- */
 
 /* Decode a table of numbers of `size` bytes. */
-static int decode_patterns(reel_call *call, reel_range coded, const meshreel_attribute *output,
-                           const row_order *rows_order, size_t size, bool of_floats, void *values) {
+static int decode_patterns(reel_call *call, reel_range data, const meshreel_attribute *output,
+                           const row_order *order, size_t size, bool of_floats, void *values) {
     size_t memory_size = reel_patterns_memory(output->width);
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     REEL_NEED(memory);
-    REEL_TRY(reel_view(call, coded, &bytes));
-    REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
+    REEL_TRY(reel_view(call, data, &bytes));
+    REEL_CORRUPT_IF(!reel_is_stripped(bytes, data.length), data.offset + data.length - 1,
                     "the values of an attribute end with a zero byte");
     reel_zero(values, (size_t)output->n_rows * output->width * size);
-    int64_t result = reel_patterns_decode(
-        memory, memory_size, bytes, (size_t)coded.length, values, output->n_rows, output->width,
-        (int64_t)size, of_floats, rows_order->order, rows_order->starts, rows_order->triples);
-    return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
+    int64_t result = reel_patterns_decode(memory, memory_size, bytes, (size_t)data.length, values,
+                                          output->n_rows, output->width, (int64_t)size, of_floats,
+                                          order->rows, order->starts, order->triples);
+    return reel_fail_core(call, result, data.offset, "the values of an attribute are damaged");
 }
 
-static int decode_on_surface(reel_call *call, reel_range coded, const reel_faces *faces,
+static int decode_on_surface(reel_call *call, reel_range data, const reel_faces *faces,
                              const meshreel_attribute *output, int32_t *values) {
     int64_t n_rows = output->n_rows, n_faces = (int64_t)faces->outline->n_faces;
     size_t memory_size = reel_surface_integers_memory(1, n_rows, output->width, n_faces, 0);
     int32_t *triangles, *twins;
     const uint8_t *bytes;
     REEL_TRY(find_row_faces(call, faces, output, &triangles, &twins));
-    REEL_TRY(reel_view(call, coded, &bytes));
+    REEL_TRY(reel_view(call, data, &bytes));
     void *memory = reel_scratch(call, memory_size, 1);
     REEL_NEED(memory);
     int64_t result =
-        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, 1, n_rows,
+        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)data.length, 1, n_rows,
                                      output->width, triangles, twins, n_faces, values);
-    return reel_fail_core(call, result, coded.at, "the values of an attribute are damaged");
+    return reel_fail_core(call, result, data.offset, "the values of an attribute are damaged");
 }
 
 /* Decode a table of integers in the order of a predictor. */
-static int decode_integers(reel_call *call, const reel_faces *faces, reel_range coded,
-                           const meshreel_attribute *result, uint8_t predictor,
-                           int32_t *integers) {
-    row_order rows_order;
+static int decode_integers(reel_call *call, const reel_faces *faces, reel_range data,
+                           const meshreel_attribute *result, uint8_t predictor, int32_t *integers) {
+    row_order order;
     if (predictor == ON_SURFACE) {
-        return decode_on_surface(call, coded, faces, result, integers);
+        return decode_on_surface(call, data, faces, result, integers);
     }
-    REEL_TRY(find_row_order(call, faces, result, predictor, &rows_order));
-    return decode_patterns(call, coded, result, &rows_order, sizeof *integers, false, integers);
+    REEL_TRY(find_row_order(call, faces, result, predictor, &order));
+    return decode_patterns(call, data, result, &order, sizeof *integers, false, integers);
 }
 
 static double divisor_of(uint8_t form) {
@@ -347,40 +341,40 @@ typedef struct {
 static bool is_form(const meshreel_attribute *result, uint8_t form) {
     bool is_divided = form <= BY_SHORT || (form >= GRID && form <= FINEST_GRID);
     return form == PLAIN || (is_divided && is_float(result)) ||
-           (form == OWN_GRID && result->type == MESHREEL_FLOAT32);
+           (form == CUSTOM_GRID && result->type == MESHREEL_FLOAT32);
 }
 
-static int read_grid(reel_call *call, reel_range *left, const meshreel_attribute *result,
+static int read_grid(reel_call *call, reel_range *input, const meshreel_attribute *result,
                      number_layout *layout) {
-    uint64_t at = left->at;
-    REEL_TRY(reel_read_bytes(call, left, &layout->step, sizeof layout->step));
-    REEL_TRY(reel_read_bytes(call, left, layout->origins, result->width * sizeof *layout->origins));
+    uint64_t offset = input->offset;
+    REEL_TRY(reel_read_bytes(call, input, &layout->step, sizeof layout->step));
+    REEL_TRY(
+        reel_read_bytes(call, input, layout->origins, result->width * sizeof *layout->origins));
     bool is_valid = layout->step > 0.0F && reel_is_finite((double)layout->step);
     for (uint32_t i = 0; i < result->width; i++) {
         is_valid = is_valid && reel_is_finite((double)layout->origins[i]);
     }
-    REEL_CORRUPT_IF(!is_valid, at,
+    REEL_CORRUPT_IF(!is_valid, offset,
                     "the step of an attribute is not above 0, or an origin is not finite");
     return MESHREEL_OK;
 }
 
-static int read_number_layout(reel_call *call, reel_range *left, const meshreel_attribute *result,
+static int read_number_layout(reel_call *call, reel_range *input, const meshreel_attribute *result,
                               number_layout *layout) {
-    uint64_t at = left->at;
-    REEL_TRY(reel_read_bytes(call, left, &layout->form, 1));
-    REEL_CORRUPT_IF(!is_form(result, layout->form), at,
+    uint64_t offset = input->offset;
+    REEL_TRY(reel_read_bytes(call, input, &layout->form, 1));
+    REEL_CORRUPT_IF(!is_form(result, layout->form), offset,
                     "the form of the numbers of an attribute is unknown");
-    if (layout->form == OWN_GRID) {
-        REEL_TRY(read_grid(call, left, result, layout));
+    if (layout->form == CUSTOM_GRID) {
+        REEL_TRY(read_grid(call, input, result, layout));
     }
-    at = left->at;
-    REEL_TRY(reel_read_bytes(call, left, &layout->predictor, 1));
+    offset = input->offset;
+    REEL_TRY(reel_read_bytes(call, input, &layout->predictor, 1));
     bool has_integers = layout->form != PLAIN || result->type == MESHREEL_INT32;
     bool is_of_faces = result->domain == MESHREEL_FACES || result->domain == MESHREEL_CELLS;
-    uint8_t last = is_of_faces ? ROW_BEFORE
-                   : has_integers                   ? ON_SURFACE
-                                                    : ALONG_FACES;
-    REEL_CORRUPT_IF(layout->predictor > last, at, "the row predictor of an attribute is unknown");
+    uint8_t last = is_of_faces ? ROW_BEFORE : has_integers ? ON_SURFACE : ALONG_FACES;
+    REEL_CORRUPT_IF(layout->predictor > last, offset,
+                    "the row predictor of an attribute is unknown");
     return MESHREEL_OK;
 }
 
@@ -394,23 +388,23 @@ static void place_on_grid(const meshreel_attribute *result, const int32_t *integ
     }
 }
 
-static int read_values(reel_call *call, const reel_faces *faces, reel_range coded,
+static int read_values(reel_call *call, const reel_faces *faces, reel_range data,
                        const meshreel_attribute *result, void *values) {
     number_layout layout;
-    REEL_TRY(read_number_layout(call, &coded, result, &layout));
+    REEL_TRY(read_number_layout(call, &data, result, &layout));
     if (layout.form == PLAIN && result->type == MESHREEL_INT32) {
-        return decode_integers(call, faces, coded, result, layout.predictor, values);
+        return decode_integers(call, faces, data, result, layout.predictor, values);
     }
     if (layout.form == PLAIN) {
-        row_order rows_order;
-        REEL_TRY(find_row_order(call, faces, result, layout.predictor, &rows_order));
-        return decode_patterns(call, coded, result, &rows_order, size_of(result), is_float(result),
+        row_order order;
+        REEL_TRY(find_row_order(call, faces, result, layout.predictor, &order));
+        return decode_patterns(call, data, result, &order, size_of(result), is_float(result),
                                values);
     }
     int32_t *integers = reel_scratch(call, result->n_rows, result->width * sizeof *integers);
     REEL_NEED(integers);
-    REEL_TRY(decode_integers(call, faces, coded, result, layout.predictor, integers));
-    if (layout.form == OWN_GRID) {
+    REEL_TRY(decode_integers(call, faces, data, result, layout.predictor, integers));
+    if (layout.form == CUSTOM_GRID) {
         place_on_grid(result, integers, &layout, values);
     } else {
         divide(result, integers, layout.form, values);
@@ -421,20 +415,20 @@ static int read_values(reel_call *call, const reel_faces *faces, reel_range code
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
                         reel_range payload, meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
-    reel_range left = payload;
+    reel_range input = payload;
     value_layout layout;
     void *values;
     *result = (meshreel_attribute){0};
-    REEL_TRY(read_type(call, &left, result));
-    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
+    REEL_TRY(read_type(call, &input, result));
+    REEL_TRY(reel_read_text(call, pool, &input, &result->name));
     result->n_items = reel_count_items(faces->outline, result->domain);
-    REEL_TRY(read_layout(call, &left, result, &layout));
+    REEL_TRY(read_layout(call, &input, result, &layout));
     REEL_TRY(allocate_values(call, pool, &layout, result, &values));
-    if (layout.number != EACH) {
+    if (layout.number != PER_ITEM) {
         result->is_indexed = layout.number == INDEXED;
         REEL_TRY(read_rows(call, pool, faces, layout.references, result));
     }
-    REEL_TRY(read_values(call, faces, left, result, values));
+    REEL_TRY(read_values(call, faces, input, result, values));
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }

@@ -12,9 +12,10 @@
 #define BATCH 16     /* vertices that the predictor processes at once */
 #define N_AXES 3
 
-static int corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block, uint32_t track,
-                   const char *message) {
-    return reel_corrupt(call, reel_group_bytes(&decoder->file->outline, block, track).at, message);
+static int fail_corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block,
+                        uint32_t track, const char *message) {
+    return reel_corrupt(call, reel_group_bytes(&decoder->file->outline, block, track).offset,
+                        message);
 }
 
 /* ---- items and hierarchies ---- */
@@ -110,7 +111,8 @@ static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t
     bool fits = group->n_corrected <= n_items &&
                 group->n_corrections <= group->n_frames * n_items;
     return fits ? MESHREEL_OK
-                : corrupt(call, decoder, block, track, "there are more corrections than values");
+                : fail_corrupt(call, decoder, block, track,
+                               "there are more corrections than values");
 }
 
 /* ---- fields ---- */
@@ -119,7 +121,7 @@ static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t
 typedef struct {
     const reel_coding_order *order;
     const uint8_t *bytes;
-    uint64_t at, size;
+    uint64_t offset, size;
     int64_t n_rows, n_read;
     int32_t *values;
     void *memory;
@@ -127,11 +129,11 @@ typedef struct {
     int64_t result;
 } coded_fields;
 
-static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_order *order,
+static int prepare_rows(reel_call *call, reel_range data, const reel_coding_order *order,
                         uint64_t n_rows, uint64_t n_read, coded_fields *result) {
     *result = (coded_fields){.order = order,
-                             .at = coded.at,
-                             .size = coded.length,
+                             .offset = data.offset,
+                             .size = data.length,
                              .n_rows = (int64_t)n_rows,
                              .n_read = (int64_t)n_read};
     result->memory_size =
@@ -142,10 +144,10 @@ static int prepare_rows(reel_call *call, reel_range coded, const reel_coding_ord
         reel_scratch(call, is_small ? n_read * (uint64_t)order->n_columns : REEL_MAX_NUMBERS,
                      sizeof *result->values);
     REEL_NEED(result->memory && result->values);
-    REEL_TRY(reel_view(call, coded, &result->bytes));
-    return reel_is_stripped(result->bytes, coded.length)
+    REEL_TRY(reel_view(call, data, &result->bytes));
+    return reel_is_stripped(result->bytes, data.length)
                ? MESHREEL_OK
-               : reel_corrupt(call, coded.at + coded.length - 1, "fields end with a zero byte");
+               : reel_corrupt(call, data.offset + data.length - 1, "fields end with a zero byte");
 }
 
 static void decode_rows(coded_fields *rows) {
@@ -161,7 +163,7 @@ typedef struct {
     coded_fields fields, times;
     reel_coding_order time_order;
     void *basis_memory;
-    size_t basis_needed;
+    size_t basis_memory_size;
     int64_t n_columns, n_frames, n_reused, rest_bits;
     bool has_cosines, is_adaptive;
     uint8_t *rests;
@@ -183,15 +185,15 @@ static void decode_basis(block_job *job) {
                      job->n_reused, job->finer, job->lengths);
     }
     if (job->has_cosines) {
-        job->result = reel_cosine_basis(job->basis_memory, job->basis_needed, job->times.values,
-                                        job->times.n_read, job->n_columns, job->n_frames,
-                                        job->lengths, job->n_reused, job->basis);
+        job->result = reel_cosine_basis(job->basis_memory, job->basis_memory_size,
+                                        job->times.values, job->times.n_read, job->n_columns,
+                                        job->n_frames, job->lengths, job->n_reused, job->basis);
         return;
     }
-    job->result = reel_basis(job->basis_memory, job->basis_needed, job->times.values,
-                             job->times.n_read, job->n_columns, job->n_frames, job->rests,
-                             job->rest_bits, job->is_adaptive, job->lengths, job->n_reused,
-                             job->basis);
+    job->result =
+        reel_basis(job->basis_memory, job->basis_memory_size, job->times.values, job->times.n_read,
+                   job->n_columns, job->n_frames, job->rests, job->rest_bits, job->is_adaptive,
+                   job->lengths, job->n_reused, job->basis);
 }
 
 static void run_block_job(void *shared, uint32_t i) {
@@ -277,9 +279,9 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
                                   &job->time_order));
     REEL_TRY(prepare_rows(call, group->basis, &job->time_order, group->n_modes, n_modes,
                           &job->times));
-    job->basis_needed = job->has_cosines ? reel_cosine_basis_memory(n_columns, job->n_frames)
-                                         : reel_basis_memory(n_columns, job->n_frames);
-    job->basis_memory = reel_scratch(call, job->basis_needed, 1);
+    job->basis_memory_size = job->has_cosines ? reel_cosine_basis_memory(n_columns, job->n_frames)
+                                              : reel_basis_memory(n_columns, job->n_frames);
+    job->basis_memory = reel_scratch(call, job->basis_memory_size, 1);
     job->lengths = reel_scratch(call, group->n_reused, sizeof *job->lengths);
     return job->basis_memory && job->lengths ? MESHREEL_OK : call->error.code;
 }
@@ -310,9 +312,10 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
                                   .n_key = key ? (int64_t)key->n_modes : 0,
                                   .key = key ? key->values : NULL};
     reel_run(call, run_block_job, &job, 2, (n_items + n_columns * group->n_frames) * n_modes);
-    REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.at, "the fields are damaged"));
-    REEL_TRY(reel_fail_core(call, job.times.result, job.times.at, "the temporal basis is damaged"));
-    REEL_TRY(reel_fail_core(call, job.result, job.times.at, "the temporal basis is damaged"));
+    REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.offset, "the fields are damaged"));
+    REEL_TRY(
+        reel_fail_core(call, job.times.result, job.times.offset, "the temporal basis is damaged"));
+    REEL_TRY(reel_fail_core(call, job.result, job.times.offset, "the temporal basis is damaged"));
     if (n_new) {
         predict(call, &mesh->mesh, &job.predicted);
     }
@@ -328,7 +331,7 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
 }
 
 static void release_fields(reel_call *call, reel_block_fields *fields) {
-    call->held -= fields->pool.held;
+    call->n_bytes -= fields->pool.n_bytes;
     reel_release(call->host, &fields->pool);
     *fields = (reel_block_fields){.block = REEL_NO_BLOCK};
 }
@@ -339,7 +342,7 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     if (group->reference > block) {
-        return corrupt(call, decoder, block, track, "a block refers to one before the first");
+        return fail_corrupt(call, decoder, block, track, "a block refers to one before the first");
     }
     uint64_t key_block = block - group->reference;
     if (state->key.block != key_block && state->previous.fields.block == key_block) {
@@ -352,9 +355,9 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
         release_fields(call, &state->key);
         int failed = read_group(call, decoder, track, key_block, &key_group);
         if (!failed && (key_group.reference || key_group.stencil_size != group->stencil_size)) {
-            failed =
-                corrupt(call, decoder, block, track,
-                        "a block refers to a block that is not a key block, or has other stencils");
+            failed = fail_corrupt(
+                call, decoder, block, track,
+                "a block refers to a block that is not a key block, or has other stencils");
         }
         failed = failed ? failed
                         : decode_fields(call, state->mesh, key_block, &key_group,
@@ -368,7 +371,7 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
     bool fits = !state->key.reference && state->key.stencil_size == group->stencil_size &&
                 group->n_reused <= state->key.n_modes;
     return fits ? MESHREEL_OK
-                : corrupt(
+                : fail_corrupt(
                       call, decoder, block, track,
                       "a block refers to a block that is not a key block, or has too few fields");
 }
@@ -481,7 +484,7 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
 /* ---- exact values ---- */
 
 /* Decode exact numbers on the graph of a track into memory of `pool`. */
-static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, const reel_graph *graph,
+static int decode_exact(reel_call *call, reel_pool *pool, reel_range data, const reel_graph *graph,
                         uint64_t n_frames, uint32_t n_columns, uint32_t size, enum reel_type type,
                         void **output) {
     int64_t frames = (int64_t)n_frames, columns = n_columns;
@@ -491,12 +494,12 @@ static int decode_exact(reel_call *call, reel_pool *pool, reel_range coded, cons
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     REEL_NEED(*output && memory);
-    REEL_TRY(reel_view(call, coded, &bytes));
+    REEL_TRY(reel_view(call, data, &bytes));
     int64_t result =
-        reel_exact_decode(memory, memory_size, bytes, (size_t)coded.length, *output, frames,
+        reel_exact_decode(memory, memory_size, bytes, (size_t)data.length, *output, frames,
                           graph->n_items, columns, size, type, graph->starts, graph->near);
     reel_drop_scratch(call, mark);
-    return reel_fail_core(call, result, coded.at, "exact values are damaged");
+    return reel_fail_core(call, result, data.offset, "exact values are damaged");
 }
 
 /* Decode positions on a grid along the surface. */
@@ -506,7 +509,7 @@ static int load_on_surface(reel_call *call, const meshreel_decoder *decoder,
     const int32_t *faces = decoder->file->mesh.internal_faces;
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
     int64_t n_frames = state->current.group.is_still ? 1 : (int64_t)state->current.group.n_frames;
-    reel_range coded = state->current.group.values;
+    reel_range data = state->current.group.values;
     int32_t *positions =
         reel_pool_allocate(call, &state->current.pool, (uint64_t)n_frames * outline->n_verts,
                            N_AXES * sizeof *positions);
@@ -515,14 +518,13 @@ static int load_on_surface(reel_call *call, const meshreel_decoder *decoder,
     void *memory = positions ? reel_scratch(call, memory_size, 1) : NULL;
     REEL_NEED(memory);
     const uint8_t *bytes;
-    REEL_TRY(reel_view(call, coded, &bytes));
-    int64_t result =
-        reel_surface_integers_decode(memory, memory_size, bytes, (size_t)coded.length, n_frames,
-                                     n_verts, N_AXES, faces, decoder->file->mesh.twins, n_faces,
-                                     positions);
+    REEL_TRY(reel_view(call, data, &bytes));
+    int64_t result = reel_surface_integers_decode(memory, memory_size, bytes, (size_t)data.length,
+                                                  n_frames, n_verts, N_AXES, faces,
+                                                  decoder->file->mesh.twins, n_faces, positions);
     reel_drop_scratch(call, mark);
     state->current.exact = positions;
-    return reel_fail_core(call, result, coded.at, "positions on a grid are damaged");
+    return reel_fail_core(call, result, data.offset, "positions on a grid are damaged");
 }
 
 static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
@@ -567,7 +569,7 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     current->missing = result;
     for (uint64_t i = 0; i < current->group.n_frames * graph->n_items * n_columns; i++) {
         if (current->missing[i] > 1) {
-            REEL_TRY(reel_corrupt(call, current->group.missing.at,
+            REEL_TRY(reel_corrupt(call, current->group.missing.offset,
                                   "the flag of a missing value is neither 0 nor 1"));
         }
     }
@@ -577,21 +579,21 @@ static int load_missing(reel_call *call, meshreel_decoder *decoder, uint32_t tra
 /* ---- a block ---- */
 
 uint64_t reel_decoder_bytes(const meshreel_decoder *decoder) {
-    uint64_t n_bytes = decoder->pool.held;
+    uint64_t n_bytes = decoder->pool.n_bytes;
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
         const reel_track_state *track = &decoder->tracks[i];
-        n_bytes += track->current.pool.held + track->current.fields.pool.held +
-                   track->previous.pool.held + track->previous.fields.pool.held +
-                   track->key.pool.held;
+        n_bytes += track->current.pool.n_bytes + track->current.fields.pool.n_bytes +
+                   track->previous.pool.n_bytes + track->previous.fields.pool.n_bytes +
+                   track->key.pool.n_bytes;
     }
     return n_bytes;
 }
 
-static void release_block(reel_call *call, reel_loaded_block *loaded) {
-    call->held -= loaded->pool.held;
-    reel_release(call->host, &loaded->pool);
-    release_fields(call, &loaded->fields);
-    *loaded = (reel_loaded_block){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
+static void release_block(reel_call *call, reel_loaded_block *block) {
+    call->n_bytes -= block->pool.n_bytes;
+    reel_release(call->host, &block->pool);
+    release_fields(call, &block->fields);
+    *block = (reel_loaded_block){.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
 }
 
 /* Whether a block is loaded, with its fields if they are needed: `find_key` may have moved them to
@@ -620,13 +622,13 @@ int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64
         return MESHREEL_OK;
     }
     release_block(call, &state->current);
-    call->held = reel_decoder_bytes(decoder) + call->scratch.held;
+    call->n_bytes = reel_decoder_bytes(decoder) + call->scratch.n_bytes;
     REEL_TRY(find_items(call, decoder, track));
     REEL_TRY(read_group(call, decoder, track, block, &state->current.group));
     bool has_modes = definition->info.coding != REEL_EXACT && !definition->info.is_exact;
     int failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
                            : load_exact(call, decoder, track);
-    if (!failed && state->current.group.missing.at) {
+    if (!failed && state->current.group.missing.offset) {
         failed = load_missing(call, decoder, track);
     }
     if (failed) {

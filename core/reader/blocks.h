@@ -52,7 +52,7 @@ struct meshreel_decoder {
 /* Bytes held by a decoder. */
 uint64_t reel_decoder_bytes(const meshreel_decoder *decoder);
 
-/* Load a track of a block unless it is held: its modes or its exact values. */
+/* Load a track of a block, its modes or its exact values, unless it is loaded. */
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving);
 
@@ -66,7 +66,7 @@ const double *reel_loaded_fields(const reel_track_state *state);
 /* Find the row of these fields for each output item. */
 void reel_find_field_rows(const reel_track_state *state, int32_t *rows);
 
-/* Pack them in output order, unless that is done. */
+/* Pack these fields in output order, unless they are packed. */
 int reel_pack_fields(reel_call *call, reel_track_state *state);
 
 #endif

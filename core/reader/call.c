@@ -6,14 +6,14 @@
 #define MIN_SHARED 8192 /* numbers that are worth waking a thread */
 
 struct reel_chunk {
-    reel_chunk *before;
+    reel_chunk *previous;
     uint64_t size; /* including this header */
 };
 
 _Static_assert(sizeof(reel_chunk) <= REEL_ALIGNMENT, "the header of a chunk preserves alignment");
 
-reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t held) {
-    return (reel_call){.source = source, .host = host, .held = held};
+reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t size) {
+    return (reel_call){.source = source, .host = host, .n_bytes = size};
 }
 
 int reel_end_call(reel_call *call, int failed, meshreel_error *error) {
@@ -62,22 +62,22 @@ void *reel_pool_allocate(reel_call *call, reel_pool *pool, uint64_t count, uint6
 #ifndef REEL_GUARDED /* unrounded sizes, so that sanitizers detect overruns */
     size = (size + REEL_ALIGNMENT - 1) / REEL_ALIGNMENT * REEL_ALIGNMENT;
 #endif
-    if (call->held > limit || size > limit - call->held) {
+    if (call->n_bytes > limit || size > limit - call->n_bytes) {
         reel_fail(call, MESHREEL_LIMIT, REEL_UNKNOWN,
                   "decoding needs more memory than the limit allows");
-        call->error.size = call->held + size;
+        call->error.size = call->n_bytes + size;
         return NULL;
     }
     reel_chunk *chunk = call->host->allocate(call->host->user, (size_t)size);
     if (!chunk) {
         reel_fail(call, MESHREEL_NO_MEMORY, REEL_UNKNOWN, "the host failed to allocate memory");
-        call->error.size = call->held + size;
+        call->error.size = call->n_bytes + size;
         return NULL;
     }
     *chunk = (reel_chunk){pool->last, size};
     pool->last = chunk;
-    pool->held += size;
-    call->held += size;
+    pool->n_bytes += size;
+    call->n_bytes += size;
     return (uint8_t *)chunk + REEL_ALIGNMENT;
 }
 
@@ -88,17 +88,17 @@ void *reel_scratch(reel_call *call, uint64_t count, uint64_t item) {
 static void release_last(const meshreel_host *host, reel_pool *pool) {
     reel_chunk *chunk = pool->last;
     uint64_t size = chunk->size;
-    pool->last = chunk->before;
-    pool->held -= size;
+    pool->last = chunk->previous;
+    pool->n_bytes -= size;
     host->release(host->user, chunk, (size_t)size);
 }
 
 void reel_drop_scratch(reel_call *call, const reel_chunk *mark) {
-    uint64_t before = call->scratch.held;
+    uint64_t n_before = call->scratch.n_bytes;
     while (call->scratch.last != mark) {
         release_last(call->host, &call->scratch);
     }
-    call->held -= before - call->scratch.held;
+    call->n_bytes -= n_before - call->scratch.n_bytes;
 }
 
 void reel_release(const meshreel_host *host, reel_pool *pool) {
@@ -107,18 +107,18 @@ void reel_release(const meshreel_host *host, reel_pool *pool) {
     }
 }
 
-int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *more) {
-    reel_chunk **end = &more->last;
+int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *added) {
+    reel_chunk **end = &added->last;
     if (failed) {
-        reel_release(host, more);
+        reel_release(host, added);
         return failed;
     }
     while (*end) {
-        end = &(*end)->before;
+        end = &(*end)->previous;
     }
     *end = pool->last;
-    pool->last = more->last;
-    pool->held += more->held;
+    pool->last = added->last;
+    pool->n_bytes += added->n_bytes;
     return MESHREEL_OK;
 }
 

@@ -13,13 +13,13 @@
 typedef struct reel_chunk reel_chunk;
 typedef struct {
     reel_chunk *last;
-    uint64_t held;
+    uint64_t n_bytes;
 } reel_pool;
 
 typedef struct {
     const meshreel_source *source;
     const meshreel_host *host;
-    uint64_t held; /* bytes held by the object, counted against the limit */
+    uint64_t n_bytes; /* held by the object, counted against the limit */
     reel_pool scratch;
     bool is_compact; /* the sections have no checksums of their own */
     const uint8_t *cached; /* bytes of the file that are read without the source, or NULL */
@@ -27,8 +27,8 @@ typedef struct {
     meshreel_error error;
 } reel_call;
 
-/* Begin a call on an object that holds `held` bytes. */
-reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t held);
+/* Begin a call on an object that holds `size` bytes. */
+reel_call reel_begin_call(const meshreel_source *source, const meshreel_host *host, uint64_t size);
 
 /* End a call: release its scratch memory, copy its failure to `error`, and return its code. */
 int reel_end_call(reel_call *call, int failed, meshreel_error *error);
@@ -84,8 +84,8 @@ void reel_drop_scratch(reel_call *call, const reel_chunk *mark);
 /* Release all memory of a pool. */
 void reel_release(const meshreel_host *host, reel_pool *pool);
 
-/* Move the memory of `more` to `pool`, or release it if a step failed; returns `failed`. */
-int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *more);
+/* Move the memory of `added` to `pool`, or release it if a step failed; returns `failed`. */
+int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *added);
 
 /* Run tasks that compute `n_numbers` together: few on this thread, more on those of the host. */
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,

@@ -4,8 +4,7 @@
 
 #define CELLS_AND_VERTICES 3
 
-/* Extract the surface of cells, in their order: triangles, corners of each polygon, and its cell.
- */
+/* Extract the surface of cells in order: triangles, and the corners and cell of each polygon. */
 static int find_surface(reel_call *call, const reel_outline *outline, const uint8_t *types,
                         const int32_t *nodes, int32_t *triangles, int32_t *sizes, int32_t *owners) {
     int64_t n_polygons = 0, n_cells = (int64_t)outline->n_cells;
@@ -18,10 +17,11 @@ static int find_surface(reel_call *call, const reel_outline *outline, const uint
                            (int64_t)outline->n_verts, (int64_t)outline->n_faces, triangles, sizes,
                            owners, &n_polygons);
     reel_drop_scratch(call, mark);
-    REEL_TRY(reel_fail_core(call, n_triangles, outline->coded_cells.at, "the cells are damaged"));
+    REEL_TRY(
+        reel_fail_core(call, n_triangles, outline->coded_cells.offset, "the cells are damaged"));
     REEL_CORRUPT_IF(n_triangles != (int64_t)outline->n_faces ||
                         n_polygons != (int64_t)outline->n_polygons,
-                    outline->coded_cells.at, "the surface of the cells has other faces");
+                    outline->coded_cells.offset, "the surface of the cells has other faces");
     return MESHREEL_OK;
 }
 
@@ -29,7 +29,7 @@ int reel_decode_cells(reel_call *call, reel_pool *pool, const reel_outline *outl
                       reel_mesh_data *mesh) {
     int64_t n_cells = (int64_t)outline->n_cells, n_nodes = (int64_t)outline->n_cell_nodes;
     int64_t n_verts = (int64_t)outline->n_verts;
-    reel_range coded = outline->coded_cells;
+    reel_range data = outline->coded_cells;
     const uint8_t *bytes;
     mesh->cell_types = reel_pool_allocate(call, pool, outline->n_cells, 1);
     mesh->cell_nodes = reel_pool_allocate(call, pool, outline->n_cell_nodes, sizeof(int32_t));
@@ -38,12 +38,12 @@ int reel_decode_cells(reel_call *call, reel_pool *pool, const reel_outline *outl
     size_t size = reel_cells_code_memory(n_cells, n_nodes, n_verts);
     void *memory = reel_scratch(call, size, 1);
     REEL_NEED(mesh->cell_types && mesh->cell_nodes && mesh->internal_faces && memory);
-    REEL_TRY(reel_view(call, coded, &bytes));
-    REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
+    REEL_TRY(reel_view(call, data, &bytes));
+    REEL_CORRUPT_IF(!reel_is_stripped(bytes, data.length), data.offset + data.length - 1,
                     "the cells end with a zero byte");
-    int64_t result = reel_cells_decode(memory, size, bytes, (size_t)coded.length, n_cells, n_nodes,
+    int64_t result = reel_cells_decode(memory, size, bytes, (size_t)data.length, n_cells, n_nodes,
                                        n_verts, mesh->cell_types, mesh->cell_nodes);
-    REEL_TRY(reel_fail_core(call, result, coded.at, "the cells are damaged"));
+    REEL_TRY(reel_fail_core(call, result, data.offset, "the cells are damaged"));
     reel_drop_scratch(call, mark);
     int32_t *sizes = reel_scratch(call, outline->n_faces, sizeof *sizes);
     int32_t *owners = reel_scratch(call, outline->n_faces, sizeof *owners);
@@ -63,18 +63,18 @@ int reel_decode_cells(reel_call *call, reel_pool *pool, const reel_outline *outl
    cell, or NULL if all are in output order. */
 static int read_order(reel_call *call, const reel_outline *outline, reel_mesh_data *mesh,
                       int32_t **given_cells) {
-    reel_range coded = {0, 0};
+    reel_range data = {0, 0};
     const uint8_t *bytes;
     int64_t n_cells = (int64_t)outline->n_cells, n_nodes = (int64_t)outline->n_cell_nodes;
     int64_t n_verts = (int64_t)outline->n_verts;
     *given_cells = NULL;
-    uint32_t count = reel_count_sections(outline, REEL_ORDER, &coded);
+    uint32_t count = reel_count_sections(outline, REEL_ORDER, &data);
     REEL_CORRUPT_IF(count != (outline->order == REEL_ORDER_KEPT), outline->begin,
                     "a section ORDER is missing, or is not needed");
     for (int32_t v = 0; v < n_verts; v++) {
         mesh->to_internal[v] = mesh->to_output[v] = v;
     }
-    if (!coded.length) {
+    if (!data.length) {
         return MESHREEL_OK;
     }
     *given_cells = reel_scratch(call, outline->n_cells, sizeof **given_cells);
@@ -82,16 +82,16 @@ static int read_order(reel_call *call, const reel_outline *outline, reel_mesh_da
     size_t size = reel_cells_order_memory(n_cells, n_nodes, n_verts);
     void *memory = reel_scratch(call, size, 1);
     REEL_NEED(*given_cells && memory);
-    REEL_TRY(reel_view(call, coded, &bytes));
-    REEL_CORRUPT_IF(bytes[0] != CELLS_AND_VERTICES, coded.at,
+    REEL_TRY(reel_view(call, data, &bytes));
+    REEL_CORRUPT_IF(bytes[0] != CELLS_AND_VERTICES, data.offset,
                     "the order of cells begins without a 3");
-    REEL_CORRUPT_IF(coded.length > 1 && !bytes[coded.length - 1], coded.at + coded.length - 1,
+    REEL_CORRUPT_IF(data.length > 1 && !bytes[data.length - 1], data.offset + data.length - 1,
                     "the order ends with a zero byte");
-    int64_t result = reel_cells_order_decode(
-        memory, size, bytes + 1, (size_t)coded.length - 1, mesh->cell_types, n_cells,
-        mesh->cell_nodes, n_nodes, n_verts, *given_cells, mesh->to_internal);
+    int64_t result = reel_cells_order_decode(memory, size, bytes + 1, (size_t)data.length - 1,
+                                             mesh->cell_types, n_cells, mesh->cell_nodes, n_nodes,
+                                             n_verts, *given_cells, mesh->to_internal);
     reel_drop_scratch(call, mark);
-    REEL_TRY(reel_fail_core(call, result, coded.at, "the order of cells is damaged"));
+    REEL_TRY(reel_fail_core(call, result, data.offset, "the order of cells is damaged"));
     for (int32_t v = 0; v < n_verts; v++) {
         mesh->to_output[mesh->to_internal[v]] = v;
     }
@@ -166,7 +166,7 @@ int reel_find_vertex_graph(reel_call *call, reel_pool *pool, const reel_outline 
 int reel_find_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                     reel_mesh_data *mesh) {
     mesh->graph = (reel_graph){.n_items = (uint32_t)outline->n_verts};
-    return reel_may_be_on_grid(outline) && outline->longest == 1 && outline->n_tracks == 1
+    return reel_may_be_on_grid(outline) && outline->max_block_frames == 1 && outline->n_tracks == 1
                ? MESHREEL_OK
                : reel_find_vertex_graph(call, pool, outline, mesh, &mesh->graph);
 }

@@ -1,5 +1,4 @@
-/* Cells of a volume mesh, whose surface are the faces: docs/format.md, CELLS.
- */
+/* Cells of a volume mesh, whose surface are the faces: docs/format.md, CELLS. */
 
 #ifndef REEL_READER_CELL_MESH_H
 #define REEL_READER_CELL_MESH_H
@@ -10,13 +9,11 @@
 int reel_decode_cells(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       reel_mesh_data *mesh);
 
-/* Restore the output order of vertices and cells, and find the faces of their
- * surface. */
+/* Restore the output order of vertices and cells, and find the faces of their surface. */
 int reel_order_cells(reel_call *call, reel_pool *pool, const reel_outline *outline,
                      reel_mesh_data *mesh);
 
-/* Find the neighbors of the internal vertices along edges, or of the output
- * cells across sides. */
+/* Find the neighbors of internal vertices along edges, or of output cells across sides. */
 int reel_find_cell_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                          const reel_mesh_data *mesh, bool of_cells, reel_graph *graph);
 

@@ -13,16 +13,16 @@
 enum reel_method_number { REEL_METHOD_REEL = 7, REEL_METHOD_LOSSLESS = 8, REEL_METHOD_GRID = 9 };
 enum reel_kept_order { REEL_ORDER_KEPT = 0, REEL_ORDER_OF_VERTICES = 1, REEL_ORDER_DROPPED = 2 };
 
-/* A block. Its tracks are contiguous: the first begins at `at`, and track t ends at
+/* A block. Its tracks are contiguous: the first begins at `offset`, and track t ends at
    ends[block * n_tracks + t] of the outline. */
 typedef struct {
-    uint64_t at;
+    uint64_t offset;
     uint32_t first, n_frames; /* first frame, and number of frames */
 } reel_block_entry;
 
 typedef struct {
-    uint64_t at;  /* offset of its first section */
-    uint64_t end; /* end of its last block */
+    uint64_t offset; /* of its first section */
+    uint64_t end;    /* of its last block */
     uint64_t n_verts, n_faces;
     uint32_t first_frame, n_frames, n_tracks;
     uint64_t first_block; /* offset of its first block; 0 without an index */
@@ -30,14 +30,14 @@ typedef struct {
 } reel_segment;
 
 typedef struct {
-    reel_segment *all;
+    reel_segment *items;
     uint64_t count, capacity, n_frames;
 } reel_segments;
 
 /* The outline of a segment: its header, and where its sections and blocks are. */
 typedef struct {
     meshreel_text name;
-    uint64_t announced; /* number of frames in the header; 0: not known */
+    uint64_t header_frames; /* as the header states; 0: not known */
     uint64_t n_verts, n_faces;
     uint64_t coded_verts, coded_faces; /* counts in CONNECTIVITY and ORDER, before an edit */
     reel_range edit;                   /* payload of EDIT; empty without one */
@@ -57,8 +57,8 @@ typedef struct {
     reel_block_entry *blocks;
     uint64_t *ends;
     uint64_t n_blocks, blocks_capacity, n_frames;
-    uint32_t longest; /* number of frames in the longest block */
-    uint64_t end;     /* end of the complete blocks */
+    uint32_t max_block_frames; /* number of frames in the longest block */
+    uint64_t end;              /* end of the complete blocks */
     bool is_compact, is_whole;
     meshreel_error damage; /* why the segment is not whole */
     uint64_t n_polygons, n_corners;

@@ -28,9 +28,9 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         return reel_end_call(&call, call.error.code, error);
     }
     for (uint32_t i = 0; i < file->info.n_tracks; i++) {
-        reel_loaded_block none = {.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
-        tracks[i] =
-            (reel_track_state){.current = none, .previous = none, .key = {.block = REEL_NO_BLOCK}};
+        reel_loaded_block empty = {.block = REEL_NO_BLOCK, .fields = {.block = REEL_NO_BLOCK}};
+        tracks[i] = (reel_track_state){
+            .current = empty, .previous = empty, .key = {.block = REEL_NO_BLOCK}};
     }
     *new_decoder = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
     *decoder = new_decoder;
@@ -123,7 +123,6 @@ int meshreel_modes_of(meshreel_decoder *decoder, uint32_t track, uint32_t block,
 
 /* ---- layouts ---- */
 
-/* The output layout of values. */
 typedef struct {
     const int32_t *value_of; /* index of the value of each output item, or NULL */
     uint64_t n_values, n_places;
@@ -158,23 +157,23 @@ static int find_layout(const meshreel_decoder *decoder, uint32_t number,
     return MESHREEL_OK;
 }
 
-/* Store the values of a frame in the output layout. */
-static int store_frame(reel_call *call, const output_layout *to, const uint8_t *values,
+static int store_frame(reel_call *call, const output_layout *output, const uint8_t *values,
                        uint8_t *out) {
-    size_t bytes = to->track_bytes * to->n_columns;
+    size_t bytes = output->track_bytes * output->n_columns;
     bool is_finite = true;
-    for (uint64_t i = 0; i < to->n_places; i++) {
-        const uint8_t *value = values + bytes * (to->value_of ? (uint64_t)to->value_of[i] : i);
-        uint8_t *place = out + to->value_stride * i;
-        if (to->output_bytes == to->track_bytes) {
-            reel_copy(place, value, bytes);
+    for (uint64_t i = 0; i < output->n_places; i++) {
+        const uint8_t *value =
+            values + bytes * (output->value_of ? (uint64_t)output->value_of[i] : i);
+        uint8_t *target = out + output->value_stride * i;
+        if (output->output_bytes == output->track_bytes) {
+            reel_copy(target, value, bytes);
             continue;
         }
-        for (uint32_t column = 0; column < to->n_columns; column++) {
+        for (uint32_t column = 0; column < output->n_columns; column++) {
             double number = ((const double *)value)[column];
             float rounded = (float)number;
             is_finite &= rounded - rounded == 0.0F || number - number != 0.0;
-            ((float *)place)[column] = rounded;
+            ((float *)target)[column] = rounded;
         }
     }
     return is_finite ? MESHREEL_OK
@@ -184,26 +183,26 @@ static int store_frame(reel_call *call, const output_layout *to, const uint8_t *
 
 /* Decode frames of the current block into the output layout. */
 static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number, uint64_t first,
-                     uint64_t count, const output_layout *to, uint8_t *out) {
+                     uint64_t count, const output_layout *output, uint8_t *out) {
     const reel_track *track = &decoder->file->tracks[number];
-    bool is_direct = to->is_packed && !to->value_of &&
-                     (!number || to->output_bytes == to->track_bytes);
+    bool is_direct = output->is_packed && !output->value_of &&
+                     (!number || output->output_bytes == output->track_bytes);
     bool is_predicted = track->difference || track->info.coding == REEL_ROTATIONS;
     if (is_direct && !is_predicted) {
-        return reel_values(call, decoder, number, first, count, to->output_bytes, out);
+        return reel_values(call, decoder, number, first, count, output->output_bytes, out);
     }
-    uint64_t frame_bytes = to->n_values * to->n_columns * to->track_bytes;
-    uint64_t together = PIECE_BYTES / (frame_bytes + 1) + reel_threads(call);
-    for (uint64_t from = 0; from < count; from += together) {
-        uint64_t n = count - from < together ? count - from : together;
+    uint64_t frame_bytes = output->n_values * output->n_columns * output->track_bytes;
+    uint64_t piece_frames = PIECE_BYTES / (frame_bytes + 1) + reel_threads(call);
+    for (uint64_t begin = 0; begin < count; begin += piece_frames) {
+        uint64_t n = count - begin < piece_frames ? count - begin : piece_frames;
         const reel_chunk *mark = call->scratch.last;
-        uint8_t *values = is_direct ? out + from * to->frame_stride
-                                    : reel_scratch(call, n, frame_bytes);
+        uint8_t *values =
+            is_direct ? out + begin * output->frame_stride : reel_scratch(call, n, frame_bytes);
         REEL_NEED(values);
-        REEL_TRY(reel_values(call, decoder, number, first + from, n, to->track_bytes, values));
+        REEL_TRY(reel_values(call, decoder, number, first + begin, n, output->track_bytes, values));
         for (uint64_t t = 0; t < n && !is_direct; t++) {
-            REEL_TRY(store_frame(call, to, values + t * frame_bytes,
-                                 out + (from + t) * to->frame_stride));
+            REEL_TRY(store_frame(call, output, values + t * frame_bytes,
+                                 out + (begin + t) * output->frame_stride));
         }
         reel_drop_scratch(call, mark);
     }
@@ -213,28 +212,29 @@ static int decode_to(reel_call *call, meshreel_decoder *decoder, uint32_t number
 int meshreel_decode(meshreel_decoder *decoder, uint32_t track, uint32_t first, uint32_t count,
                     uint32_t n_modes, const meshreel_layout *layout, void *values,
                     meshreel_error *error) {
-    output_layout to = {0};
+    output_layout output = {0};
     REEL_TRY(check_track(decoder, track, n_modes, error));
-    REEL_TRY(find_layout(decoder, track, layout, &to, error));
+    REEL_TRY(find_layout(decoder, track, layout, &output, error));
     const reel_outline *outline = &decoder->file->outline;
     REEL_INVALID_IF(first > outline->n_frames || count > outline->n_frames - first ||
                     (!values && count), "the frames do not exist, or a pointer is NULL");
-    REEL_INVALID_IF((uintptr_t)values % to.output_bytes, "values are not aligned to their number type");
+    REEL_INVALID_IF((uintptr_t)values % output.output_bytes,
+                    "values are not aligned to their number type");
     reel_call call = begin_call(decoder);
     uint64_t n_decoded = 0;
     int failed = MESHREEL_OK;
     while (n_decoded < count && !failed) {
         uint64_t frame = first + n_decoded;
         uint32_t block = meshreel_block_of_frame(decoder->file, (uint32_t)frame);
-        uint64_t within = frame - outline->blocks[block].first;
-        uint64_t n = outline->blocks[block].n_frames - within;
+        uint64_t first_in_block = frame - outline->blocks[block].first;
+        uint64_t n = outline->blocks[block].n_frames - first_in_block;
         n = n < count - n_decoded ? n : count - n_decoded;
         failed = reel_load(&call, decoder, track, block, n_modes);
         if (!failed) {
-            to.value_of = decoder->tracks[track].items.value_of;
-            to.n_values = decoder->tracks[track].items.graph.n_items;
-            failed = decode_to(&call, decoder, track, within, n, &to,
-                               (uint8_t *)values + n_decoded * to.frame_stride);
+            output.value_of = decoder->tracks[track].items.value_of;
+            output.n_values = decoder->tracks[track].items.graph.n_items;
+            failed = decode_to(&call, decoder, track, first_in_block, n, &output,
+                               (uint8_t *)values + n_decoded * output.frame_stride);
         }
         reel_drop_scratch(&call, NULL);
         n_decoded += n;

@@ -19,21 +19,21 @@ typedef struct {
     uint64_t n_base, n_new;
 } item_map;
 
-static int fail(reel_call *call, uint64_t at) {
-    return reel_corrupt(call, at, "the edit does not fit its mesh");
+static int fail(reel_call *call, uint64_t offset) {
+    return reel_corrupt(call, offset, "the edit does not fit its mesh");
 }
 
 static int read_edit(reel_call *call, const reel_outline *outline, mesh_edit *edit) {
-    reel_range left = outline->edit;
+    reel_range input = outline->edit;
     uint64_t n_base, limits[3] = {outline->coded_verts + outline->n_verts,
                                   outline->coded_faces + outline->n_faces, outline->n_faces};
     uint64_t *numbers[3] = {&edit->n_steps[0], &edit->n_steps[1], &edit->n_inserted};
-    REEL_TRY(reel_read_varint(call, &left, &n_base));
-    REEL_TRY(reel_read_varint(call, &left, &n_base));
+    REEL_TRY(reel_read_varint(call, &input, &n_base));
+    REEL_TRY(reel_read_varint(call, &input, &n_base));
     for (int i = 0; i < 3; i++) {
-        REEL_TRY(reel_read_varint(call, &left, numbers[i]));
+        REEL_TRY(reel_read_varint(call, &input, numbers[i]));
         if (*numbers[i] > limits[i]) {
-            return fail(call, outline->edit.at);
+            return fail(call, outline->edit.offset);
         }
     }
     int64_t lengths[2 * N_COUNTS + 1];
@@ -44,7 +44,7 @@ static int read_edit(reel_call *call, const reel_outline *outline, mesh_edit *ed
     }
     lengths[2 * N_COUNTS] = 3 * (int64_t)edit->n_inserted;
     tables[2 * N_COUNTS] = 2 * N_COUNTS;
-    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 2 * N_COUNTS + 1, 2 * N_COUNTS + 1,
+    REEL_TRY(reel_decode_rows(call, input, lengths, tables, 2 * N_COUNTS + 1, 2 * N_COUNTS + 1,
                               &values));
     edit->rows[0] = values;
     edit->rows[1] = values + N_COUNTS * edit->n_steps[0];
@@ -83,11 +83,12 @@ static bool fill_map(const mesh_edit *edit, int kind, item_map *map) {
     return item == map->n_new;
 }
 
-static int map_items(reel_call *call, const mesh_edit *edit, int kind, uint64_t at, item_map *map) {
+static int map_items(reel_call *call, const mesh_edit *edit, int kind, uint64_t offset,
+                     item_map *map) {
     map->to_new = reel_scratch(call, map->n_base, sizeof *map->to_new);
     map->from_base = reel_scratch(call, map->n_new, sizeof *map->from_base);
     REEL_NEED(map->to_new && map->from_base);
-    return fill_map(edit, kind, map) ? MESHREEL_OK : fail(call, at);
+    return fill_map(edit, kind, map) ? MESHREEL_OK : fail(call, offset);
 }
 
 /* Number the vertices: those of the base in its internal order, then the new ones. */
@@ -117,13 +118,14 @@ static bool list_triangles(const mesh_edit *edit, const reel_mesh_data *base, co
     const int32_t *end = differences + 3 * edit->n_inserted;
     int64_t last = 0;
     for (uint64_t i = 0; i < faces->n_new; i++) {
-        int32_t from = faces->from_base[i];
-        if (from < 0 && differences == end) {
+        int32_t base_face = faces->from_base[i];
+        if (base_face < 0 && differences == end) {
             return false;
         }
         for (int k = 0; k < 3; k++) {
-            int64_t vertex = from < 0 ? (last += *differences++)
-                                      : verts->to_new[base->triangles[3 * (int64_t)from + k]];
+            int64_t vertex = base_face < 0
+                                 ? (last += *differences++)
+                                 : verts->to_new[base->triangles[3 * (int64_t)base_face + k]];
             if (vertex < 0 || vertex >= (int64_t)verts->n_new) {
                 return false;
             }
@@ -163,29 +165,29 @@ static int apply_edit(reel_call *call, const reel_outline *outline, const reel_m
     item_map verts = {.n_base = outline->coded_verts, .n_new = outline->n_verts};
     item_map faces = {.n_base = outline->coded_faces, .n_new = outline->n_faces};
     REEL_TRY(read_edit(call, outline, &edit));
-    REEL_TRY(map_items(call, &edit, 0, outline->edit.at, &verts));
-    REEL_TRY(map_items(call, &edit, 1, outline->edit.at, &faces));
+    REEL_TRY(map_items(call, &edit, 0, outline->edit.offset, &verts));
+    REEL_TRY(map_items(call, &edit, 1, outline->edit.offset, &faces));
     number_vertices(base, &verts, mesh);
     return list_triangles(&edit, base, &verts, &faces, mesh->triangles)
                ? list_internal(call, base, corners, &verts, &faces, mesh)
-               : fail(call, outline->edit.at);
+               : fail(call, outline->edit.offset);
 }
 
 int reel_read_edited_mesh(reel_call *call, reel_pool *pool, const reel_outline *outline,
                           reel_mesh_data *mesh) {
     const reel_chunk *mark = call->scratch.last;
-    reel_outline coded = *outline;
+    reel_outline base_outline = *outline;
     reel_mesh_data base = {0};
     reel_order_job *order;
-    coded.n_verts = outline->coded_verts;
-    coded.n_faces = outline->coded_faces;
+    base_outline.n_verts = outline->coded_verts;
+    base_outline.n_faces = outline->coded_faces;
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     mesh->triangles = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(uint32_t));
     mesh->to_internal = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     mesh->to_output = reel_pool_allocate(call, pool, outline->n_verts, sizeof(int32_t));
     REEL_NEED(mesh->internal_faces && mesh->triangles && mesh->to_internal && mesh->to_output);
-    REEL_TRY(reel_decode_connectivity(call, &call->scratch, &coded, &base));
-    REEL_TRY(reel_prepare_order(call, &call->scratch, &coded, &base, &order));
+    REEL_TRY(reel_decode_connectivity(call, &call->scratch, &base_outline, &base));
+    REEL_TRY(reel_prepare_order(call, &call->scratch, &base_outline, &base, &order));
     reel_decode_order(order);
     REEL_TRY(reel_finish_order(call, order));
     REEL_TRY(apply_edit(call, outline, &base, reel_order_corners(order), mesh));

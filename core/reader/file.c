@@ -15,8 +15,8 @@
 
 uint32_t meshreel_abi(void) { return MESHREEL_ABI; }
 
-reel_call reel_begin_file_call(const meshreel_file *file, uint64_t held) {
-    reel_call call = reel_begin_call(&file->source, &file->host, held);
+reel_call reel_begin_file_call(const meshreel_file *file, uint64_t n_bytes) {
+    reel_call call = reel_begin_call(&file->source, &file->host, n_bytes);
     call.is_compact = file->outline.is_compact;
     return call;
 }
@@ -53,7 +53,7 @@ static void fill_info_of_mesh(meshreel_file *file) {
     info->n_corners = (uint32_t)outline->n_corners;
     info->n_cells = (uint32_t)outline->n_cells;
     info->n_blocks = (uint32_t)outline->n_blocks;
-    info->longest_block = outline->longest;
+    info->longest_block = outline->max_block_frames;
     info->n_tracks = outline->n_tracks;
 }
 
@@ -88,7 +88,7 @@ static int read_times(reel_call *call, meshreel_file *file) {
     if (!outline->times.length) {
         return MESHREEL_OK;
     }
-    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_START, NULL), outline->times.at,
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_START, NULL), outline->times.offset,
                     "there are a start and times");
     REEL_TRY(reel_read_times(call, &file->pool, outline->times, n_frames, !outline->is_whole,
                              &file->times));
@@ -112,8 +112,8 @@ static int parse_segment(reel_call *call, meshreel_file *file, const meshreel_fi
                                &file->outline));
     reel_segment *segment = reel_pool_allocate(call, &file->pool, 1, sizeof *segment);
     REEL_NEED(segment);
-    *segment = whole->segments.all[number];
-    file->segments = (reel_segments){.all = segment, .count = 1, .n_frames = segment->n_frames};
+    *segment = whole->segments.items[number];
+    file->segments = (reel_segments){.items = segment, .count = 1, .n_frames = segment->n_frames};
     file->is_segment = true;
     if (whole->times) {
         file->times = reel_pool_allocate(call, &file->pool, segment->n_frames, sizeof *file->times);
@@ -202,10 +202,10 @@ int meshreel_segment_of(const meshreel_file *file, uint32_t number, meshreel_seg
     if (!file || !segment || number >= file->info.n_segments) {
         return MESHREEL_INVALID;
     }
-    const reel_segment *result = &file->segments.all[number];
-    *segment =
-        (meshreel_segment){result->first_frame,       result->n_frames, (uint32_t)result->n_verts,
-                           (uint32_t)result->n_faces, result->at,       result->end - result->at};
+    const reel_segment *result = &file->segments.items[number];
+    *segment = (meshreel_segment){
+        result->first_frame,       result->n_frames, (uint32_t)result->n_verts,
+        (uint32_t)result->n_faces, result->offset,   result->end - result->offset};
     return MESHREEL_OK;
 }
 
@@ -213,7 +213,7 @@ uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame) {
     uint32_t first = 0, end = file->info.n_segments;
     while (end - first > 1) {
         uint32_t middle = first + (end - first) / 2;
-        if (file->segments.all[middle].first_frame <= frame) {
+        if (file->segments.items[middle].first_frame <= frame) {
             first = middle;
         } else {
             end = middle;
@@ -227,21 +227,21 @@ uint32_t meshreel_segment_of_frame(const meshreel_file *file, uint32_t frame) {
 static meshreel_section describe_section(const reel_section *section) {
     return (meshreel_section){section->id,
                               reel_is_known(section->id),
-                              section->at,
-                              section->end - section->at,
-                              section->payload.at,
+                              section->offset,
+                              section->end - section->offset,
+                              section->payload.offset,
                               section->payload.length};
 }
 
 int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                         meshreel_section *section, meshreel_error *error) {
     REEL_INVALID_IF(!file || !section, "a pointer is NULL");
-    uint64_t at = offset ? offset : file->outline.begin;
-    REEL_INVALID_IF(at < file->outline.begin || at >= file->outline.end,
+    uint64_t begin = offset ? offset : file->outline.begin;
+    REEL_INVALID_IF(begin < file->outline.begin || begin >= file->outline.end,
                     "no section begins at this byte");
     reel_call call = reel_begin_file_call(file, 0);
     reel_section result;
-    int failed = reel_section_at(&call, at, file->outline.end, &result);
+    int failed = reel_section_at(&call, begin, file->outline.end, &result);
     if (!failed && check) {
         failed = reel_section_check(&call, &result);
     }
@@ -264,9 +264,9 @@ int meshreel_block_of(const meshreel_file *file, uint32_t number, uint32_t track
     if (!file || !block || number >= file->info.n_blocks || track >= file->info.n_tracks) {
         return MESHREEL_INVALID;
     }
-    const reel_block_entry *place = &file->outline.blocks[number];
+    const reel_block_entry *entry = &file->outline.blocks[number];
     reel_range bytes = reel_group_bytes(&file->outline, number, track);
-    *block = (meshreel_block){place->first, place->n_frames, bytes.at, bytes.length};
+    *block = (meshreel_block){entry->first, entry->n_frames, bytes.offset, bytes.length};
     return MESHREEL_OK;
 }
 
@@ -390,7 +390,7 @@ int meshreel_read_mesh(meshreel_file *file, meshreel_error *error) {
     if (file->info.n_segments > 1) {
         return reel_refuse_several(error);
     }
-    reel_call call = reel_begin_file_call(file, file->pool.held);
+    reel_call call = reel_begin_file_call(file, file->pool.n_bytes);
     reel_pool pool = {NULL, 0};
     int failed = file->has_mesh ? MESHREEL_OK : read_mesh(&call, file, &pool);
     file->has_mesh = !failed;
@@ -417,7 +417,7 @@ int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     if (failed || file->has_surface) {
         return failed;
     }
-    reel_call call = reel_begin_file_call(file, file->pool.held);
+    reel_call call = reel_begin_file_call(file, file->pool.n_bytes);
     reel_pool pool = {NULL, 0};
     failed = reel_read_surface(&call, &pool, &file->faces, &file->surface);
     file->has_surface = !failed;

@@ -30,8 +30,8 @@ REEL_INLINE bool reel_is_of_paper(const meshreel_file *file) {
     return file->outline.method < REEL_METHOD_REEL;
 }
 
-/* Begin a call on an open file, whose object holds `held` bytes. */
-reel_call reel_begin_file_call(const meshreel_file *file, uint64_t held);
+/* Begin a call on an open file, whose object holds `n_bytes` bytes. */
+reel_call reel_begin_file_call(const meshreel_file *file, uint64_t n_bytes);
 
 /* Fail a call that needs a single segment, for a file of several. */
 int reel_refuse_several(meshreel_error *error);

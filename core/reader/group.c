@@ -22,108 +22,109 @@
     (BIT(REEL_BASIS) | BIT(REEL_ANCHORS) | BIT(REEL_COEFFICIENTS) | BIT(REEL_EXACT_POSITIONS) | \
      BIT(REEL_ANCHOR_RESIDUALS))
 
-/* The payload of each section of a group; `at` is 0 if it is missing. */
+/* The payload of each section of a group; `offset` is 0 if it is missing. */
 typedef struct {
-    reel_range of[N_IDS];
+    reel_range by_id[N_IDS];
 } payloads;
 
-static const reel_range *payload(const payloads *all, uint32_t id) {
-    return &all->of[id - FIRST_ID];
+static const reel_range *payload(const payloads *sections, uint32_t id) {
+    return &sections->by_id[id - FIRST_ID];
 }
 
-/* Find the sections of a group: the section `first`, then those of the set `others`, each at most
-   once, COEFFICIENTS or VALUES last. */
-static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, uint32_t others,
-                         bool is_checked, payloads *all) {
-    uint64_t end = bytes.at + bytes.length;
+/* Find the sections of a group: the section `first`, then those of the set `other_ids`, each at
+   most once, COEFFICIENTS or VALUES last. */
+static int find_payloads(reel_call *call, reel_range bytes, uint32_t first, uint32_t other_ids,
+                         bool is_checked, payloads *sections) {
+    uint64_t end = bytes.offset + bytes.length;
     uint32_t last = REEL_END;
-    reel_zero(all, sizeof *all);
-    int announced = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
-    if (announced) {
-        return announced;
+    reel_zero(sections, sizeof *sections);
+    int failure = is_checked ? reel_announce(call, bytes) : MESHREEL_OK;
+    if (failure) {
+        return failure;
     }
-    for (uint64_t at = bytes.at; at < end;) {
+    for (uint64_t offset = bytes.offset; offset < end;) {
         reel_section section;
-        REEL_TRY(reel_section_at(call, at, end, &section));
+        REEL_TRY(reel_section_at(call, offset, end, &section));
         if (is_checked) {
             REEL_TRY(reel_section_check(call, &section));
         }
         if (reel_is_known(section.id)) {
-            uint32_t id = section.id, allowed = last == REEL_END ? BIT(first) : others;
+            uint32_t id = section.id, allowed = last == REEL_END ? BIT(first) : other_ids;
             bool is_allowed = id >= FIRST_ID && id < FIRST_ID + N_IDS && allowed & BIT(id) &&
                               last != REEL_COEFFICIENTS && last != REEL_VALUES;
-            REEL_CORRUPT_IF(!is_allowed || all->of[id - FIRST_ID].at, at,
+            REEL_CORRUPT_IF(!is_allowed || sections->by_id[id - FIRST_ID].offset, offset,
                             "a block has a section twice, or one that must not be there");
-            all->of[id - FIRST_ID] = section.payload;
+            sections->by_id[id - FIRST_ID] = section.payload;
             last = id;
         }
-        at = section.end;
+        offset = section.end;
     }
     return last == REEL_COEFFICIENTS || last == REEL_VALUES
                ? MESHREEL_OK
-               : reel_corrupt(call, bytes.at, "a block does not end with COEFFICIENTS or VALUES");
+               : reel_corrupt(call, bytes.offset,
+                              "a block does not end with COEFFICIENTS or VALUES");
 }
 
-static int read_counts(reel_call *call, const payloads *all, uint32_t number,
+static int read_counts(reel_call *call, const payloads *sections, uint32_t number,
                        const reel_track *track, uint64_t n_frames, reel_group *group) {
-    reel_range left = *payload(all, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
-    uint64_t at = left.at;
+    reel_range input = *payload(sections, number ? REEL_TRACK_BLOCK : REEL_BLOCK);
+    uint64_t offset = input.offset;
     group->n_frames = n_frames;
-    REEL_TRY(number ? MESHREEL_OK : reel_read_varint(call, &left, &group->n_frames));
-    REEL_TRY(reel_read_varint(call, &left, &group->n_modes));
+    REEL_TRY(number ? MESHREEL_OK : reel_read_varint(call, &input, &group->n_frames));
+    REEL_TRY(reel_read_varint(call, &input, &group->n_modes));
     bool is_exact = track->info.coding == REEL_EXACT || track->info.is_exact;
     uint64_t min_modes = is_exact ? 0 : 1, max_modes = is_exact ? 0 : track->n_coded * n_frames;
-    REEL_CORRUPT_IF(left.length || group->n_frames != n_frames, at,
+    REEL_CORRUPT_IF(input.length || group->n_frames != n_frames, offset,
                     "the block and the index disagree on the number of frames");
-    REEL_UNSUPPORTED_IF(max_modes > MAX_TIMES, at, "a block has more than 2^31 times");
+    REEL_UNSUPPORTED_IF(max_modes > MAX_TIMES, offset, "a block has more than 2^31 times");
     return group->n_modes >= min_modes && group->n_modes <= max_modes
                ? MESHREEL_OK
-               : reel_corrupt(call, at, "a block has no modes, or more than its frames allow");
+               : reel_corrupt(call, offset, "a block has no modes, or more than its frames allow");
 }
 
-static int read_reused(reel_call *call, reel_range *left, reel_group *group) {
-    if (!group->reference || !left->length) {
+static int read_reused(reel_call *call, reel_range *input, reel_group *group) {
+    if (!group->reference || !input->length) {
         return MESHREEL_OK;
     }
-    uint64_t at = left->at;
-    REEL_TRY(reel_read_varint(call, left, &group->n_reused));
-    REEL_TRY(reel_read_bytes(call, left, &group->finer, sizeof group->finer));
+    uint64_t offset = input->offset;
+    REEL_TRY(reel_read_varint(call, input, &group->n_reused));
+    REEL_TRY(reel_read_bytes(call, input, &group->finer, sizeof group->finer));
     bool is_valid = group->n_reused >= 1 && group->n_reused <= group->n_modes &&
                     group->finer > 0.0F && group->finer < MAX_STEP;
     return is_valid
                ? MESHREEL_OK
-               : reel_corrupt(call, at, "the number or scale of reused fields is out of range");
+               : reel_corrupt(call, offset, "the number or scale of reused fields is out of range");
 }
 
 /* Read the next run of resting times after `end`, which receives its end. */
-static int read_run(reel_call *call, reel_range *left, uint64_t n_frames, uint64_t *start,
+static int read_run(reel_call *call, reel_range *input, uint64_t n_frames, uint64_t *start,
                     uint64_t *end) {
-    uint64_t gap, length, at = left->at;
-    REEL_TRY(reel_read_varint(call, left, &gap));
-    REEL_TRY(reel_read_varint(call, left, &length));
-    REEL_CORRUPT_IF(!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap, at,
-                    "a run of resting times is not in its block");
+    uint64_t gap, length, offset = input->offset;
+    REEL_TRY(reel_read_varint(call, input, &gap));
+    REEL_TRY(reel_read_varint(call, input, &length));
+    REEL_CORRUPT_IF(!gap || !length || gap >= n_frames - *end || length > n_frames - *end - gap,
+                    offset, "a run of resting times is not in its block");
     *start = *end + gap;
     *end = *start + length;
     return MESHREEL_OK;
 }
 
-static int read_resting_runs(reel_call *call, reel_range *left, reel_group *group) {
-    uint64_t start, end = 0, at = left->at;
-    REEL_TRY(reel_read_varint(call, left, &group->rest_bits));
-    REEL_TRY(reel_read_varint(call, left, &group->n_rests));
-    group->rests = *left;
+static int read_resting_runs(reel_call *call, reel_range *input, reel_group *group) {
+    uint64_t start, end = 0, offset = input->offset;
+    REEL_TRY(reel_read_varint(call, input, &group->rest_bits));
+    REEL_TRY(reel_read_varint(call, input, &group->n_rests));
+    group->rests = *input;
     for (uint64_t i = 0; i < group->n_rests; i++) {
-        REEL_TRY(read_run(call, left, group->n_frames, &start, &end));
+        REEL_TRY(read_run(call, input, group->n_frames, &start, &end));
     }
     bool is_valid = group->n_rests >= 1 && group->rest_bits <= REEL_MAX_REST_BITS;
-    return is_valid
-               ? MESHREEL_OK
-               : reel_corrupt(call, at, "resting times have no runs, or too many fractional bits");
+    return is_valid ? MESHREEL_OK
+                    : reel_corrupt(call, offset,
+                                   "resting times have no runs, or too many fractional bits");
 }
 
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
-    reel_range left = group->rests;
+    reel_range input = group->rests;
     uint64_t start, end = 0;
     *rests = NULL;
     if (!group->n_rests) {
@@ -133,7 +134,7 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
     REEL_NEED(*rests);
     reel_zero(*rests, (size_t)group->n_frames);
     for (uint64_t i = 0; i < group->n_rests; i++) {
-        REEL_TRY(read_run(call, &left, group->n_frames, &start, &end));
+        REEL_TRY(read_run(call, &input, group->n_frames, &start, &end));
         for (uint64_t time = start; time < end; time++) {
             (*rests)[time] = 1;
         }
@@ -141,51 +142,50 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
     return MESHREEL_OK;
 }
 
-static int read_fields(reel_call *call, reel_range left, reel_group *group) {
+static int read_fields(reel_call *call, reel_range input, reel_group *group) {
     uint8_t layout;
-    uint64_t at = left.at;
-    REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section FIELDS");
-    REEL_TRY(reel_read_bytes(call, &left, &layout, 1));
+    uint64_t offset = input.offset;
+    REEL_CORRUPT_IF(!input.offset, REEL_UNKNOWN, "a block has no section FIELDS");
+    REEL_TRY(reel_read_bytes(call, &input, &layout, 1));
     group->precision = layout & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE);
     group->has_cosines = layout & WITH_COSINES;
     group->is_adaptive = layout & ADAPTIVE;
     if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, at,
+        return reel_fail(call, MESHREEL_UNSUPPORTED, offset,
                          "the layout of the fields needs a newer version; update meshreel");
     }
     REEL_CORRUPT_IF(group->has_cosines &&
-                    (layout & (WITH_RESTS | ADAPTIVE) || group->n_frames > REEL_MAX_COSINES), at,
-                    "a block with cosines over time rests, adapts or is too long");
-    REEL_TRY(reel_read_varint(call, &left, &group->reference));
-    REEL_TRY(reel_read_bytes(call, &left, &group->step, sizeof group->step));
-    REEL_TRY(reel_read_varint(call, &left, &group->stencil_size));
-    REEL_TRY(reel_read_varint(call, &left, &group->n_learned));
+                        (layout & (WITH_RESTS | ADAPTIVE) || group->n_frames > REEL_MAX_COSINES),
+                    offset, "a block with cosines over time rests, adapts or is too long");
+    REEL_TRY(reel_read_varint(call, &input, &group->reference));
+    REEL_TRY(reel_read_bytes(call, &input, &group->step, sizeof group->step));
+    REEL_TRY(reel_read_varint(call, &input, &group->stencil_size));
+    REEL_TRY(reel_read_varint(call, &input, &group->n_learned));
     if (layout & WITH_RESTS) {
-        REEL_TRY(read_resting_runs(call, &left, group));
+        REEL_TRY(read_resting_runs(call, &input, group));
     }
-    REEL_TRY(read_reused(call, &left, group));
-    bool is_valid = !left.length && group->stencil_size >= 1 &&
+    REEL_TRY(read_reused(call, &input, group));
+    bool is_valid = !input.length && group->stencil_size >= 1 &&
                     group->stencil_size <= REEL_MAX_STENCIL && group->n_learned <= MAX_LEARNED &&
                     group->step > 0.0F && group->step < MAX_STEP;
-    return is_valid
-               ? MESHREEL_OK
-               : reel_corrupt(call, at, "a number of a section FIELDS is out of range");
+    return is_valid ? MESHREEL_OK
+                    : reel_corrupt(call, offset, "a number of a section FIELDS is out of range");
 }
 
-static int read_corrections(reel_call *call, reel_range left, reel_group *group) {
-    uint64_t at = left.at;
-    if (!left.at) {
+static int read_corrections(reel_call *call, reel_range input, reel_group *group) {
+    uint64_t offset = input.offset;
+    if (!input.offset) {
         return MESHREEL_OK;
     }
-    REEL_TRY(reel_read_bytes(call, &left, &group->correction_step, sizeof group->correction_step));
-    REEL_TRY(reel_read_varint(call, &left, &group->n_corrected));
-    REEL_TRY(reel_read_varint(call, &left, &group->n_corrections));
+    REEL_TRY(reel_read_bytes(call, &input, &group->correction_step, sizeof group->correction_step));
+    REEL_TRY(reel_read_varint(call, &input, &group->n_corrected));
+    REEL_TRY(reel_read_varint(call, &input, &group->n_corrections));
     bool is_valid = group->n_corrected <= group->n_corrections && group->correction_step > 0.0F &&
                     group->correction_step < MAX_STEP;
-    group->corrections = left;
-    return is_valid
-               ? MESHREEL_OK
-               : reel_corrupt(call, at, "the step or the counts of corrections are out of range");
+    group->corrections = input;
+    return is_valid ? MESHREEL_OK
+                    : reel_corrupt(call, offset,
+                                   "the step or the counts of corrections are out of range");
 }
 
 /* Forms of the section VALUES: exact values without a grid; integers on a grid, as exact values or
@@ -193,69 +193,69 @@ static int read_corrections(reel_call *call, reel_range left, reel_group *group)
 enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE, GRID_STILL = 8 };
 
 /* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */
-static int read_values(reel_call *call, bool is_grid, const payloads *all, reel_group *group) {
-    reel_range left = *payload(all, REEL_VALUES);
-    REEL_CORRUPT_IF(!left.at, REEL_UNKNOWN, "a block has no section VALUES");
-    uint64_t at = left.at;
+static int read_values(reel_call *call, bool is_grid, const payloads *sections, reel_group *group) {
+    reel_range input = *payload(sections, REEL_VALUES);
+    REEL_CORRUPT_IF(!input.offset, REEL_UNKNOWN, "a block has no section VALUES");
+    uint64_t offset = input.offset;
     uint8_t form = GRID_NONE;
-    if (is_grid || payload(all, REEL_ROUNDING)->at) {
-        REEL_TRY(reel_read_bytes(call, &left, &form, sizeof form));
+    if (is_grid || payload(sections, REEL_ROUNDING)->offset) {
+        REEL_TRY(reel_read_bytes(call, &input, &form, sizeof form));
     }
     if (form & GRID_SINGLE) {
         float step;
-        REEL_TRY(reel_read_bytes(call, &left, &step, sizeof step));
+        REEL_TRY(reel_read_bytes(call, &input, &step, sizeof step));
         group->grid = (double)step;
     } else if (form != GRID_NONE) {
-        REEL_TRY(reel_read_bytes(call, &left, &group->grid, sizeof group->grid));
+        REEL_TRY(reel_read_bytes(call, &input, &group->grid, sizeof group->grid));
     }
     group->is_still = form & GRID_STILL;
     group->is_on_surface = (form & GRID_FORMS) == GRID_ON_SURFACE;
-    group->values = left;
-    group->rounding = *payload(all, REEL_ROUNDING);
+    group->values = input;
+    group->rounding = *payload(sections, REEL_ROUNDING);
     bool is_exact = (form & ~GRID_SINGLE) == GRID_EXACT;
     bool is_known = form == GRID_NONE || is_exact || (group->is_on_surface && form < 16);
-    REEL_CORRUPT_IF(!is_known, at, "the form of positions on a grid is unknown");
-    REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), at,
+    REEL_CORRUPT_IF(!is_known, offset, "the form of positions on a grid is unknown");
+    REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), offset,
                     "the step of a grid is not above 0 and at most 1 diagonal");
-    return group->grid > 0.0 || !group->rounding.at
+    return group->grid > 0.0 || !group->rounding.offset
                ? MESHREEL_OK
-               : reel_corrupt(call, group->rounding.at, "there is no grid to round");
+               : reel_corrupt(call, group->rounding.offset, "there is no grid to round");
 }
 
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
                     uint32_t number, uint64_t block, bool is_checked, reel_group *group) {
-    payloads all;
+    payloads sections;
     reel_range bytes = reel_group_bytes(outline, block, number);
     *group = (reel_group){0};
     uint32_t first = number ? REEL_TRACK_BLOCK : REEL_BLOCK;
     bool is_exact = track->info.is_exact || track->info.coding == REEL_EXACT;
     bool is_grid = !number && outline->method == REEL_METHOD_GRID;
-    uint32_t others = is_exact ? EXACT_IDS | (number ? 0 : BIT(REEL_ROUNDING))
-                               : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
-    REEL_TRY(find_payloads(call, bytes, first, others, is_checked, &all));
-    REEL_TRY(read_counts(call, &all, number, track, outline->blocks[block].n_frames, group));
+    uint32_t other_ids = is_exact ? EXACT_IDS | (number ? 0 : BIT(REEL_ROUNDING))
+                                  : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
+    REEL_TRY(find_payloads(call, bytes, first, other_ids, is_checked, &sections));
+    REEL_TRY(read_counts(call, &sections, number, track, outline->blocks[block].n_frames, group));
     if (is_exact) {
-        return read_values(call, is_grid, &all, group);
+        return read_values(call, is_grid, &sections, group);
     }
-    REEL_TRY(read_fields(call, *payload(&all, REEL_FIELDS), group));
-    REEL_TRY(read_corrections(call, *payload(&all, REEL_CORRECTIONS), group));
-    group->basis = *payload(&all, REEL_BASIS);
-    group->coefficients = *payload(&all, REEL_COEFFICIENTS);
-    group->missing = *payload(&all, REEL_MISSING);
-    return group->basis.at && group->coefficients.at
+    REEL_TRY(read_fields(call, *payload(&sections, REEL_FIELDS), group));
+    REEL_TRY(read_corrections(call, *payload(&sections, REEL_CORRECTIONS), group));
+    group->basis = *payload(&sections, REEL_BASIS);
+    group->coefficients = *payload(&sections, REEL_COEFFICIENTS);
+    group->missing = *payload(&sections, REEL_MISSING);
+    return group->basis.offset && group->coefficients.offset
                ? MESHREEL_OK
-               : reel_corrupt(call, bytes.at, "a block has no BASIS or COEFFICIENTS");
+               : reel_corrupt(call, bytes.offset, "a block has no BASIS or COEFFICIENTS");
 }
 
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
                           bool is_checked, reel_group *group) {
-    payloads all;
+    payloads sections;
     *group = (reel_group){0};
     reel_range bytes = reel_group_bytes(outline, block, 0);
-    REEL_TRY(find_payloads(call, bytes, REEL_BLOCK, PAPER_IDS, is_checked, &all));
-    reel_range left = *payload(&all, REEL_BLOCK);
-    REEL_TRY(reel_read_varint(call, &left, &group->n_frames));
-    return reel_read_varint(call, &left, &group->n_modes);
+    REEL_TRY(find_payloads(call, bytes, REEL_BLOCK, PAPER_IDS, is_checked, &sections));
+    reel_range input = *payload(&sections, REEL_BLOCK);
+    REEL_TRY(reel_read_varint(call, &input, &group->n_frames));
+    return reel_read_varint(call, &input, &group->n_modes);
 }
 
 /* ---- corrections ---- */
@@ -268,10 +268,10 @@ typedef struct {
     int64_t n, n_all;
     uint32_t n_columns;
     const int32_t *items, *counts, *frames, *offsets; /* offsets: n_columns rows */
-} coded_corrections;
+} correction_rows;
 
 static int read_correction_rows(reel_call *call, const reel_group *group, uint32_t n_columns,
-                                coded_corrections *result) {
+                                correction_rows *result) {
     int64_t n = (int64_t)group->n_corrected, n_all = (int64_t)group->n_corrections;
     int64_t lengths[MAX_ROWS] = {n, n, n_all};
     int32_t tables[MAX_ROWS] = {0, 1, 2}, *values;
@@ -281,7 +281,7 @@ static int read_correction_rows(reel_call *call, const reel_group *group, uint32
     }
     REEL_TRY(reel_decode_rows(call, group->corrections, lengths, tables, 3 + (int64_t)n_columns,
                               N_TABLES, &values));
-    *result = (coded_corrections){
+    *result = (correction_rows){
         n, n_all, n_columns, values, values + n, values + 2 * n, values + 2 * n + n_all};
     return MESHREEL_OK;
 }
@@ -289,46 +289,46 @@ static int read_correction_rows(reel_call *call, const reel_group *group, uint32
 /* Check that items and frames exist and ascend, and that counts add up. Finds where the corrections
    of each run begin, the run of each output item, and in starts[frame + 1] the number of
    corrections of each frame. */
-static bool find_runs(const coded_corrections *coded, const int32_t *inverse, int64_t n_items,
+static bool find_runs(const correction_rows *rows, const int32_t *inverse, int64_t n_items,
                       int64_t n_frames, int64_t *begins, int32_t *run_of, int64_t *starts) {
     int64_t next = 0, item = 0;
     for (int64_t i = 0; i < n_items; i++) {
         run_of[i] = -1;
     }
-    for (int64_t i = 0; i < coded->n; i++) {
-        item += coded->items[i];
-        if (item < 0 || item >= n_items || (i && coded->items[i] <= 0) || coded->counts[i] < 0 ||
-            coded->counts[i] >= coded->n_all - next) {
+    for (int64_t i = 0; i < rows->n; i++) {
+        item += rows->items[i];
+        if (item < 0 || item >= n_items || (i && rows->items[i] <= 0) || rows->counts[i] < 0 ||
+            rows->counts[i] >= rows->n_all - next) {
             return false;
         }
         begins[i] = next;
         run_of[inverse ? inverse[item] : item] = (int32_t)i;
-        int64_t end = next + coded->counts[i] + 1, frame = 0;
+        int64_t end = next + rows->counts[i] + 1, frame = 0;
         for (int64_t first = next; next < end; next++) {
-            frame += coded->frames[next];
-            if (frame < 0 || frame >= n_frames || (next > first && coded->frames[next] <= 0)) {
+            frame += rows->frames[next];
+            if (frame < 0 || frame >= n_frames || (next > first && rows->frames[next] <= 0)) {
                 return false;
             }
             starts[frame + 1]++;
         }
     }
-    begins[coded->n] = next;
-    return next == coded->n_all;
+    begins[rows->n] = next;
+    return next == rows->n_all;
 }
 
 /* Store the corrections of a run at the next free index of their frames. */
-static void store_run(const coded_corrections *coded, int64_t begin, int64_t end, int32_t item,
+static void store_run(const correction_rows *rows, int64_t begin, int64_t end, int32_t item,
                       double step, int64_t *offsets, int64_t *next,
                       const reel_corrections *result) {
     int64_t frame = 0;
-    uint32_t n_columns = coded->n_columns;
+    uint32_t n_columns = rows->n_columns;
     for (int64_t i = begin; i < end; i++) {
-        bool follows = i > begin && coded->frames[i] == 1;
-        frame += coded->frames[i];
+        bool follows = i > begin && rows->frames[i] == 1;
+        frame += rows->frames[i];
         int64_t place = next[frame]++;
         result->items[place] = item;
         for (uint32_t column = 0; column < n_columns; column++) {
-            int32_t offset = coded->offsets[column * coded->n_all + i];
+            int32_t offset = rows->offsets[column * rows->n_all + i];
             offsets[column] = (follows ? offsets[column] : 0) + offset;
             result->offsets[n_columns * place + column] = (double)offsets[column] * step;
         }
@@ -338,13 +338,13 @@ static void store_run(const coded_corrections *coded, int64_t begin, int64_t end
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
                           reel_corrections *result) {
-    coded_corrections coded;
+    correction_rows rows;
     *result = (reel_corrections){NULL, NULL, NULL};
-    if (!group->corrections.at) {
+    if (!group->corrections.offset) {
         return MESHREEL_OK;
     }
     const reel_chunk *mark = call->scratch.last;
-    REEL_TRY(read_correction_rows(call, group, n_columns, &coded));
+    REEL_TRY(read_correction_rows(call, group, n_columns, &rows));
     uint64_t n_frames = group->n_frames;
     int64_t *starts = result->starts = reel_pool_allocate(call, pool, n_frames + 1, sizeof *starts);
     result->items = reel_pool_allocate(call, pool, group->n_corrections, sizeof *result->items);
@@ -354,8 +354,8 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
     int32_t *run_of = reel_scratch(call, n_items, sizeof *run_of);
     REEL_NEED(starts && result->items && result->offsets && begins && run_of);
     reel_zero(starts, (n_frames + 1) * sizeof *starts);
-    if (!find_runs(&coded, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
-        return reel_corrupt(call, group->corrections.at,
+    if (!find_runs(&rows, inverse, (int64_t)n_items, (int64_t)n_frames, begins, run_of, starts)) {
+        return reel_corrupt(call, group->corrections.offset,
                             "a correction is out of order, or its value does not exist");
     }
     for (uint64_t t = 0; t < n_frames; t++) {
@@ -365,7 +365,7 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
         /* By output item, so that items ascend in each frame. */
         if (run_of[i] >= 0) {
             int64_t offsets[256];
-            store_run(&coded, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
+            store_run(&rows, begins[run_of[i]], begins[run_of[i] + 1], (int32_t)i,
                       (double)group->correction_step, offsets, starts, result);
         }
     }
@@ -382,23 +382,23 @@ int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *gr
 
 int reel_read_rounding(reel_call *call, reel_pool *pool, const reel_group *group, uint64_t max_rows,
                        reel_rounding *result) {
-    reel_range left = group->rounding;
+    reel_range input = group->rounding;
     int64_t lengths[6] = {1, 1, 1}, n_all = 0;
     int32_t tables[6] = {0, 1, 2, 3, 4, 5}, *values;
     *result = (reel_rounding){{0}, {0}, {NULL}};
-    if (!left.at) {
+    if (!input.offset) {
         return MESHREEL_OK;
     }
     for (uint32_t axis = 0; axis < 3; axis++) {
         uint64_t count;
-        REEL_TRY(reel_read_varint(call, &left, &count));
-        REEL_CORRUPT_IF(count > max_rows, group->rounding.at,
+        REEL_TRY(reel_read_varint(call, &input, &count));
+        REEL_CORRUPT_IF(count > max_rows, group->rounding.offset,
                         "there are more rounded coordinates than positions");
         lengths[3 + axis] = result->n[axis] = (int64_t)count;
         n_all += result->n[axis];
     }
     const reel_chunk *mark = call->scratch.last;
-    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 6, 6, &values));
+    REEL_TRY(reel_decode_rows(call, input, lengths, tables, 6, 6, &values));
     int32_t *offsets = reel_pool_allocate(call, pool, (uint64_t)n_all, sizeof *offsets);
     REEL_NEED(offsets);
     reel_copy(offsets, values + 3, (size_t)n_all * sizeof *offsets);

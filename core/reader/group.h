@@ -37,8 +37,7 @@ typedef struct {
 int reel_read_group(reel_call *call, const reel_outline *outline, const reel_track *track,
                     uint32_t number, uint64_t block, bool is_checked, reel_group *group);
 
-/* Find the resting frames of a block: one flag per frame in scratch memory, or NULL if none
-   rests. */
+/* Find the resting frames of a block: a flag per frame in scratch memory; NULL if none rests. */
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests);
 
 /* The same for a method of the paper, of which only the number of modes is read. */
@@ -53,8 +52,7 @@ typedef struct {
     double *offsets;
 } reel_corrections;
 
-/* Decode the corrections into memory of `pool`. `inverse` is the output index of each item, or
-   NULL. */
+/* Decode the corrections into memory of `pool`. `inverse` is the output index of items, or NULL. */
 int reel_read_corrections(reel_call *call, reel_pool *pool, const reel_group *group,
                           uint32_t n_columns, uint64_t n_items, const int32_t *inverse,
                           reel_corrections *result);

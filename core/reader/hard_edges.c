@@ -13,8 +13,8 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
     const reel_outline *outline = faces->outline;
     int32_t *vertices = reel_scratch(call, outline->n_corners, sizeof *vertices);
     *sides = (face_sides){{NULL, NULL}, 0};
-    for (int row = 0; row < 2; row++) {
-        sides->ends[row] = reel_scratch(call, outline->n_corners, sizeof(uint32_t));
+    for (int table = 0; table < 2; table++) {
+        sides->ends[table] = reel_scratch(call, outline->n_corners, sizeof(uint32_t));
     }
     REEL_NEED(vertices && sides->ends[0] && sides->ends[1]);
     reel_find_corner_vertices(faces, vertices);
@@ -33,8 +33,8 @@ static int find_sides(reel_call *call, const reel_faces *faces, face_sides *side
 }
 
 /* Sort sides by one of their vertices, stably; `starts` has space for n_verts + 1 numbers. */
-static void sort_by(const uint32_t *keys, uint64_t n_verts, const uint32_t *from, uint64_t count,
-                    uint32_t *starts, uint32_t *to) {
+static void sort_by(const uint32_t *keys, uint64_t n_verts, const uint32_t *order, uint64_t count,
+                    uint32_t *starts, uint32_t *sorted) {
     reel_zero(starts, (n_verts + 1) * sizeof *starts);
     for (uint64_t i = 0; i < count; i++) {
         starts[keys[i] + 1]++;
@@ -43,13 +43,12 @@ static void sort_by(const uint32_t *keys, uint64_t n_verts, const uint32_t *from
         starts[v + 1] += starts[v];
     }
     for (uint64_t i = 0; i < count; i++) {
-        uint32_t side = from ? from[i] : (uint32_t)i;
-        to[starts[keys[side]]++] = side;
+        uint32_t side = order ? order[i] : (uint32_t)i;
+        sorted[starts[keys[side]]++] = side;
     }
 }
 
-/* Find the edges shared by two or more sides, in the order of their first sides, as pairs of
-   vertices. */
+/* Find the edges of two or more sides, as pairs of vertices, in the order of their first sides. */
 static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges,
                       uint64_t *n_edges) {
     face_sides sides;
@@ -84,21 +83,21 @@ static int find_edges(reel_call *call, const reel_faces *faces, uint32_t **edges
 
 int reel_read_hard_edges(reel_call *call, reel_pool *pool, const reel_faces *faces,
                          reel_range payload, meshreel_surface *surface) {
-    reel_range left = payload;
+    reel_range input = payload;
     uint32_t *edges;
     uint64_t n_hard, n_edges = 0;
-    REEL_TRY(reel_read_varint(call, &left, &n_hard));
+    REEL_TRY(reel_read_varint(call, &input, &n_hard));
     REEL_TRY(find_edges(call, faces, &edges, &n_edges));
-    REEL_CORRUPT_IF(!n_hard || n_hard > n_edges, payload.at,
+    REEL_CORRUPT_IF(!n_hard || n_hard > n_edges, payload.offset,
                     "the number of hard edges is 0, or exceeds the edges between faces");
     int64_t length = (int64_t)n_hard, number = -1;
-    int32_t row = 0, *between;
-    REEL_TRY(reel_decode_rows(call, left, &length, &row, 1, 1, &between));
+    int32_t table = 0, *gaps;
+    REEL_TRY(reel_decode_rows(call, input, &length, &table, 1, 1, &gaps));
     uint32_t *hard = reel_pool_allocate(call, pool, 2 * n_hard, sizeof *hard);
     REEL_NEED(hard);
     for (uint64_t i = 0; i < n_hard; i++) {
-        number += (int64_t)between[i] + 1;
-        REEL_CORRUPT_IF(between[i] < 0 || number >= (int64_t)n_edges, left.at,
+        number += (int64_t)gaps[i] + 1;
+        REEL_CORRUPT_IF(gaps[i] < 0 || number >= (int64_t)n_edges, input.offset,
                         "a hard edge does not lie between faces");
         hard[2 * i] = edges[2 * number];
         hard[2 * i + 1] = edges[2 * number + 1];

@@ -45,12 +45,11 @@ static int list_corners(reel_call *call, const int32_t *vertices, const int32_t 
     return MESHREEL_OK;
 }
 
-static int damaged_rows(reel_call *call, const reel_track *track, const char *message) {
-    return reel_corrupt(call, track->rows.at, message);
+static int fail_rows(reel_call *call, const reel_track *track, const char *message) {
+    return reel_corrupt(call, track->rows.offset, message);
 }
 
-/* Assign rows to the corners of a vertex with several; returns the number of codes read, or -1 if
-   invalid. */
+/* Assign rows to the corners of a vertex with several; returns the codes read, or -1 if invalid. */
 static int64_t assign_rows(const int32_t *corners, int64_t n_corners, const int32_t *codes,
                            int64_t n_codes, corner_rows *rows) {
     if (n_corners - 1 > n_codes) {
@@ -71,15 +70,15 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
                      const reel_track *track, const int32_t *vertices, const int32_t *to_internal,
                      corner_rows *rows) {
     uint64_t n_codes, n_verts = outline->n_verts, n_corners = outline->n_corners;
-    reel_range left = track->rows;
+    reel_range input = track->rows;
     int32_t *starts, *sorted_corners, *has_seam;
-    REEL_TRY(reel_read_varint(call, &left, &n_codes));
+    REEL_TRY(reel_read_varint(call, &input, &n_codes));
     if (n_codes > n_corners) {
-        return damaged_rows(call, track, "the row codes of corners exceed the number of corners");
+        return fail_rows(call, track, "the row codes of corners exceed the number of corners");
     }
     const int64_t lengths[] = {(int64_t)n_verts, (int64_t)n_codes};
     const int32_t tables[] = {0, 1};
-    REEL_TRY(reel_decode_rows(call, left, lengths, tables, 2, 2, &has_seam));
+    REEL_TRY(reel_decode_rows(call, input, lengths, tables, 2, 2, &has_seam));
     REEL_TRY(list_corners(call, vertices, to_internal, n_corners, n_verts, &starts,
                           &sorted_corners));
     rows->of_corners = reel_pool_allocate(call, pool, n_corners, sizeof *rows->of_corners);
@@ -89,28 +88,27 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_outline *outli
     int64_t n_read = 0;
     for (uint64_t v = 0; v < n_verts; v++) {
         const int32_t *corners = sorted_corners + starts[v];
-        int64_t count = starts[v + 1] - starts[v], used = 0;
+        int64_t count = starts[v + 1] - starts[v], n_used = 0;
         if (has_seam[v] != 0 && has_seam[v] != 1) {
-            return damaged_rows(call, track,
-                                "the flag of a vertex with several rows is neither 0 nor 1");
+            return fail_rows(call, track,
+                             "the flag of a vertex with several rows is neither 0 nor 1");
         }
         for (int64_t k = 0; k < count; k++) {
             rows->of_corners[corners[k]] = (int32_t)v;
         }
         if (has_seam[v]) {
-            used = assign_rows(corners, count, codes + n_read, (int64_t)n_codes - n_read, rows);
+            n_used = assign_rows(corners, count, codes + n_read, (int64_t)n_codes - n_read, rows);
         }
-        if (used < 0) {
-            return damaged_rows(call, track, "the row code of a corner is out of range");
+        if (n_used < 0) {
+            return fail_rows(call, track, "the row code of a corner is out of range");
         }
-        n_read += used;
+        n_read += n_used;
     }
     return n_read == (int64_t)n_codes
                ? MESHREEL_OK
-               : damaged_rows(call, track, "there are more row codes than corners at seams");
+               : fail_rows(call, track, "there are more row codes than corners at seams");
 }
 
-/* Find the output vertex of each row. */
 static int find_row_vertices(reel_call *call, reel_pool *pool, const corner_rows *rows,
                              const reel_mesh_data *mesh, uint64_t n_verts, uint64_t n_corners,
                              const int32_t *vertices, const int32_t **result) {
@@ -176,13 +174,13 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_faces *faces,
         n_items = rows.n_rows;
     }
     uint64_t n_triangle_corners = 3 * outline->n_faces;
-    int32_t *of_triangles = reel_scratch(call, n_triangle_corners, sizeof *of_triangles);
-    REEL_NEED(of_triangles);
+    int32_t *triangle_items = reel_scratch(call, n_triangle_corners, sizeof *triangle_items);
+    REEL_NEED(triangle_items);
     for (uint64_t i = 0; i < n_triangle_corners; i++) {
         int32_t corner = reel_corner_at(faces, i);
-        of_triangles[i] = domain == MESHREEL_FACES ? items->polygon[i / 3]
-                          : rows.of_corners        ? rows.of_corners[corner]
-                                                   : corner;
+        triangle_items[i] = domain == MESHREEL_FACES ? items->polygon[i / 3]
+                            : rows.of_corners        ? rows.of_corners[corner]
+                                                     : corner;
     }
-    return find_graph(call, pool, outline, mesh, of_triangles, n_items, &items->graph);
+    return find_graph(call, pool, outline, mesh, triangle_items, n_items, &items->graph);
 }

@@ -9,7 +9,7 @@
 
 typedef struct {
     reel_graph graph;
-    /* NULL in the first four: the same number. */
+    /* The first four are NULL if numbers are the same. */
     const int32_t *order;    /* item of each value, before values are shared */
     const int32_t *inverse;  /* value of each item */
     const int32_t *value_of; /* value of each output item */

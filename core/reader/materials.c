@@ -9,21 +9,21 @@
 #define MAX_FLAGS 15U
 #define LAST_ALPHA_MODE 2U
 #define LAST_WRAP 4U
-#define LAST_MAGNIFIED 2U
-#define LAST_SHRUNK 6U
+#define LAST_MAGNIFICATION 2U
+#define LAST_MINIFICATION 6U
 #define RGB 7U
 #define RGBA 15U
 
 /* Overwrite the defaults in `numbers`, of length `count`, with the numbers that the file stores. */
-static int read_numbers(reel_call *call, reel_range *left, unsigned count, double *numbers) {
-    uint64_t at = left->at, present;
-    REEL_TRY(reel_read_varint(call, left, &present));
-    REEL_CORRUPT_IF(present >> count, at, "a material sets unknown numbers");
+static int read_numbers(reel_call *call, reel_range *input, unsigned count, double *numbers) {
+    uint64_t offset = input->offset, present;
+    REEL_TRY(reel_read_varint(call, input, &present));
+    REEL_CORRUPT_IF(present >> count, offset, "a material sets unknown numbers");
     for (unsigned i = 0; i < count; i++) {
         if (present >> i & 1U) {
-            at = left->at;
-            REEL_TRY(reel_read_bytes(call, left, &numbers[i], sizeof numbers[i]));
-            REEL_CORRUPT_IF(!reel_is_finite(numbers[i]), at,
+            offset = input->offset;
+            REEL_TRY(reel_read_bytes(call, input, &numbers[i], sizeof numbers[i]));
+            REEL_CORRUPT_IF(!reel_is_finite(numbers[i]), offset,
                             "a number of a material is not finite");
         }
     }
@@ -40,34 +40,34 @@ static bool is_valid_for_slot(unsigned slot, uint8_t channels) {
 }
 
 /* Read the channels, wrap modes and filters of a texture. */
-static int read_sampling(reel_call *call, reel_range *left, unsigned slot,
+static int read_sampling(reel_call *call, reel_range *input, unsigned slot,
                          meshreel_texture *result) {
-    uint64_t at = left->at;
+    uint64_t offset = input->offset;
     uint8_t bytes[3];
-    REEL_TRY(reel_read_bytes(call, left, bytes, sizeof bytes));
-    REEL_CORRUPT_IF(!is_valid_for_slot(slot, bytes[0]), at,
+    REEL_TRY(reel_read_bytes(call, input, bytes, sizeof bytes));
+    REEL_CORRUPT_IF(!is_valid_for_slot(slot, bytes[0]), offset,
                     "a texture uses channels that its slot does not allow");
     result->channels = bytes[0];
     result->wrap_u = bytes[1] & 15U;
     result->wrap_v = bytes[1] >> 4;
     result->magnified = bytes[2] & 15U;
     result->shrunk = bytes[2] >> 4;
-    REEL_CORRUPT_IF(result->wrap_u > LAST_WRAP || result->wrap_v > LAST_WRAP, at + 1,
+    REEL_CORRUPT_IF(result->wrap_u > LAST_WRAP || result->wrap_v > LAST_WRAP, offset + 1,
                     "the wrap mode of a texture is unknown");
-    REEL_CORRUPT_IF(result->magnified > LAST_MAGNIFIED || result->shrunk > LAST_SHRUNK, at + 2,
-                    "the filter of a texture is unknown");
+    REEL_CORRUPT_IF(result->magnified > LAST_MAGNIFICATION || result->shrunk > LAST_MINIFICATION,
+                    offset + 2, "the filter of a texture is unknown");
     return MESHREEL_OK;
 }
 
-static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
+static int read_texture(reel_call *call, reel_pool *pool, reel_range *input, uint32_t n_images,
                         unsigned slot, meshreel_texture *result) {
-    uint64_t at = left->at, image;
+    uint64_t offset = input->offset, image;
     double numbers[TEXTURE_NUMBERS] = {0.0, 0.0, 0.0, 1.0, 1.0};
-    REEL_TRY(reel_read_varint(call, left, &image));
-    REEL_CORRUPT_IF(image >= n_images, at, "a texture refers to an image that does not exist");
-    REEL_TRY(reel_read_text(call, pool, left, &result->uv));
-    REEL_TRY(read_sampling(call, left, slot, result));
-    REEL_TRY(read_numbers(call, left, TEXTURE_NUMBERS, numbers));
+    REEL_TRY(reel_read_varint(call, input, &image));
+    REEL_CORRUPT_IF(image >= n_images, offset, "a texture refers to an image that does not exist");
+    REEL_TRY(reel_read_text(call, pool, input, &result->uv));
+    REEL_TRY(read_sampling(call, input, slot, result));
+    REEL_TRY(read_numbers(call, input, TEXTURE_NUMBERS, numbers));
     result->image = (uint32_t)image;
     reel_copy(result->offset, numbers, sizeof result->offset);
     result->rotation = numbers[2];
@@ -75,18 +75,18 @@ static int read_texture(reel_call *call, reel_pool *pool, reel_range *left, uint
     return MESHREEL_OK;
 }
 
-static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uint32_t n_images,
+static int read_textures(reel_call *call, reel_pool *pool, reel_range *input, uint32_t n_images,
                          meshreel_material *result) {
-    uint64_t at = left->at;
+    uint64_t offset = input->offset;
     uint8_t slots;
-    REEL_TRY(reel_read_bytes(call, left, &slots, 1));
-    REEL_CORRUPT_IF(slots >> MESHREEL_SLOTS, at, "a material has textures in unknown slots");
+    REEL_TRY(reel_read_bytes(call, input, &slots, 1));
+    REEL_CORRUPT_IF(slots >> MESHREEL_SLOTS, offset, "a material has textures in unknown slots");
     for (unsigned slot = 0; slot < MESHREEL_SLOTS; slot++) {
         meshreel_texture *texture = &result->textures[slot];
         *texture = (meshreel_texture){
             .image = MESHREEL_NONE, .uv = {.bytes = ""}, .scale = {1.0, 1.0}};
         if (slots >> slot & 1U) {
-            REEL_TRY(read_texture(call, pool, left, n_images, slot, texture));
+            REEL_TRY(read_texture(call, pool, input, n_images, slot, texture));
         }
     }
     return MESHREEL_OK;
@@ -94,21 +94,22 @@ static int read_textures(reel_call *call, reel_pool *pool, reel_range *left, uin
 
 /* ---- materials ---- */
 
-static int read_flags(reel_call *call, reel_range *left, meshreel_material *result) {
-    uint64_t at = left->at;
+static int read_flags(reel_call *call, reel_range *input, meshreel_material *result) {
+    uint64_t offset = input->offset;
     uint8_t flags;
-    REEL_TRY(reel_read_bytes(call, left, &flags, 1));
+    REEL_TRY(reel_read_bytes(call, input, &flags, 1));
     result->alpha_mode = flags & 3U;
     result->is_double_sided = (flags & DOUBLE_SIDED) != 0;
     result->is_unlit = (flags & UNLIT) != 0;
     return flags <= MAX_FLAGS && result->alpha_mode <= LAST_ALPHA_MODE
                ? MESHREEL_OK
-               : reel_corrupt(call, at, "the flags or the alpha mode of a material are unknown");
+               : reel_corrupt(call, offset,
+                              "the flags or the alpha mode of a material are unknown");
 }
 
-static int read_appearance(reel_call *call, reel_range *left, meshreel_material *result) {
+static int read_appearance(reel_call *call, reel_range *input, meshreel_material *result) {
     double numbers[MATERIAL_NUMBERS] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5};
-    REEL_TRY(read_numbers(call, left, MATERIAL_NUMBERS, numbers));
+    REEL_TRY(read_numbers(call, input, MATERIAL_NUMBERS, numbers));
     reel_copy(result->base_color, numbers, sizeof result->base_color);
     result->metallic = numbers[4];
     result->roughness = numbers[5];
@@ -121,25 +122,25 @@ static int read_appearance(reel_call *call, reel_range *left, meshreel_material 
 
 int reel_read_material(reel_call *call, reel_pool *pool, reel_range payload, uint32_t n_images,
                        meshreel_material *result) {
-    reel_range left = payload;
+    reel_range input = payload;
     *result = (meshreel_material){0};
-    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
-    REEL_TRY(read_flags(call, &left, result));
-    REEL_TRY(read_appearance(call, &left, result));
-    REEL_TRY(read_textures(call, pool, &left, n_images, result));
-    return !left.length
+    REEL_TRY(reel_read_text(call, pool, &input, &result->name));
+    REEL_TRY(read_flags(call, &input, result));
+    REEL_TRY(read_appearance(call, &input, result));
+    REEL_TRY(read_textures(call, pool, &input, n_images, result));
+    return !input.length
                ? MESHREEL_OK
-               : reel_corrupt(call, left.at, "bytes follow the last part or texture");
+               : reel_corrupt(call, input.offset, "bytes follow the last part or texture");
 }
 
 /* ---- images ---- */
 
 int reel_read_image(reel_call *call, reel_pool *pool, reel_range payload, meshreel_image *result) {
-    reel_range left = payload;
+    reel_range input = payload;
     *result = (meshreel_image){0};
-    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
-    REEL_TRY(reel_read_text(call, pool, &left, &result->media_type));
-    result->offset = left.at;
-    result->size = left.length;
+    REEL_TRY(reel_read_text(call, pool, &input, &result->name));
+    REEL_TRY(reel_read_text(call, pool, &input, &result->media_type));
+    result->offset = input.offset;
+    result->size = input.length;
     return MESHREEL_OK;
 }

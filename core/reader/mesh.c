@@ -36,8 +36,8 @@ int reel_find_twins(reel_call *call, reel_pool *pool, const int32_t *faces, uint
 int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outline *outline,
                              reel_mesh_data *mesh) {
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
-    reel_range coded;
-    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_CONNECTIVITY, &coded) != 1, outline->begin,
+    reel_range data;
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_CONNECTIVITY, &data) != 1, outline->begin,
                     "there is not exactly one section CONNECTIVITY");
     mesh->internal_faces = reel_pool_allocate(call, pool, 3 * outline->n_faces, sizeof(int32_t));
     bool may_be_on_grid = reel_may_be_on_grid(outline);
@@ -51,11 +51,11 @@ int reel_decode_connectivity(reel_call *call, reel_pool *pool, const reel_outlin
     if (!mesh->internal_faces || (may_be_on_grid && !mesh->twins) || !memory) {
         return call->error.code;
     }
-    REEL_TRY(reel_view(call, coded, &bytes));
-    int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)coded.length,
+    REEL_TRY(reel_view(call, data, &bytes));
+    int64_t result = reel_connectivity_decode(memory, memory_size, bytes, (size_t)data.length,
                                               n_verts, n_faces, mesh->internal_faces, mesh->twins);
     reel_drop_scratch(call, mark);
-    return reel_fail_core(call, result, coded.at, "the connectivity is damaged");
+    return reel_fail_core(call, result, data.offset, "the connectivity is damaged");
 }
 
 struct reel_order_job {
@@ -63,7 +63,7 @@ struct reel_order_job {
     reel_mesh_data *mesh;
     const uint8_t *bytes; /* payload of the section, or NULL: output in internal order */
     size_t size;
-    uint64_t at;
+    uint64_t offset;
     bool with_faces;
     int32_t *twins, *corners;
     void *twins_memory, *order_memory;
@@ -72,24 +72,25 @@ struct reel_order_job {
 };
 
 static int view_order(reel_call *call, const reel_outline *outline, reel_order_job *job) {
-    reel_range coded = {0, 0};
+    reel_range data = {0, 0};
     if (outline->order == REEL_ORDER_DROPPED) {
         return MESHREEL_OK;
     }
-    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_ORDER, &coded) != 1, outline->begin,
+    REEL_CORRUPT_IF(reel_count_sections(outline, REEL_ORDER, &data) != 1, outline->begin,
                     "there is not exactly one section ORDER");
-    if (!coded.length) {
+    if (!data.length) {
         return MESHREEL_OK;
     }
-    REEL_TRY(reel_view(call, coded, &job->bytes));
-    job->size = (size_t)coded.length;
-    job->at = coded.at;
+    REEL_TRY(reel_view(call, data, &job->bytes));
+    job->size = (size_t)data.length;
+    job->offset = data.offset;
     job->with_faces = job->bytes[0] == VERTICES_AND_FACES;
-    REEL_CORRUPT_IF(!job->with_faces && job->bytes[0] != VERTICES_ONLY, coded.at,
+    REEL_CORRUPT_IF(!job->with_faces && job->bytes[0] != VERTICES_ONLY, data.offset,
                     "the order begins with neither 1 nor 2");
-    return coded.length == 1 || job->bytes[coded.length - 1]
+    return data.length == 1 || job->bytes[data.length - 1]
                ? MESHREEL_OK
-               : reel_corrupt(call, coded.at + coded.length - 1, "the order ends with a zero byte");
+               : reel_corrupt(call, data.offset + data.length - 1,
+                              "the order ends with a zero byte");
 }
 
 int reel_prepare_order(reel_call *call, reel_pool *pool, const reel_outline *outline,
@@ -164,5 +165,5 @@ void reel_decode_order(reel_order_job *job) {
 const int32_t *reel_order_corners(const reel_order_job *job) { return job->corners; }
 
 int reel_finish_order(reel_call *call, const reel_order_job *job) {
-    return reel_fail_core(call, job->result, job->at, "the order of vertices is damaged");
+    return reel_fail_core(call, job->result, job->offset, "the order of vertices is damaged");
 }

@@ -15,17 +15,17 @@ static int compare(const meshreel_text *first, const meshreel_text *second) {
 }
 
 /* Merge the sorted ranges from[start .. middle - 1] and from[middle .. end - 1]. */
-static void merge(const meshreel_text *from, uint64_t start, uint64_t middle, uint64_t end,
-                  meshreel_text *to) {
+static void merge(const meshreel_text *sorted, uint64_t start, uint64_t middle, uint64_t end,
+                  meshreel_text *merged) {
     uint64_t left = start, right = middle;
     for (uint64_t i = start; i < end; i++) {
         bool takes_left =
-            right == end || (left < middle && compare(&from[left], &from[right]) <= 0);
-        to[i] = from[takes_left ? left++ : right++];
+            right == end || (left < middle && compare(&sorted[left], &sorted[right]) <= 0);
+        merged[i] = sorted[takes_left ? left++ : right++];
     }
 }
 
-int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t at,
+int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t offset,
                      const char *message) {
     const reel_chunk *mark = call->scratch.last;
     meshreel_text *sorted = names, *merged = reel_scratch(call, count, sizeof *merged);
@@ -40,10 +40,10 @@ int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint
         sorted = merged;
         merged = other;
     }
-    bool differ = true;
+    bool are_unique = true;
     for (uint32_t i = 1; i < count; i++) {
-        differ &= compare(&sorted[i - 1], &sorted[i]) != 0;
+        are_unique &= compare(&sorted[i - 1], &sorted[i]) != 0;
     }
     reel_drop_scratch(call, mark);
-    return differ ? MESHREEL_OK : reel_corrupt(call, at, message);
+    return are_unique ? MESHREEL_OK : reel_corrupt(call, offset, message);
 }

@@ -5,8 +5,8 @@
 
 #include "call.h"
 
-/* Check that all names differ; sorts them. If not, fails at byte `at` with `message`. */
-int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t at,
+/* Check that all names differ; sorts them. If not, fails at byte `offset` with `message`. */
+int reel_check_names(reel_call *call, meshreel_text *names, uint32_t count, uint64_t offset,
                      const char *message);
 
 #endif

@@ -52,7 +52,8 @@ int page_check_image(const meshreel_file *file, uint32_t number, meshreel_error 
     for (; section->id != REEL_IMAGE || number; section++) {
         number -= section->id == REEL_IMAGE;
     }
-    int failed = reel_announce(&call, (reel_range){section->at, section->end - section->at});
+    int failed =
+        reel_announce(&call, (reel_range){section->offset, section->end - section->offset});
     return reel_end_call(&call, failed ? failed : reel_section_check(&call, section), error);
 }
 

@@ -3,40 +3,40 @@
 #include "polygons.h"
 
 /* Whether all polygons together have the number of triangles; a polygon has 1 + extra[i]. */
-static bool fits_triangles(const reel_outline *outline, const int32_t *extra) {
+static bool fits_triangles(const reel_outline *outline, const int32_t *n_extra) {
     int64_t n_left = (int64_t)(outline->n_faces - outline->n_polygons);
     for (uint64_t i = 0; i < outline->n_polygons; i++) {
-        if (extra[i] < 0 || extra[i] > n_left) {
+        if (n_extra[i] < 0 || n_extra[i] > n_left) {
             return false;
         }
-        n_left -= extra[i];
+        n_left -= n_extra[i];
     }
     return n_left == 0;
 }
 
 int reel_read_face_sizes(reel_call *call, reel_pool *pool, const reel_outline *outline,
                          reel_faces *faces) {
-    reel_range payload, left;
+    reel_range payload, input;
     uint64_t n_polygons;
     *faces = (reel_faces){.outline = outline};
     if (!reel_count_sections(outline, REEL_POLYGONS, &payload)) {
         return MESHREEL_OK;
     }
-    left = payload;
-    REEL_TRY(reel_read_varint(call, &left, &n_polygons));
-    REEL_CORRUPT_IF(n_polygons != outline->n_polygons || n_polygons > outline->n_faces, payload.at,
-                    "there are more polygons than triangles");
+    input = payload;
+    REEL_TRY(reel_read_varint(call, &input, &n_polygons));
+    REEL_CORRUPT_IF(n_polygons != outline->n_polygons || n_polygons > outline->n_faces,
+                    payload.offset, "there are more polygons than triangles");
     const reel_chunk *mark = call->scratch.last;
     int64_t length = (int64_t)n_polygons;
-    int32_t table = 0, *extra;
-    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &extra));
-    REEL_CORRUPT_IF(!fits_triangles(outline, extra), payload.at,
+    int32_t table = 0, *n_extra;
+    REEL_TRY(reel_decode_rows(call, input, &length, &table, 1, 1, &n_extra));
+    REEL_CORRUPT_IF(!fits_triangles(outline, n_extra), payload.offset,
                     "the corners of polygons do not fit the number of triangles");
     if (n_polygons < outline->n_faces) { /* otherwise all are triangles */
         uint32_t *sizes = reel_pool_allocate(call, pool, n_polygons, sizeof *sizes);
         REEL_NEED(sizes);
         for (uint64_t i = 0; i < n_polygons; i++) {
-            sizes[i] = 3U + (uint32_t)extra[i];
+            sizes[i] = 3U + (uint32_t)n_extra[i];
         }
         faces->sizes = sizes;
     }
@@ -63,7 +63,7 @@ int reel_find_triangle_corners(reel_call *call, reel_pool *pool, reel_faces *fac
     int64_t n_corners = reel_triangle_corners(memory, size, (const int32_t *)faces->triangles,
                                               (const int32_t *)faces->sizes,
                                               (int64_t)outline->n_polygons, max_size, corners);
-    REEL_CORRUPT_IF(n_corners < 0, payload.at, "the triangles of a polygon do not adjoin");
+    REEL_CORRUPT_IF(n_corners < 0, payload.offset, "the triangles of a polygon do not adjoin");
     faces->corners = corners;
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;

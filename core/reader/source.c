@@ -8,47 +8,48 @@
 
 bool reel_is_finite(double number) { return number >= -MAX_DOUBLE && number <= MAX_DOUBLE; }
 
-static int truncated(reel_call *call, uint64_t at) {
-    return reel_fail(call, MESHREEL_TRUNCATED, at, "the file ends too early; fetch it again");
+static int fail_truncated(reel_call *call, uint64_t offset) {
+    return reel_fail(call, MESHREEL_TRUNCATED, offset, "the file ends too early; fetch it again");
 }
 
-static int cut_off(reel_call *call, uint64_t at) {
-    return reel_fail(call, MESHREEL_TRUNCATED, at, "a section ends inside a number or a text");
+static int fail_cut_off(reel_call *call, uint64_t offset) {
+    return reel_fail(call, MESHREEL_TRUNCATED, offset, "a section ends inside a number or a text");
 }
 
-/* Fail because a section exceeds `limit`: the end of the file, or of the bytes that the index
-   lists. */
-static int fail_at_limit(reel_call *call, uint64_t at, uint64_t limit) {
-    REEL_CORRUPT_IF(limit < call->source->size, at,
+/* Fail because a section exceeds `limit`: the end of the file, or of what the index lists. */
+static int fail_at_limit(reel_call *call, uint64_t offset, uint64_t limit) {
+    REEL_CORRUPT_IF(limit < call->source->size, offset,
                     "a section is longer than the index or the blocks allow");
-    return truncated(call, at);
+    return fail_truncated(call, offset);
 }
 
-static int unreadable(reel_call *call, reel_range range, const char *message) {
-    reel_fail(call, MESHREEL_UNREADABLE, range.at, message);
+static int fail_unreadable(reel_call *call, reel_range range, const char *message) {
+    reel_fail(call, MESHREEL_UNREADABLE, range.offset, message);
     call->error.size = range.length;
     return MESHREEL_UNREADABLE;
 }
 
-int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
+int reel_read(reel_call *call, uint64_t offset, void *to, size_t size) {
     const meshreel_source *source = call->source;
-    if (at > source->size || size > source->size - at) {
-        return truncated(call, source->size);
+    if (offset > source->size || size > source->size - offset) {
+        return fail_truncated(call, source->size);
     }
     if (!size) {
         return MESHREEL_OK;
     }
     if (source->bytes) {
-        reel_copy(to, (const uint8_t *)source->bytes + at, size);
+        reel_copy(to, (const uint8_t *)source->bytes + offset, size);
         return MESHREEL_OK;
     }
-    if (call->cached && at >= call->cached_at && at - call->cached_at <= call->cached_size &&
-        size <= call->cached_size - (at - call->cached_at)) {
-        reel_copy(to, call->cached + (at - call->cached_at), size);
+    if (call->cached && offset >= call->cached_at &&
+        offset - call->cached_at <= call->cached_size &&
+        size <= call->cached_size - (offset - call->cached_at)) {
+        reel_copy(to, call->cached + (offset - call->cached_at), size);
         return MESHREEL_OK;
     }
-    if (source->read(source->user, at, to, size)) {
-        return unreadable(call, (reel_range){at, size}, "the function that reads the file failed");
+    if (source->read(source->user, offset, to, size)) {
+        return fail_unreadable(call, (reel_range){offset, size},
+                               "the function that reads the file failed");
     }
     return MESHREEL_OK;
 }
@@ -56,24 +57,24 @@ int reel_read(reel_call *call, uint64_t at, void *to, size_t size) {
 int reel_announce(reel_call *call, reel_range range) {
     const meshreel_source *source = call->source;
     if (source->bytes || !source->announce ||
-        !source->announce(source->user, range.at, range.length)) {
+        !source->announce(source->user, range.offset, range.length)) {
         return MESHREEL_OK;
     }
-    return unreadable(call, range, "the function that announces a range failed");
+    return fail_unreadable(call, range, "the function that announces a range failed");
 }
 
 int reel_view(reel_call *call, reel_range range, const uint8_t **result) {
     const meshreel_source *source = call->source;
-    if (range.at > source->size || range.length > source->size - range.at) {
-        return truncated(call, source->size);
+    if (range.offset > source->size || range.length > source->size - range.offset) {
+        return fail_truncated(call, source->size);
     }
     if (source->bytes) {
-        *result = (const uint8_t *)source->bytes + range.at;
+        *result = (const uint8_t *)source->bytes + range.offset;
         return MESHREEL_OK;
     }
     uint8_t *copy = reel_scratch(call, range.length, 1);
     *result = copy;
-    return copy ? reel_read(call, range.at, copy, (size_t)range.length) : call->error.code;
+    return copy ? reel_read(call, range.offset, copy, (size_t)range.length) : call->error.code;
 }
 
 /* CRC-32 table of 4-bit values. */
@@ -83,17 +84,17 @@ static const uint32_t crc_table[16] = {
     0x9B64C2B0U, 0x86D3D2D4U, 0xA00AE278U, 0xBDBDF21CU,
 };
 
-/* CRC-32 of a 4-bit value and the 28 - 4 k bits of 0 that follow it: of[k]. */
+/* by_position[k]: CRC-32 of a 4-bit value that 28 - 4 k bits of 0 follow. */
 typedef struct {
-    uint32_t of[8][16];
+    uint32_t by_position[8][16];
 } crc_tables;
 
 static void compute_tables(crc_tables *tables) {
-    reel_copy(tables->of[7], crc_table, sizeof crc_table);
+    reel_copy(tables->by_position[7], crc_table, sizeof crc_table);
     for (int k = 6; k >= 0; k--) {
         for (uint32_t i = 0; i < 16; i++) {
-            uint32_t sum = tables->of[k + 1][i];
-            tables->of[k][i] = sum >> 4 ^ crc_table[sum & 15U];
+            uint32_t sum = tables->by_position[k + 1][i];
+            tables->by_position[k][i] = sum >> 4 ^ crc_table[sum & 15U];
         }
     }
 }
@@ -105,7 +106,7 @@ static uint32_t update_crc(const crc_tables *tables, uint32_t sum, const uint8_t
                (uint32_t)bytes[3] << 24;
         uint32_t next = 0;
         for (int k = 0; k < 8; k++) {
-            next ^= tables->of[k][sum >> 4 * k & 15U];
+            next ^= tables->by_position[k][sum >> 4 * k & 15U];
         }
         sum = next;
     }
@@ -121,51 +122,51 @@ int reel_cache(reel_call *call, reel_range range) {
     const uint8_t *bytes;
     REEL_TRY(reel_view(call, range, &bytes));
     call->cached = bytes;
-    call->cached_at = range.at;
+    call->cached_at = range.offset;
     call->cached_size = range.length;
     return MESHREEL_OK;
 }
 
-int reel_check_crc(reel_call *call, uint64_t at, uint64_t length) {
+int reel_check_crc(reel_call *call, uint64_t offset, uint64_t length) {
     uint8_t piece[PIECE];
     crc_tables tables;
     uint32_t sum = ~0U, expected;
     compute_tables(&tables);
     for (uint64_t n_read = 0; n_read < length;) {
         size_t size = length - n_read < PIECE ? (size_t)(length - n_read) : PIECE;
-        REEL_TRY(reel_read(call, at + n_read, piece, size));
+        REEL_TRY(reel_read(call, offset + n_read, piece, size));
         sum = update_crc(&tables, sum, piece, size);
         n_read += size;
     }
-    REEL_TRY(reel_read(call, at + length, &expected, sizeof expected));
-    REEL_CORRUPT_IF(expected != ~sum, at, "a checksum does not match; fetch the file again");
+    REEL_TRY(reel_read(call, offset + length, &expected, sizeof expected));
+    REEL_CORRUPT_IF(expected != ~sum, offset, "a checksum does not match; fetch the file again");
     return MESHREEL_OK;
 }
 
-int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size) {
-    if (left->length < size) {
-        return cut_off(call, left->at);
+int reel_read_bytes(reel_call *call, reel_range *input, void *to, size_t size) {
+    if (input->length < size) {
+        return fail_cut_off(call, input->offset);
     }
-    REEL_TRY(reel_read(call, left->at, to, size));
-    *left = (reel_range){left->at + size, left->length - size};
+    REEL_TRY(reel_read(call, input->offset, to, size));
+    *input = (reel_range){input->offset + size, input->length - size};
     return MESHREEL_OK;
 }
 
-int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value) {
+int reel_read_varint(reel_call *call, reel_range *input, uint64_t *value) {
     uint8_t bytes[MAX_VARINT_BYTES];
-    size_t size = left->length < MAX_VARINT_BYTES ? (size_t)left->length : MAX_VARINT_BYTES;
-    REEL_TRY(reel_read(call, left->at, bytes, size));
+    size_t size = input->length < MAX_VARINT_BYTES ? (size_t)input->length : MAX_VARINT_BYTES;
+    REEL_TRY(reel_read(call, input->offset, bytes, size));
     *value = 0;
     for (size_t i = 0; i < size; i++) {
         *value |= (uint64_t)(bytes[i] & 0x7FU) << (7 * i);
         if (bytes[i] < 0x80U) {
-            *left = (reel_range){left->at + i + 1, left->length - i - 1};
+            *input = (reel_range){input->offset + i + 1, input->length - i - 1};
             return MESHREEL_OK;
         }
     }
     return size < MAX_VARINT_BYTES
-               ? cut_off(call, left->at)
-               : reel_corrupt(call, left->at, "an integer has more than 9 bytes");
+               ? fail_cut_off(call, input->offset)
+               : reel_corrupt(call, input->offset, "an integer has more than 9 bytes");
 }
 
 /* Length of the UTF-8 character at the front of `bytes`, or 0 if invalid. */
@@ -187,25 +188,25 @@ static size_t utf8_length(const uint8_t *bytes, size_t size) {
     return is_overlong || is_surrogate || is_beyond ? 0 : length;
 }
 
-int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text) {
+int reel_read_text(reel_call *call, reel_pool *pool, reel_range *input, meshreel_text *text) {
     uint64_t size;
-    REEL_TRY(reel_read_varint(call, left, &size));
-    return reel_read_text_bytes(call, pool, left, size, text);
+    REEL_TRY(reel_read_varint(call, input, &size));
+    return reel_read_text_bytes(call, pool, input, size, text);
 }
 
-int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
+int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *input, uint64_t size,
                          meshreel_text *text) {
-    if (size > left->length) {
-        return cut_off(call, left->at);
+    if (size > input->length) {
+        return fail_cut_off(call, input->offset);
     }
     char *bytes = reel_pool_allocate(call, pool, size, 1);
-    uint64_t at = left->at;
+    uint64_t offset = input->offset;
     REEL_NEED(bytes);
-    REEL_TRY(reel_read_bytes(call, left, bytes, (size_t)size));
+    REEL_TRY(reel_read_bytes(call, input, bytes, (size_t)size));
     *text = (meshreel_text){bytes, (size_t)size};
     for (size_t i = 0; i < size;) {
         size_t length = utf8_length((const uint8_t *)bytes + i, (size_t)size - i);
-        REEL_CORRUPT_IF(!length, at + i, "a text is not UTF-8");
+        REEL_CORRUPT_IF(!length, offset + i, "a text is not UTF-8");
         i += length;
     }
     return MESHREEL_OK;
@@ -215,7 +216,7 @@ bool reel_is_stripped(const uint8_t *bytes, uint64_t length) {
     return !length || bytes[length - 1];
 }
 
-int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
+int reel_decode_rows(reel_call *call, reel_range data, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values) {
     uint64_t count = 0;
     for (int64_t i = 0; i < n_rows; i++) {
@@ -227,32 +228,32 @@ int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
     void *memory = reel_scratch(call, memory_size, 1);
     const uint8_t *bytes;
     REEL_NEED(*values && memory);
-    REEL_TRY(reel_view(call, coded, &bytes));
-    REEL_CORRUPT_IF(!reel_is_stripped(bytes, coded.length), coded.at + coded.length - 1,
+    REEL_TRY(reel_view(call, data, &bytes));
+    REEL_CORRUPT_IF(!reel_is_stripped(bytes, data.length), data.offset + data.length - 1,
                     "integers end with a zero byte");
-    int64_t result = reel_integers_decode(memory, memory_size, bytes, (size_t)coded.length, lengths,
+    int64_t result = reel_integers_decode(memory, memory_size, bytes, (size_t)data.length, lengths,
                                           tables, n_rows, n_tables, *values);
     reel_drop_scratch(call, mark);
-    return reel_fail_core(call, result, coded.at, "integers are damaged");
+    return reel_fail_core(call, result, data.offset, "integers are damaged");
 }
 
-int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result) {
+int reel_section_at(reel_call *call, uint64_t offset, uint64_t limit, reel_section *result) {
     uint8_t id;
-    if (at >= limit) {
-        return fail_at_limit(call, at, limit);
+    if (offset >= limit) {
+        return fail_at_limit(call, offset, limit);
     }
-    reel_range left = {at, limit - at};
+    reel_range input = {offset, limit - offset};
     uint64_t length;
-    int failed = reel_read_bytes(call, &left, &id, 1);
-    failed = failed ? failed : reel_read_varint(call, &left, &length);
+    int failed = reel_read_bytes(call, &input, &id, 1);
+    failed = failed ? failed : reel_read_varint(call, &input, &length);
     if (failed) {
-        return failed == MESHREEL_TRUNCATED ? fail_at_limit(call, at, limit) : failed;
+        return failed == MESHREEL_TRUNCATED ? fail_at_limit(call, offset, limit) : failed;
     }
     uint64_t checksum = call->is_compact && id != REEL_END ? 0 : 4;
-    if (left.length < checksum || length > left.length - checksum) {
-        return fail_at_limit(call, at, limit);
+    if (input.length < checksum || length > input.length - checksum) {
+        return fail_at_limit(call, offset, limit);
     }
-    *result = (reel_section){id, at, {left.at, length}, left.at + length + checksum};
+    *result = (reel_section){id, offset, {input.offset, length}, input.offset + length + checksum};
     return MESHREEL_OK;
 }
 
@@ -263,10 +264,10 @@ bool reel_is_known(uint32_t id) {
 }
 
 int reel_section_check(reel_call *call, const reel_section *section) {
-    uint64_t length = section->payload.at + section->payload.length - section->at;
-    REEL_TRY(call->is_compact ? MESHREEL_OK : reel_check_crc(call, section->at, length));
+    uint64_t length = section->payload.offset + section->payload.length - section->offset;
+    REEL_TRY(call->is_compact ? MESHREEL_OK : reel_check_crc(call, section->offset, length));
     bool is_needed = !(section->id & REEL_OPTIONAL) && !reel_is_known(section->id);
-    return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->at,
+    return is_needed ? reel_fail(call, MESHREEL_UNSUPPORTED, section->offset,
                                  "a section needs a newer version; update meshreel")
                      : MESHREEL_OK;
 }

@@ -5,9 +5,9 @@
 
 #include "call.h"
 
-/* Of a file; so that no product of sizes overflows. */
+/* Limits of a file, and of the numbers in a block, so that no product of sizes overflows. */
 #define REEL_MAX_FILE_BYTES ((uint64_t)1 << 40)
-#define REEL_MAX_NUMBERS ((uint64_t)1 << 48) /* of a block, for the same reason */
+#define REEL_MAX_NUMBERS ((uint64_t)1 << 48)
 #define REEL_OPTIONAL 0x80U
 
 enum reel_section_id {
@@ -47,18 +47,18 @@ enum reel_section_id {
 
 /* A range of bytes of the file; readers consume it from the front. */
 typedef struct {
-    uint64_t at, length;
+    uint64_t offset, length;
 } reel_range;
 
 typedef struct {
     uint32_t id;
-    uint64_t at;        /* offset of the section */
+    uint64_t offset;
     reel_range payload; /* followed by its checksum, but in compact streams only that of END */
     uint64_t end;       /* end of the checksum */
 } reel_section;
 
 /* Copy bytes of the file; MESHREEL_TRUNCATED past its end. */
-int reel_read(reel_call *call, uint64_t at, void *to, size_t size);
+int reel_read(reel_call *call, uint64_t offset, void *to, size_t size);
 
 /* Announce to the host that a range is about to be read. */
 int reel_announce(reel_call *call, reel_range range);
@@ -66,30 +66,30 @@ int reel_announce(reel_call *call, reel_range range);
 /* Return a range of the file: in place if it is in memory, else a copy in scratch memory. */
 int reel_view(reel_call *call, reel_range range, const uint8_t **result);
 
-/* Read a range from one copy of its bytes, which consist of many short numbers, until the caller sets
-   `call->cached` to NULL and drops the scratch memory. */
+/* Copy a range of many short numbers to scratch memory, and read it from there until the caller
+   sets `call->cached` to NULL and drops that memory. */
 int reel_cache(reel_call *call, reel_range range);
 
 /* Verify that `length` bytes are followed by their CRC-32. */
-int reel_check_crc(reel_call *call, uint64_t at, uint64_t length);
+int reel_check_crc(reel_call *call, uint64_t offset, uint64_t length);
 
 /* Read bytes or a varint from the front of a range. */
-int reel_read_bytes(reel_call *call, reel_range *left, void *to, size_t size);
-int reel_read_varint(reel_call *call, reel_range *left, uint64_t *value);
+int reel_read_bytes(reel_call *call, reel_range *input, void *to, size_t size);
+int reel_read_varint(reel_call *call, reel_range *input, uint64_t *value);
 
 /* Read a UTF-8 text from the front of a range into memory of `pool`: a length and its bytes, or
    bytes of a known length. */
-int reel_read_text(reel_call *call, reel_pool *pool, reel_range *left, meshreel_text *text);
-int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *left, uint64_t size,
+int reel_read_text(reel_call *call, reel_pool *pool, reel_range *input, meshreel_text *text);
+int reel_read_text_bytes(reel_call *call, reel_pool *pool, reel_range *input, uint64_t size,
                          meshreel_text *text);
 
 /* Decode rows of integers, "Integers" in docs/format.md, from a whole range into scratch memory.
    Row i has lengths[i] integers and uses table tables[i] of n_tables. */
-int reel_decode_rows(reel_call *call, reel_range coded, const int64_t *lengths,
+int reel_decode_rows(reel_call *call, reel_range data, const int64_t *lengths,
                      const int32_t *tables, int64_t n_rows, int64_t n_tables, int32_t **values);
 
 /* Parse the section at a byte of the file, which must end before `limit`. */
-int reel_section_at(reel_call *call, uint64_t at, uint64_t limit, reel_section *result);
+int reel_section_at(reel_call *call, uint64_t offset, uint64_t limit, reel_section *result);
 
 /* Verify the checksum of a section, if it has its own, and that it is known or optional. */
 int reel_section_check(reel_call *call, const reel_section *section);

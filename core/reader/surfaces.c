@@ -11,26 +11,26 @@
 #define PART_BYTES 3  /* minimum bytes of a part */
 #define MAX_ITEMS INT32_MAX
 
-/* Read the number of items that follow, each of at least `bytes_each` bytes. */
-static int read_count(reel_call *call, reel_range *left, uint64_t bytes_each, uint32_t *count) {
-    uint64_t at = left->at, result;
-    REEL_TRY(reel_read_varint(call, left, &result));
-    REEL_CORRUPT_IF(result > left->length / bytes_each, at,
+/* Read the number of items that follow, each of at least `min_bytes` bytes. */
+static int read_count(reel_call *call, reel_range *input, uint64_t min_bytes, uint32_t *count) {
+    uint64_t offset = input->offset, result;
+    REEL_TRY(reel_read_varint(call, input, &result));
+    REEL_CORRUPT_IF(result > input->length / min_bytes, offset,
                     "the count of labels or parts exceeds the section");
-    REEL_UNSUPPORTED_IF(result > MAX_ITEMS, at, "more than 2^31 - 1 labels or parts");
+    REEL_UNSUPPORTED_IF(result > MAX_ITEMS, offset, "more than 2^31 - 1 labels or parts");
     *count = (uint32_t)result;
     return MESHREEL_OK;
 }
 
 /* ---- groups ---- */
 
-static int read_labels(reel_call *call, reel_pool *pool, reel_range *left,
+static int read_labels(reel_call *call, reel_pool *pool, reel_range *input,
                        meshreel_groups *result) {
-    REEL_TRY(read_count(call, left, LABEL_BYTES, &result->n_labels));
+    REEL_TRY(read_count(call, input, LABEL_BYTES, &result->n_labels));
     meshreel_text *labels = reel_pool_allocate(call, pool, result->n_labels, sizeof *labels);
     REEL_NEED(labels);
     for (uint32_t i = 0; i < result->n_labels; i++) {
-        REEL_TRY(reel_read_text(call, pool, left, &labels[i]));
+        REEL_TRY(reel_read_text(call, pool, input, &labels[i]));
     }
     result->labels = labels;
     return MESHREEL_OK;
@@ -38,18 +38,18 @@ static int read_labels(reel_call *call, reel_pool *pool, reel_range *left,
 
 static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_range payload,
                        meshreel_groups *result) {
-    reel_range left = payload;
+    reel_range input = payload;
     int64_t length = (int64_t)n_faces, label = 0;
     int32_t table = 0, *differences;
     *result = (meshreel_groups){0};
-    REEL_TRY(reel_read_text(call, pool, &left, &result->name));
-    REEL_TRY(read_labels(call, pool, &left, result));
-    REEL_TRY(reel_decode_rows(call, left, &length, &table, 1, 1, &differences));
+    REEL_TRY(reel_read_text(call, pool, &input, &result->name));
+    REEL_TRY(read_labels(call, pool, &input, result));
+    REEL_TRY(reel_decode_rows(call, input, &length, &table, 1, 1, &differences));
     int32_t *of_faces = reel_pool_allocate(call, pool, n_faces, sizeof *of_faces);
     REEL_NEED(of_faces);
     for (uint64_t i = 0; i < n_faces; i++) {
         label += differences[i];
-        REEL_CORRUPT_IF(label < -1 || label >= result->n_labels, left.at,
+        REEL_CORRUPT_IF(label < -1 || label >= result->n_labels, input.offset,
                         "a face is in a group that does not exist");
         of_faces[i] = (int32_t)label;
     }
@@ -59,13 +59,13 @@ static int read_groups(reel_call *call, reel_pool *pool, uint64_t n_faces, reel_
 
 /* ---- parts ---- */
 
-static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_t *n_verts,
+static int read_part(reel_call *call, reel_pool *pool, reel_range *input, uint64_t *n_verts,
                      uint64_t *n_faces, meshreel_part *result) {
-    uint64_t at = left->at, part_verts, part_faces;
-    REEL_TRY(reel_read_varint(call, left, &part_verts));
-    REEL_TRY(reel_read_varint(call, left, &part_faces));
-    REEL_TRY(reel_read_text(call, pool, left, &result->name));
-    REEL_CORRUPT_IF(part_verts > *n_verts || part_faces > *n_faces, at,
+    uint64_t offset = input->offset, part_verts, part_faces;
+    REEL_TRY(reel_read_varint(call, input, &part_verts));
+    REEL_TRY(reel_read_varint(call, input, &part_faces));
+    REEL_TRY(reel_read_text(call, pool, input, &result->name));
+    REEL_CORRUPT_IF(part_verts > *n_verts || part_faces > *n_faces, offset,
                     "parts have more vertices or faces than the mesh");
     result->n_verts = (uint32_t)part_verts;
     result->n_faces = (uint32_t)part_faces;
@@ -76,16 +76,16 @@ static int read_part(reel_call *call, reel_pool *pool, reel_range *left, uint64_
 
 static int read_parts(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       reel_range payload, meshreel_surface *surface) {
-    reel_range left = payload;
+    reel_range input = payload;
     uint64_t n_verts = outline->n_verts, n_faces = outline->n_polygons;
-    REEL_TRY(read_count(call, &left, PART_BYTES, &surface->n_parts));
+    REEL_TRY(read_count(call, &input, PART_BYTES, &surface->n_parts));
     meshreel_part *parts = reel_pool_allocate(call, pool, surface->n_parts, sizeof *parts);
     REEL_NEED(parts);
     for (uint32_t i = 0; i < surface->n_parts; i++) {
-        REEL_TRY(read_part(call, pool, &left, &n_verts, &n_faces, &parts[i]));
+        REEL_TRY(read_part(call, pool, &input, &n_verts, &n_faces, &parts[i]));
     }
-    REEL_CORRUPT_IF(left.length, left.at, "bytes follow the last part or texture");
-    REEL_CORRUPT_IF(surface->n_parts && (n_verts || n_faces), payload.at,
+    REEL_CORRUPT_IF(input.length, input.offset, "bytes follow the last part or texture");
+    REEL_CORRUPT_IF(surface->n_parts && (n_verts || n_faces), payload.offset,
                     "parts have fewer vertices or faces than the mesh");
     surface->parts = parts;
     return MESHREEL_OK;
@@ -143,12 +143,12 @@ static int read_section(reel_call *call, reel_pool *pool, const reel_faces *face
 }
 
 static int check_materials(reel_call *call, const meshreel_material *materials, uint32_t count,
-                           uint64_t at) {
+                           uint64_t offset) {
     meshreel_text *names = reel_scratch(call, count, sizeof *names);
     for (uint32_t i = 0; names && i < count; i++) {
         names[i] = materials[i].name;
     }
-    return names ? reel_check_names(call, names, count, at, "two materials have the same name")
+    return names ? reel_check_names(call, names, count, offset, "two materials have the same name")
                  : call->error.code;
 }
 
@@ -161,7 +161,7 @@ static int read_sections(reel_call *call, reel_pool *pool, const reel_faces *fac
         const reel_section *section = &outline->leading[i];
         const reel_chunk *mark = call->scratch.last;
         REEL_TRY(read_section(call, pool, faces, section, n_images, arrays, surface));
-        last_material = section->id == REEL_MATERIAL ? section->payload.at : last_material;
+        last_material = section->id == REEL_MATERIAL ? section->payload.offset : last_material;
         reel_drop_scratch(call, mark);
     }
     return check_materials(call, arrays->materials, surface->n_materials, last_material);

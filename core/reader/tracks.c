@@ -9,7 +9,7 @@
 #define OF_CELLS ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS + 1)
 
 static int fail_track(reel_call *call, const reel_section *section, const char *message) {
-    return reel_corrupt(call, section->payload.at, message);
+    return reel_corrupt(call, section->payload.offset, message);
 }
 
 static bool has_type(reel_track *track, uint32_t code) {
@@ -51,11 +51,11 @@ static bool is_valid_coding(const reel_track *track) {
 }
 
 /* Read the numbers of a track that its coding stores: bound, scale, origins, rate. */
-static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
+static int read_numbers(reel_call *call, reel_range *input, reel_track *track) {
     meshreel_track *info = &track->info;
     double numbers[2] = {0.0, 1.0};
     if (!info->is_exact) {
-        REEL_TRY(reel_read_bytes(call, left, numbers, sizeof numbers));
+        REEL_TRY(reel_read_bytes(call, input, numbers, sizeof numbers));
     }
     info->bound = numbers[0];
     track->placement[0] = numbers[1];
@@ -64,33 +64,34 @@ static int read_numbers(reel_call *call, reel_range *left, reel_track *track) {
     for (uint32_t i = 0; i < track->n_coded; i++) {
         double origin = 0.0;
         if (info->coding == REEL_MODES) {
-            REEL_TRY(reel_read_bytes(call, left, &origin, sizeof origin));
+            REEL_TRY(reel_read_bytes(call, input, &origin, sizeof origin));
         }
         track->placement[1 + i] = origin;
         are_valid &= reel_is_finite(origin);
     }
     if (track->difference) {
-        REEL_TRY(reel_read_bytes(call, left, &track->rate, sizeof track->rate));
+        REEL_TRY(reel_read_bytes(call, input, &track->rate, sizeof track->rate));
         are_valid &= reel_is_finite(track->rate);
     }
-    return are_valid ? MESHREEL_OK
-                     : reel_corrupt(call, left->at, "a track has a bound, scale, origin or rate "
-                                                    "that is out of range");
+    return are_valid
+               ? MESHREEL_OK
+               : reel_corrupt(call, input->offset,
+                              "a track has a bound, scale, origin or rate that is out of range");
 }
 
 static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outline,
                       const reel_section *section, reel_track *track) {
-    reel_range left = section->payload;
+    reel_range input = section->payload;
     meshreel_track *info = &track->info;
     uint8_t codes[4];
     uint64_t n_columns;
-    REEL_TRY(reel_read_bytes(call, &left, codes, sizeof codes));
-    REEL_TRY(reel_read_text(call, pool, &left, &info->name));
-    REEL_TRY(reel_read_text(call, pool, &left, &info->unit));
-    REEL_TRY(reel_read_varint(call, &left, &n_columns));
+    REEL_TRY(reel_read_bytes(call, &input, codes, sizeof codes));
+    REEL_TRY(reel_read_text(call, pool, &input, &info->name));
+    REEL_TRY(reel_read_text(call, pool, &input, &info->unit));
+    REEL_TRY(reel_read_varint(call, &input, &n_columns));
     if (codes[0] > LAST_KIND || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
         codes[3] > REEL_EXACT_FORWARD) {
-        return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.at,
+        return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.offset,
                          "a track needs a newer version; update meshreel");
     }
     if (!n_columns || n_columns > MAX_COLUMNS || !is_valid_width(codes[0], n_columns)) {
@@ -98,7 +99,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
                           "the number of columns of a track does not match its kind");
     }
     bool is_of_cells = codes[1] == OF_CELLS, is_shared = codes[1] > MESHREEL_CORNERS;
-    track->sharing = is_shared && !is_of_cells ? codes[1] - MESHREEL_CORNERS : REEL_EACH;
+    track->sharing = is_shared && !is_of_cells ? codes[1] - MESHREEL_CORNERS : REEL_UNSHARED;
     info->kind = codes[0];
     info->domain = is_of_cells ? MESHREEL_CELLS : codes[1] - track->sharing;
     info->type = codes[2];
@@ -122,11 +123,11 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     }
     track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
     REEL_NEED(track->placement);
-    REEL_TRY(read_numbers(call, &left, track));
-    if (left.length && track->sharing != REEL_OF_ROWS) {
+    REEL_TRY(read_numbers(call, &input, track));
+    if (input.length && track->sharing != REEL_OF_ROWS) {
         return fail_track(call, section, "bytes follow a track");
     }
-    track->rows = left;
+    track->rows = input;
     return MESHREEL_OK;
 }
 
@@ -153,31 +154,31 @@ static int read_positions(reel_call *call, reel_pool *pool, const reel_outline *
     return MESHREEL_OK;
 }
 
-static int check_names(reel_call *call, const reel_track *tracks, uint32_t count, uint64_t at) {
+static int check_names(reel_call *call, const reel_track *tracks, uint32_t count, uint64_t offset) {
     meshreel_text *names = reel_scratch(call, count, sizeof *names);
     for (uint32_t i = 0; names && i < count; i++) {
         names[i] = tracks[i].info.name;
     }
-    return names ? reel_check_names(call, names, count, at, "two tracks have the same name")
+    return names ? reel_check_names(call, names, count, offset, "two tracks have the same name")
                  : call->error.code;
 }
 
 int reel_read_tracks(reel_call *call, reel_pool *pool, const reel_outline *outline,
                      reel_track **tracks) {
-    reel_track *all = reel_pool_allocate(call, pool, outline->n_tracks, sizeof *all);
-    REEL_NEED(all);
-    reel_zero(all, outline->n_tracks * sizeof *all);
-    *tracks = all;
-    REEL_TRY(read_positions(call, pool, outline, all));
+    reel_track *result = reel_pool_allocate(call, pool, outline->n_tracks, sizeof *result);
+    REEL_NEED(result);
+    reel_zero(result, outline->n_tracks * sizeof *result);
+    *tracks = result;
+    REEL_TRY(read_positions(call, pool, outline, result));
     uint32_t count = 1;
-    uint64_t at = outline->begin;
+    uint64_t offset = outline->begin;
     for (uint32_t i = 0; i < outline->n_leading; i++) {
         const reel_section *section = &outline->leading[i];
         if (section->id != REEL_TRACK) {
             continue;
         }
-        REEL_TRY(read_track(call, pool, outline, section, &all[count++]));
-        at = section->payload.at;
+        REEL_TRY(read_track(call, pool, outline, section, &result[count++]));
+        offset = section->payload.offset;
     }
-    return count == 1 ? MESHREEL_OK : check_names(call, all + 1, count - 1, at);
+    return count == 1 ? MESHREEL_OK : check_names(call, result + 1, count - 1, offset);
 }

@@ -17,13 +17,13 @@ enum reel_coding {
 };
 
 /* Which corners of faces share values. */
-enum reel_sharing { REEL_EACH = 0, REEL_OF_VERTICES = 1, REEL_OF_ROWS = 2 };
+enum reel_sharing { REEL_UNSHARED = 0, REEL_OF_VERTICES = 1, REEL_OF_ROWS = 2 };
 
 typedef struct {
     meshreel_track info;
     uint32_t sharing;
     uint32_t n_coded;    /* coded columns */
-    uint32_t difference; /* of positions, which predicts: REEL_BACKWARD to REEL_FORWARD, or 0 */
+    uint32_t difference; /* of positions, as predictor: REEL_BACKWARD to REEL_FORWARD, or 0 */
     uint32_t size;       /* bytes per number */
     bool is_float, is_signed;
     double *placement; /* scale, and origin of each coded column */

@@ -43,8 +43,7 @@ static void multiply_task(void *shared, uint32_t i) {
     }
 }
 
-/* Multiply the modes of some frames, into 4 or 8 byte floats. `are_finite`, unless NULL, becomes
-   whether all of them are. */
+/* Multiply the modes of some frames, into 4 or 8 byte floats. `are_finite` may be NULL. */
 static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track_state *state,
                     const reel_track *track, uint64_t first, uint64_t count, int64_t layout,
                     void *out, bool *are_finite) {
@@ -110,7 +109,7 @@ static void put_number(void *numbers, uint32_t size, uint64_t i, double value) {
 }
 
 /* Convert the bits of a float, sign-extended, to its index in the order of its type, or back. */
-static int64_t flipped(int64_t bits, uint32_t size) {
+static int64_t float_index(int64_t bits, uint32_t size) {
     return bits ^ ((bits >> 63) & (size == 4 ? INT32_MAX : INT64_MAX));
 }
 
@@ -121,12 +120,12 @@ static void put_float_after(void *numbers, uint32_t size, uint64_t i, double val
         float single = (float)value;
         int32_t bits;
         reel_copy(&bits, &single, sizeof bits);
-        bits = (int32_t)flipped((int32_t)(flipped(bits, size) + offset), size);
+        bits = (int32_t)float_index((int32_t)(float_index(bits, size) + offset), size);
         reel_copy((uint8_t *)numbers + 4 * i, &bits, sizeof bits);
     } else {
         int64_t bits;
         reel_copy(&bits, &value, sizeof bits);
-        bits = flipped((int64_t)((uint64_t)flipped(bits, size) + (uint64_t)offset), size);
+        bits = float_index((int64_t)((uint64_t)float_index(bits, size) + (uint64_t)offset), size);
         reel_copy((uint8_t *)numbers + 8 * i, &bits, sizeof bits);
     }
 }
@@ -214,10 +213,11 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
     if (is_finite) {
         return MESHREEL_OK;
     }
-    uint64_t at = reel_group_bytes(outline, state->current.block, 0).at;
+    uint64_t offset = reel_group_bytes(outline, state->current.block, 0).offset;
     return size < outline->number_bytes
-               ? reel_fail(call, MESHREEL_RANGE, at, "a number exceeds float; decode to doubles")
-               : reel_fail(call, MESHREEL_CORRUPT, at, "a position is not finite");
+               ? reel_fail(call, MESHREEL_RANGE, offset,
+                           "a number exceeds float; decode to doubles")
+               : reel_fail(call, MESHREEL_CORRUPT, offset, "a position is not finite");
 }
 
 /* ---- tracks that positions predict ---- */
@@ -275,11 +275,11 @@ static bool is_number(double value, uint32_t size) {
 }
 
 /* Add a coded difference to the index of a predicted velocity. */
-static void put_difference(const reel_track_state *state, uint32_t size, uint64_t decoded,
+static void put_difference(const reel_track_state *state, uint32_t size, uint64_t index,
                            double expected, void *out, uint64_t i) {
     expected = is_number(expected, size) ? expected : 0.0;
-    int64_t difference_value = size == 4 ? ((const int32_t *)state->current.exact)[decoded]
-                                         : ((const int64_t *)state->current.exact)[decoded];
+    int64_t difference_value = size == 4 ? ((const int32_t *)state->current.exact)[index]
+                                         : ((const int64_t *)state->current.exact)[index];
     put_float_after(out, size, i, expected, difference_value);
 }
 
@@ -287,20 +287,20 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
                          const reel_track *track, uint64_t first, uint64_t count, void *out) {
     position_window p;
     uint64_t n_items = state->items.graph.n_items, n = 3 * n_items;
-    double *decoded = NULL;
+    double *offsets = NULL;
     REEL_TRY(positions_around(call, decoder, state->current.block, first, count, 1, &p));
     if (!track->info.is_exact) {
-        decoded = reel_scratch(call, n * count, sizeof *decoded);
-        REEL_NEED(decoded);
-        REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, decoded, NULL));
+        offsets = reel_scratch(call, n * count, sizeof *offsets);
+        REEL_NEED(offsets);
+        REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, offsets, NULL));
     }
     for (uint64_t t = 0; t < count; t++) {
         bool is_first = first + t == 0, is_last = first + t + 1 == state->current.group.n_frames;
         for (uint64_t i = 0; i < n; i++) {
             double step = difference(&p, track->difference, p.before + t, i, is_first, is_last);
             double expected = track->rate * step;
-            if (decoded) {
-                put_number(out, track->size, t * n + i, expected + decoded[t * n + i]);
+            if (offsets) {
+                put_number(out, track->size, t * n + i, expected + offsets[t * n + i]);
             } else {
                 uint64_t item = (uint64_t)state->items.order[i / 3];
                 put_difference(state, track->size, ((first + t) * n_items + item) * 3 + i % 3,
@@ -311,11 +311,10 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
     return MESHREEL_OK;
 }
 
-/* Surface normals of one frame at the values of a track; `of_vertices` has space for 3 n_verts
-   numbers. */
+/* Surface normals of a frame at the values of a track; `of_vertices` receives n_verts normals. */
 static int surface_normals(reel_call *call, const meshreel_file *file,
                            const reel_track_state *state, uint32_t domain,
-                           const int32_t *summed_faces_of, const void *positions,
+                           const int32_t *summation_faces, const void *positions,
                            double *of_vertices, double *normals) {
     const reel_outline *outline = &file->outline;
     int64_t n_verts = (int64_t)outline->n_verts, n_faces = (int64_t)outline->n_faces;
@@ -325,7 +324,7 @@ static int surface_normals(reel_call *call, const meshreel_file *file,
     double *output = is_of_faces || !vertex ? normals : of_vertices;
     int64_t result = reel_normals(
         positions, size, 1, n_verts,
-        is_of_faces ? (const int32_t *)file->mesh.triangles : summed_faces_of, n_faces,
+        is_of_faces ? (const int32_t *)file->mesh.triangles : summation_faces, n_faces,
         is_of_faces ? state->items.polygon : NULL, is_of_faces ? n_items : n_verts, output);
     for (int64_t i = 0; i < n_items && output != normals; i++) {
         reel_copy(normals + 3 * i, of_vertices + 3 * (int64_t)vertex[i], 3 * sizeof *normals);
@@ -334,7 +333,7 @@ static int surface_normals(reel_call *call, const meshreel_file *file,
 }
 
 /* Triangles in internal order, in which vertex normals are summed, with output vertices. */
-static int32_t *summed_faces(reel_call *call, const meshreel_file *file) {
+static int32_t *find_summation_faces(reel_call *call, const meshreel_file *file) {
     uint64_t count = 3 * file->outline.n_faces;
     int32_t *faces = reel_scratch(call, count, sizeof *faces);
     for (uint64_t i = 0; faces && i < count; i++) {
@@ -353,13 +352,13 @@ static int rotated_normals(reel_call *call, meshreel_decoder *decoder, reel_trac
     double *rotations = reel_scratch(call, 2 * n_items * count, sizeof *rotations);
     double *normals = reel_scratch(call, 3 * n_items, sizeof *normals);
     double *of_vertices = reel_scratch(call, 3 * n_verts, sizeof *of_vertices);
-    int32_t *summed_faces_of = summed_faces(call, file);
-    REEL_NEED(rotations && normals && of_vertices && summed_faces_of);
+    int32_t *summation_faces = find_summation_faces(call, file);
+    REEL_NEED(rotations && normals && of_vertices && summation_faces);
     REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations, NULL));
     for (uint64_t t = 0; t < count; t++) {
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
-        REEL_TRY(surface_normals(call, file, state, domain, summed_faces_of, positions,
-                                 of_vertices, normals));
+        REEL_TRY(surface_normals(call, file, state, domain, summation_faces, positions, of_vertices,
+                                 normals));
         reel_rotate_normals(normals, rotations + 2 * n_items * t, (int64_t)n_items, track->size,
                             (uint8_t *)out + 3 * n_items * track->size * t);
     }
