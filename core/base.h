@@ -1,4 +1,4 @@
-/* Failures, the arena, and byte operations: what every file of the core uses instead of libc. */
+/* Failures, the arena, and byte operations, which the core uses instead of libc. */
 
 #ifndef REEL_BASE_H
 #define REEL_BASE_H

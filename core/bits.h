@@ -54,9 +54,9 @@ REEL_INLINE reel_range_coder reel_start_decoder(const uint8_t *in, size_t size) 
 
 /* Propagate a carry into the bytes already written. */
 REEL_INLINE void reel_propagate_carry(reel_range_coder *coder) {
-    size_t place = coder->position;
-    while (place > 0 && ++coder->out[place - 1] == 0) {
-        place--;
+    size_t index = coder->position;
+    while (index > 0 && ++coder->out[index - 1] == 0) {
+        index--;
     }
 }
 

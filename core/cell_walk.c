@@ -62,7 +62,7 @@ typedef struct {
     bool failed;
     /* Encoder only. */
     reel_cell_list given; /* cells of the input */
-    const int32_t *mates; /* for each side of them, the same side of another cell, or itself */
+    const int32_t *mates; /* per given side: the same side of another cell, or itself */
     int32_t *numbers;     /* internal number of each given node */
     int32_t *given_of, *given_cells; /* given number of each internal node, and cell */
     uint8_t *is_visited;  /* whether each given cell was visited */
@@ -177,8 +177,8 @@ static int32_t code_new_or_far(cell_walk *walk, const new_cell *cell, int slot, 
         }
     }
     int64_t last = walk->n_numbered - 1;
-    uint32_t back = reel_code_count(&walk->coder, &walk->models->far, (uint32_t)(last - node));
-    return back <= last ? (int32_t)(last - back) : fail(walk);
+    uint32_t distance = reel_code_count(&walk->coder, &walk->models->far, (uint32_t)(last - node));
+    return distance <= last ? (int32_t)(last - distance) : fail(walk);
 }
 
 /* Whether a node is a known corner of a cell. */
@@ -208,8 +208,8 @@ static void vote_for(proposal_list *list, const new_cell *cell, int32_t node, in
     item->cells_at_edge = item->cells_at_edge > n_cells ? item->cells_at_edge : n_cells;
 }
 
-/* Let the open sides at an edge vote for the unknown corner. Each is assumed to be the same side as
-   that of the new cell, so that it has the node in the place of the corner. Only two vote. */
+/* Let the first two open sides at an edge vote: each for the node that would be the unknown corner
+   if it were the side of the new cell. */
 static void vote_across(cell_walk *walk, const new_cell *cell, proposing_edge edge,
                         proposal_list *list) {
     int size = edge.side_size, n_voters = 0, n_lookups = 0;
@@ -510,7 +510,7 @@ static bool enter(cell_walk *walk, const open_side *gate, new_cell *cell, int en
     return true;
 }
 
-/* Code a cell: the one across the open side `gate`, or any unvisited one if that is NONE. */
+/* Code the cell across the open side `gate` or, if that is NONE, any unvisited cell. */
 static void code_cell(cell_walk *walk, int32_t gate, int32_t given, int entry) {
     new_cell cell = {.entry = NONE};
     bool writes = reel_is_encoder(&walk->coder);

@@ -64,8 +64,9 @@ TARGET REEL_INLINE uint32_t NAMED(near_boxes)(const boxes *node, const double *p
    The candidates are the closest points of the three edges, and the projection onto the plane if it
    is inside. All of them are on the triangle, so that rounding errors of slivers cannot make a
    distance too small. */
-TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t number, const double *point,
-                                           const double *direction, nearest_point *nearest) {
+TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t number,
+                                           const double *point, const double *direction,
+                                           nearest_point *nearest) {
     const triangles *leaf = leaves + number;
     REEL_UNROLLED for (int i = 0; i < LEAF; i += LANES) {
         VEC3 origin = LOAD(leaf->origin, i), normal = LOAD(leaf->normal, i);
@@ -107,7 +108,8 @@ TARGET REEL_INLINE void NAMED(search_leaf)(const triangles *leaves, int64_t numb
 
         MASK is_candidate = square <= nearest->square;
         if (direction) { /* product / |normal| >= 1, squared to avoid the root */
-            VEC3 along = {(VEC){0} + direction[0], (VEC){0} + direction[1], (VEC){0} + direction[2]};
+            VEC3 along = {(VEC){0} + direction[0], (VEC){0} + direction[1],
+                          (VEC){0} + direction[2]};
             VEC product = NAMED(dot)(normal, along);
             is_candidate &= (product > 0.0) & (product * product >= NAMED(dot)(normal, normal));
         }

@@ -48,10 +48,10 @@ static int examine_side(const corner_walk *walk, int32_t side, int32_t corner, i
     if (twin / 3 >= side / 3) {
         return NO_NEIGHBOR;
     }
-    int32_t after = corner_after(twin);
+    int32_t next = corner_after(twin);
     bool is_start = walk->triangles[twin] == walk->triangles[corner];
-    int32_t neighbor_row = row_at(walk, is_start ? after : twin), other_row = row_at(walk, other);
-    *row = row_at(walk, is_start ? twin : after);
+    int32_t neighbor_row = row_at(walk, is_start ? next : twin), other_row = row_at(walk, other);
+    *row = row_at(walk, is_start ? twin : next);
     return other_row == NONE ? OPEN : other_row == neighbor_row ? SAME : SEAM;
 }
 

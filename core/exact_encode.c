@@ -97,11 +97,11 @@ static void choose_numbers(exact_coder *coder) {
 static void sample_frames(exact_coder *coder) {
     for (int64_t t = 0; t < coder->n_frames; t++) {
         for (int64_t i = 0; i < N_SAMPLES; i++) {
-            int64_t position = i * coder->n_items / N_SAMPLES, other = position ? position - 1 : 0;
+            int64_t position = i * coder->n_items / N_SAMPLES, last = position ? position - 1 : 0;
             int64_t col = i % coder->width;
             double values[2];
             for (int k = 0; k < 2; k++) {
-                int64_t item = coder->traversal.order[k ? other : position];
+                int64_t item = coder->traversal.order[k ? last : position];
                 values[k] = reel_known_value(&coder->numbers, pattern_at(coder, t, item, col), 0);
             }
             coder->samples[t * N_SAMPLES + i] = (float)(values[0] - values[1]);

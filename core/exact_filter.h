@@ -50,14 +50,14 @@ static void end_filter(exact_coder *coder) {
    MOTION_FRAMES frames starting at `first` and for the one before. */
 static void load_motions(exact_coder *coder, int64_t first) {
     int64_t w = coder->width, stride = coder->n_frames * w, end = first + MOTION_FRAMES;
-    int64_t from = first > 1 ? first - 1 : 1, origin = (first - 1) * w;
+    int64_t begin = first > 1 ? first - 1 : 1, origin = (first - 1) * w;
     end = end < coder->n_frames ? end : coder->n_frames;
     motion_filter *filter = &coder->filter;
     const current_item *item = &coder->item;
     filter->first_frame = first;
     for (int i = 0; i < item->n_near; i++) {
         const double *row = coder->past.values + item->near[i] * stride;
-        for (int64_t index = from * w; index < end * w; index++) {
+        for (int64_t index = begin * w; index < end * w; index++) {
             filter->motions[(index - origin) * INPUTS + i] = row[index] - row[index - w];
         }
     }

@@ -153,9 +153,9 @@ static const uint8_t *row_of(const exact_coder *coder, int64_t t, int64_t item) 
            (size_t)((t * coder->n_items + item) * coder->width * coder->numbers.size);
 }
 
-/* Find the distinct rows that this row may repeat: its own of two frames ago, and those of
-   neighbors at this frame, unless they equal its own of the previous frame. Return their number;
-   `votes` counts the neighbors that have each row. */
+/* Find the distinct rows that this row may repeat: the item's row two frames ago and its neighbors'
+   rows in this frame, except the item's previous row. Return their number; `votes` counts the
+   neighbors that have each row. */
 static int find_candidates(const exact_coder *coder, int64_t t, const uint8_t **rows, int *votes) {
     size_t size = (size_t)(coder->width * coder->numbers.size);
     const uint8_t *previous = t ? row_of(coder, t - 1, coder->item.index) : NULL;

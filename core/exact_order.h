@@ -19,7 +19,7 @@ typedef struct {
     int32_t *position;   /* position of each item, or REEL_NOT_YET */
     int32_t *queues;     /* REEL_QUEUES x items */
     int32_t *counts;     /* scratch per item; 0 between calls */
-    bool in_given_order; /* the order is that of the item numbers */
+    bool in_given_order; /* items are in the order of their numbers */
 } reel_traversal;
 
 REEL_INLINE void reel_allocate_traversal(reel_traversal *traversal, reel_arena *arena, size_t n) {

@@ -201,9 +201,9 @@ static void find_stencils(workspace *work, hierarchy_results *results, int32_t b
     to_mesh_vertices(work, contexts, n * REEL_CONTEXT_NEIGHBORS);
 }
 
-/* Assign each vertex to a cell of the coarser resolution: that of a kept vertex is its own, that of
-   another vertex is its highest kept neighbor's. Reduce members and ranks to the kept vertices, and
-   return their number. */
+/* Assign each vertex to a cell of the coarser resolution: a kept vertex to its own, others to that
+   of their highest kept neighbor. Reduce members and ranks to the kept vertices, and return their
+   number. */
 static int32_t assign_cells(workspace *work) {
     const reel_graph *graph = &work->graph;
     int32_t n_kept = 0, *cells = work->cells;

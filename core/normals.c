@@ -87,8 +87,8 @@ int64_t reel_normals(const void *positions, int64_t size, int64_t n_frames, int6
     return n_frames;
 }
 
-/* Tangents of a normal: those of (0, 0, 1), rotated with it along the shortest path; near (0, 0,
-   -1), where that path is undefined, the mirrored ones. */
+/* Tangents of a normal: x and y, rotated by the shortest rotation of z to the normal; mirrored near
+   (0, 0, -1), where that rotation is undefined. */
 static void tangents(const double *n, double *along_a, double *along_b) {
     double x = n[0], y = n[1], hemisphere = 1.0 + n[2] < NEAR_POLE ? -1.0 : 1.0;
     double d = 1.0 + hemisphere * n[2], off_diagonal = -(x * y / d);

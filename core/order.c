@@ -131,7 +131,7 @@ static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_s
     return near.entries[index];
 }
 
-/* Choose the open side to reach a face from: the one whose rank is nearest to that of the last. */
+/* Choose the open side from which to reach a face: its rank is nearest to that of the last one. */
 static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_t face) {
     int64_t result = -1, min_distance = 0, last = reel_ranks_rank(&state->open, state->last_open);
     for (int i = 0; i < 3; i++) {

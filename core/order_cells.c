@@ -44,8 +44,8 @@ static int64_t code_cells(reel_range_coder *coder, reel_arena arena, const cell_
     return result < 0 ? result : reel_code_items(coder, arena, &graph, order->cell_sequence);
 }
 
-/* Name vertices by their first use in the cells in original order, unused ones last: `nodes`
-   receives the nodes of the cells in new names. `starts` says where those of each cell begin. */
+/* Name vertices by their first use in the cells in original order, unused ones last. `nodes`
+   receives the new names of the cells' nodes; those of cell i begin at starts[i]. */
 static void name_nodes(const cell_order *order, const int32_t *starts, reel_vertex_names *names,
                        int32_t *nodes) {
     for (int64_t i = 0; i < order->n_cells; i++) {

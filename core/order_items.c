@@ -116,21 +116,21 @@ static int near_items(const item_state *state, int32_t last, int32_t next, int32
     int n = 0;
     for (int64_t i = graph->starts[last]; i < graph->starts[last + 1] && n < MAX_NEIGHBORS; i++) {
         int32_t neighbor = graph->near[i];
-        int place = n;
+        int index = n;
         if (neighbor == next || !reel_ranks_has(&state->uncoded, neighbor)) {
             continue;
         }
-        while (place > 0 &&
-               state->open.time_of[result[place - 1]] > state->open.time_of[neighbor]) {
-            place--;
+        while (index > 0 &&
+               state->open.time_of[result[index - 1]] > state->open.time_of[neighbor]) {
+            index--;
         }
-        if (place > 0 && result[place - 1] == neighbor) {
+        if (index > 0 && result[index - 1] == neighbor) {
             continue;
         }
-        for (int j = n++; j > place; j--) {
+        for (int j = n++; j > index; j--) {
             result[j] = result[j - 1];
         }
-        result[place] = neighbor;
+        result[index] = neighbor;
     }
     return n;
 }

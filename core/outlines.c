@@ -18,8 +18,8 @@ static bool allocate_outline(reel_arena *arena, int64_t max_size, outline *resul
     return !arena->failed;
 }
 
-static void insert_node(outline *polygon, int32_t after, int32_t node, int32_t before) {
-    const int32_t sides[2][2] = {{after, node}, {node, before}};
+static void insert_node(outline *polygon, int32_t start, int32_t node, int32_t end) {
+    const int32_t sides[2][2] = {{start, node}, {node, end}};
     for (int i = 0; i < 2; i++) {
         polygon->next[sides[i][0]] = sides[i][1];
         polygon->from[polygon->depth] = sides[i][0];
@@ -44,18 +44,18 @@ static bool attach_triangles(outline *polygon, const int32_t *triangles, int32_t
     for (int32_t node = 3; node < size; node++) {
         triangles += 3;
         corners += 3;
-        int32_t after, before;
+        int32_t start, end;
         do {
             if (!polygon->depth) {
                 return false;
             }
-            after = polygon->from[--polygon->depth];
-            before = polygon->to[polygon->depth];
-        } while (polygon->vertex[before] != triangles[0] || polygon->vertex[after] != triangles[1]);
+            start = polygon->from[--polygon->depth];
+            end = polygon->to[polygon->depth];
+        } while (polygon->vertex[end] != triangles[0] || polygon->vertex[start] != triangles[1]);
         polygon->vertex[node] = triangles[2];
-        insert_node(polygon, after, node, before);
-        corners[0] = before;
-        corners[1] = after;
+        insert_node(polygon, start, node, end);
+        corners[0] = end;
+        corners[1] = start;
         corners[2] = node;
     }
     for (int32_t i = 0, node = 0; i < size; i++, node = polygon->next[node]) {

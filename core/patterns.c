@@ -220,7 +220,7 @@ static uint32_t hash_of(const number_table *table, int64_t row) {
     return hash;
 }
 
-/* Index of a row among the recent ones, or their number if it is not one of them. */
+/* Index of a row among the recent rows, or their number if it is not among them. */
 static int recent_index(const pattern_models *models, const number_table *table, int64_t row,
                         uint32_t hash) {
     size_t size = (size_t)(table->width * table->size);

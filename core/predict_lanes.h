@@ -570,14 +570,14 @@ TARGET REEL_INLINE void NAMED(predict_modes)(const NAMED(batch) *b, int size, in
 }
 
 /* Load residuals that are `stride` apart. */
-TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *from, int64_t stride) {
+TARGET REEL_INLINE HALF_VEC_I NAMED(load_residuals)(const int32_t *base, int64_t stride) {
 #if LANES == 2
-    return (HALF_VEC_I){from[0], from[stride]};
+    return (HALF_VEC_I){base[0], base[stride]};
 #elif LANES == 4
-    return (HALF_VEC_I){from[0], from[stride], from[2 * stride], from[3 * stride]};
+    return (HALF_VEC_I){base[0], base[stride], base[2 * stride], base[3 * stride]};
 #else
-    return (HALF_VEC_I){from[0],          from[stride],     from[2 * stride], from[3 * stride],
-                        from[4 * stride], from[5 * stride], from[6 * stride], from[7 * stride]};
+    return (HALF_VEC_I){base[0],          base[stride],     base[2 * stride], base[3 * stride],
+                        base[4 * stride], base[5 * stride], base[6 * stride], base[7 * stride]};
 #endif
 }
 

@@ -67,8 +67,8 @@ REEL_INLINE void reel_ranks_change(reel_ranks *set, int64_t number, int change) 
 /* Number of members below a number. */
 REEL_INLINE int64_t reel_ranks_rank(const reel_ranks *set, int64_t number) {
     uint64_t word = (uint64_t)number / 64;
-    uint64_t before = set->bits[word] & (((uint64_t)1 << (number % 64)) - 1);
-    int64_t result = __builtin_popcountll(before);
+    uint64_t lower_bits = set->bits[word] & (((uint64_t)1 << (number % 64)) - 1);
+    int64_t result = __builtin_popcountll(lower_bits);
     for (int level = 0; level < set->n_levels; level++, word /= 16) {
         for (uint64_t i = word / 16 * 16; i < word; i++) {
             result += set->counts[level][i];

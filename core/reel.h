@@ -117,7 +117,7 @@ typedef struct {
     int64_t n_key;      /* modes of the key block, or 0 */
     int32_t *residuals; /* n_modes x n_verts */
     double *values;     /* n_verts x n_modes, decoded, in quantization steps */
-    const double *key;  /* n_verts x n_key, likewise */
+    const double *key;  /* n_verts x n_key, in quantization steps */
 } reel_fields;
 
 #define REEL_MAX_JOINT 8   /* modes that are quantized jointly */

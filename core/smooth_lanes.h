@@ -30,7 +30,7 @@ TARGET static void NAMED(step)(const reel_smoother *smoother, const reel_graph *
         int32_t degree = reel_degree(graph, v);
         VECTOR sums[N_VECS];
         FOR_VECS(k) { sums[k] = (VECTOR){0}; }
-        for (int32_t left = degree; left > 0; left -= UNROLL, near += UNROLL) {
+        for (int32_t remaining = degree; remaining > 0; remaining -= UNROLL, near += UNROLL) {
             REEL_UNROLLED for (int i = 0; i < UNROLL; i++) {
                 const VECTOR *row = (const VECTOR *)(current + near[i]);
                 FOR_VECS(k) { sums[k] += row[k]; }

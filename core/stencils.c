@@ -56,8 +56,8 @@ static void sort_rows(const reel_stencil_finder *finder, const reel_graph *graph
     }
 }
 
-/* Entry of `visits` for a vertex first met in a ring, without paths: larger than those of earlier
-   searches, smaller than those of earlier rings of this search. */
+/* Entry of `visits`, without paths, of a vertex first met in a ring: larger than in earlier
+   searches, smaller than in earlier rings of this search. */
 REEL_INLINE uint64_t visit_mark(int32_t search, int distance) {
     return (uint64_t)(4 * search + RADIUS - distance) << 32;
 }

@@ -36,13 +36,13 @@ static void join_edge(pairing *sides, const int32_t *edge_sides, int64_t n) {
             int32_t side = edge_sides[i];
             int64_t limit = n - i < CANDIDATES ? n : i + CANDIDATES;
             for (int64_t j = i + 1; j < limit && sides->partner[side] == NONE; j++) {
-                int32_t other = edge_sides[j];
-                bool opposite = goes_up(faces, side) != goes_up(faces, other);
-                bool is_distinct = apex_of(faces, side) != apex_of(faces, other);
-                if (sides->partner[other] == NONE && (round == 2 || opposite) &&
+                int32_t candidate = edge_sides[j];
+                bool opposite = goes_up(faces, side) != goes_up(faces, candidate);
+                bool is_distinct = apex_of(faces, side) != apex_of(faces, candidate);
+                if (sides->partner[candidate] == NONE && (round == 2 || opposite) &&
                     (round > 0 || is_distinct)) {
-                    sides->partner[side] = other;
-                    sides->partner[other] = side;
+                    sides->partner[side] = candidate;
+                    sides->partner[candidate] = side;
                 }
             }
         }
@@ -120,19 +120,19 @@ static void orient_faces(pairing *sides, reel_surface *surface, int32_t *queue, 
         }
         for (int64_t i = 0; i < n; i++) {
             for (int32_t side = 3 * queue[i]; side < 3 * queue[i] + 3; side++) {
-                int32_t other = sides->partner[side];
-                if (other == NONE) {
+                int32_t partner = sides->partner[side];
+                if (partner == NONE) {
                     continue;
                 }
-                bool same_direction = goes_up(sides->faces, side) == goes_up(sides->faces, other);
+                bool same_direction = goes_up(sides->faces, side) == goes_up(sides->faces, partner);
                 uint8_t flipped = surface->flipped[queue[i]] ^ (uint8_t)same_direction;
-                if (!is_seen[other / 3]) {
-                    is_seen[other / 3] = 1;
-                    surface->flipped[other / 3] = flipped;
+                if (!is_seen[partner / 3]) {
+                    is_seen[partner / 3] = 1;
+                    surface->flipped[partner / 3] = flipped;
                     surface->has_flipped |= flipped;
-                    queue[n++] = other / 3;
-                } else if (surface->flipped[other / 3] != flipped) {
-                    sides->partner[side] = sides->partner[other] = NONE;
+                    queue[n++] = partner / 3;
+                } else if (surface->flipped[partner / 3] != flipped) {
+                    sides->partner[side] = sides->partner[partner] = NONE;
                 }
             }
         }
@@ -145,9 +145,9 @@ static int32_t flipped_side(const reel_surface *surface, int32_t side) {
     return surface->flipped[face] ? 6 * face + 2 - side : side;
 }
 
-static void join(reel_surface *surface, int32_t side, int32_t other) {
-    surface->twin[side] = other;
-    surface->twin[other] = side;
+static void join(reel_surface *surface, int32_t side, int32_t twin) {
+    surface->twin[side] = twin;
+    surface->twin[twin] = side;
 }
 
 /* Set the twins of all given half-edges, and close boundary edges with additional faces. */

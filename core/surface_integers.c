@@ -82,8 +82,8 @@ typedef struct {
 typedef struct {
     int64_t n_frames, n_rows, n_columns, n_groups, n_faces;
     const int32_t *faces, *twins; /* rows of each triangle; opposite half-edge of each side */
-    /* Corners at which the row is the latest of its triangle: those of row i are
-       corners[starts[i]..starts[i + 1] - 1], as 4 * face + corner. */
+    /* corners[starts[i]..starts[i + 1] - 1]: the corners, as 4 * face + corner, at which row i is
+       the latest of its triangle. */
     int32_t *starts, *corners;
     int32_t *seen_at; /* for each row, the last row that had it as a neighbor */
     int32_t n_around, n_parallelograms, context; /* counts and context of the current row */
@@ -748,10 +748,10 @@ static int choose_kind(surface_coder *coder, const int32_t *frame, bool can_extr
         }
     }
     int best = DIRECT;
-    int64_t least = INT64_MAX;
+    int64_t min_cost = INT64_MAX;
     for (int i = 2 * DIRECT; i < 2 * n_kinds; i++) {
-        best = costs[i / 2][i % 2] < least ? i / 2 : best;
-        least = costs[i / 2][i % 2] < least ? costs[i / 2][i % 2] : least;
+        best = costs[i / 2][i % 2] < min_cost ? i / 2 : best;
+        min_cost = costs[i / 2][i % 2] < min_cost ? costs[i / 2][i % 2] : min_cost;
     }
     return best;
 }
@@ -828,7 +828,7 @@ static surface_coder coder_of(int64_t n_frames, int64_t n_rows, int64_t n_column
                            .twins = twins};
 }
 
-/* Allocate what only the encoder needs: the differences of a frame, and the kind of each frame. */
+/* Allocate the arrays of the encoder: the differences of a frame, and the kind of each frame. */
 static void allocate_choices(const surface_coder *coder, reel_arena *arena, int32_t **difference,
                              uint8_t **kinds) {
     *difference = reel_allocate(arena, n_values(coder), sizeof **difference);

@@ -58,7 +58,7 @@ REEL_INLINE void reel_update_symbol_model(reel_symbol_model *model, int symbol, 
     model->count = (uint16_t)(model->count + (model->count < 1 << REEL_SLOWEST_SYMBOL));
 }
 
-/* Return how many of 16 ascending numbers, the first of which is 0, are at most `value`, less 1. */
+/* Return the index of the last of 16 ascending numbers, the first 0, that is at most `value`. */
 REEL_INLINE int reel_find_symbol(const int16_t *below, uint32_t value) {
     const reel_vec8s *all = (const reel_vec8s *)below;
     reel_vec8s limit = {0};
@@ -78,18 +78,18 @@ REEL_INLINE int reel_code_symbol_of(reel_range_coder *coder, const int16_t *belo
         value = value < REEL_SYMBOL_ONE ? value : REEL_SYMBOL_ONE - 1;
         symbol = reel_find_symbol(below, (uint32_t)value);
     }
-    uint32_t from = (uint32_t)below[symbol];
-    uint32_t to = symbol + 1 < REEL_SYMBOLS ? (uint32_t)below[symbol + 1] : REEL_SYMBOL_ONE;
+    uint32_t lower = (uint32_t)below[symbol];
+    uint32_t upper = symbol + 1 < REEL_SYMBOLS ? (uint32_t)below[symbol + 1] : REEL_SYMBOL_ONE;
     if (reel_is_encoder(coder)) {
-        uint64_t low = coder->low + unit * from;
+        uint64_t low = coder->low + unit * lower;
         if (low < coder->low) {
             reel_propagate_carry(coder);
         }
         coder->low = low;
     } else {
-        coder->low -= unit * from;
+        coder->low -= unit * lower;
     }
-    coder->range = unit * (to - from);
+    coder->range = unit * (upper - lower);
     if (coder->range < (uint64_t)1 << 32) {
         reel_renormalize(coder);
     }

@@ -260,7 +260,7 @@ static void add_level(time_order *order, int64_t column, int level, const timeli
     for (int64_t i = grid.first; i < times->n_moving; i += grid.step) {
         const int64_t nearby[] = {i - distance, i + distance, i - 2 * distance, i - 4 * distance};
         int64_t near[NEAR_TIMES];
-        for (int k = 0; k < NEAR_TIMES; k++) { /* times between those of level 0 are coded later */
+        for (int k = 0; k < NEAR_TIMES; k++) { /* level 0 is coded before times between its own */
             bool is_known = (level || k >= 2) && nearby[k] >= 0 && nearby[k] < times->n_moving;
             near[k] = is_known ? times->moving_times[nearby[k]] : -1;
         }

@@ -69,12 +69,12 @@ static void set_half_edge(reel_walk *walk, int32_t n, int32_t side) {
 }
 
 /* Encoder: the half-edge across the next or the previous edge of the face left of n's edge. */
-static int32_t half_edge_behind(const reel_walk *walk, int32_t n, bool after) {
+static int32_t half_edge_behind(const reel_walk *walk, int32_t n, bool is_next) {
     if (!reel_is_encoder(&walk->coder)) {
         return REEL_NONE;
     }
     int32_t side = walk->side[n];
-    return walk->surface.twin[after ? reel_side_after(side) : reel_side_before(side)];
+    return walk->surface.twin[is_next ? reel_side_after(side) : reel_side_before(side)];
 }
 
 /* A visited face a, b, c: whether it is flipped, and its half-edges between b and c, c and a. */
@@ -84,10 +84,10 @@ typedef struct {
 } visited_face;
 
 /* Make two half-edges twins, unless one is REEL_NONE. */
-static void pair_twins(const reel_walk *walk, int32_t side, int32_t other) {
-    if (walk->twins && side != REEL_NONE && other != REEL_NONE) {
-        walk->twins[side] = other;
-        walk->twins[other] = side;
+static void pair_twins(const reel_walk *walk, int32_t side, int32_t twin) {
+    if (walk->twins && side != REEL_NONE && twin != REEL_NONE) {
+        walk->twins[side] = twin;
+        walk->twins[twin] = side;
     }
 }
 
@@ -209,9 +209,8 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
     set_remaining(walk, m, nodes[m].remaining - 1);
 }
 
-/* Encoder: find the node at whose corner the half-edge `start` begins, and how many edges lie
-   between it and the node's next. Searches from both ends, so that vertices of high degree are not
-   slow. */
+/* Encoder: find the node at whose corner the half-edge `start` begins, and the number of edges
+   between it and the edge to the next node. Searches from both ends, as degrees may be high. */
 static int32_t find_node(const reel_walk *walk, int32_t start, int32_t *share) {
     const int32_t *twin = walk->surface.twin;
     int32_t back = start, ahead = reel_side_before(start);
@@ -281,11 +280,11 @@ static void fill(reel_walk *walk, int32_t n) {
 
 /* Start a part with a ring of two nodes: one edge, seen from both of its faces. */
 static void start_part(reel_walk *walk, int32_t side) {
-    int32_t other = REEL_NONE, points[2] = {REEL_NONE, REEL_NONE};
+    int32_t twin = REEL_NONE, points[2] = {REEL_NONE, REEL_NONE};
     if (reel_is_encoder(&walk->coder)) {
-        other = walk->surface.twin[side];
+        twin = walk->surface.twin[side];
         points[0] = walk->surface.point[side];
-        points[1] = walk->surface.point[other];
+        points[1] = walk->surface.point[twin];
     }
     int32_t a = meet_point(walk, REEL_NONE, REEL_NONE, points[0]);
     int32_t b = walk->failed ? a : meet_point(walk, REEL_NONE, a, points[1]);
@@ -296,7 +295,7 @@ static void start_part(reel_walk *walk, int32_t side) {
     link_nodes(walk, a, b);
     link_nodes(walk, b, a);
     set_half_edge(walk, a, side);
-    set_half_edge(walk, b, other);
+    set_half_edge(walk, b, twin);
     walk->nodes[a].remaining++; /* both ring edges are the same edge */
     walk->nodes[b].remaining++;
     push_node(walk, a);

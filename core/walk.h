@@ -70,7 +70,7 @@ typedef struct {
 
 /* Coded decisions: the encoder passes the actual value, and both sides get it back. */
 void reel_reset_walk_models(reel_walk_models *models);
-bool reel_code_flipped(reel_walk *walk, int32_t behind, bool flipped);
+bool reel_code_flipped(reel_walk *walk, int32_t node, bool flipped);
 bool reel_code_meets(reel_walk *walk, int32_t n, int32_t m, bool meets);
 int32_t reel_code_target(reel_walk *walk, int32_t n, int32_t m, int32_t target);
 bool reel_code_is_cap(reel_walk *walk, bool cap, bool starts);

@@ -100,9 +100,9 @@ int32_t reel_code_vertex(reel_walk *walk, int32_t vertex) {
     return (int32_t)walk->n_numbered++;
 }
 
-/* Code whether a face is flipped; `behind` is the node before the edge at which it is met. */
-bool reel_code_flipped(reel_walk *walk, int32_t behind, bool flipped) {
-    int context = walk->nodes[behind].flipped;
+/* Code whether a face is flipped; `node` is the node before the edge at which it is met. */
+bool reel_code_flipped(reel_walk *walk, int32_t node, bool flipped) {
+    int context = walk->nodes[node].flipped;
     return walk->has_flipped && reel_bit(&walk->coder, &walk->models->flipped[context], flipped);
 }
 

@@ -81,8 +81,8 @@ typedef struct meshreel_source {
     int (*announce)(void *user, uint64_t offset, uint64_t size);
 } meshreel_source;
 
-/* What the host program provides. `allocate` and `release` are only called on the thread that
-   called the library. */
+/* Memory and threads of the host program. `allocate` and `release` are only called on the thread
+   that called the library. */
 typedef struct meshreel_host {
     void *user;
     /* Return memory aligned to 64 bytes, or NULL. */
@@ -151,8 +151,8 @@ MESHREEL_API void meshreel_close(meshreel_file *file);
 /* Return the properties of a file. Owned by the file. */
 MESHREEL_API const meshreel_info *meshreel_info_of(const meshreel_file *file);
 
-/* Return the times of the n_frames frames, in seconds, finite and ascending; NULL if they are evenly
-   spaced: then frame i is at start_s + i / fps. Otherwise `fps` is the mean rate. Owned by the file. */
+/* Return the times of the n_frames frames, in seconds, finite and ascending; `fps` is then the mean
+   rate. NULL if they are evenly spaced: frame i is at start_s + i / fps. Owned by the file. */
 MESHREEL_API const double *meshreel_times_of(const meshreel_file *file);
 
 /* Return the frame that is shown at a time: the last one that is due, else frame 0. */
@@ -195,7 +195,7 @@ typedef struct meshreel_section {
 MESHREEL_API int meshreel_section_at(const meshreel_file *file, uint64_t offset, int check,
                                      meshreel_section *section, meshreel_error *error);
 
-/* Describe a known section before the first block, `number` of 0, 1, ...; those of an earlier segment
+/* Describe a known section before the first block, `number` of 0, 1, ...; those of earlier segments
    that an open segment refers to come first. Returns MESHREEL_INVALID after the last. */
 MESHREEL_API int meshreel_leading_of(const meshreel_file *file, uint32_t number,
                                      meshreel_section *section);
@@ -227,7 +227,7 @@ MESHREEL_API int meshreel_group_of(const meshreel_file *file, uint32_t number, u
 /* Return the block that contains a frame of 0..n_frames-1. */
 MESHREEL_API uint32_t meshreel_block_of_frame(const meshreel_file *file, uint32_t frame);
 
-/* ---- What all frames share ---- */
+/* ---- The mesh, shared by all frames ---- */
 
 /* Decode the triangles and the vertex order, which decoders need. Does nothing when called again.
    No other thread may use the file meanwhile. */
@@ -441,7 +441,7 @@ typedef struct meshreel_modes {
     const double *values;  /* n_items x n_modes, in quantization steps */
     const int32_t *rows;   /* n_items */
     const double *basis;   /* n_columns x n_frames x n_modes */
-    const int32_t *shared; /* item of each of the track's values; NULL: its own */
+    const int32_t *shared; /* item of each of the track's values; NULL: value i is item i */
     /* Corrections of frame t are correction_starts[t] .. correction_starts[t + 1] - 1: items,
        ascending, with n_columns numbers each. NULL: none. */
     const int64_t *correction_starts;

@@ -101,7 +101,7 @@ static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_stat
     return reel_append(&decoder->file->host, failed, &decoder->pool, &pool);
 }
 
-/* Parse the group of a track, whose items must have been found. */
+/* Parse the group of a track after `find_items`. */
 static int read_group(reel_call *call, const meshreel_decoder *decoder, uint32_t track,
                       uint64_t block, reel_group *group) {
     const reel_outline *outline = &decoder->file->outline;

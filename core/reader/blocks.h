@@ -12,7 +12,7 @@
 /* Decoded fields of a block: n_items x n_modes, in quantization steps, in coding order. */
 typedef struct {
     reel_pool pool;
-    uint64_t block; /* or REEL_NO_BLOCK, also for blocks of which only some modes are decoded */
+    uint64_t block; /* or REEL_NO_BLOCK, also if only some modes are decoded */
     uint64_t reference, stencil_size, n_modes;
     double *values;
 } reel_block_fields;

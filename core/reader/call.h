@@ -36,14 +36,14 @@ int reel_end_call(reel_call *call, int failed, meshreel_error *error);
 /* Record a failure, and return its code. */
 int reel_fail(reel_call *call, int code, uint64_t offset, const char *message);
 
-/* The same for MESHREEL_CORRUPT. */
+/* Record MESHREEL_CORRUPT, and return it. */
 int reel_corrupt(reel_call *call, uint64_t offset, const char *message);
 
 /* Fill `error` with MESHREEL_INVALID before a call has begun, and return it. */
 int reel_invalid(meshreel_error *error, const char *message);
 
 /* Record the failure of a core function whose input begins at byte `payload`; returns MESHREEL_OK
-   if `result` is none. */
+   if `result` is not negative. */
 int reel_fail_core(reel_call *call, int64_t result, uint64_t payload, const char *message);
 
 /* Return from a function of the reader with the failure of a step, unless it is MESHREEL_OK. */
@@ -87,7 +87,7 @@ void reel_release(const meshreel_host *host, reel_pool *pool);
 /* Move the memory of `added` to `pool`, or release it if a step failed; returns `failed`. */
 int reel_append(const meshreel_host *host, int failed, reel_pool *pool, reel_pool *added);
 
-/* Run tasks that compute `n_numbers` together: few on this thread, more on those of the host. */
+/* Run tasks that compute `n_numbers` together: on this thread if few, else on host threads. */
 void reel_run(const reel_call *call, void (*task)(void *shared, uint32_t i), void *shared,
               uint32_t n_tasks, uint64_t n_numbers);
 

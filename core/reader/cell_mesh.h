@@ -1,4 +1,4 @@
-/* Cells of a volume mesh, whose surface are the faces: docs/format.md, CELLS. */
+/* Cells of a volume mesh; the faces are their surface. docs/format.md, CELLS. */
 
 #ifndef REEL_READER_CELL_MESH_H
 #define REEL_READER_CELL_MESH_H

@@ -107,7 +107,7 @@ static int check_compact(reel_call *call, uint64_t offset) {
     return reel_check_crc(call, 0, offset - 4);
 }
 
-/* Read the header from its counts on; `input` is what remains of the file, and then follows it. */
+/* Read the header from its counts on, from `input`, which then begins after it. */
 static int read_fields(reel_call *call, reel_pool *pool, reel_range *input, reel_outline *outline) {
     uint8_t form;
     uint64_t name;
@@ -283,7 +283,7 @@ static int add_leading(reel_call *call, reel_pool *pool, reel_outline *outline,
     return section->id == REEL_POLYGONS ? read_polygons(call, section, outline) : MESHREEL_OK;
 }
 
-/* Reset what the sections define. */
+/* Reset the fields that sections set. */
 static void reset_outline(reel_outline *outline) {
     outline->n_leading = outline->leading_capacity = outline->stored_ids = 0;
     outline->n_tracks = 1;
@@ -549,8 +549,8 @@ static void drop_block(section_scan *s) {
     }
 }
 
-/* Check END after a scan. Scanning means that the index was unusable: a file without an index is
-   valid, but one whose END refers to a bad index is not. */
+/* Check END after a scan, which an unusable index caused: a file without an index is valid, but one
+   whose END refers to a bad index is not. */
 static int check_end(section_scan *s, const reel_section *section) {
     if (section->end < s->call->source->size) {
         return reel_corrupt(s->call, section->end, "bytes follow the section END");

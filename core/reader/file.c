@@ -1,5 +1,5 @@
-/* Opens files, and decodes what their blocks share. docs/format.md, "Segments", CONNECTIVITY and
-   ORDER. */
+/* Opens files, and decodes the mesh that their blocks share. docs/format.md, "Segments",
+   CONNECTIVITY and ORDER. */
 
 #include "file.h"
 

@@ -1,4 +1,4 @@
-/* An open file: what the decoders of its blocks share. */
+/* An open file, shared by the decoders of its blocks. */
 
 #ifndef REEL_FILE_H
 #define REEL_FILE_H

@@ -325,12 +325,12 @@ static void store_run(const correction_rows *rows, int64_t begin, int64_t end, i
     for (int64_t i = begin; i < end; i++) {
         bool follows = i > begin && rows->frames[i] == 1;
         frame += rows->frames[i];
-        int64_t place = next[frame]++;
-        result->items[place] = item;
+        int64_t index = next[frame]++;
+        result->items[index] = item;
         for (uint32_t column = 0; column < n_columns; column++) {
             int32_t offset = rows->offsets[column * rows->n_all + i];
             offsets[column] = (follows ? offsets[column] : 0) + offset;
-            result->offsets[n_columns * place + column] = (double)offsets[column] * step;
+            result->offsets[n_columns * index + column] = (double)offsets[column] * step;
         }
     }
 }

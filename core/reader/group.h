@@ -40,7 +40,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
 /* Find the resting frames of a block: a flag per frame in scratch memory; NULL if none rests. */
 int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests);
 
-/* The same for a method of the paper, of which only the number of modes is read. */
+/* As reel_read_group for a method of the paper: read only the numbers of frames and modes. */
 int reel_read_paper_group(reel_call *call, const reel_outline *outline, uint64_t block,
                           bool is_checked, reel_group *group);
 

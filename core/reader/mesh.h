@@ -19,7 +19,7 @@ typedef struct {
     int32_t *to_internal;    /* internal number of each output vertex */
     int32_t *to_output;      /* output number of each internal vertex */
     reel_graph graph;        /* adjacency of internal vertices; see reel_find_graph */
-    uint8_t *cell_types;     /* in internal order; NULL without cells, as those below */
+    uint8_t *cell_types;     /* in internal order; these four are NULL or empty without cells */
     int32_t *cell_nodes;     /* internal vertices */
     meshreel_cells cells;    /* in output order */
     int32_t *face_sizes;     /* corners of the faces of their surface */

@@ -1,4 +1,4 @@
-/* Unique names, checked by a merge sort, because a file may have a million of them. */
+/* Unique names, checked by a merge sort because a file may have a million names. */
 
 #include "names.h"
 

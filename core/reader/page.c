@@ -45,7 +45,7 @@ int page_open(double size, double memory_limit, meshreel_file **file, meshreel_e
     return meshreel_open(&source, &host, file, error);
 }
 
-/* Verify the checksum of an image, whose number is valid. */
+/* Verify the checksum of an image; `number` must be valid. */
 int page_check_image(const meshreel_file *file, uint32_t number, meshreel_error *error) {
     reel_call call = reel_begin_file_call(file, 0);
     const reel_section *section = file->outline.leading;

@@ -27,18 +27,18 @@ static void multiply_task(void *shared, uint32_t i) {
     int64_t begin = i * p->frames_per_task,
             end = begin + p->frames_per_task < p->count ? begin + p->frames_per_task : p->count;
     p->results[i] = true;
-    for (int64_t from = begin; from < end && p->results[i] >= 0; from += MAX_FRAMES_PER_CALL) {
-        int64_t count = end - from < MAX_FRAMES_PER_CALL ? end - from : MAX_FRAMES_PER_CALL;
+    for (int64_t start = begin; start < end && p->results[i] >= 0; start += MAX_FRAMES_PER_CALL) {
+        int64_t count = end - start < MAX_FRAMES_PER_CALL ? end - start : MAX_FRAMES_PER_CALL;
         const int64_t *starts = state->current.corrections.starts
-                                    ? state->current.corrections.starts + p->first + from
+                                    ? state->current.corrections.starts + p->first + start
                                     : NULL;
         int64_t are_finite = reel_frames(
             p->memory + i * p->memory_size, p->memory_size, state->current.basis,
             state->current.packed, (int64_t)state->current.group.precision, p->n_columns,
             (int64_t)state->current.group.n_frames, (int64_t)state->current.n_modes,
-            state->items.graph.n_items, p->frames + from, count, starts,
+            state->items.graph.n_items, p->frames + start, count, starts,
             state->current.corrections.items, state->current.corrections.offsets, p->placement,
-            p->layout, p->out + (size_t)from * p->frame_bytes);
+            p->layout, p->out + (size_t)start * p->frame_bytes);
         p->results[i] = are_finite < 0 ? are_finite : p->results[i] & are_finite;
     }
 }
@@ -88,11 +88,11 @@ static int multiply(reel_call *call, const meshreel_decoder *decoder, reel_track
 /* ---- numbers of any type ---- */
 
 /* Copy items of `item_bytes` bytes in an order. */
-static void gather(const uint8_t *from, const int32_t *order, uint64_t n_items, size_t item_bytes,
-                   uint8_t *to) {
+static void gather(const uint8_t *input, const int32_t *order, uint64_t n_items, size_t item_bytes,
+                   uint8_t *output) {
     for (uint64_t i = 0; i < n_items; i++) {
         uint64_t source = order ? (uint64_t)order[i] : i;
-        reel_copy(to + i * item_bytes, from + source * item_bytes, item_bytes);
+        reel_copy(output + i * item_bytes, input + source * item_bytes, item_bytes);
     }
 }
 
@@ -165,15 +165,15 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
                    (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
         return;
     }
-    const uint8_t *from =
+    const uint8_t *numbers =
         (const uint8_t *)state->current.exact + (size_t)(3 * number_bytes * n_items * frame);
     if (size == number_bytes) {
-        gather(from, state->items.order, n_items, 3 * (size_t)size, out);
+        gather(numbers, state->items.order, n_items, 3 * (size_t)size, out);
         return;
     }
     for (uint64_t i = 0; i < 3 * n_items; i++) {
         uint64_t item = 3 * (uint64_t)state->items.order[i / 3] + i % 3;
-        put_number(out, size, i, number_at(from, number_bytes, item));
+        put_number(out, size, i, number_at(numbers, number_bytes, item));
     }
 }
 
@@ -222,12 +222,12 @@ static int positions_of(reel_call *call, const meshreel_decoder *decoder, uint64
 
 /* ---- tracks that positions predict ---- */
 
-/* Positions of the frames around first..first+count-1 within the block; `before` is the number of
+/* Positions of the frames around first..first+count-1 within the block; `n_before` is the number of
    frames before `first` among them. */
 typedef struct {
     void *numbers;
     uint32_t size;
-    uint64_t before, count, n_verts;
+    uint64_t n_before, count, n_verts;
 } position_window;
 
 static int positions_around(reel_call *call, meshreel_decoder *decoder, uint64_t block,
@@ -297,7 +297,7 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
     for (uint64_t t = 0; t < count; t++) {
         bool is_first = first + t == 0, is_last = first + t + 1 == state->current.group.n_frames;
         for (uint64_t i = 0; i < n; i++) {
-            double step = difference(&p, track->difference, p.before + t, i, is_first, is_last);
+            double step = difference(&p, track->difference, p.n_before + t, i, is_first, is_last);
             double expected = track->rate * step;
             if (offsets) {
                 put_number(out, track->size, t * n + i, expected + offsets[t * n + i]);
