@@ -76,7 +76,7 @@ class BuildHook(BuildHookInterface):
         core = runpy.run_path(str(root / COMPILE_CORE))
         try:
             is_current = core["is_current"]() and not os.environ.get(core["RELEASE"])
-            library = core["TARGET"] if is_current else core["build"]()
+            library = core["OUTPUT"] if is_current else core["build"]()
         except RuntimeError as error:
             self.app.abort(f"meshreel cannot be built: {error}")
         build_data["artifacts"].append(f"/{library.relative_to(root).as_posix()}")

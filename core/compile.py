@@ -70,7 +70,7 @@ PAGE_FUNCTIONS = (
 
 @dataclass(frozen=True)
 class Target:
-    """What the core is compiled for: this machine, or WebAssembly.
+    """Compiler settings for this machine or for WebAssembly.
 
     Attributes
     ----------
@@ -168,12 +168,12 @@ TARGETS = {
 LIBRARY, SHARED = {"win32": ("reel.dll", PE), "darwin": ("libreel.dylib", MACH_O)}.get(
     sys.platform, ("libreel.so", ELF)
 )
-HERE = (
+HOST = (
     Target(LIBRARY, SHARED)
     if os.environ.get(RELEASE)
     else Target(LIBRARY, (*SHARED, *SOURCE_FLAGS), optimization=("-O1",), hot=SOURCE_HOT)
 )
-TARGET = KERNEL / HERE.library
+OUTPUT = KERNEL / HOST.library
 
 
 def sources() -> list[Path]:
@@ -205,30 +205,30 @@ def commands(
 ) -> tuple[list[list[str]], list[str]]:
     """Return the commands that compile the files, in any order, and the one that links them.
 
-    They are for this machine, or for a target of `TARGETS`, and must run in an empty folder.
+    They compile for this machine or a target of `TARGETS`, and must run in an empty folder.
 
     Raises
     ------
     RuntimeError
         If there is no compiler.
     """
-    chosen = zig() if target else compiler()
-    if chosen is None:
+    command = zig() if target else compiler()
+    if command is None:
         raise RuntimeError(f"{target} needs the package ziglang" if target else NO_COMPILER)
-    platform_target = TARGETS[target] if target else HERE
+    platform_target = TARGETS[target] if target else HOST
     flags = [
         *FLAGS,
         *platform_target.flags,
         *(("-target", platform_target.triple) if target else ()),
         *extra,
     ]
-    compiled = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib", "-shared"))]
+    cflags = [flag for flag in flags if not flag.startswith(("-Wl,", "-nostdlib", "-shared"))]
     files = [file for file in sources() if file.suffix == ".c"]
     objects = {file: f"{file.parent.name}_{file.stem}.o" for file in files}
     steps = [
         [
-            *chosen,
-            *compiled,
+            *command,
+            *cflags,
             *platform_target.hot.get(file.name, platform_target.optimization),
             "-c",
             str(file),
@@ -238,11 +238,11 @@ def commands(
         for file, name in objects.items()
     ]
     linker = zig("wasm-ld") if platform_target.linker else None
-    link = [*linker, *platform_target.linker] if linker else [*chosen, *flags]
+    link = [*linker, *platform_target.linker] if linker else [*command, *flags]
     return steps, [*link, *sorted(objects.values()), "-o", str(output)]
 
 
-def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None = None) -> Path:
+def build(output: Path = OUTPUT, extra: Sequence[str] = (), target: str | None = None) -> Path:
     """Compile the library on all cores; `output` is replaced only on success.
 
     Raises
@@ -269,12 +269,12 @@ def build(output: Path = TARGET, extra: Sequence[str] = (), target: str | None =
     return output
 
 
-def is_current(output: Path = TARGET) -> bool:
+def is_current(output: Path = OUTPUT) -> bool:
     """Return whether the library exists and is newer than its sources."""
     if not output.exists():
         return False
-    built = output.stat().st_mtime
-    return all(file.stat().st_mtime <= built for file in [*sources(), Path(__file__)])
+    built_at = output.stat().st_mtime
+    return all(file.stat().st_mtime <= built_at for file in [*sources(), Path(__file__)])
 
 
 def wheel_tag() -> str:
@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("flags", nargs="*", help="additional compiler flags, after --")
     options = parser.parse_args()
     extra = [*(WARNINGS if options.warnings else ()), *options.flags]
-    output = options.output or (Path(TARGETS[options.target].library) if options.target else TARGET)
+    output = options.output or (Path(TARGETS[options.target].library) if options.target else OUTPUT)
     try:
         print(build(output, extra, options.target))
     except RuntimeError as error:

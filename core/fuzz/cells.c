@@ -20,7 +20,7 @@ static int64_t any_type(void) {
 }
 
 /* Make random cells that share nodes: there are few nodes, and most nodes of a cell are equal or
-   next to those of the cell before. */
+   next to nodes of the previous cell. */
 static cell_mesh make_cells(void) {
     cell_mesh cells = {.n = 1 + fuzz_below(30), .n_verts = 1 + fuzz_below(60)};
     cells.types = fuzz_allocate(cells.n, 1);
@@ -106,7 +106,7 @@ static void check_order(const cell_mesh *cells) {
     FUZZ_CHECK(length >= 0 && !memcmp(vertex_sequence, of_verts, verts_size));
     memset(cell_sequence, 0, cells_size);
     memset(vertex_sequence, 0, verts_size);
-    fuzz_bytes bytes = fuzz_written(out, length);
+    fuzz_bytes bytes = fuzz_output(out, length);
     FUZZ_CHECK(decode_order(bytes, cells, cell_sequence, vertex_sequence) >= 0);
     FUZZ_CHECK(!memcmp(cell_sequence, of_cells, cells_size));
     FUZZ_CHECK(!memcmp(vertex_sequence, of_verts, verts_size));
@@ -119,9 +119,9 @@ void fuzz_cells(void) {
     uint8_t *out = fuzz_allocate(capacity, 1), *types = fuzz_allocate(cells.n, 1);
     uint8_t *decoded_types = fuzz_allocate(cells.n, 1);
     int32_t *nodes = fuzz_allocate(cells.n_nodes, sizeof *nodes);
-    int32_t *decoded = fuzz_allocate(cells.n_nodes, sizeof *decoded);
+    int32_t *decoded_nodes = fuzz_allocate(cells.n_nodes, sizeof *decoded_nodes);
     int32_t *given_cells = fuzz_allocate(cells.n, sizeof *given_cells);
-    int32_t *given = fuzz_allocate(cells.n_verts, sizeof *given);
+    int32_t *given_vertices = fuzz_allocate(cells.n_verts, sizeof *given_vertices);
     check_surface(&cells);
     check_adjacency(&cells, 0);
     check_adjacency(&cells, 1);
@@ -129,24 +129,24 @@ void fuzz_cells(void) {
     size_t size = reel_cells_code_memory(cells.n, cells.n_nodes, cells.n_verts);
     int64_t length = reel_cells_encode(FUZZ_MEMORY(size), cells.types, cells.n, cells.nodes,
                                        cells.n_nodes, cells.n_verts, fuzz_one_in(4), types, nodes,
-                                       given_cells, given, out, (size_t)capacity);
+                                       given_cells, given_vertices, out, (size_t)capacity);
     FUZZ_CHECK(length >= 0);
-    fuzz_bytes bytes = fuzz_written(out, length);
-    FUZZ_CHECK(decode(bytes, &cells, decoded_types, decoded) >= 0);
+    fuzz_bytes bytes = fuzz_output(out, length);
+    FUZZ_CHECK(decode(bytes, &cells, decoded_types, decoded_nodes) >= 0);
     FUZZ_CHECK(!memcmp(types, decoded_types, (size_t)cells.n));
-    FUZZ_CHECK(!memcmp(nodes, decoded, (size_t)cells.n_nodes * sizeof *nodes));
-    int32_t at = 0, *starts = fuzz_allocate(cells.n, sizeof *starts);
+    FUZZ_CHECK(!memcmp(nodes, decoded_nodes, (size_t)cells.n_nodes * sizeof *nodes));
+    int32_t start = 0, *starts = fuzz_allocate(cells.n, sizeof *starts);
     for (int64_t i = 0; i < cells.n; i++) {
-        starts[i] = at;
-        at += (int32_t)reel_cell_size(cells.types[i]);
+        starts[i] = start;
+        start += (int32_t)reel_cell_size(cells.types[i]);
     }
     for (int64_t i = 0, k = 0; i < cells.n; i++) {
         FUZZ_CHECK(types[i] == cells.types[given_cells[i]]);
         for (int64_t j = 0; j < reel_cell_size(types[i]); j++, k++) {
-            FUZZ_CHECK(given[nodes[k]] == cells.nodes[starts[given_cells[i]] + j]);
+            FUZZ_CHECK(given_vertices[nodes[k]] == cells.nodes[starts[given_cells[i]] + j]);
         }
     }
-    int64_t result = decode(fuzz_mutate(bytes), &cells, decoded_types, decoded);
+    int64_t result = decode(fuzz_mutate(bytes), &cells, decoded_types, decoded_nodes);
     fuzz_check_code(result);
-    fuzz_hash(decoded, result < 0 ? 0 : cells.n_nodes, sizeof *decoded);
+    fuzz_hash(decoded_nodes, result < 0 ? 0 : cells.n_nodes, sizeof *decoded_nodes);
 }

@@ -1,4 +1,4 @@
-/* Fuzz target: the closest points of many points in one call equal those of a call for each. */
+/* Fuzz target: one call for many points finds the same closest points as one call per point. */
 
 #include "fuzz.h"
 

@@ -7,10 +7,10 @@ void fuzz_decimate(void) {
     int64_t n_verts = mesh.n_verts, n_faces = mesh.n_faces;
     double *vertices = fuzz_allocate(3 * n_verts, sizeof *vertices);
     int32_t *wedges = fuzz_allocate(3 * n_faces, sizeof *wedges);
-    int64_t n_places = 1 + fuzz_below(20), n_charts = 1 + fuzz_below(3);
+    int64_t n_coordinates = 1 + fuzz_below(20), n_charts = 1 + fuzz_below(3);
     bool is_on_grid = fuzz_one_in(2), is_irregular = fuzz_one_in(2);
     for (int64_t i = 0; i < 3 * n_verts; i++) {
-        vertices[i] = is_on_grid ? (double)fuzz_below(n_places) : fuzz_float();
+        vertices[i] = is_on_grid ? (double)fuzz_below(n_coordinates) : fuzz_float();
     }
     int32_t *faces = mesh.faces;
     for (int64_t i = 0; i < 3 * n_faces; i++) {

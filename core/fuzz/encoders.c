@@ -7,10 +7,10 @@
 
 /* ---- integers and connectivity ---- */
 
-static int64_t decode_integers(fuzz_bytes from, const int64_t *lengths, const int32_t *tables,
+static int64_t decode_integers(fuzz_bytes bytes, const int64_t *lengths, const int32_t *tables,
                                int64_t n_rows, int64_t n_tables, int32_t *values) {
-    int64_t result = reel_integers_decode(FUZZ_MEMORY(reel_integers_memory(n_tables)), from.bytes,
-                                          from.size, lengths, tables, n_rows, n_tables, values);
+    int64_t result = reel_integers_decode(FUZZ_MEMORY(reel_integers_memory(n_tables)), bytes.bytes,
+                                          bytes.size, lengths, tables, n_rows, n_tables, values);
     fuzz_check_code(result);
     return result;
 }
@@ -33,17 +33,17 @@ void fuzz_integers(void) {
     int64_t size = reel_integers_encode(FUZZ_MEMORY(reel_integers_memory(n_tables)),
                                         fuzz_copy(values, n, sizeof *values), lengths, tables,
                                         n_rows, n_tables, out, (size_t)capacity);
-    fuzz_bytes bytes = fuzz_written(out, size);
+    fuzz_bytes bytes = fuzz_output(out, size);
     FUZZ_CHECK(decode_integers(bytes, lengths, tables, n_rows, n_tables, output) >= 0);
     FUZZ_CHECK(!memcmp(output, values, (size_t)n * sizeof *values));
     size = decode_integers(fuzz_mutate(bytes), lengths, tables, n_rows, n_tables, output);
     fuzz_hash(output, size < 0 ? 0 : n, sizeof *output);
 }
 
-static int64_t decode_faces(const fuzz_mesh *mesh, fuzz_bytes from, int32_t *faces,
+static int64_t decode_faces(const fuzz_mesh *mesh, fuzz_bytes bytes, int32_t *faces,
                             int32_t *twins) {
     size_t size = reel_connectivity_decode_memory(mesh->n_verts, mesh->n_faces);
-    int64_t result = reel_connectivity_decode(FUZZ_MEMORY(size), from.bytes, from.size,
+    int64_t result = reel_connectivity_decode(FUZZ_MEMORY(size), bytes.bytes, bytes.size,
                                               mesh->n_verts, mesh->n_faces, faces, twins);
     fuzz_check_code(result);
     return result;
@@ -61,7 +61,7 @@ void fuzz_connectivity(void) {
     int64_t length = reel_connectivity_encode(FUZZ_MEMORY(size), mesh.faces, mesh.n_faces,
                                               mesh.n_verts, fuzz_one_in(6), faces, twins, order,
                                               out, (size_t)capacity);
-    fuzz_bytes bytes = fuzz_written(out, length);
+    fuzz_bytes bytes = fuzz_output(out, length);
     FUZZ_CHECK(decode_faces(&mesh, bytes, decoded, decoded_twins) >= 0);
     FUZZ_CHECK(!memcmp(decoded, faces, (size_t)n * sizeof *faces));
     FUZZ_CHECK(!memcmp(decoded_twins, twins, (size_t)n * sizeof *twins));
@@ -80,7 +80,7 @@ typedef struct {
     uint8_t *hops;
     float *smooth;
     int64_t n_verts, n_levels, size;
-} levels;
+} mesh_levels;
 
 static int64_t find_neighbors(const fuzz_mesh *mesh, int32_t *starts, int32_t *near) {
     size_t size = reel_adjacency_memory(mesh->n_verts, mesh->n_faces);
@@ -90,48 +90,48 @@ static int64_t find_neighbors(const fuzz_mesh *mesh, int32_t *starts, int32_t *n
     return n_near;
 }
 
-static levels find_levels(const fuzz_mesh *mesh) {
+static mesh_levels find_levels(const fuzz_mesh *mesh) {
     int64_t n = mesh->n_verts, size = 1 + fuzz_below(REEL_MAX_STENCIL);
     int32_t *starts = fuzz_allocate(n + 1, sizeof *starts);
     int32_t *near = fuzz_allocate(6 * mesh->n_faces, sizeof *near);
     int64_t n_near = find_neighbors(mesh, starts, near);
     FUZZ_CHECK(n_near >= 0 && starts[n] == n_near);
     near = fuzz_copy(near, n_near, sizeof *near);
-    levels all = {.n_verts = n, .size = size};
-    all.order = fuzz_allocate(n, sizeof(int32_t));
-    all.level_starts = fuzz_allocate(REEL_MAX_LEVELS + 1, sizeof(int32_t));
-    all.level_resolutions = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int32_t));
-    all.smooth_starts = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int64_t));
-    all.stencil = fuzz_allocate(n * size, sizeof(int32_t));
-    all.hops = fuzz_allocate(n * size, 1);
-    all.contexts = fuzz_allocate(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
-    all.smooth = fuzz_allocate(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
-    all.n_levels =
-        reel_hierarchy(FUZZ_MEMORY(reel_hierarchy_memory(n, n_near)), starts, near, n, size,
-                       all.order, all.level_starts, all.level_resolutions, all.smooth_starts,
-                       all.stencil, all.hops, all.contexts, all.smooth);
-    FUZZ_CHECK(all.n_levels >= 0 && all.n_levels <= REEL_MAX_LEVELS);
-    return all;
+    mesh_levels result = {.n_verts = n, .size = size};
+    result.order = fuzz_allocate(n, sizeof(int32_t));
+    result.level_starts = fuzz_allocate(REEL_MAX_LEVELS + 1, sizeof(int32_t));
+    result.level_resolutions = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int32_t));
+    result.smooth_starts = fuzz_allocate(REEL_MAX_LEVELS, sizeof(int64_t));
+    result.stencil = fuzz_allocate(n * size, sizeof(int32_t));
+    result.hops = fuzz_allocate(n * size, 1);
+    result.contexts = fuzz_allocate(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
+    result.smooth = fuzz_allocate(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
+    result.n_levels = reel_hierarchy(FUZZ_MEMORY(reel_hierarchy_memory(n, n_near)), starts, near, n,
+                                     size, result.order, result.level_starts,
+                                     result.level_resolutions, result.smooth_starts, result.stencil,
+                                     result.hops, result.contexts, result.smooth);
+    FUZZ_CHECK(result.n_levels >= 0 && result.n_levels <= REEL_MAX_LEVELS);
+    return result;
 }
 
 /* Check that levels cover all vertices, and that stencils and contexts refer to earlier ones. */
-static void check_levels(const levels *all) {
-    FUZZ_CHECK(all->level_starts[all->n_levels] == all->n_verts);
-    for (int64_t level = 0; level < all->n_levels; level++) {
-        int32_t begin = all->level_starts[level], end = all->level_starts[level + 1];
+static void check_levels(const mesh_levels *levels) {
+    FUZZ_CHECK(levels->level_starts[levels->n_levels] == levels->n_verts);
+    for (int64_t level = 0; level < levels->n_levels; level++) {
+        int32_t begin = levels->level_starts[level], end = levels->level_starts[level + 1];
         FUZZ_CHECK(begin <= end);
         for (int32_t v = begin; v < end; v++) {
-            FUZZ_CHECK(level == 0 || all->stencil[v * all->size] >= 0);
-            for (int64_t j = 0; j < all->size; j++) {
-                FUZZ_CHECK(all->stencil[v * all->size + j] < begin || !begin);
+            FUZZ_CHECK(level == 0 || levels->stencil[v * levels->size] >= 0);
+            for (int64_t j = 0; j < levels->size; j++) {
+                FUZZ_CHECK(levels->stencil[v * levels->size + j] < begin || !begin);
             }
             for (int j = 0; j < REEL_CONTEXT_NEIGHBORS; j++) {
-                FUZZ_CHECK(all->contexts[v * REEL_CONTEXT_NEIGHBORS + j] < v);
+                FUZZ_CHECK(levels->contexts[v * REEL_CONTEXT_NEIGHBORS + j] < v);
             }
         }
     }
-    fuzz_hash(all->order, all->n_verts, sizeof *all->order);
-    fuzz_hash(all->stencil, all->n_verts * all->size, sizeof *all->stencil);
+    fuzz_hash(levels->order, levels->n_verts, sizeof *levels->order);
+    fuzz_hash(levels->stencil, levels->n_verts * levels->size, sizeof *levels->stencil);
 }
 
 static double *any_floats(int64_t n) {
@@ -172,10 +172,10 @@ static void encode_fields(const reel_mesh *mesh, reel_fields *fields) {
     FUZZ_CHECK(!memcmp(values, fields->values, (size_t)n_values * sizeof *values));
 }
 
-static void predict_on(const levels *all) {
-    reel_mesh mesh = {all->n_verts, all->n_levels, all->size, all->level_starts,
-                      all->smooth_starts, all->stencil, all->hops, all->smooth};
-    reel_fields fields = {.n_verts = all->n_verts, .n_modes = fuzz_below(5)};
+static void predict_on(const mesh_levels *levels) {
+    reel_mesh mesh = {levels->n_verts,       levels->n_levels, levels->size, levels->level_starts,
+                      levels->smooth_starts, levels->stencil,  levels->hops, levels->smooth};
+    reel_fields fields = {.n_verts = levels->n_verts, .n_modes = fuzz_below(5)};
     int64_t n_values = fields.n_verts * fields.n_modes;
     fields.n_learned = fuzz_below(fields.n_modes + 2);
     fields.n_key = fuzz_below(3);
@@ -193,16 +193,16 @@ static void predict_on(const levels *all) {
 void fuzz_hierarchy(void) {
     fuzz_mesh mesh = fuzz_make_mesh(fuzz_one_in(8) ? 400 : 60);
     if (mesh.n_faces && fuzz_one_in(16)) { /* an invalid vertex */
-        int64_t place = fuzz_below(3 * mesh.n_faces);
-        mesh.faces[place] = fuzz_one_in(2) ? -1 : (int32_t)mesh.n_verts;
+        int64_t index = fuzz_below(3 * mesh.n_faces);
+        mesh.faces[index] = fuzz_one_in(2) ? -1 : (int32_t)mesh.n_verts;
         int32_t *starts = fuzz_allocate(mesh.n_verts + 1, sizeof *starts);
         int32_t *near = fuzz_allocate(6 * mesh.n_faces, sizeof *near);
         FUZZ_CHECK(find_neighbors(&mesh, starts, near) < 0);
         return;
     }
-    levels all = find_levels(&mesh);
-    check_levels(&all);
-    predict_on(&all);
+    mesh_levels levels = find_levels(&mesh);
+    check_levels(&levels);
+    predict_on(&levels);
 }
 
 /* ---- temporal basis ---- */
@@ -248,11 +248,11 @@ void fuzz_basis_encode(void) {
 /* ---- integers on a surface ---- */
 
 static int32_t *decode_surface(const fuzz_mesh *mesh, int64_t n_frames, int64_t n_columns,
-                               fuzz_bytes from, int64_t *result) {
+                               fuzz_bytes bytes, int64_t *result) {
     size_t size =
         reel_surface_integers_memory(n_frames, mesh->n_verts, n_columns, mesh->n_faces, 0);
     int32_t *values = fuzz_allocate(n_frames * mesh->n_verts * n_columns, sizeof *values);
-    *result = reel_surface_integers_decode(FUZZ_MEMORY(size), from.bytes, from.size, n_frames,
+    *result = reel_surface_integers_decode(FUZZ_MEMORY(size), bytes.bytes, bytes.size, n_frames,
                                            mesh->n_verts, n_columns, mesh->faces, mesh->twins,
                                            mesh->n_faces, values);
     fuzz_check_code(*result);
@@ -265,18 +265,18 @@ void fuzz_surface_integers(void) {
         fuzz_shuffle_twins(&mesh);
     }
     int64_t n_columns = 1 + fuzz_below(REEL_MAX_SURFACE_COLUMNS), n_frames = 1 + fuzz_below(5);
-    int64_t n_each = mesh.n_verts * n_columns, n = n_frames * n_each;
+    int64_t frame_values = mesh.n_verts * n_columns, n = n_frames * frame_values;
     int64_t capacity = 16 * n + (1 << 16), result;
     int32_t *values = fuzz_allocate(n, sizeof *values), shift = (int32_t)fuzz_below(8);
     bool is_allowed = true;
     for (int64_t i = 0; i < n; i++) {
-        bool is_similar = i >= n_each && fuzz_one_in(2);
-        values[i] = is_similar ? values[i - n_each] : fuzz_integer() >> shift;
+        bool is_similar = i >= frame_values && fuzz_one_in(2);
+        values[i] = is_similar ? values[i - frame_values] : fuzz_integer() >> shift;
         is_allowed = is_allowed && values[i] <= REEL_MAX_SURFACE_VALUE &&
                      values[i] >= -REEL_MAX_SURFACE_VALUE;
     }
     if (n_frames > 1 && fuzz_one_in(2)) { /* equal frames */
-        memcpy(values + n_each, values, (size_t)n_each * sizeof *values);
+        memcpy(values + frame_values, values, (size_t)frame_values * sizeof *values);
     }
     uint8_t *out = fuzz_allocate(capacity, 1);
     size_t size = reel_surface_integers_memory(n_frames, mesh.n_verts, n_columns, mesh.n_faces, 1);
@@ -287,7 +287,7 @@ void fuzz_surface_integers(void) {
     if (result < 0) {
         return;
     }
-    fuzz_bytes bytes = fuzz_written(out, result);
+    fuzz_bytes bytes = fuzz_output(out, result);
     int32_t *output = decode_surface(&mesh, n_frames, n_columns, bytes, &result);
     FUZZ_CHECK(result == (int64_t)bytes.size);
     FUZZ_CHECK(!memcmp(output, values, (size_t)n * sizeof *values));
@@ -346,18 +346,18 @@ static int32_t *any_neighbors(int64_t n_items, int32_t **near) {
     int64_t max_neighbors = fuzz_below(9);
     starts[0] = 0;
     for (int64_t i = 0; i < n_items; i++) {
-        int32_t at = starts[i];
+        int32_t end = starts[i];
         for (int64_t j = fuzz_below(max_neighbors + 1); j > 0; j--) {
             int64_t other = fuzz_one_in(8) ? fuzz_below(n_items) : i + fuzz_below(7) - 3;
-            (*near)[at++] = (int32_t)(other < 0 || other >= n_items ? i : other);
+            (*near)[end++] = (int32_t)(other < 0 || other >= n_items ? i : other);
         }
-        starts[i + 1] = at;
+        starts[i + 1] = end;
     }
     return starts;
 }
 
 /* Store a random number: decimal floats, floats of few bits, any floats, or integers. */
-static void put_number(uint8_t *at, int64_t size, int64_t type, int64_t kind) {
+static void put_number(uint8_t *target, int64_t size, int64_t type, int64_t kind) {
     uint64_t bits = fuzz_next();
     double value = kind ? (double)(fuzz_integer() / 64) / 1000.0 : fuzz_float();
     float single = value > 1e30 || value < -1e30 ? 1e30F : (float)value;
@@ -369,7 +369,7 @@ static void put_number(uint8_t *at, int64_t size, int64_t type, int64_t kind) {
     } else if (kind) {
         bits = (uint64_t)(int64_t)fuzz_integer();
     }
-    memcpy(at, &bits, (size_t)size);
+    memcpy(target, &bits, (size_t)size);
 }
 
 void fuzz_exact(void) {
@@ -393,12 +393,12 @@ void fuzz_exact(void) {
     int64_t result =
         reel_exact_encode(FUZZ_MEMORY(memory_size), values, n_frames, n_items, width, size, type,
                           starts, near, out, (size_t)capacity);
-    fuzz_bytes bytes = fuzz_written(out, result);
+    fuzz_bytes bytes = fuzz_output(out, result);
     FUZZ_CHECK(!memcmp(values, original, (size_t)(count * size)));
     for (int i = 0; i < 4; i++) {
-        fuzz_bytes from = i ? fuzz_mutate(bytes) : bytes;
+        fuzz_bytes input = i ? fuzz_mutate(bytes) : bytes;
         uint8_t *decoded = fuzz_allocate(count, (size_t)size);
-        result = reel_exact_decode(FUZZ_MEMORY(memory_size), from.bytes, from.size, decoded,
+        result = reel_exact_decode(FUZZ_MEMORY(memory_size), input.bytes, input.size, decoded,
                                    n_frames, n_items, width, size, type, starts, near);
         fuzz_check_code(result);
         FUZZ_CHECK(i || result == (int64_t)bytes.size);

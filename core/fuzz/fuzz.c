@@ -98,7 +98,7 @@ void *fuzz_copy(const void *from, int64_t count, size_t item) {
 
 int fuzz_fill_byte(void) { return fill; }
 
-fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
+fuzz_bytes fuzz_output(const uint8_t *out, int64_t size) {
     FUZZ_CHECK(size >= 0);
     fuzz_hash(out, size, 1);
     return (fuzz_bytes){fuzz_copy(out, size, 1), (size_t)size};
@@ -106,19 +106,19 @@ fuzz_bytes fuzz_written(const uint8_t *out, int64_t size) {
 
 fuzz_bytes fuzz_mutate(fuzz_bytes from) {
     int64_t kind = fuzz_below(4), size = (int64_t)from.size;
-    int64_t n_kept = kind == 1 ? fuzz_below(size + 1) : size;
+    int64_t n_copied = kind == 1 ? fuzz_below(size + 1) : size;
     int64_t n_added = kind == 2 ? fuzz_below(40) : 0;
-    fuzz_bytes result = {fuzz_allocate(n_kept + n_added, 1), (size_t)(n_kept + n_added)};
-    if (n_kept) {
-        memcpy(result.bytes, from.bytes, (size_t)n_kept);
+    fuzz_bytes result = {fuzz_allocate(n_copied + n_added, 1), (size_t)(n_copied + n_added)};
+    if (n_copied) {
+        memcpy(result.bytes, from.bytes, (size_t)n_copied);
     }
-    int64_t changes = kind == 3 ? n_kept : 1 + fuzz_below(4);
-    for (int64_t i = 0; n_kept && i < changes; i++) {
-        int64_t place = kind == 3 ? i : fuzz_below(n_kept);
-        result.bytes[place] = (uint8_t)fuzz_next();
+    int64_t changes = kind == 3 ? n_copied : 1 + fuzz_below(4);
+    for (int64_t i = 0; n_copied && i < changes; i++) {
+        int64_t index = kind == 3 ? i : fuzz_below(n_copied);
+        result.bytes[index] = (uint8_t)fuzz_next();
     }
     for (int64_t i = 0; i < n_added; i++) {
-        result.bytes[n_kept + i] = (uint8_t)fuzz_next();
+        result.bytes[n_copied + i] = (uint8_t)fuzz_next();
     }
     return result;
 }
@@ -154,12 +154,12 @@ void fuzz_hash_doubles(const double *result, int64_t count) {
 }
 
 /* Return the hash of the results of one run. */
-static uint64_t run_once(const uint8_t *data, size_t size, int filled) {
+static uint64_t run_once(const uint8_t *data, size_t size, int fill_byte) {
     input = data;
     input_size = size;
     state = size;
     run_hash = 0;
-    fill = filled;
+    fill = fill_byte;
     ASAN_POISON_MEMORY_REGION(pool, used ? used : POOL);
     used = 0;
     targets[fuzz_next() % N_TARGETS]();
@@ -240,10 +240,10 @@ int main(int n, char **arguments) {
     for (number = first; number - first < max_runs && seconds(CLOCK_MONOTONIC) < end; number++) {
         uint8_t input[256];
         size_t size = fill_input(input);
-        double before = seconds(CLOCK_PROCESS_CPUTIME_ID);
+        double start = seconds(CLOCK_PROCESS_CPUTIME_ID);
         alarm(60);
         LLVMFuzzerTestOneInput(input, size);
-        double elapsed = seconds(CLOCK_PROCESS_CPUTIME_ID) - before;
+        double elapsed = seconds(CLOCK_PROCESS_CPUTIME_ID) - start;
         if (elapsed > slowest) {
             slowest = elapsed;
             slowest_run = number;

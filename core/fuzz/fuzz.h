@@ -43,7 +43,7 @@ typedef struct {
 } fuzz_bytes;
 
 /* Copy the `size` bytes that the core has written to a block of exactly this size. */
-fuzz_bytes fuzz_written(const uint8_t *out, int64_t size);
+fuzz_bytes fuzz_output(const uint8_t *out, int64_t size);
 /* Return the bytes modified, truncated, extended, or replaced. */
 fuzz_bytes fuzz_mutate(fuzz_bytes from);
 
@@ -66,7 +66,7 @@ typedef struct {
     int32_t *twins; /* twin of each half-edge, or itself */
 } fuzz_mesh;
 
-fuzz_mesh fuzz_make_mesh(int64_t most_verts);
+fuzz_mesh fuzz_make_mesh(int64_t max_verts);
 /* Replace the twins of a mesh by an arbitrary involution. */
 void fuzz_shuffle_twins(fuzz_mesh *mesh);
 int32_t *fuzz_permutation(int64_t n);

@@ -17,9 +17,9 @@ void fuzz_shuffle_twins(fuzz_mesh *mesh) {
     int64_t n_sides = 3 * mesh->n_faces, i = 0;
     const int32_t *order = fuzz_permutation(n_sides);
     for (; i + 1 < n_sides; i += 2) {
-        bool alone = fuzz_one_in(6);
-        mesh->twins[order[i]] = order[alone ? i : i + 1];
-        mesh->twins[order[i + 1]] = order[alone ? i + 1 : i];
+        bool is_unpaired = fuzz_one_in(6);
+        mesh->twins[order[i]] = order[is_unpaired ? i : i + 1];
+        mesh->twins[order[i + 1]] = order[is_unpaired ? i + 1 : i];
     }
     if (i < n_sides) {
         mesh->twins[order[i]] = order[i];
@@ -30,8 +30,8 @@ static void make_grid(fuzz_mesh *mesh, int64_t side) {
     int32_t *face = mesh->faces;
     for (int64_t i = 0; i + 1 < side; i++) {
         for (int64_t j = 0; j + 1 < side; j++) {
-            int32_t at = (int32_t)(i * side + j), below = at + (int32_t)side;
-            int32_t corners[6] = {at, below, at + 1, at + 1, below, below + 1};
+            int32_t corner = (int32_t)(i * side + j), below = corner + (int32_t)side;
+            int32_t corners[6] = {corner, below, corner + 1, corner + 1, below, below + 1};
             for (int k = 0; k < 6; k++) {
                 *face++ = corners[k];
             }
@@ -41,12 +41,12 @@ static void make_grid(fuzz_mesh *mesh, int64_t side) {
 }
 
 /* A fan around a hub, or a closed double fan around two. */
-static void make_fan(fuzz_mesh *mesh, bool closed) {
+static void make_fan(fuzz_mesh *mesh, bool is_closed) {
     int32_t n = (int32_t)mesh->n_verts, rim = n - 2, *face = mesh->faces;
     for (int32_t i = 0; i < rim; i++) {
         int32_t next = i + 1 < rim ? i + 1 : 0;
         int32_t corners[6] = {i, next, n - 2, next, i, n - 1};
-        for (int k = 0; k < (closed ? 6 : 3); k++) {
+        for (int k = 0; k < (is_closed ? 6 : 3); k++) {
             *face++ = corners[k];
         }
     }
@@ -55,8 +55,8 @@ static void make_fan(fuzz_mesh *mesh, bool closed) {
 
 static void damage_mesh(fuzz_mesh *mesh) {
     for (int64_t i = 1 + fuzz_below(6); i > 0 && mesh->n_faces; i--) {
-        int64_t place = fuzz_below(3 * mesh->n_faces);
-        mesh->faces[place] = (int32_t)fuzz_below(mesh->n_verts);
+        int64_t index = fuzz_below(3 * mesh->n_faces);
+        mesh->faces[index] = (int32_t)fuzz_below(mesh->n_verts);
     }
     if (fuzz_one_in(3)) { /* permute and rotate the faces */
         int32_t *faces = fuzz_copy(mesh->faces, 3 * mesh->n_faces, sizeof *faces);
@@ -67,8 +67,8 @@ static void damage_mesh(fuzz_mesh *mesh) {
     }
 }
 
-fuzz_mesh fuzz_make_mesh(int64_t most_verts) {
-    fuzz_mesh mesh = {.n_verts = fuzz_below(most_verts)};
+fuzz_mesh fuzz_make_mesh(int64_t max_verts) {
+    fuzz_mesh mesh = {.n_verts = fuzz_below(max_verts)};
     int64_t kind = fuzz_below(4), side = 0;
     while ((side + 1) * (side + 1) <= mesh.n_verts) {
         side++;

@@ -15,7 +15,7 @@
 
 typedef struct {
     fuzz_bytes bytes;
-    uint64_t held, limit;
+    uint64_t n_bytes, limit;
     int64_t fails_once_in; /* 0: never */
 } host_state;
 
@@ -31,15 +31,15 @@ static void *allocate(void *user, size_t size) {
     }
     FUZZ_CHECK(!posix_memalign(&memory, 64, size));
     memset(memory, fuzz_fill_byte(), size);
-    state->held += size;
-    FUZZ_CHECK(state->held <= 3 * state->limit); /* of a file, a segment and a decoder */
+    state->n_bytes += size;
+    FUZZ_CHECK(state->n_bytes <= 3 * state->limit); /* of a file, a segment and a decoder */
     return memory;
 }
 
 static void release(void *user, void *memory, size_t size) {
     host_state *state = user;
-    FUZZ_CHECK(size <= state->held);
-    state->held -= size;
+    FUZZ_CHECK(size <= state->n_bytes);
+    state->n_bytes -= size;
     free(memory);
 }
 
@@ -82,7 +82,7 @@ typedef struct {
     const void *positions;
 } step;
 
-static int take_step(reading *r, const step *s, meshreel_error *error) {
+static int run_step(reading *r, const step *s, meshreel_error *error) {
     switch (s->action) {
     case OPEN:
         return meshreel_open(&r->source, &r->host, &r->file, error);
@@ -108,7 +108,7 @@ static int take_step(reading *r, const step *s, meshreel_error *error) {
 static int retry_step(reading *r, const step *s) {
     for (int tries = 0;; tries++) {
         meshreel_error error = {.code = -1};
-        int code = take_step(r, s, &error);
+        int code = run_step(r, s, &error);
         FUZZ_CHECK(error.code == code && error.message);
         bool may_pass = code == MESHREEL_NO_MEMORY || code == MESHREEL_UNREADABLE;
         FUZZ_CHECK(!may_pass || r->state.fails_once_in);
@@ -198,9 +198,9 @@ static void check_layout(const reading *r) {
     meshreel_section section;
     meshreel_error error;
     uint32_t frame = 0;
-    for (uint64_t at = 0; !meshreel_section_at(r->file, at, 1, &section, &error);) {
-        at = section.offset + section.size;
-        FUZZ_CHECK(at <= info->size);
+    for (uint64_t end = 0; !meshreel_section_at(r->file, end, 1, &section, &error);) {
+        end = section.offset + section.size;
+        FUZZ_CHECK(end <= info->size);
     }
     for (uint32_t i = 0; i < info->n_blocks; i++) {
         meshreel_block block;
@@ -215,8 +215,8 @@ static void check_layout(const reading *r) {
 /* ---- both hosts ---- */
 
 /* Take a step with both files; returns its code. */
-static int take_both(reading *reliable, reading *hostile, const step *reliable_step,
-                     const step *hostile_step) {
+static int run_both(reading *reliable, reading *hostile, const step *reliable_step,
+                    const step *hostile_step) {
     int code = retry_step(reliable, reliable_step), other = retry_step(hostile, hostile_step);
     bool is_limited = code == MESHREEL_LIMIT || other == MESHREEL_LIMIT;
     FUZZ_CHECK(code == other || is_limited);
@@ -224,8 +224,8 @@ static int take_both(reading *reliable, reading *hostile, const step *reliable_s
     return is_limited ? MESHREEL_LIMIT : code;
 }
 
-static int take_same(reading *reliable, reading *hostile, const step *s) {
-    return take_both(reliable, hostile, s, s);
+static int run_same(reading *reliable, reading *hostile, const step *s) {
+    return run_both(reliable, hostile, s, s);
 }
 
 /* A random valid type and strides. */
@@ -260,7 +260,7 @@ static void decode_both(reading *reliable, reading *hostile) {
     step other = s;
     s.values = fuzz_allocate((int64_t)(s.count * frame_bytes), 1);
     other.values = fuzz_allocate((int64_t)(s.count * frame_bytes), 1);
-    if (take_both(reliable, hostile, &s, &other) == MESHREEL_OK) {
+    if (run_both(reliable, hostile, &s, &other) == MESHREEL_OK) {
         FUZZ_CHECK(!memcmp(s.values, other.values, s.count * frame_bytes));
         if (!layout.value_stride) {
             hash_numbers(s.values, s.count * frame_bytes / size,
@@ -276,9 +276,9 @@ static void find_normals(reading *reliable, reading *hostile) {
     float *positions = fuzz_allocate((int64_t)count, sizeof *positions);
     float *normals = fuzz_allocate((int64_t)count, sizeof *normals);
     step s = {.action = DECODE, .count = 1, .layout = &floats, .values = positions};
-    if (count * sizeof *normals < MAX_BYTES && !take_same(reliable, hostile, &s)) {
+    if (count * sizeof *normals < MAX_BYTES && !run_same(reliable, hostile, &s)) {
         s = (step){.action = NORMALS, .positions = positions, .values = normals};
-        if (!take_same(reliable, hostile, &s)) {
+        if (!run_same(reliable, hostile, &s)) {
             hash_numbers(normals, count, MESHREEL_FLOAT32);
         }
     }
@@ -291,7 +291,7 @@ static void decode_blocks(reading *reliable, reading *hostile) {
             step s = {.action = LOAD, .track = (uint32_t)fuzz_below(info->n_tracks),
                       .first = (uint32_t)fuzz_below(info->n_blocks)};
             meshreel_group group;
-            if (!take_same(reliable, hostile, &s)) {
+            if (!run_same(reliable, hostile, &s)) {
                 FUZZ_CHECK(meshreel_group_of(reliable->file, s.first, s.track, 1, &group, NULL) ==
                            MESHREEL_OK);
                 FUZZ_CHECK(group.key_block <= s.first);
@@ -305,18 +305,18 @@ static void decode_blocks(reading *reliable, reading *hostile) {
 
 static void check_segments(const meshreel_file *whole) {
     const meshreel_info *info = meshreel_info_of(whole);
-    uint64_t frame = 0, at = 0;
+    uint64_t frame = 0, end = 0;
     for (uint32_t i = 0; i < info->n_segments; i++) {
         meshreel_segment segment;
         FUZZ_CHECK(meshreel_segment_of(whole, i, &segment) == MESHREEL_OK);
         FUZZ_CHECK(segment.first_frame == frame && segment.n_frames);
         FUZZ_CHECK(meshreel_segment_of_frame(whole, segment.first_frame) == i);
         FUZZ_CHECK(segment.n_verts && segment.n_triangles && segment.size);
-        FUZZ_CHECK(segment.offset >= at && (!at || segment.offset == at));
+        FUZZ_CHECK(segment.offset >= end && (!end || segment.offset == end));
         frame += segment.n_frames;
-        at = segment.offset + segment.size;
+        end = segment.offset + segment.size;
     }
-    FUZZ_CHECK(frame == info->n_frames && at <= info->size);
+    FUZZ_CHECK(frame == info->n_frames && end <= info->size);
     FUZZ_CHECK(meshreel_segment_of(whole, info->n_segments, NULL) == MESHREEL_INVALID);
 }
 
@@ -329,11 +329,11 @@ static int open_any_segment(reading *reliable, reading *hostile) {
         r->whole = r->file;
         r->file = NULL;
     }
-    return take_same(reliable, hostile, &s);
+    return run_same(reliable, hostile, &s);
 }
 
 static void read_both(reading *reliable, reading *hostile) {
-    if (take_same(reliable, hostile, &(step){.action = OPEN})) {
+    if (run_same(reliable, hostile, &(step){.action = OPEN})) {
         return;
     }
     check_segments(reliable->file);
@@ -344,7 +344,7 @@ static void read_both(reading *reliable, reading *hostile) {
         }
     }
     check_layout(reliable);
-    if (take_same(reliable, hostile, &(step){.action = MESH})) {
+    if (run_same(reliable, hostile, &(step){.action = MESH})) {
         return;
     }
     const meshreel_info *info = meshreel_info_of(reliable->file);
@@ -353,10 +353,10 @@ static void read_both(reading *reliable, reading *hostile) {
         FUZZ_CHECK(triangles[i] < info->n_verts);
     }
     fuzz_hash(triangles, 3 * (int64_t)info->n_triangles, sizeof *triangles);
-    if (!take_same(reliable, hostile, &(step){.action = SURFACE})) {
+    if (!run_same(reliable, hostile, &(step){.action = SURFACE})) {
         check_surface(reliable);
     }
-    if (!take_same(reliable, hostile, &(step){.action = BEGIN})) {
+    if (!run_same(reliable, hostile, &(step){.action = BEGIN})) {
         decode_blocks(reliable, hostile);
     }
 }
@@ -365,7 +365,7 @@ static void end_reading(reading *r) {
     meshreel_end(r->decoder);
     meshreel_close(r->whole);
     meshreel_close(r->file);
-    FUZZ_CHECK(r->state.held == 0);
+    FUZZ_CHECK(r->state.n_bytes == 0);
 }
 
 void fuzz_read_stream(fuzz_bytes bytes) {

@@ -41,7 +41,7 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
     return output
 
 
-def guarded(compiler: str, extra: Sequence[str]) -> Path:
+def build_guarded(compiler: str, extra: Sequence[str]) -> Path:
     """Build the fuzzer with sanitizers in a temporary folder."""
     program = Path(tempfile.mkdtemp(), f"fuzz-{compiler}")
     return build(program, [compiler], (*GUARDED, *extra, *LOOP))
@@ -66,7 +66,7 @@ def main() -> None:
         program = build(Path(tempfile.mkdtemp(), "fuzz"), [compiler], extra)
         arguments = [str(options.libfuzzer), f"-max_total_time={options.seconds}", "-max_len=4096"]
     else:
-        program = guarded(compiler, ["-O0"] if options.plain else [])
+        program = build_guarded(compiler, ["-O0"] if options.plain else [])
         arguments = [options.seconds, options.seed, options.first, options.count]
     try:
         sys.exit(subprocess.run([program, *arguments]).returncode)

@@ -1,5 +1,5 @@
-/* Fuzz target: the stored streams of conformance/, split into sections as in docs/format.md, changed
-   there, and written with valid checksums. */
+/* Fuzz target: the stored streams of conformance/, split into sections as in docs/format.md,
+   changed, and written with valid checksums. */
 
 #include <glob.h>
 #include <stdio.h>
@@ -31,54 +31,54 @@ typedef struct {
 
 /* ---- stored streams ---- */
 
-/* Remove and return the next bytes, fewer at the end. */
-static fuzz_bytes take(fuzz_bytes *left, uint64_t size) {
-    fuzz_bytes result = {left->bytes, size < left->size ? (size_t)size : left->size};
-    *left = (fuzz_bytes){left->bytes + result.size, left->size - result.size};
+/* Remove and return the next `size` bytes, or what remains if fewer. */
+static fuzz_bytes consume(fuzz_bytes *input, uint64_t size) {
+    fuzz_bytes result = {input->bytes, size < input->size ? (size_t)size : input->size};
+    *input = (fuzz_bytes){input->bytes + result.size, input->size - result.size};
     return result;
 }
 
-static uint64_t take_varint(fuzz_bytes *left) {
+static uint64_t consume_varint(fuzz_bytes *input) {
     uint64_t result = 0, byte = 0x80;
-    for (int shift = 0; shift < 63 && byte & 0x80 && left->size; shift += 7) {
-        byte = *take(left, 1).bytes;
+    for (int shift = 0; shift < 63 && byte & 0x80 && input->size; shift += 7) {
+        byte = *consume(input, 1).bytes;
         result |= (byte & 0x7F) << shift;
     }
     return result;
 }
 
 static fuzz_bytes read_file(const char *path) {
-    static uint8_t all[1 << 20];
+    static uint8_t buffer[1 << 20];
     static size_t n_read;
     FILE *file = fopen(path, "rb");
     FUZZ_CHECK(file);
-    fuzz_bytes result = {all + n_read, fread(all + n_read, 1, sizeof all - n_read, file)};
+    fuzz_bytes result = {buffer + n_read, fread(buffer + n_read, 1, sizeof buffer - n_read, file)};
     n_read += result.size;
-    FUZZ_CHECK(n_read < sizeof all && !fclose(file));
+    FUZZ_CHECK(n_read < sizeof buffer && !fclose(file));
     return result;
 }
 
 static stream *split(fuzz_bytes file) {
     stream *s = fuzz_allocate(1, sizeof *s);
-    fuzz_bytes left = file;
-    s->head = take(&left, HEAD_BYTES);
-    s->fields = left;
+    fuzz_bytes input = file;
+    s->head = consume(&input, HEAD_BYTES);
+    s->fields = input;
     for (int i = 0; i < 3; i++) { /* frames, vertices, faces */
-        take_varint(&left);
+        consume_varint(&input);
     }
-    take(&left, take_varint(&left) ? 0 : sizeof(double));
-    uint8_t form = take(&left, 2).bytes[1];
-    take(&left, 4 * (form & HAS_DOUBLES ? sizeof(double) : sizeof(float)));
-    take(&left, take_varint(&left));
-    s->fields.size = (size_t)(left.bytes - s->fields.bytes);
+    consume(&input, consume_varint(&input) ? 0 : sizeof(double));
+    uint8_t form = consume(&input, 2).bytes[1];
+    consume(&input, 4 * (form & HAS_DOUBLES ? sizeof(double) : sizeof(float)));
+    consume(&input, consume_varint(&input));
+    s->fields.size = (size_t)(input.bytes - s->fields.bytes);
     s->is_compact = form & IS_COMPACT;
-    take(&left, s->is_compact ? 0 : 4);
-    for (s->n_sections = 0; left.size; s->n_sections++) {
+    consume(&input, s->is_compact ? 0 : 4);
+    for (s->n_sections = 0; input.size; s->n_sections++) {
         FUZZ_CHECK(s->n_sections < MAX_SECTIONS - MAX_CHANGES);
         section *next = &s->sections[s->n_sections];
-        next->id = *take(&left, 1).bytes;
-        next->payload = take(&left, take_varint(&left));
-        take(&left, s->is_compact && next->id != REEL_END ? 0 : 4);
+        next->id = *consume(&input, 1).bytes;
+        next->payload = consume(&input, consume_varint(&input));
+        consume(&input, s->is_compact && next->id != REEL_END ? 0 : 4);
     }
     return s;
 }
@@ -140,9 +140,9 @@ static void put_varint(fuzz_bytes *to, uint64_t value) {
     put_byte(to, value);
 }
 
-static void put_checksum(fuzz_bytes *to, size_t from) {
+static void put_checksum(fuzz_bytes *to, size_t begin) {
     uint32_t sum = ~0U;
-    for (size_t i = from; i < to->size; i++) {
+    for (size_t i = begin; i < to->size; i++) {
         sum ^= to->bytes[i];
         for (int bit = 0; bit < 8; bit++) {
             sum = sum >> 1 ^ (sum & 1U ? 0xEDB88320U : 0U);
@@ -152,10 +152,10 @@ static void put_checksum(fuzz_bytes *to, size_t from) {
     put(to, &sum, sizeof sum);
 }
 
-/* Write a stream with the place of INDEX in END; in half of all streams, omit INDEX. */
+/* Write a stream with the offset of INDEX in END; in half of all streams, omit INDEX. */
 static fuzz_bytes join(const stream *s) {
     fuzz_bytes out = {fuzz_allocate(CAPACITY, 1), 0};
-    bool keeps_index = fuzz_one_in(2);
+    bool has_index = fuzz_one_in(2);
     uint64_t index_at = 0;
     put(&out, s->head.bytes, s->head.size);
     put(&out, s->fields.bytes, s->fields.size);
@@ -164,11 +164,11 @@ static fuzz_bytes join(const stream *s) {
     }
     for (int64_t i = 0; i < s->n_sections; i++) {
         section next = s->sections[i];
-        size_t at = out.size;
-        if (next.id == REEL_INDEX && !keeps_index) {
+        size_t begin = out.size;
+        if (next.id == REEL_INDEX && !has_index) {
             continue;
         }
-        index_at = next.id == REEL_INDEX ? at : index_at;
+        index_at = next.id == REEL_INDEX ? begin : index_at;
         if (next.id == REEL_END && next.payload.size == sizeof index_at) {
             next.payload = (fuzz_bytes){(uint8_t *)&index_at, index_at ? sizeof index_at : 0};
         }
@@ -176,7 +176,7 @@ static fuzz_bytes join(const stream *s) {
         put_varint(&out, fuzz_one_in(2000) ? fuzz_next() >> fuzz_below(64) : next.payload.size);
         put(&out, next.payload.bytes, next.payload.size);
         if (!s->is_compact || next.id == REEL_END) {
-            put_checksum(&out, s->is_compact ? 0 : at);
+            put_checksum(&out, s->is_compact ? 0 : begin);
         }
     }
     return (fuzz_bytes){fuzz_copy(out.bytes, (int64_t)out.size, 1), out.size};
@@ -186,40 +186,40 @@ static fuzz_bytes join(const stream *s) {
 
 /* Return a payload with some bytes replaced: a bit, a number, bytes of another payload. */
 static fuzz_bytes change(fuzz_bytes from, fuzz_bytes donor) {
-    fuzz_bytes result = {fuzz_allocate(CAPACITY, 1), 0}, left = from;
+    fuzz_bytes result = {fuzz_allocate(CAPACITY, 1), 0}, input = from;
     int64_t size = (int64_t)from.size, kind = fuzz_below(8);
     int64_t span = size > LEADING_BYTES && fuzz_one_in(2) ? LEADING_BYTES : size + 1;
-    fuzz_bytes prefix = take(&left, (uint64_t)fuzz_below(span));
+    fuzz_bytes prefix = consume(&input, (uint64_t)fuzz_below(span));
     put(&result, prefix.bytes, prefix.size);
     if (kind == 0) {
         return fuzz_mutate(from);
     }
-    if (kind == 1 && left.size) {
-        put_byte(&result, *take(&left, 1).bytes ^ 1U << fuzz_below(8));
+    if (kind == 1 && input.size) {
+        put_byte(&result, *consume(&input, 1).bytes ^ 1U << fuzz_below(8));
     } else if (kind == 2 || kind == 3) {
-        uint64_t number = take_varint(&left);
+        uint64_t number = consume_varint(&input);
         put_varint(&result, fuzz_one_in(3) ? fuzz_next() >> fuzz_below(64)
                                            : number + (uint64_t)fuzz_below(9) - 4);
     } else if (kind == 4) {
         double number = fuzz_float();
         bool is_double = fuzz_one_in(2);
         put(&result, is_double ? (void *)&number : &(float){(float)number}, is_double ? 8 : 4);
-        take(&left, is_double ? sizeof(double) : sizeof(float));
+        consume(&input, is_double ? sizeof(double) : sizeof(float));
     } else if (kind == 5) {
-        take(&donor, (uint64_t)fuzz_below((int64_t)donor.size + 1));
+        consume(&donor, (uint64_t)fuzz_below((int64_t)donor.size + 1));
         donor.size = (size_t)fuzz_below((int64_t)donor.size + 1);
         put(&result, donor.bytes, donor.size);
-        take(&left, fuzz_one_in(2) ? donor.size : 0);
+        consume(&input, fuzz_one_in(2) ? donor.size : 0);
     } else { /* other bits at the end; they are valid unless they end in zeros */
-        left.size = 0;
+        input.size = 0;
         for (int64_t i = fuzz_below(12); i > 0; i--) {
             put_byte(&result, i > 1 || fuzz_one_in(9) ? fuzz_next() : 1);
         }
     }
     if (fuzz_one_in(3)) { /* fewer numbers take fewer bits */
-        left.size = (size_t)fuzz_below((int64_t)left.size + 1);
+        input.size = (size_t)fuzz_below((int64_t)input.size + 1);
     }
-    put(&result, left.bytes, left.size);
+    put(&result, input.bytes, input.size);
     return (fuzz_bytes){fuzz_copy(result.bytes, (int64_t)result.size, 1), result.size};
 }
 
