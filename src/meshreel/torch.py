@@ -16,7 +16,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -427,10 +427,9 @@ def collate(windows: Sequence[Window]) -> Batch:
 
 def _stack_padded(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
     n_items = max(value.shape[1] for value in values)
-    if all(value.shape[1] == n_items for value in values):
-        return torch.stack(list(values))
     n_frames, _, n_columns = values[0].shape
-    result = values[0].new_empty((len(values), n_frames, n_items, n_columns))
+    dtype = reduce(torch.promote_types, [value.dtype for value in values])
+    result = torch.empty((len(values), n_frames, n_items, n_columns), dtype=dtype)
     for row, value in zip(result, values, strict=True):
         row[:, : value.shape[1]] = value
         row[:, value.shape[1] :] = 0

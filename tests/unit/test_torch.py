@@ -19,7 +19,7 @@ torch = pytest.importorskip("torch", reason="the extra [torch] is not installed"
 from torch.utils.data import DataLoader  # noqa: E402
 
 from meshreel.model.sequence import MeshSequence  # noqa: E402
-from meshreel.torch import ReelDataset, ReelStream, collate  # noqa: E402
+from meshreel.torch import ReelDataset, ReelStream, Window, collate  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:This process .* is multi-threaded:DeprecationWarning"  # of forks, since Python 3.12
@@ -158,6 +158,17 @@ def test_workers_yield_every_window_once(folder, start, kind):
             assert not batch.vertices[row, :, n_verts:].any()
             places.append((sequence, first))
     assert len(places) == len(set(places)) == len(dataset)
+
+
+@pytest.mark.parametrize("n_items", [(3, 3), (3, 2), (2, 3)])
+def test_collation_keeps_integers_when_their_types_differ(n_items):
+    tracks = [torch.full((1, n_items[0], 1), 200, dtype=torch.uint8)]
+    tracks.append(torch.full((1, n_items[1], 1), -70_000, dtype=torch.int32))
+    frames = torch.zeros(1, dtype=torch.int64)
+    batch = collate([Window(track.float(), {"label": track}, 0, frames) for track in tracks])
+    for row, track, n_here in zip(batch.tracks["label"], tracks, n_items, strict=True):
+        torch.testing.assert_close(row[:, :n_here], track, check_dtype=False)
+        assert not row[:, n_here:].any()
 
 
 def test_default_collation_stacks_windows_of_one_mesh(folder):
