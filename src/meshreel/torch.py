@@ -437,14 +437,12 @@ def _stack_padded(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
 
 
 class _Cache:
-    """Least-recently-used cache of the open files of one process."""
+    """Open files of one process: those used last, up to a limit."""
 
     def __init__(self, limit_bytes: float) -> None:
         self.process = os.getpid()
         self._limit = limit_bytes
         self._entries: OrderedDict[Key, ReelFile] = OrderedDict()
-        self._sizes: dict[Key, int] = {}
-        self._total = 0
         finalize(self, _close_all, self._entries)
 
     def __contains__(self, key: Key) -> bool:
@@ -454,46 +452,29 @@ class _Cache:
         """Return the entry of this key; make it if it is missing."""
         if key not in self._entries:
             self.put(key, make())
-        else:
-            self._update_last_size()
-            self._entries.move_to_end(key)
+        self._entries.move_to_end(key)
         return self._entries[key]
 
     def put(self, key: Key, entry: ReelFile) -> None:
         """Add an entry, and close the oldest ones beyond the limits."""
-        self._update_last_size()
         self._entries[key] = entry
-        self._update_size(key)
         while len(self._entries) > 1 and (
-            self._total > self._limit or len(self._entries) > MAX_OPEN
+            sum(self._sizes()) > self._limit or len(self._entries) > MAX_OPEN
         ):
-            self._remove(next(iter(self._entries)))
+            self._entries.popitem(last=False)[1].close()
 
     def has_room(self) -> bool:
         """Whether an entry as large as the largest fits."""
-        self._update_last_size()
-        fits = self._total + max(self._sizes.values(), default=0) <= self._limit
-        return fits and len(self._entries) < MAX_OPEN
+        sizes = self._sizes()
+        return sum(sizes) + max(sizes, default=0) <= self._limit and len(sizes) < MAX_OPEN
 
     def close(self, key: Key) -> None:
         """Close an entry, if it exists."""
         if key in self._entries:
-            self._remove(key)
+            self._entries.pop(key).close()
 
-    def _remove(self, key: Key) -> None:
-        self._update_size(key)
-        self._total -= self._sizes.pop(key)
-        self._entries.pop(key).close()
-
-    def _update_last_size(self) -> None:
-        """Update the size of the entry used last, which may have decoded blocks since."""
-        if self._entries:
-            self._update_size(next(reversed(self._entries)))
-
-    def _update_size(self, key: Key) -> None:
-        size = self._entries[key].cached_bytes
-        self._total += size - self._sizes.get(key, 0)
-        self._sizes[key] = size
+    def _sizes(self) -> list[int]:
+        return [entry.cached_bytes for entry in self._entries.values()]
 
 
 def _close_all(entries: OrderedDict[Key, ReelFile]) -> None:
