@@ -218,6 +218,7 @@ LETTERS = dict(zip(TYPES, "BbHhIifQqd", strict=True))
 """Number types in the notation of `struct`."""
 
 N_ITEMS = 60
+MAX_PLACES = 22
 FRAMES = np.arange(9)[:, None, None]
 ITEMS = np.arange(N_ITEMS)[:, None]
 COLUMNS = np.arange(3)
@@ -252,7 +253,7 @@ def kinds_of_values():
 
 
 def assert_read_alike(values):
-    """The core and the plain reader decode the same bits."""
+    """The core and the plain reader decode the same bits; returns the number of coded bytes."""
     graph = tape()
     data = encode_exact(values, graph)
     decoded = decode_exact(data, values.shape, values.dtype, graph)
@@ -261,6 +262,7 @@ def assert_read_alike(values):
     near = [graph.near[first:end].tolist() for first, end in ends]
     plain = read_exact(data, values.shape, LETTERS[values.dtype.str[1:]], near)
     assert plain == values.view(f"u{values.itemsize}").tolist()
+    return len(data)
 
 
 @pytest.mark.slow
@@ -285,6 +287,16 @@ def test_plain_reader_decodes_nan_and_infinity(dtype):
     values[6, 32] = np.finfo(dtype).tiny / 8
     assert_read_alike(values)
     assert_read_alike(np.full_like(values, np.nan))
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+def test_plain_reader_decodes_decimal_floats_of_every_decade_from_few_bytes(dtype):
+    shape, random = (3, N_ITEMS, 2), np.random.default_rng(4)
+    counts = random.integers(1, 1000, shape).ravel()
+    powers = np.resize(np.arange(-MAX_PLACES, MAX_PLACES), counts.shape)
+    values = np.array([f"{count}e{power}" for count, power in zip(counts, powers, strict=True)])
+    values = values.astype(dtype).reshape(shape)
+    assert assert_read_alike(values) < 2.7 * values.size
 
 
 @pytest.mark.parametrize("dtype", TYPES)

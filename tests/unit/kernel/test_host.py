@@ -1,19 +1,23 @@
-"""Memory and threads that the binding lends to the core."""
+"""Memory, threads and bytes that the binding lends to the core."""
 
 import ctypes
 import threading
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from io import BytesIO
 
 import numpy as np
 import pytest
 
+from meshreel.codec.encoder import encode
+from meshreel.errors import TruncatedStreamError
 from meshreel.kernel import files
-from meshreel.kernel.files import run_tasks
+from meshreel.kernel.files import OpenFile, run_tasks
 from meshreel.kernel.host import ALLOCATOR, TASK, HostMemory
 from meshreel.kernel.library import library
 from meshreel.runtime.threads import POOL
+from samples.meshes import waving_grid
 
 
 class Memory:
@@ -123,3 +127,50 @@ def test_caller_runs_all_tasks_if_the_pool_is_busy(use_cores):
     done.set()
     assert calls == [threading.current_thread()] * 5
     assert all(future.result() for future in busy)
+
+
+class StoredFile(BytesIO):
+    """A file that is told which bytes will be read."""
+
+    def fetch(self, start, stop):
+        pass
+
+
+@pytest.fixture(scope="module")
+def stream():
+    return encode(waving_grid(40, 12, 14), block_frames=8)
+
+
+def failing(error):
+    def fail(*_arguments):
+        raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("method", ["read", "fetch"])
+def test_opening_raises_the_exception_of_the_file_when_it_cannot_be_read(stream, method):
+    file, error = StoredFile(stream), OSError("the disk is gone")
+    setattr(file, method, failing(error))
+    with pytest.raises(OSError, match="the disk is gone") as raised:
+        OpenFile(file, 1e9)
+    assert raised.value is error
+
+
+def test_mesh_is_decoded_when_the_file_can_be_read_again(stream, monkeypatch):
+    file = StoredFile(stream)
+    opened = OpenFile(file, 1e9)
+    with monkeypatch.context() as patch:
+        patch.setattr(file, "read", failing(OSError("the disk is gone")))
+        for _ in range(2):
+            with pytest.raises(OSError, match="the disk is gone"):
+                opened.read_mesh()
+    np.testing.assert_array_equal(opened.faces, OpenFile(stream, 1e9).faces)
+
+
+def test_reading_is_refused_when_the_file_has_become_shorter(stream):
+    file = StoredFile(stream)
+    opened = OpenFile(file, 1e9)
+    file.truncate(50)
+    with pytest.raises(TruncatedStreamError, match="ended at byte 50; it was longer when opened"):
+        opened.read_mesh()
