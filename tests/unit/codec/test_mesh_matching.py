@@ -92,9 +92,15 @@ def test_vertices_are_dropped_and_inserted_at_once():
     assert (np.diff(result[result >= 0]) > 0).all()
 
 
-def test_components_are_found_apart():
-    faces = np.concatenate([irregular(20, 50, seed=i) + 1000 * i for i in range(2)])
-    others, used = without(faces, N_VERTS, [30, 400, 401, 990, 1020, 1500, 1970])
+@pytest.mark.parametrize(
+    ("n_components", "dropped"),
+    [(2, [30, 400, 401, 990, 1020, 1500, 1970]), (10, range(70, N_VERTS, 203))],
+)
+def test_components_are_found_apart(n_components, dropped):
+    n_rows, n_here = 40 // n_components, N_VERTS // n_components
+    parts = [irregular(n_rows, 50, seed=i) + n_here * i for i in range(n_components)]
+    faces = np.concatenate(parts)
+    others, used = without(faces, N_VERTS, dropped)
     np.testing.assert_array_equal(matched(faces, others, len(used)), used)
 
 
@@ -315,6 +321,13 @@ def test_positions_of_a_mesh_at_rest_prove_the_order():
 
 def test_symmetric_meshes_without_other_data_are_not_matched():
     sequence = in_orders(textured(4, has_uv=False), range(2), range(2, 4))
+    assert without_reordering(sequence, "drop") is sequence
+
+
+def test_meshes_that_repeat_a_face_are_not_matched():
+    grid = textured(4, has_uv=False)
+    repeated = grid.replace(faces=np.vstack([grid.faces, grid.faces[3:4]]))
+    sequence = in_orders(repeated, range(2), range(2, 4))
     assert without_reordering(sequence, "drop") is sequence
 
 

@@ -14,7 +14,7 @@ from conformance.make import FOLDER as CONFORMANCE
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.inspect import info
-from meshreel.codec.reel_file import ReelFile
+from meshreel.codec.reel_file import MAX_OPEN_SEGMENTS, ReelFile
 from meshreel.errors import (
     CorruptStreamError,
     InvalidInputError,
@@ -163,6 +163,16 @@ def test_opening_decodes_nothing(reel, method, monkeypatch):
     assert (reel.fps, reel.name) == (WHOLE[method].fps, WHOLE[method].name)
     np.testing.assert_array_equal(reel.faces, WHOLE[method].faces)
     assert reel.info() == info(STREAMS[method])
+
+
+def test_segment_used_last_stays_decoded_when_others_are_opened():
+    grids = [waving_grid(2, 4 + number, 5) for number in range(MAX_OPEN_SEGMENTS + 1)]
+    with ReelFile(BytesIO(encode(meshreel.concatenate(grids)))) as reel:
+        opened = reel.segments[:MAX_OPEN_SEGMENTS]
+        assert reel.segments[0] is opened[0]
+        _ = reel.segments[MAX_OPEN_SEGMENTS]
+        assert reel.segments[0] is opened[0]
+        assert reel.segments[1] is not opened[1]
 
 
 def test_only_needed_blocks_are_read():

@@ -29,9 +29,10 @@ from meshreel.codec.entropy.multiples import (
 )
 def test_values_are_integers_by_the_coarsest_number(values, code, integers, dtype):
     given = np.array(values, dtype)
-    multiples = dict(as_multiples(given))
-    assert multiples[code].tolist() == integers
-    for form, whole in multiples.items():
+    multiples = list(as_multiples(given))
+    assert dict(multiples)[code].tolist() == integers
+    assert len(dict(multiples)) == len(multiples)
+    for form, whole in multiples:
         assert values_of(whole, form, given.dtype).tobytes() == given.tobytes()
 
 
