@@ -398,7 +398,7 @@ def test_frames_of_pyvista_keep_polygons_and_arrays():
     assert np.array_equal(found.vertices, sheet.vertices)
     assert np.array_equal(found.surface.face_sizes, sheet.surface.face_sizes)
     assert found.tracks["heat"].values[:, 0, 0].tolist() == [0, 1, 2]
-    assert found.fps == 24
+    assert (found.fps, found.name) == (24, "")
 
 
 @pytest.mark.slow

@@ -35,6 +35,7 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
         (Surface(attributes=(replace(UV, indices=np.zeros(5, int)),)), "5 indices"),
         (Surface(groups=(FaceGroups("m", ("a",), np.zeros(3, int)),)), "3 numbers"),
         (Surface(groups=(FaceGroups("m", ("a",), np.ones(160, int)),)), "outside -1..0"),
+        (Surface(groups=(FaceGroups("m", ("a",), np.full(160, -2)),)), "outside -1..0"),
         (Surface(parts=(Part("a", 99, 3),)), "99 vertices and 3 faces"),
         (Surface(parts=(Part("a", -1, 160), Part("b", 100, 0))), "negative"),
         (Surface(hard_edges=np.array([[0, 1, 2]])), "hard_edges must be integers of shape (H, 2)"),
@@ -64,6 +65,11 @@ def test_validated_sorts_hard_edges_and_removes_duplicates():
 
 def test_surface_is_plain_when_no_edge_is_hard():
     assert Surface(hard_edges=np.empty((0, 2), int)).validated(99, waving_grid().faces).is_plain
+
+
+def test_faces_may_be_in_no_group():
+    surface = Surface(groups=(FaceGroups("m", (), np.full(160, -1)),))
+    assert waving_grid().replace(surface=surface).surface.groups[0].numbers.tolist() == [-1] * 160
 
 
 def test_validated_surface_is_read_only():

@@ -30,6 +30,11 @@ def test_float32_times_give_a_common_frame_rate(fps):
     assert result.times is None
 
 
+def test_frames_of_a_rate_start_at_zero_unless_a_start_is_given():
+    assert Timing.of_rate(25.0) == Timing(25.0, 0.0)
+    assert Timing.of_rate(25.0, -2.0) == Timing(25.0, -2.0)
+
+
 def test_single_frame_has_no_frame_rate():
     result = Timing.of_times(np.array([4.25]))
     assert result == Timing(0.0, 4.25)

@@ -182,6 +182,12 @@ def test_each_part_has_a_node(tmp_path):
     assert (result.weights("left") is None, result.weights("right") is None) == (False, True)
 
 
+@pytest.mark.parametrize(("name", "names"), [("pair", ("pair",) * 2), ("", ("scene", "animation"))])
+def test_scene_and_animation_have_the_name_of_the_sequence_if_it_has_one(tmp_path, name, names):
+    document = written(tmp_path, two_parts().replace(name=name)).document
+    assert (document["scenes"][0]["name"], document["animations"][0]["name"]) == names
+
+
 def test_part_names_that_are_paths_become_a_hierarchy(tmp_path):
     sequence = two_parts(("/root/arm", "/root"))
     result = written(tmp_path, sequence)

@@ -316,6 +316,14 @@ def replaced(name, data):
     return change
 
 
+def without_polygons(n_points):
+    def change(root):
+        del root["Polygons"]
+        replaced("NumberOfPoints", [n_points])(root)
+
+    return change
+
+
 def retyped(root):
     root.attrs.create("Type", np.bytes_("ImageData"))
 
@@ -337,6 +345,8 @@ def newer(root):
         (replaced("Points", np.zeros((30, 3))), "Points has 30 rows; step 2 has 11 from row 22 on"),
         (replaced("NumberOfPoints", [1 << 60]), "Points has 55 rows; "),
         (replaced("NumberOfPoints", [-1]), r"has point indices out of range"),
+        (without_polygons(-1), "Points has 55 rows; step 0 has -1 from row 0 on"),
+        (without_polygons(0), "holds 0 vertices and 0 faces; a triangle mesh needs both"),
         (replaced("NumberOfPoints", [0.5]), "NumberOfPoints must be integers"),
         (replaced("Steps/Values", np.zeros(5)), "step times that are not ascending"),
         (replaced("Steps/Values", np.arange(4)), r"declares \[5\] steps, but has 4 times"),
