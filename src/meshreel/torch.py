@@ -437,7 +437,7 @@ def _stack_padded(values: "Sequence[torch.Tensor]") -> "torch.Tensor":
 
 
 class _Cache:
-    """Open files of one process: those used last, up to a limit."""
+    """Least-recently-used cache of the open files of one process."""
 
     def __init__(self, limit_bytes: float) -> None:
         self.process = os.getpid()

@@ -48,6 +48,15 @@ def test_surfaces_are_compared_if_face_counts_differ(sheet):
     assert quality.to_original.max_percent == 0
 
 
+@pytest.mark.parametrize("is_swapped", [False, True])
+def test_surfaces_are_compared_if_one_sequence_has_segments(sheet, is_swapped):
+    segments = meshreel.MeshSequence.of_segments([sheet[:1], split(sheet)[1:]])
+    pair = (segments, sheet) if is_swapped else (sheet, segments)
+    quality = meshreel.compare(*pair, n_samples=2000)
+    assert quality.reason == "the faces change over time"
+    assert quality.worse.max_percent == pytest.approx(0, abs=1e-4)  # float32
+
+
 @pytest.mark.slow
 def test_surfaces_are_compared_if_faces_differ(sheet):
     quality = meshreel.compare(sheet, with_faces(sheet, sheet.faces[:, ::-1]))

@@ -233,6 +233,7 @@ REFUSED = {
     "anchor_valeus=positions": "choice 'anchor_valeus' is unknown; did you mean 'anchor_values'?",
     "anchor-values=places": "choice anchor_values must be 'positions' or 'coefficients'",
     "dictionary-bits=25": r"choice dictionary_bits must be 2\.\.24; got 25",
+    "anchor-seed=-1": r"choice anchor_seed must be 0\.\.9.*; got '-1'",
     "anchor-bits=": "choices are NAME=VALUE, separated by commas",
 }
 

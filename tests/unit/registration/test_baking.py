@@ -90,6 +90,12 @@ def test_colors_of_the_key_are_unchanged(textured, registered):
     assert np.abs(baked - given).mean() < 1
 
 
+def test_texture_coordinates_are_kept_when_triangles_do_not_share_texels(registered):
+    ready, n_made = with_atlases(registered, SIZE)
+    assert n_made == 0
+    assert ready.sequence.segments[0].surface is registered.sequence.segments[0].surface
+
+
 def test_texture_coordinates_that_overlap_are_replaced(textured, registered):
     (segment,) = registered.sequence.segments
     (uv,) = segment.surface.attributes

@@ -2,8 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import dijkstra
 
-from meshreel.registration.graph import DeformationGraph, Pose, rotations_of
+from meshreel.registration.graph import (
+    N_NEAREST,
+    DeformationGraph,
+    Pose,
+    edge_lengths,
+    rotations_of,
+)
 from samples.captures import capsule
 
 
@@ -48,6 +55,15 @@ def test_nodes_keep_their_distance(graph):
     gaps = np.linalg.norm(graph.nodes[:, None] - graph.nodes, axis=2)
     assert len(graph.nodes) > 10
     assert gaps[~np.eye(len(gaps), dtype=bool)].min() > 0.2  # 0.3 along edges
+
+
+def test_weights_fall_to_zero_at_the_nearest_node_that_does_not_move_the_vertex(key, graph):
+    is_node = (key[0] == graph.nodes[:, None]).all(axis=2)
+    distances = dijkstra(edge_lengths(*key), indices=np.argmax(is_node, axis=1)).T
+    nearest = np.sort(distances, axis=1)[:, : N_NEAREST + 1]
+    weights = np.square(1 - nearest[:, :-1] / nearest[:, -1:])
+    expected = weights / weights.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(graph.weights, expected, atol=1e-3)
 
 
 def test_components_do_not_share_nodes(key):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.rendering.color_bars import draw_color_bar
+from meshreel.rendering.color_bars import _ticks_with_ends, draw_color_bar
 from meshreel.rendering.colormap import (
     DIVERGING,
     HEAT,
@@ -104,6 +104,22 @@ def test_draw_color_bar_has_the_high_end_at_the_top():
     assert rows[1].max() < rows[0].min()
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "max_ticks", "numbers"),
+    [
+        (0, 1, 6, [0, 0.2, 0.4, 0.6, 0.8, 1]),
+        (0, 3, 3, [0, 2, 3]),
+        (-1, 1, 3, [-1, 0, 1]),
+        (0, 2.1, 6, [0, 0.5, 1, 1.5, 2.1]),
+        (-3e7, 8e7, 6, [-3e7, 0, 5e7, 8e7]),
+        (0.7, 0.70001, 3, [0.7, 0.700005, 0.70001]),
+        (2, 2, 6, [2]),
+    ],
+)
+def test_numbers_of_a_color_bar_are_its_ends_and_round_ones(low, high, max_ticks, numbers):
+    assert _ticks_with_ends(low, high, max_ticks) == pytest.approx(numbers, rel=1e-9, abs=1e-9)
+
+
 def test_draw_color_bar_writes_the_unit():
     assert draw_color_bar(0, 1, unit="mm").shape[1] > draw_color_bar(0, 1).shape[1]
 
@@ -121,6 +137,12 @@ def test_draw_color_bar_has_a_number_at_both_ends(high, height):
 @pytest.mark.parametrize(("low", "high"), [(0, 0), (0, 1e-9), (-3e7, 8e7), (0.7, 0.70001)])
 def test_draw_color_bar_keeps_its_height_for_unusual_ranges(low, high):
     assert draw_color_bar(low, high, unit="m", height=200).shape[0] == 200
+
+
+def test_draw_color_bar_has_its_number_at_the_lower_end_when_the_range_is_a_point():
+    is_ink = draw_color_bar(2, 2, height=200)[:, 30:].max(axis=2) < 120
+    assert is_ink[100:].any()
+    assert not is_ink[:100].any()
 
 
 def test_draw_color_bar_rejects_a_height_that_is_too_small_for_labels():

@@ -7,7 +7,7 @@ from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.correctives import CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_rigid
-from meshreel.rigging.fitting import byte_weights
+from meshreel.rigging.fitting import byte_weights, fit_sequence
 from meshreel.rigging.keys import (
     Steps,
     compose,
@@ -57,6 +57,18 @@ def test_rounded_weights_keep_their_sum():
 def test_rigid_components_have_one_bone_each():
     rig = meshreel.rig(boxes([lambda t: turn(0.1 * t), lambda t: turn(0.2 * t, 0)]), **EXACT)
     assert (rig.n_bones, rig.n_targets) == (2, 0)
+
+
+@pytest.mark.parametrize("times_s", [None, np.linspace(0, 3, 12) ** 2])
+def test_keys_are_at_the_given_times_or_those_of_the_sequence(times_s):
+    sequence = boxes([lambda t: turn(0.1 * t)])
+    rig = fit_sequence(sequence, times_s)
+    np.testing.assert_array_equal(rig.times_s, sequence.times if times_s is None else times_s)
+
+
+def test_keys_are_at_frame_numbers_when_the_sequence_has_no_times():
+    sequence = boxes([lambda t: turn(0.1 * t)]).replace(fps=0)
+    np.testing.assert_array_equal(fit_sequence(sequence).times_s, np.arange(12))
 
 
 def test_thousand_components_that_move_alike_have_one_bone():

@@ -1,3 +1,5 @@
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
@@ -51,13 +53,13 @@ def test_bd_rate_ignores_lossless_points():
 
 def test_bd_rate_states_that_no_errors_are_common():
     result = bd_rate(curve(rates=[0.1, 0.2]), curve(rates=[1, 2]))
-    assert (result.percent, result.reason) == (None, "no common errors")
+    assert astuple(result) == (None, 0, 0, "no common errors")
 
 
 @pytest.mark.parametrize("points", [[], curve()[:1], [(1.0, 0.5), (2.0, 0.5)]])
 def test_bd_rate_states_that_points_are_missing(points):
     for result in (bd_rate(points, curve()), bd_rate(curve(), points)):
-        assert (result.percent, result.reason) == (None, "fewer than 2 points")
+        assert astuple(result) == (None, 0, 0, "fewer than 2 points")
 
 
 def test_rate_at_error_interpolates_the_curve():

@@ -1,5 +1,6 @@
 import json
 import os
+import time
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from meshreel.studies.runs import (
     run_all,
     sequence_identity,
 )
-from meshreel.studies.study import checked_names, claim_folder, to_markdown
+from meshreel.studies.study import checked_names, claim_folder, to_markdown, unique_names
 from meshreel.studies.timing import (
     cpu_model,
     machine_facts,
@@ -43,6 +44,12 @@ def test_sequences_of_one_name_do_not_share_a_folder(tmp_path):
     other = MeshSequence(sequence.vertices * 2, sequence.faces, sequence.fps, sequence.name)
     stores = [Store.for_sequence(tmp_path, each) for each in (sequence, other)]
     assert stores[0].folder != stores[1].folder
+
+
+def test_file_names_of_sequences_with_one_name_are_numbered():
+    names = ["walk", "walk", "a/b", "walk", "a b", "walk-2"]
+    found = unique_names([waving_grid(1).replace(name=name) for name in names])
+    assert found == ["walk", "walk-2", "a-b", "walk-3", "a-b-2", "walk-2-2"]
 
 
 def test_non_finite_figures_are_stored_as_valid_json():
@@ -193,6 +200,11 @@ def test_short_work_is_timed_repeatedly_on_request():
     value, seconds = timing.timed(lambda: 5, 3)
     assert value == 5
     assert seconds.shape == (3, 2)
+
+
+def test_work_that_waits_takes_no_processor_time():
+    _, seconds = timing.timed_once(lambda: time.sleep(0.1))
+    assert 0 <= seconds.processor < 0.1 <= seconds.wall
 
 
 def test_long_work_is_timed_once(monkeypatch):

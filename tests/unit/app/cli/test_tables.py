@@ -46,12 +46,25 @@ def test_rows_have_a_dash_for_unknown_figures(figures, words):
     assert _row("walk", Record(DONE, "x.reel", True, "", {}, **figures)) == ("walk", *words)
 
 
+def mesh(fps=0.0, low=(0, 0, 0), high=(1, 1, 1)):
+    return SimpleNamespace(
+        name="mesh", n_frames=2, n_verts=3, n_polygons=1, fps=fps, low=low, high=high
+    )
+
+
+@pytest.mark.parametrize(
+    ("described", "ends"),
+    [
+        (mesh(25.0, (-1, 0, 1e3), (1, 0.25, 3e6)), ("25", "2 x 0.25 x 3e+06")),
+        (mesh(0.0, None, None), ("-", "-")),
+    ],
+)
+def test_columns_have_a_dash_when_the_rate_or_the_box_is_unknown(described, ends):
+    assert mesh_table(SimpleNamespace(meshes=[described])) == [("mesh", "2", "3", "1", *ends)]
+
+
 @pytest.mark.parametrize(("n_more", "last"), [(0, "mesh"), (1, "and 1 more"), (7, "and 7 more")])
 def test_table_counts_meshes_beyond_the_maximum(n_more, last):
-    mesh = SimpleNamespace(
-        name="mesh", n_frames=2, n_verts=3, n_polygons=1, fps=0.0, attributes=(), problem=None,
-        parts=(), low=(0, 0, 0), high=(1, 1, 1), tracks=(), materials=(), images=(),
-    )  # fmt: skip
-    rows = mesh_table(SimpleNamespace(meshes=[mesh] * (MAX_MESHES + n_more)))
+    rows = mesh_table(SimpleNamespace(meshes=[mesh()] * (MAX_MESHES + n_more)))
     assert len(rows) == MAX_MESHES + (n_more > 0)
     assert rows[-1][0].startswith(last)

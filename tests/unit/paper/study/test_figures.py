@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.figures.matrices import (
+    _draw_matrix,
     draw_dictionaries,
     draw_projected_deltas,
 )
@@ -89,6 +91,13 @@ def test_fig_6_shows_five_dictionaries_at_most_and_their_differences(tmp_path, n
     assert picture.n_panels == n_panels
     assert "The dashed line follows column 3" in picture.caption
     assert ("differences" in picture.caption) == (n_blocks > 1)
+
+
+@pytest.mark.parametrize(("n_kept", "lines"), [(3, [[3.5, 3.5]]), (8, [])])
+def test_matrix_has_a_line_after_the_kept_columns_if_there_are_others(n_kept, lines):
+    axes = Figure().add_subplot()
+    _draw_matrix(axes, np.eye(8), 1.0, n_kept)
+    assert [list(line.get_xdata()) for line in axes.lines] == lines
 
 
 @pytest.mark.slow
