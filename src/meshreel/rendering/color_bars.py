@@ -78,20 +78,13 @@ def draw_color_bar(
 
 
 def _ticks_with_ends(low: float, high: float, max_ticks: int) -> list[float]:
-    """Both ends of the range, and round numbers in between that are not too close to them."""
+    """Both ends, and multiples of 1, 2 or 5 times a power of ten that are not too close to them."""
     if high == low:
         return [low]
-    gap = 0.5 * (high - low) / max_ticks
-    inner = [tick for tick in _round_ticks(low, high, max_ticks) if low + gap < tick < high - gap]
-    return [low, *inner, high]
-
-
-def _round_ticks(low: float, high: float, max_ticks: int) -> list[float]:
-    """At most this many multiples of 1, 2 or 5 times a power of ten in the range, or its ends."""
     min_step = (high - low) / (max_ticks - 1)
     power = 10.0 ** np.floor(np.log10(min_step))
     factors = (1, 2, 5, 10)
     step = power * next(factor for factor in factors if factor * power >= min_step * (1 - 1e-9))
-    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
-    ticks = [float(number * step) + 0.0 for number in np.arange(first, last + 1)]
-    return ticks if len(ticks) > 1 else [low, high]
+    gap = 0.5 * (high - low) / max_ticks
+    ticks = np.arange(np.ceil(low / step), high / step) * step + 0.0
+    return [low, *ticks[(low + gap < ticks) & (ticks < high - gap)].tolist(), high]
