@@ -185,6 +185,10 @@ def test_error_keeps_its_path_and_keywords_when_pickled():
     assert (error.path, Keyword("fps") in error.args) == ("walk.zip", True)
 
 
+def test_error_has_its_message_when_that_is_given_by_name():
+    assert InvalidInputError(message="there are no frames").args == ("there are no frames",)
+
+
 @pytest.mark.parametrize("function", ["encode", "decode", "info", "compare"])
 def test_functions_can_be_pickled(function):
     assert pickle.loads(pickle.dumps(getattr(meshreel, function))) is getattr(meshreel, function)

@@ -145,12 +145,12 @@ def test_error_names_both_counts(pair, change, counts):
         compare(original, MeshSequence(*change(decoded.vertices, decoded.faces)))
 
 
-def test_progress_grows_up_to_one(pair):
+def test_progress_grows_up_to_one_in_steps_below_half(pair):
     heard = []
     compare(*pair, progress=lambda stage, fraction: heard.append((stage, fraction)))
     fractions = [fraction for _, fraction in heard]
     assert {stage for stage, _ in heard} == {"comparing"}
-    assert fractions == sorted(fractions)
+    assert 0 <= np.diff(fractions).min() <= np.diff(fractions).max() < 0.5
     assert (fractions[0], fractions[-1]) == (0, 1)
 
 

@@ -154,13 +154,16 @@ def test_scene_rejects_a_missing_or_different_track(grid):
         Scene(with_track(grid, values), with_track(grid, values), "track")
 
 
-def test_heat_of_positions_keeps_its_title_next_to_a_track(grid, lifted):
-    values = np.zeros((12, 99))
-    scene = Scene(
-        with_track(lifted, values, unit="Pa"), with_track(grid, values, unit="Pa"), "distance",
-        track=TrackLook("heat"),
-    )  # fmt: skip
+@pytest.mark.parametrize(("domain", "n_items"), [("vertex", 99), ("face", 160)])
+def test_heat_of_positions_is_the_same_next_to_a_track(grid, lifted, domain, n_items):
+    values = np.zeros((12, n_items))
+    pair = with_track(lifted, values, domain), with_track(grid, values, domain)
+    scene = Scene(*pair, "distance", track=TrackLook("heat"))
     assert scene.titles == ["original: heat", "decoded: heat", HEATS["distance"].label]
+    views, alone = (
+        drawn(shown, scales=shown.scales([3])) for shown in (scene, Scene(lifted, grid, "distance"))
+    )
+    np.testing.assert_array_equal(views[-1], alone[-1])
 
 
 def test_hard_edges_give_each_face_of_a_box_one_color():

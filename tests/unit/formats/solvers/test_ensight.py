@@ -206,6 +206,15 @@ def test_variables_of_a_geometry_at_rest_have_its_frames(tmp_path):
     assert loaded.tracks["heat"].values[:, 0].ravel().tolist() == [0, 1, 2]
 
 
+def test_a_geometry_with_one_time_has_one_frame(tmp_path, notes):
+    body = geometry("<", part("<", 1, "sheet", SQUARE, block("<", "tria3", TRIANGLES)))
+    more = "time set: 2\nnumber of steps: 2\nfilename numbers: 1 2\ntime values: 0 9\n"
+    text = case("1 g*", ["scalar per node: 2 heat h*"], [0.5], more)
+    loaded = load(store(tmp_path, text, g3=body), notes=notes)
+    assert (loaded.n_frames, loaded.start_s, dict(loaded.tracks)) == (1, 0.5, {})
+    assert "left out: variables at other times than the geometry: heat" in notes
+
+
 def test_variables_at_other_times_are_left_out_with_a_note(tmp_path, notes):
     path = moving(tmp_path, "<", ["scalar per node: 2 heat h*"])
     with path.open("a") as file:

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from meshreel.model.sequence import MeshSequence
+from meshreel.paper.study.figures import matrices
 from meshreel.paper.study.figures.matrices import (
     _draw_matrix,
     draw_dictionaries,
@@ -98,6 +99,14 @@ def test_matrix_has_a_line_after_the_kept_columns_if_there_are_others(n_kept, li
     axes = Figure().add_subplot()
     _draw_matrix(axes, np.eye(8), 1.0, n_kept)
     assert [list(line.get_xdata()) for line in axes.lines] == lines
+
+
+def test_first_matrices_of_fig_6_number_the_frames(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr(matrices, "save_figure", lambda figure, *_, **__: figures.append(figure))
+    draw_dictionaries(_noisy(2 * BLOCK_FRAMES), BLOCK_FRAMES, 3, "grid", tmp_path)
+    labels = [axes.get_ylabel() for axes in figures[0].axes]
+    assert labels == ["frame of the block", "", "frame of the block", "entry"]
 
 
 @pytest.mark.slow

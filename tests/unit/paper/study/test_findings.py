@@ -306,6 +306,18 @@ def test_blocks_at_rest_have_less_motion_and_fewer_bits():
     assert bits[2] < 0.5 * bits[0]
 
 
+def test_modes_of_all_blocks_omit_the_same_energy_of_a_frame():
+    noise = np.random.default_rng(4).normal(scale=0.01, size=(60, 99, 3))
+    vertices = with_rest().vertices + noise * np.linspace(1, 0, 60)[:, None, None]
+    result = figures(quiet_blocks_run(meshreel.MeshSequence(vertices, with_rest().faces)))
+    shapes = vertices - vertices.mean(axis=1, keepdims=True)
+    allowed = runs.OMITTED_ENERGY * np.square(shapes).sum() / 60
+    center = (vertices.min(axis=(0, 1)) + vertices.max(axis=(0, 1))) / 2
+    for block, n_modes in zip(np.split(vertices - center, 3), result["n_modes"], strict=True):
+        energies = np.square(np.linalg.svd(block.transpose(2, 0, 1), compute_uv=False)).sum(axis=0)
+        assert energies[n_modes:].sum() <= allowed * len(block) < energies[n_modes - 1 :].sum()
+
+
 def test_motion_is_the_rms_displacement_from_frame_to_frame():
     grid = waving_grid(1)
     offsets = 0.02 * np.arange(25)[:, None, None] * np.array([1.0, 0.0, 0.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, BlockFrames
 from meshreel.codec.subspace.trajectories import BoundingFrame
 
 N_FRAMES, N_VERTS = 10, 8192
@@ -38,6 +38,13 @@ def test_modes_of_a_sketch_are_nearly_optimal(frames, n_modes):
     result = vectors[:, :n_modes]
     np.testing.assert_allclose(result.T @ result, np.eye(n_modes), atol=1e-9)
     assert left_by(best, rows) <= left_by(result, rows) < 1.01 * left_by(best, rows)
+
+
+def test_strengths_are_exact_when_a_sketch_has_more_than_half_as_many_columns(frames):
+    few = np.ascontiguousarray(frames[:, : 2 * CHUNK_VERTICES - 1])
+    strengths, _ = BlockFrames(few, UNIT).trajectories(0.01)
+    exact = np.linalg.svd(rows_of(few), compute_uv=False)[: len(strengths)]
+    np.testing.assert_allclose(strengths, exact, rtol=1e-9)
 
 
 def test_sketch_captures_motion_of_few_vertices(frames):

@@ -1,0 +1,18 @@
+"""Graphs of the nodes and the cells of volume meshes."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from meshreel.kernel.cells import cell_links
+
+TETRAHEDRA = [[0, 1, 2, 3], [1, 2, 3, 4], [3, 4, 5, 6]]
+EDGES = {pair for nodes in TETRAHEDRA for pair in combinations(nodes, 2)}
+
+
+@pytest.mark.parametrize(("of_cells", "pairs"), [(False, EDGES), (True, {(0, 1)})])
+def test_links_are_edges_of_nodes_or_pairs_of_cells_that_share_a_side(of_cells, pairs):
+    types, nodes = np.full(3, 10, np.uint8), np.array(TETRAHEDRA, np.int32).ravel()
+    links = cell_links(types, nodes, 7, of_cells=of_cells)
+    assert links.tolist() == [[low, high, high] for low, high in sorted(pairs)]
