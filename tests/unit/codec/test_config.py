@@ -177,6 +177,13 @@ def test_long_sequences_of_many_vertices_have_blocks_of_equal_length():
         ("deg", "rad", 0.017453292519943295),
         ("min", "ms", 60_000),
         ("m3/s", "m^3/s", 1),
+        ("ksi", "GPa", 6.894757293168361e-3),
+        ("bar", "kPa", 100),
+        ("t", "lb", 1e3 / 0.45359237),
+        ("h", "us", 3.6e9),
+        ("V*A", "nW", 1e9),
+        ("Hz", "s^-1", 1),
+        ("cN*m", "J", 1e-2),
     ],
 )
 def test_units_of_one_quantity_convert(unit, other, ratio):

@@ -98,11 +98,16 @@ def test_size_counts_every_array():
 
 
 def test_cells_are_counted_by_type_and_attributes_name_their_domain():
-    types = np.array([12, 10, 25, 12], np.uint8)
-    cells = Cells(types, np.zeros(8 + 4 + 20 + 8, np.int32))
-    density = Attribute("density", Kind.OTHER, Domain.CELL, np.ones((4, 1)))
+    types = np.array([12, 10, 25, 12, 14, 27, 15, 16, 13, 26], np.uint8)
+    n_nodes = 8 + 4 + 20 + 8 + 5 + 13 + 10 + 12 + 6 + 15
+    cells = Cells(types, np.zeros(n_nodes, np.int32))
+    density = Attribute("density", Kind.OTHER, Domain.CELL, np.ones((10, 1)))
     texts = describe_surface(Surface(attributes=(density,), cells=cells))
-    assert texts["cells"] == ("1 tetrahedron", "2 hexahedra", "1 hexahedron of 20 nodes")
+    assert texts["cells"] == (
+        "1 tetrahedron", "2 hexahedra", "1 wedge", "1 pyramid", "1 pentagonal prism",
+        "1 hexagonal prism", "1 hexahedron of 20 nodes", "1 wedge of 15 nodes",
+        "1 pyramid of 13 nodes",
+    )  # fmt: skip
     assert texts["attributes"] == ("other 'density' of cells",)
 
 

@@ -188,6 +188,17 @@ def test_scene_and_animation_have_the_name_of_the_sequence_if_it_has_one(tmp_pat
     assert (document["scenes"][0]["name"], document["animations"][0]["name"]) == names
 
 
+def test_accessors_of_positions_and_times_alone_have_bounds(tmp_path):
+    document = written(tmp_path, two_parts()).document
+    needed = {sampler["input"] for one in document["animations"] for sampler in one["samplers"]}
+    for mesh in document["meshes"]:
+        for primitive in mesh["primitives"]:
+            needed |= {primitive["attributes"]["POSITION"]}
+            needed |= {target["POSITION"] for target in primitive.get("targets", ())}
+    accessors = enumerate(document["accessors"])
+    assert {number for number, accessor in accessors if "min" in accessor} == needed
+
+
 def test_part_names_that_are_paths_become_a_hierarchy(tmp_path):
     sequence = two_parts(("/root/arm", "/root"))
     result = written(tmp_path, sequence)

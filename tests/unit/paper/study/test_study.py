@@ -143,6 +143,14 @@ def test_report_contains_refusals(tmp_path):
     assert "`gft` refused samba: too <many> vertices" in to_markdown(parts, tmp_path)
 
 
+def test_report_compares_alternatives_if_they_were_measured(tmp_path):
+    for alternatives in ([], [made_result("pca-qp", choices="anchor-bits=12")]):
+        results = made_sequence("samba", [made_result("pca-qp")], alternatives=alternatives)
+        parts = parts_of_report(PaperStudy(), [(results, [])], "meshreel paper")
+        has_table = "What the paper leaves open, samba" in to_markdown(parts, tmp_path)
+        assert has_table == bool(alternatives)
+
+
 def test_report_distinguishes_jumping_from_handstand():
     results = made_sequence("jumping", [made_result("pca")])
     parts = parts_of_report(PaperStudy(), [(results, [])], "x")
