@@ -232,6 +232,17 @@ def test_grid_is_exact_and_takes_a_third_of_lossless(options, digits):
     assert 3 * len(data) < len(meshreel.encode(SHEET, lossless=True, order="keep"))
 
 
+@pytest.mark.parametrize("target", [{"quality": 80}, {"max_error": 0.1}, {"kg": 0.05}])
+@pytest.mark.parametrize(("options", "is_on_grid"), [({}, True), ({"effort": 5}, False)])
+def test_shape_of_several_frames_is_stored_on_its_grid_unless_an_option_needs_modes(
+    target, options, is_on_grid
+):
+    vertices = np.repeat(quantized().vertices, 3, axis=0)
+    data = meshreel.encode(SHEET.replace(vertices=vertices), order="keep", **target, **options)
+    assert (Section.ROUNDING in sections_of(data)) == is_on_grid
+    assert (meshreel.decode(data).vertices.tobytes() == vertices.tobytes()) == is_on_grid
+
+
 def test_negative_zeros_are_kept():
     values = quantized(7).vertices.copy()
     on_axis = values[0, :, 2] == values[0, 0, 2]
