@@ -90,9 +90,9 @@ class Bench:
             _git(ROOT, "clone", "-q", str(ROOT), str(self.clone))
             for built in filter(lambda item: (ROOT / item).exists(), BUILT):
                 shutil.copytree(ROOT / built, self.clone / built, dirs_exist_ok=True)
-        _git(self.clone, "checkout", "-q", "--", ".")
         if is_new:
-            _git(self.clone, "pull", "-q")
+            _git(self.clone, "fetch", "-q", "origin", "HEAD")
+        _git(self.clone, "reset", "-q", "--hard", "FETCH_HEAD" if is_new else "HEAD")
         # Modification times are too coarse to distinguish mutants.
         mode = ("--invalidation-mode", "checked-hash")
         command = [sys.executable, "-m", "compileall", "-q", *mode, str(self.clone / "src")]
