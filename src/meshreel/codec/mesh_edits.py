@@ -15,12 +15,7 @@ from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.connectivity.triangles import matching_corners, twin_sides
-from meshreel.codec.mesh_matching import (
-    MAX_VERTS,
-    FaceIndex,
-    longest_ascending,
-    match_vertices,
-)
+from meshreel.codec.mesh_matching import MAX_VERTS, FaceIndex, longest_ascending, match_vertices
 from meshreel.kernel.integers import encode_integers
 from meshreel.model.sequence import Faces
 
@@ -191,7 +186,7 @@ def _matched_faces(index: FaceIndex, faces: Integers) -> Integers:
 def _steps(numbers: Integers, n_base: int) -> list[Integers]:
     """Return the numbers of items that each step keeps, then drops, then inserts."""
     is_new = numbers < 0
-    # A step ends where the next item of the base is kept after others were not.
+    # A step begins with an item that is kept after others were dropped or inserted.
     expected = np.concatenate([[0], np.maximum.accumulate(np.where(is_new, -1, numbers)) + 1])
     starts_step = ~is_new & ((numbers != expected[:-1]) | np.concatenate([[False], is_new[:-1]]))
     bounds = np.concatenate([[0], np.flatnonzero(starts_step), [len(numbers)]])

@@ -260,7 +260,7 @@ def _rounding_errors(times: Floats) -> list[Floats | float]:
         return [(8 + len(times)) * float(np.spacing(np.abs(times).max()))]
     exponents = np.array([int(decimal.exponent) for decimal in decimals])
     magnitudes = exponents + [len(decimal.digits) for decimal in decimals]
-    half = 0.5000001  # of the last place; the even times have rounding errors, too
+    half = 0.5000001  # units of the last digit, and the rounding errors of the even times
     return [half * 10.0 ** (magnitudes - n_digits), half * 10.0 ** int(exponents.min())]
 
 
