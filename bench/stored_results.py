@@ -35,14 +35,7 @@ from meshreel.paper.study.study import PaperStudy
 from meshreel.paper.study.tables import SHAPES
 from meshreel.paper.sweeps import COEFFICIENTS, PRESETS, option_sweeps
 from meshreel.studies.rate_distortion import bd_rate
-from meshreel.studies.runs import (
-    Result,
-    Store,
-    file_name,
-    result_of,
-    usable,
-    without_identities,
-)
+from meshreel.studies.runs import Result, Store, file_name, result_of, usable, without_identities
 from meshreel.studies.study import Study, Subject, measure
 from meshreel.studies.timing import timed_once
 from questions.answers import search_answers

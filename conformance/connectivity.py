@@ -2,15 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from conformance.bits import (
-    BitStream,
-    Model,
-    NamedBits,
-    SymbolModel,
-    clip,
-    need,
-    new_symbol_model,
-)
+from conformance.bits import BitStream, Model, NamedBits, SymbolModel, clip, need, new_symbol_model
 from conformance.order import twins_of
 
 N_STACKS = 12

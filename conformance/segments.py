@@ -25,13 +25,7 @@ from meshreel.codec.bitstream.container import (
     write_varint,
 )
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
-from meshreel.codec.joining import (
-    blocks_of,
-    header_of,
-    join_streams,
-    leading_of,
-    separate_stream,
-)
+from meshreel.codec.joining import blocks_of, header_of, join_streams, leading_of, separate_stream
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.times import write_times
 from meshreel.kernel.integers import encode_integers

@@ -5,15 +5,7 @@ import pytest
 
 import meshreel
 from samples.browser import checked_rules
-from samples.element_pages import (
-    drawn_fraction,
-    picture,
-    press,
-    settled,
-    showing,
-    text_of,
-    until,
-)
+from samples.element_pages import drawn_fraction, picture, press, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet, numbered_video
 from samples.webgl import COUNTING
 

@@ -12,12 +12,7 @@ import pytest
 
 import meshreel
 from meshreel.app.cli import console
-from meshreel.app.cli.console import (
-    print_columns,
-    print_notes,
-    print_table,
-    shown_progress,
-)
+from meshreel.app.cli.console import print_columns, print_notes, print_table, shown_progress
 from meshreel.app.cli.messages import escaped, print_error, print_line
 from meshreel.model.materials import Image, Material
 from meshreel.model.tracks import Track

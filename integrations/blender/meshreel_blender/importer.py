@@ -9,12 +9,7 @@ import bpy
 from .axes import rotation_from_file
 from .mesh_building import new_mesh, object_name
 from .open_reels import OpenReel, open_reel
-from .timeline import (
-    last_scene_frame,
-    rate_numbers,
-    scene_frames_per_reel_frame,
-    scene_rate,
-)
+from .timeline import last_scene_frame, rate_numbers, scene_frames_per_reel_frame, scene_rate
 
 
 @dataclass(frozen=True)

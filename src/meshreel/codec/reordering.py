@@ -16,13 +16,7 @@ from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.connectivity.triangles import rotate_corners
 from meshreel.model.notes import Note, NoteKind
-from meshreel.model.sequence import (
-    Faces,
-    FrameSource,
-    MeshSequence,
-    Vertices,
-    frames_of,
-)
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, frames_of
 from meshreel.model.surface import Attribute, Domain, Surface
 from meshreel.model.tracks import Track, TrackSource
 

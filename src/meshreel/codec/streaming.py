@@ -31,10 +31,7 @@ from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import Track, concatenate_tracks, describe_track, validated_tracks
-from meshreel.model.validation import (
-    validate_faces,
-    validate_vertices,
-)
+from meshreel.model.validation import validate_faces, validate_vertices
 from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_extension, check_output_path

@@ -7,14 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.evaluation.peers import Peer, why_missing
-from meshreel.rendering.documents import (
-    NONE,
-    Part,
-    Picture,
-    Table,
-    bullets,
-    significant,
-)
+from meshreel.rendering.documents import NONE, Part, Picture, Table, bullets, significant
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.progress import Progress
 from meshreel.studies.plots import codec_of, draw_envelopes

@@ -16,11 +16,7 @@ from meshreel.metrics.position_errors import (
     add_sequence,
     position_errors,
 )
-from meshreel.metrics.reference import (
-    bounding_box_reference,
-    reference_of_extent,
-    shared_reference,
-)
+from meshreel.metrics.reference import bounding_box_reference, reference_of_extent, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices

@@ -8,13 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.cells import (
-    MAX_CELLS,
-    MAX_NODES,
-    CellSurface,
-    cell_sizes,
-    cell_surface,
-)
+from meshreel.kernel.cells import MAX_CELLS, MAX_NODES, CellSurface, cell_sizes, cell_surface
 from meshreel.runtime.counting import counted
 
 Int32s = npt.NDArray[np.int32]

@@ -21,12 +21,7 @@ from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import Track, TrackSource, read_track, validated_tracks
-from meshreel.model.validation import (
-    Faces,
-    read_only,
-    validate_faces,
-    validate_vertices,
-)
+from meshreel.model.validation import Faces, read_only, validate_faces, validate_vertices
 from meshreel.runtime.counting import counted, counts_text
 
 __all__ = [

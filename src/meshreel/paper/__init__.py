@@ -37,13 +37,7 @@ from meshreel.codec.subspace.trajectories import (
     to_matrices,
 )
 from meshreel.paper.anchors import choose_anchors
-from meshreel.paper.basis import (
-    advance_basis,
-    align_basis,
-    expand,
-    project,
-    ritz_vectors,
-)
+from meshreel.paper.basis import advance_basis, align_basis, expand, project, ritz_vectors
 from meshreel.paper.choices import PaperChoices
 from meshreel.paper.graph_fourier import graph_fourier_basis
 from meshreel.paper.laplacian import (
@@ -52,12 +46,7 @@ from meshreel.paper.laplacian import (
     delta_coordinates,
     uniform_laplacian,
 )
-from meshreel.paper.quantization import (
-    dequantize,
-    quantize,
-    step_for_all_rows,
-    steps_for_each_row,
-)
+from meshreel.paper.quantization import dequantize, quantize, step_for_all_rows, steps_for_each_row
 from meshreel.paper.reconstruction_system import ReconstructionSystem
 from meshreel.paper.stream import PaperBlock, PaperStream, read
 from meshreel.paper.stream_rates import RateParts, StreamRates, rates

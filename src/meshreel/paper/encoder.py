@@ -21,12 +21,7 @@ from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import initial_basis, write_coded_block
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import (
-    Quantized,
-    analyse,
-    modes_needed,
-    n_frequencies,
-)
+from meshreel.paper.pipeline import Quantized, analyse, modes_needed, n_frequencies
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.settings import anchors_of, choices
 from meshreel.paper.variants import Basis, Variant, variant_named

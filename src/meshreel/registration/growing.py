@@ -11,11 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.frame_choice import consecutive_runs
-from meshreel.model.geometry.connectivity import (
-    boundary_edges,
-    component_labels,
-    undirected_edges,
-)
+from meshreel.model.geometry.connectivity import boundary_edges, component_labels, undirected_edges
 from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface

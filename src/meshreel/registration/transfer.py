@@ -11,13 +11,7 @@ from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
-from meshreel.model.tracks import (
-    COLUMNS_OF,
-    Track,
-    TrackKind,
-    concatenate_tracks,
-    default_kind,
-)
+from meshreel.model.tracks import COLUMNS_OF, Track, TrackKind, concatenate_tracks, default_kind
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
 

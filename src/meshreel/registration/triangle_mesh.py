@@ -13,11 +13,7 @@ from meshreel.kernel.library import int32s
 from meshreel.kernel.normals import surface_normals
 from meshreel.kernel.order import opposite_sides
 from meshreel.metrics.closest_points import k_d_tree
-from meshreel.model.geometry.connectivity import (
-    boundary_edges,
-    component_labels,
-    lowest_connected,
-)
+from meshreel.model.geometry.connectivity import boundary_edges, component_labels, lowest_connected
 from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces
 

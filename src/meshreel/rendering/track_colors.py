@@ -11,13 +11,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.track_errors import error_unit, value_errors
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
-from meshreel.rendering.colormap import (
-    NOT_A_NUMBER,
-    Image,
-    check_colormap,
-    colorize,
-    short_number,
-)
+from meshreel.rendering.colormap import NOT_A_NUMBER, Image, check_colormap, colorize, short_number
 from meshreel.runtime.counting import counted
 
 AXES = ("x", "y", "z")

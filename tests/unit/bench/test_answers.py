@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from questions.answers import (
-    blocks_answer,
-    envelope,
-    knee,
-    rows_answer,
-    search_answers,
-)
+from questions.answers import blocks_answer, envelope, knee, rows_answer, search_answers
 from questions.plot import draw_rows
 from questions.tables import blocks_table, rows_table
 

@@ -8,14 +8,7 @@ import pytest
 from scipy.spatial import Delaunay
 
 import meshreel
-from conformance.sources import (
-    boxes,
-    mixed_cells,
-    of_type,
-    shuffled_cells,
-    tetrahedra,
-    waving,
-)
+from conformance.sources import boxes, mixed_cells, of_type, shuffled_cells, tetrahedra, waving
 from meshreel import Cells, InvalidInputError, MeshSequence, Track
 from meshreel.kernel.cells import cell_sizes, encode_cells
 

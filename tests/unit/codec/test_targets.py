@@ -10,11 +10,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.options import config_of
-from meshreel.codec.reel.encoding.effort import (
-    EFFORTS,
-    choices_for,
-    tune_named,
-)
+from meshreel.codec.reel.encoding.effort import EFFORTS, choices_for, tune_named
 from meshreel.codec.reel_options import ReelOptions, Tune
 from meshreel.codec.targets import DEFAULT_QUALITY, Target, TargetKind, target_of
 from meshreel.errors import InvalidInputError

@@ -5,14 +5,7 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.comparison import matching
-from meshreel.evaluation.draco import (
-    DRACO,
-    decode,
-    encode,
-    prepare,
-    restore,
-    separate_equal,
-)
+from meshreel.evaluation.draco import DRACO, decode, encode, prepare, restore, separate_equal
 from meshreel.evaluation.peers import (
     peers_named,
     positions_of_deltas,

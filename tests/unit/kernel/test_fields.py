@@ -5,10 +5,7 @@ import pytest
 
 from conformance.fields import FieldReader
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.kernel.fields import (
-    MAX_MAGNITUDE,
-    encode_fields,
-)
+from meshreel.kernel.fields import MAX_MAGNITUDE, encode_fields
 from meshreel.kernel.integers import encode_integers
 from samples.coded_fields import decode_fields
 from samples.passes import as_order, line_passes, passes_of

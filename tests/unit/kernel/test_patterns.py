@@ -5,11 +5,7 @@ from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
-from meshreel.codec.entropy.exact import (
-    linear_predictors,
-    no_predictors,
-    previous_predictors,
-)
+from meshreel.codec.entropy.exact import linear_predictors, no_predictors, previous_predictors
 from meshreel.errors import MeshReelError
 from meshreel.kernel.patterns import Predictors, decode_patterns, encode_patterns, face_predictors
 

@@ -5,10 +5,7 @@ import pytest
 
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.predict import (
-    Choice,
-    encode_values,
-)
+from meshreel.kernel.predict import Choice, encode_values
 from samples.coded_fields import decode_values
 from samples.meshes import irregular_sequence, waving_grid
 

@@ -6,11 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.surface_integers import (
-    MAX_COLUMNS,
-    MAX_VALUE,
-    encode_on_surface,
-)
+from meshreel.kernel.surface_integers import MAX_COLUMNS, MAX_VALUE, encode_on_surface
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces, octahedron_faces
 

@@ -7,12 +7,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.formats.save import save
 from meshreel.metrics.normals import normal_angles
-from meshreel.metrics.position_errors import (
-    ErrorSums,
-    PositionErrors,
-    add_blocks,
-    position_errors,
-)
+from meshreel.metrics.position_errors import ErrorSums, PositionErrors, add_blocks, position_errors
 from meshreel.metrics.reference import bounding_box_reference, reference_of_extent
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import MeshSequence

@@ -7,12 +7,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.rendering.camera import Camera, fit_camera
 from meshreel.rendering.scenes import SelectedFrames
 from meshreel.rendering.shots import MIN_DISTANCE_RATIO, Framing, framing_of
-from meshreel.rendering.views import (
-    NAMED_VIEWS,
-    View,
-    guess_up,
-    parse_view,
-)
+from meshreel.rendering.views import NAMED_VIEWS, View, guess_up, parse_view
 
 VIEWS = [(0, 0), (30, 12), (200, -35), (-75, 90), (10, -90)]
 

@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from meshreel.runtime.threads import (
-    chunks,
-    in_threads,
-    n_cores,
-    one_blas_thread,
-    results_in_order,
-)
+from meshreel.runtime.threads import chunks, in_threads, n_cores, one_blas_thread, results_in_order
 
 COUNTS = [0, 1, 2, 3, 50]
 

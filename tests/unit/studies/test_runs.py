@@ -21,12 +21,7 @@ from meshreel.studies.runs import (
     sequence_identity,
 )
 from meshreel.studies.study import checked_names, claim_folder, to_markdown, unique_names
-from meshreel.studies.timing import (
-    cpu_model,
-    machine_facts,
-    machine_line,
-    machines_text,
-)
+from meshreel.studies.timing import cpu_model, machine_facts, machine_line, machines_text
 from samples.meshes import waving_grid
 
 

@@ -30,15 +30,7 @@ from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.notes import Note, NoteKind
-from meshreel.model.surface import (
-    PLAIN,
-    VALUE_TYPES,
-    Attribute,
-    Domain,
-    FaceGroups,
-    Part,
-    Surface,
-)
+from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]

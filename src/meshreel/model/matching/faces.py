@@ -7,13 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.model.matching.corners import (
-    NONE,
-    Corners,
-    Integers,
-    distinct_faces,
-    joint_numbers,
-)
+from meshreel.model.matching.corners import NONE, Corners, Integers, distinct_faces, joint_numbers
 
 AMBIGUOUS_SHARE, MAX_ALIKE = 0.05, 64
 """Maximum share of faces with the same values as another face, and maximum number of such faces."""

@@ -22,11 +22,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.paper.basis import modes_for_energy, project
 from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.decoder import coded_blocks
-from meshreel.paper.graph_fourier import (
-    basis_bytes,
-    estimated_seconds,
-    graph_fourier_basis,
-)
+from meshreel.paper.graph_fourier import basis_bytes, estimated_seconds, graph_fourier_basis
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step

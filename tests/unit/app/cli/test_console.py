@@ -1,11 +1,6 @@
 import pytest
 
-from meshreel.app.cli.console import (
-    PaceClock,
-    clock_text,
-    pace_text,
-    print_notes,
-)
+from meshreel.app.cli.console import PaceClock, clock_text, pace_text, print_notes
 from meshreel.runtime.progress import Count
 
 

@@ -19,11 +19,7 @@ from meshreel.codec.surface.payloads import (
     write_material,
 )
 from meshreel.codec.surface.rows import encode_corner_references, encode_references
-from meshreel.errors import (
-    CorruptStreamError,
-    InvalidInputError,
-    TruncatedStreamError,
-)
+from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.polygons import triangle_corners, triangulate
 from meshreel.model.cells import Cells

@@ -7,10 +7,7 @@ from meshreel.formats.load import load
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
 from samples.arrays import store
-from samples.datasets import (
-    plain_sequence,
-    surfaced_sequence,
-)
+from samples.datasets import plain_sequence, surfaced_sequence
 from samples.opening import open_source
 
 h5py = pytest.importorskip("h5py")

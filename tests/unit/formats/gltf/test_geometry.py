@@ -8,12 +8,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.gltf import morphs
 from meshreel.formats.gltf.document import FAN, STRIP, TRIANGLES
 from meshreel.formats.gltf.geometry import assemble_triangles
-from meshreel.formats.gltf.morphs import (
-    BYTE,
-    SHORT,
-    best_weights,
-    project,
-)
+from meshreel.formats.gltf.morphs import BYTE, SHORT, best_weights, project
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted

@@ -15,21 +15,9 @@ from samples.opening import open_source
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
-from vtkmodules.vtkIOXML import (
-    vtkXMLPolyDataWriter,
-    vtkXMLUnstructuredGridWriter,
-)
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import (
-    COLORS,
-    HEAT,
-    POINTS,
-    POLYGONS,
-    UV,
-    grid,
-    poly_data,
-    write_mesh,
-)
+from samples.vtk import COLORS, HEAT, POINTS, POLYGONS, UV, grid, poly_data, write_mesh
 from samples.vtk_text import write_pvd
 
 TEXT, BINARY, APPENDED = 0, 1, 2

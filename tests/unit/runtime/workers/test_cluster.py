@@ -14,13 +14,7 @@ from meshreel.app.batch.encode_input import worker_died
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.workers.cluster import cluster_executor
 from samples.clusters import local_cluster
-from samples.tasks import (
-    cores_and_blas_threads,
-    die_always,
-    process_id,
-    slow_square,
-    square,
-)
+from samples.tasks import cores_and_blas_threads, die_always, process_id, slow_square, square
 from samples.waiting import wait_until
 
 distributed = pytest.importorskip("distributed", reason="the extra [dask] is not installed")

@@ -10,12 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.reel.encoding.basis_coding import choose_coding
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
-from meshreel.codec.reel.normative.fields import (
-    FieldBlock,
-    Layout,
-    decode_basis,
-    with_reused,
-)
+from meshreel.codec.reel.normative.fields import FieldBlock, Layout, decode_basis, with_reused
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import (
     BasisCoding,

@@ -10,11 +10,7 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
-from meshreel.codec.reel.encoding.analysis import (
-    AnalyzedFields,
-    FieldChoices,
-    analyze_fields,
-)
+from meshreel.codec.reel.encoding.analysis import AnalyzedFields, FieldChoices, analyze_fields
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.corrections import check_error_bound, corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of

@@ -10,18 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.codec.bitstream.layout import Order, Section
-from meshreel.codec.reel.encoding.block_coder import (
-    FieldBlockCoder,
-    KeyedBlocks,
-)
+from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
-from meshreel.codec.reel.encoding.track_residuals import (
-    exact_residuals,
-    residuals,
-)
+from meshreel.codec.reel.encoding.track_residuals import exact_residuals, residuals
 from meshreel.codec.reel.normative.blocks import write_exact_block, write_missing, write_track_block
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph

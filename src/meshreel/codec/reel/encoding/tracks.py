@@ -22,10 +22,7 @@ from meshreel.codec.reel.encoding.track_coders import (
     exact_coder,
     track_coder,
 )
-from meshreel.codec.reel.encoding.track_residuals import (
-    DifferenceFit,
-    moving_surface,
-)
+from meshreel.codec.reel.encoding.track_residuals import DifferenceFit, moving_surface
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT, TrackBound, kept_bounds
 from meshreel.codec.tracks import Coding, Sharing

@@ -9,11 +9,7 @@ import numpy as np
 from meshreel.codec.achieved import measure_stream, measure_tracks
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.open_stream import whole_stream
-from meshreel.codec.reel.encoding.block_coder import (
-    FieldBlockCoder,
-    KeyedBlocks,
-    coder_of,
-)
+from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, coder_of
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks

@@ -9,12 +9,7 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.figures.diagrams import DPI
-from meshreel.paper.study.runs import (
-    NEAR_ZERO,
-    dictionaries,
-    near_zero_percent,
-    projected_deltas,
-)
+from meshreel.paper.study.runs import NEAR_ZERO, dictionaries, near_zero_percent, projected_deltas
 from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.runtime.counting import counted

@@ -5,10 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.reel.encoding import basis_coding
-from meshreel.codec.reel.encoding.basis_coding import (
-    MIN_ADAPTIVE_FRAMES,
-    cheapest_coding,
-)
+from meshreel.codec.reel.encoding.basis_coding import MIN_ADAPTIVE_FRAMES, cheapest_coding
 from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, encode_basis
 from samples.meshes import waving_grid
 from samples.streams import layouts

@@ -7,10 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from conformance.hierarchy import (
-    passes_of,
-    resolutions_of,
-)
+from conformance.hierarchy import passes_of, resolutions_of
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from samples.costs import draws
 from samples.meshes import grid_faces, octahedron_faces
