@@ -237,8 +237,8 @@ def _with_supported_tracks(output: AnyPath, mesh: FrameStream) -> FrameStream:
         [domain for domain in SURFACE_DOMAINS if domain not in domains] if domains else []
     ):
         names = [name for name, track in left_out.items() if track.domain is missing]
-        reason = f"tracks of {plural(missing)}"
-        note_unwritten_tracks(names, output_format.extension, mesh.notes, reason)
+        which = f"tracks of {plural(missing)}"
+        note_unwritten_tracks(names, output_format.extension, mesh.notes, which)
     if not domains:
         note_unwritten_tracks(left_out, output_format.extension, mesh.notes)
     attributes = (*mesh.surface.attributes, *constant.values())

@@ -130,7 +130,7 @@ def test_caller_runs_all_tasks_if_the_pool_is_busy(use_cores):
 
 
 class StoredFile(BytesIO):
-    """A file that is told which bytes will be read."""
+    """A file that accepts announcements of the bytes to read."""
 
     def fetch(self, start, stop):
         pass

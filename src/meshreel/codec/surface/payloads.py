@@ -302,7 +302,7 @@ def _write_texture(texture: Texture) -> bytes:
 def _write_numbers(appearance: Appearance, default: Appearance, sizes: dict[str, int]) -> bytes:
     """Encode a mask of the numbers that differ from the defaults, and these numbers."""
     pairs = list(zip(_numbers(appearance, sizes), _numbers(default, sizes), strict=True))
-    changed = [number for number, (value, default) in enumerate(pairs) if value != default]
+    changed = [number for number, (value, usual) in enumerate(pairs) if value != usual]
     mask = sum(1 << number for number in changed)
     return write_varint(mask) + b"".join(NUMBER.pack(pairs[number][0]) for number in changed)
 

@@ -110,9 +110,10 @@ def _write_archive(path: Path, stream: SegmentedStream, shared: SharedData) -> R
                 note_name("part", part.name, clean(part.name, NOT_IN_TEXTS), ".abc", stream.notes)
             segment_data = shared if stream.n_segments > 1 else None
             transforms: dict[ObjectPath, Any] = {(): archive.getTop()}
-            for part, place in zip(parts, object_paths([p.name for p in parts]), strict=True):
-                parent = _transform(transforms, place[:-1], rounding.shift)
-                mesh = ALEMBIC.load("AbcGeom").OPolyMesh(parent, place[-1], sampling)
+            mesh_paths = object_paths([part.name for part in parts])
+            for part, (*parents, name) in zip(parts, mesh_paths, strict=True):
+                parent = _transform(transforms, tuple(parents), rounding.shift)
+                mesh = ALEMBIC.load("AbcGeom").OPolyMesh(parent, name, sampling)
                 schema = mesh.getSchema()
                 writers.append(
                     PartWriter(schema, part, sampling, tracks, segment.notes, segment_data)

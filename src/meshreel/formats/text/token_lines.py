@@ -181,7 +181,8 @@ class TokenLines:
         if (is_short := n_numbers < len("xyz")).any():
             row = int(np.argmax(is_short))
             raise FormatError(
-                f"{self.location(rows[row])}: a vertex needs x, y and z; got {n_numbers[row]}"
+                f"{self.location(rows[row])}: a vertex needs x, y and z; "
+                f"got {n_numbers[row]} numbers"
             )
         return self.floats(self.first[rows][:, None] + n_before + np.arange(3))
 

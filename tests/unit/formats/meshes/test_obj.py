@@ -71,7 +71,7 @@ def test_parse_obj_reads_continued_lines():
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"v 0 0\nf 1 1 1", "line 1: a vertex needs x, y and z; got 2"),
+        (b"v 0 0\nf 1 1 1", "line 1: a vertex needs x, y and z; got 2 numbers"),
         (TRIANGLE + b"f 1 2 4", r"line 4: uses vertex 4; indices must be in 1\.\.3"),
         (TRIANGLE + b"f 1 2 0", "line 4: uses vertex 0;"),
         (TRIANGLE + b"f 1 2 -4", "line 4: uses vertex -4;"),

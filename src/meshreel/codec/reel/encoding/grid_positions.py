@@ -288,8 +288,8 @@ def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
 
 def _encoded_on(grid: PositionGrid, source: Source, progress: Progress) -> bytes:
     coder = replace(step_coder(source.mesh, grid.frame, grid.step), is_stored=True)
-    on_grid = source.with_changes(origin=grid.frame.origin)
-    return stream_of(_on_grid(on_grid, grid.step, _block_frames(source)), coder, progress)
+    shifted = source.with_changes(origin=grid.frame.origin)
+    return stream_of(_on_grid(shifted, grid.step, _block_frames(source)), coder, progress)
 
 
 def _on_grid(source: Source, step: float | None, block_frames: int | None = None) -> Source:
