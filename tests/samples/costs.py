@@ -11,6 +11,11 @@ def do_everything():
     _does_everything = True
 
 
+def does_everything():
+    """Return whether this run includes slow tests and all random cases."""
+    return _does_everything
+
+
 def draws(n):
     """Return the number of random cases, or of repeated elements: n, or a tenth in quick runs."""
     return n if _does_everything else max(1, n // 10)

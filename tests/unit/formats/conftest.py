@@ -1,9 +1,16 @@
+from functools import cache
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import meshreel.formats.load
+from conservation import walks
+from contents.items import balance, items_of
 from meshreel.formats.load import load
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
+from samples.costs import does_everything
 from samples.meshes import octahedron_faces
 from samples.opening import open_source
 
@@ -30,3 +37,25 @@ def read(request):
 def notes():
     """An empty list, which receives the notes of functions that take it."""
     return Notes()
+
+
+@pytest.fixture(autouse=True)
+def _keeps_or_names_everything(monkeypatch):
+    """In runs of all tests, assert that each file that a test loads is kept or named."""
+    if not does_everything():
+        return
+    load_any = meshreel.formats.load.load_any
+
+    def load_and_check(source, options):
+        sequence = load_any(source, options)
+        walk = None if isinstance(source, (list, tuple)) else all_walks().get(Path(source).suffix)
+        selects = options.object is not None or options.attributes is not None
+        if walk is not None and not selects and Path(source).is_file():
+            found = balance(list(walk(Path(source))), list(items_of(sequence)), options.notes)
+            assert found.silent == ()
+        return sequence
+
+    monkeypatch.setattr(meshreel.formats.load, "load_any", load_and_check)
+
+
+all_walks = cache(walks)

@@ -1,0 +1,193 @@
+"""Items of files and sequences, and the law that each is kept or named."""
+
+import re
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.arrays import Floats
+from meshreel.model.materials import Material
+from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.surface import Kind
+from meshreel.model.tracks import TrackKind
+
+TOLERANCE = 1e-5
+"""Allowed difference of ranges, relative to the largest value: single precision, after sums."""
+
+COLOR_TOLERANCE = 0.6 / 255
+"""Allowed difference of colors, which some formats store as bytes."""
+
+
+class Sort(StrEnum):
+    """Sorts of items; items of different sorts never match."""
+
+    POSITIONS = "positions"
+    """Vertices, with the range of all their coordinates where no transform moves them."""
+    FACES = "faces"
+    """Faces or cells; `values` is their number."""
+    DATA = "data"
+    """Tracks and attributes of vertices, faces, corners or cells."""
+    COLOR = "color"
+    """Colors, whose names differ between formats, in sRGB 0..1."""
+    UV = "uv"
+    """Texture coordinates, whose names differ between formats."""
+    GROUP = "group"
+    """A labeled set of faces: a group, a part, or the faces of a material."""
+    MATERIAL = "material"
+    """A property of a material, named "material.property" with the property of `Material`."""
+    IMAGE = "image"
+    """An image; `values` is its size in bytes."""
+    TIMES = "times"
+    """Times of the frames in seconds."""
+    EDGES = "hard edges"
+    """Hard edges, from which normals follow."""
+    VISIBILITY = "visibility"
+    """Meshes that are hidden in some frames; they begin segments."""
+    UNIT = "unit"
+    """The unit of a track."""
+    OTHER = "other"
+    """What no sequence holds, such as cameras: it must be named."""
+
+
+NAMELESS = {
+    Sort.POSITIONS, Sort.FACES, Sort.COLOR, Sort.UV, Sort.IMAGE, Sort.TIMES, Sort.EDGES,
+    Sort.VISIBILITY,
+}  # fmt: skip
+"""Sorts whose items match whatever they are called."""
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A value that a file or a sequence holds."""
+
+    sort: Sort
+    name: str
+    """Name in the file, possibly a path of which the last part counts."""
+    values: npt.ArrayLike | None = None
+    """All its numbers, of which the range is compared; None if only the name is."""
+    words: tuple[str, ...] = ()
+    """Words by which a note may name it, such as "cameras"; its name always counts."""
+
+    @property
+    def leaf(self) -> str:
+        """The last part of the name, in lower case."""
+        return re.split(r"[/:]", self.name)[-1].strip().lower() or self.name.lower()
+
+    def matches(self, other: "Item") -> bool:
+        """Return whether another item holds the same value."""
+        is_named_alike = self.sort in NAMELESS or self.leaf == other.leaf
+        return self.sort is other.sort and is_named_alike and self._has_range_of(other)
+
+    def _has_range_of(self, other: "Item") -> bool:
+        if self.values is None or other.values is None:
+            return True
+        ranges = [_range_of(values) for values in (self.values, other.values)]
+        scale = max(1e-30, *(abs(end) for both in ranges for end in both))
+        allowed = COLOR_TOLERANCE if self.sort is Sort.COLOR else TOLERANCE * scale
+        return all(abs(a - b) <= allowed for a, b in zip(*ranges, strict=True))
+
+    def is_named_in(self, notes: Iterable[str]) -> bool:
+        """Return whether a note contains its name or one of its words, as whole words."""
+        names = [name for name in {self.name, self.leaf, *self.words} if name]
+        pattern = "|".join(rf"(?<!\w){re.escape(name)}(?!\w)" for name in names)
+        texts = (" ".join([note, *getattr(note, "names", ())]) for note in notes)
+        return any(re.search(pattern, text, re.IGNORECASE) for text in texts)
+
+
+def _range_of(values: npt.ArrayLike) -> tuple[float, float]:
+    """Return the smallest and the largest finite number; zeros if there is none."""
+    numbers = np.asarray(values, np.float64)
+    finite = numbers[np.isfinite(numbers)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Balance:
+    """How many items of an input are in an output, and which are neither there nor named."""
+
+    listed: int
+    kept: int
+    named: int
+    silent: tuple[str, ...]
+    """As "data temperature"."""
+
+
+def balance(items: Collection[Item], others: Collection[Item], notes: Collection[str]) -> Balance:
+    """Compare the items of a file with those of the sequence read from it, or the reverse.
+
+    Parameters
+    ----------
+    items, others : collections of Item
+        Of the input and of the output.
+    notes : collection of str
+        What reading or writing said.
+    """
+    missing = [item for item in items if not any(map(item.matches, others))]
+    silent = [f"{item.sort} {item.name}" for item in missing if not item.is_named_in(notes)]
+    named = len(missing) - len(silent)
+    return Balance(len(items), len(items) - len(missing), named, tuple(silent))
+
+
+DEFAULTS = Material("")
+
+
+def items_of(sequence: MeshSequence) -> Iterator[Item]:
+    """Yield what a sequence holds."""
+    times = sequence.timing.seconds(sequence.n_frames)
+    if times is not None:
+        yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
+    if sequence.n_segments > 1:
+        yield Item(Sort.VISIBILITY, "segments")
+    for segment in sequence.segments:
+        yield from _items_of(segment)
+
+
+def _items_of(segment: FrameSource) -> Iterator[Item]:
+    surface, n_faces = segment.surface, len(segment.faces)
+    extent = segment.extent
+    yield Item(Sort.POSITIONS, "positions", [extent.low, extent.high])
+    yield Item(Sort.FACES, "faces", surface.n_faces(n_faces))
+    if surface.cells is not None:
+        yield Item(Sort.FACES, "cells", surface.cells.n_cells)
+    for name, track in segment.tracks.items():
+        values = np.stack([track.read(frame, frame + 1) for frame in range(segment.n_frames)])
+        is_color, is_uv = track.kind is TrackKind.COLOR, track.kind is TrackKind.UV
+        sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
+        yield Item(sort, name, _colors(values) if is_color else values)
+        if track.unit:
+            yield Item(Sort.UNIT, f"{name}:{track.unit}", words=("units",))
+    for attribute in surface.attributes:
+        is_color, is_uv = attribute.kind is Kind.COLOR, attribute.kind is Kind.UV
+        sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
+        values = attribute.per_item()
+        yield Item(sort, attribute.name, _colors(values) if is_color else values)
+    labels = [label for groups in surface.groups for label in groups.labels]
+    for label in [*labels, *(part.name for part in surface.parts)]:
+        yield Item(Sort.GROUP, label, words=("parts",))
+    for material in surface.materials:
+        yield from _items_of_material(material)
+    for image in surface.images:
+        yield Item(Sort.IMAGE, image.name or "image", len(image.data), ("texture image",))
+    if surface.hard_edges is not None:
+        yield Item(Sort.EDGES, "hard edges", words=("hard edge",))
+
+
+def _items_of_material(material: Material) -> Iterator[Item]:
+    """Yield the properties that differ from the defaults; textures by their slots."""
+    words = ("material properties", "materials", material.name)
+    for field in fields(Material):
+        value = getattr(material, field.name)
+        if field.name != "name" and value != getattr(DEFAULTS, field.name):
+            is_number = isinstance(value, (bool, int, float, tuple))
+            name = f"{material.name}.{field.name}"
+            yield Item(Sort.MATERIAL, name, value if is_number else None, words)
+
+
+def _colors(values: npt.NDArray[Any]) -> Floats:
+    """Return colors as fractions of white."""
+    colors: Floats = values / (np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0)
+    return colors

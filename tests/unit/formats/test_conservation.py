@@ -1,0 +1,56 @@
+"""Everything in a file is kept or named when it is read, and everything in a sequence when written.
+
+Independent readers in `bench/contents` list what files hold.
+"""
+
+import pytest
+
+from conservation import balance_of_reading, balance_of_writing, walks
+from contents.items import Item, Sort, balance
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.registry import FORMATS, is_written
+from meshreel.model.notes import Note, NoteKind
+from samples.materials import dressed, dressed_sheets
+from samples.meshes import cake, hard_sheet
+from samples.tracks import tracked_sheet
+
+WALKS = walks()
+WRITTEN = sorted(name for name in WALKS if is_written(FORMATS[name]))
+SEQUENCES = {
+    "surface": lambda: dressed(hard_sheet()),
+    "parts": dressed_sheets,
+    "tracks": tracked_sheet,
+    "edges": cake,
+}
+
+
+@pytest.mark.parametrize(
+    ("other", "note", "is_silent"),
+    [
+        (Item(Sort.DATA, "/root/Heat", [0, 2]), "", False),
+        (Item(Sort.DATA, "heat", [0, 3]), "", True),
+        (Item(Sort.DATA, "cold", [0, 2]), "", True),
+        (Item(Sort.GROUP, "heat"), "", True),
+        (
+            Item(Sort.GROUP, "heat"),
+            Note(NoteKind.LEFT_OUT, "arrays", [*"abcdefghij", "heat"]),
+            False,
+        ),
+        (Item(Sort.GROUP, "heat"), "left out: preheat", True),
+        (Item(Sort.GROUP, "heat"), "left out: temperatures", False),
+    ],
+)
+def test_value_is_silent_unless_it_is_kept_or_named(other, note, is_silent):
+    item = Item(Sort.DATA, "Mesh:heat", [0, 1, 2], ("temperatures",))
+    assert balance([item], [other], [note]).silent == (("data Mesh:heat",) if is_silent else ())
+
+
+@pytest.mark.parametrize("make", SEQUENCES.values(), ids=SEQUENCES)
+@pytest.mark.parametrize("extension", WRITTEN)
+def test_contents_of_a_sequence_are_written_or_named(extension, make, tmp_path):
+    sequence = make()
+    if not isinstance(FORMATS[extension], SequenceFormat):
+        sequence = sequence[:1]
+    path = tmp_path / f"a{extension}"
+    assert balance_of_writing(sequence, path, WALKS[extension]).silent == ()
+    assert balance_of_reading(path, WALKS[extension]).silent == ()
