@@ -5,9 +5,14 @@ Independent readers in `bench/contents` list what files hold.
 
 import pytest
 
-from conservation import balance_of_reading, balance_of_writing, walks
+from conformance.sources import boxes, of_type, waving
+from conservation import balance_of_reading, balance_of_writing, merges, walks
 from contents.items import Item, Sort, balance
+from meshreel import MeshSequence, Track
+from meshreel.formats.inspection import inspect_source
 from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.model.notes import Note, NoteKind
 from samples.materials import dressed, dressed_sheets
@@ -16,11 +21,24 @@ from samples.tracks import tracked_sheet
 
 WALKS = walks()
 WRITTEN = sorted(name for name in WALKS if is_written(FORMATS[name]))
+
+
+def volume():
+    """Return hexahedra with values of nodes and cells, at uneven times."""
+    points, hexahedra = boxes(3, 2, 2)
+    vertices = waving(points, 4)
+    heat = Track(vertices[..., 0] + 300, unit="K")
+    stress = Track(vertices[:, hexahedra].mean(axis=2), "cell", "vector")
+    cells, times = of_type(12, hexahedra), [0, 0.1, 0.2, 0.25]
+    return MeshSequence(vertices, cells=cells, times=times, tracks={"heat": heat, "stress": stress})
+
+
 SEQUENCES = {
     "surface": lambda: dressed(hard_sheet()),
     "parts": dressed_sheets,
     "tracks": tracked_sheet,
     "edges": cake,
+    "cells": volume,
 }
 
 
@@ -54,3 +72,7 @@ def test_contents_of_a_sequence_are_written_or_named(extension, make, tmp_path):
     path = tmp_path / f"a{extension}"
     assert balance_of_writing(sequence, path, WALKS[extension]).silent == ()
     assert balance_of_reading(path, WALKS[extension]).silent == ()
+    notes, options = [], {"merge": merges(path)}
+    load(path, notes=notes, **options)
+    inspected = inspect_source(path, ReadOptions(**options)).notes
+    assert [note for note in notes if note.kind is not NoteKind.SEGMENTS] == list(inspected)
