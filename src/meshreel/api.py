@@ -18,7 +18,7 @@ from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.file_errors import errors_naming, os_errors_naming, refuse_pipe
+from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
 from meshreel.formats.load import load_any, open_for_encoding
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
 from meshreel.formats.options import ReadOptions
@@ -424,7 +424,7 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
             return function(data)
     if isinstance(stream, str | os.PathLike):
         path = Path(stream)
-        refuse_pipe(path)
+        check_input_file(path)
         if not path.is_file():
             problem = "is a folder" if path.is_dir() else "does not exist"
             raise InvalidInputError(f"{str(path)!r} {problem}; give the path of a .reel file")

@@ -326,7 +326,7 @@ def test_missing_extras_are_an_error_of_one_line_that_names_all(tmp_path):
     meshreel.save(other, tmp_path / "other.npz")
     (tmp_path / "walk.reel").write_bytes(meshreel.encode(sequence))
     (tmp_path / "paper.reel").write_bytes(meshreel.encode(sequence, "pca-qp"))
-    (tmp_path / "run.vtkhdf").touch()
+    (tmp_path / "run.vtkhdf").write_bytes(b"HDF")
     (tmp_path / "frame.drc").write_bytes(b"DRACO\2\2\1")  # a triangle mesh
     messages = run_without_extras(tmp_path, MISSING)
     assert messages[1::2] == ["exit 1"] * len(MISSING)

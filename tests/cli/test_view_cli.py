@@ -171,7 +171,7 @@ def test_player_says_how_to_get_the_page_when_it_is_missing(name, reel, tmp_path
     ("damage", "words"),
     [
         (lambda data: None, "there is no file or folder"),
-        (lambda data: b"", "the file ends"),
+        (lambda data: b"", "is empty"),
         (lambda data: b"PK\3\4" + data, "not a .reel"),
         (lambda data: data[:300] + b"\0\0\0\0" + data[304:], "made.reel: "),
     ],

@@ -13,6 +13,7 @@ from PIL import UnidentifiedImageError
 
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
+from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
 from meshreel.formats.sources import AnyPath, Source, natural_order
@@ -62,6 +63,8 @@ def open_textures(source: Source) -> TextureFrames:
     paths = _texture_files(source)
     if not paths:
         raise InvalidInputError(f"{source} contains no texture images; check it")
+    for path in paths:
+        check_input_file(path)
     if paths[0].suffix.lower() in VIDEOS:
         if len(paths) > 1:
             raise InvalidInputError(f"{source} contains {len(paths)} videos; choose one")

@@ -1,36 +1,49 @@
-"""Error messages that begin with the name of a file."""
+"""Checks of input files before they are read, and error messages that begin with their names."""
 
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from meshreel.errors import InvalidInputError, MeshReelError, StoreError
+from meshreel.errors import FormatError, InvalidInputError, MeshReelError, StoreError
+
+LFS_POINTER = b"version https://git-lfs.github.com/spec/v1"
+"""Beginning of the text that Git stores in place of a file in Git LFS (large file storage)."""
+
+MAX_POINTER_BYTES = 1024
 
 
-def refuse_pipe(path: str | os.PathLike[str]) -> None:
-    """Raise an error if an input is a pipe, a socket or a device.
+def check_input_file(path: str | os.PathLike[str]) -> None:
+    """Raise an error if an input is a pipe, a socket, a device, an empty file or a Git LFS pointer.
 
     Readers seek in a file and read it several times, and opening a named pipe blocks until a
-    program writes to it. A path that does not exist is accepted here.
+    program writes to it. A path that does not exist or cannot be read is accepted here.
 
     Raises
     ------
     InvalidInputError
         If it is not a file or folder; the message names the path and its kind.
+    FormatError
+        If the file is empty, or Git LFS has not replaced its pointer by the contents.
     """
     try:
-        mode = os.stat(path).st_mode
+        status = os.stat(path)
     except (OSError, ValueError):
         return
-    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+        kinds = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+        raise InvalidInputError(
+            f"{os.fspath(path)} is {kinds.get(stat.S_IFMT(status.st_mode), 'a device')}, but "
+            "inputs must be files; save the data to a file first"
+        )
+    if stat.S_ISDIR(status.st_mode) or status.st_size > MAX_POINTER_BYTES:
         return
-    kinds = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
-    raise InvalidInputError(
-        f"{os.fspath(path)} is {kinds.get(stat.S_IFMT(mode), 'a device')}, but inputs must be "
-        "files; save the data to a file first"
-    )
+    if status.st_size == 0:
+        raise FormatError("is empty", path=path)
+    with suppress(OSError), Path(path).open("rb") as file:
+        if file.read(len(LFS_POINTER)) == LFS_POINTER:
+            raise FormatError("is a Git LFS pointer; run `git lfs pull`", path=path)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from meshreel.errors import FormatError, Keyword
+from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.options import ReadOptions
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
@@ -21,7 +22,7 @@ def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Pat
     Raises
     ------
     FormatError
-        If the file is outside without permission, or does not exist.
+        If the file is outside without permission, does not exist, is empty or a Git LFS pointer.
     """
     folder = source.resolve().parent
     try:
@@ -33,6 +34,7 @@ def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Pat
         raise outside_error(reference)
     if not is_file and not download_sibling(path):
         raise FormatError(f"refers to the file {reference!r}, which does not exist")
+    check_input_file(path)
     options.referenced.add(path)
     return path
 

@@ -19,7 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
-from meshreel.formats.file_errors import errors_naming, os_errors_naming, read_bytes, refuse_pipe
+from meshreel.formats.file_errors import (
+    check_input_file,
+    errors_naming,
+    os_errors_naming,
+    read_bytes,
+)
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import Description, RawArray
 from meshreel.formats.kinds import SequenceFormat
@@ -287,7 +292,7 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
         raise FormatError(
             f"the faces of a point cache must be in a {', '.join(extensions)} file", path=path
         )
-    refuse_pipe(path)
+    check_input_file(path)
     data = read_bytes(path)
     with errors_naming(path):
         frame = mesh_format.read(data)

@@ -13,7 +13,7 @@ from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
-from meshreel.formats.file_errors import errors_naming, refuse_pipe
+from meshreel.formats.file_errors import check_input_file, errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
@@ -105,7 +105,7 @@ def read_info(
 def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
     if is_remote(path):
         return open_ranged(str(path))
-    refuse_pipe(Path(path))
+    check_input_file(Path(path))
     try:
         return Path(path).open("rb")
     except FileNotFoundError:

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.file_errors import refuse_pipe
+from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.kinds import FrameFormat, SequenceFormat
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of, format_of
 from meshreel.runtime.stores.address import refuse_address
@@ -55,7 +55,8 @@ def find_files(source: Source) -> SourceFiles:
         If the file or folder does not exist or is a pipe or a device, the pattern matches nothing,
         or the list is empty.
     FormatError
-        If the format is unknown, or the files have several formats.
+        If the format is unknown, the files have several formats, or one is empty or a Git LFS
+        pointer.
     StoreError
         If the source is a remote address.
     """
@@ -66,7 +67,7 @@ def find_files(source: Source) -> SourceFiles:
     path = Path(source)
     if path.is_dir():
         return _from_folder(path)
-    refuse_pipe(path)
+    check_input_file(path)
     if path.exists():
         return SourceFiles((path,), format_of(path), path.stem)
     if glob.has_magic(str(source)):
@@ -133,7 +134,7 @@ def _from_list(paths: list[Path]) -> SourceFiles:
     if len(paths) == 1:
         return find_files(paths[0])
     for path in paths:
-        refuse_pipe(path)
+        check_input_file(path)
         if not path.is_file():
             raise InvalidInputError(
                 f"{path} is a folder; a list must name files"
@@ -187,5 +188,7 @@ def _check_one_format(paths: list[Path], origin: str) -> SourceFiles:
             f"{origin} contains {len(paths)} {file_format.extension} files, each a whole "
             "sequence; choose one"
         )
+    for path in paths:
+        check_input_file(path)
     name = paths[0].stem if is_file else paths[0].resolve().parent.name
     return SourceFiles(tuple(paths), file_format, name)

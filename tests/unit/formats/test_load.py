@@ -1,3 +1,4 @@
+import json
 import os
 import sys
 import tracemalloc
@@ -13,6 +14,7 @@ from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputEr
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_for_purpose
 from meshreel.formats.options import ReadOptions
+from meshreel.formats.registry import FORMATS
 from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from samples.meshes import quad_sheet, waving_grid
@@ -24,6 +26,44 @@ SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 def write_frames(folder, *texts):
     for index, text in enumerate(texts):
         (folder / f"frame_{index}.obj").write_text(text)
+
+
+LFS_POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+ONE_POINT = {
+    "asset": {"version": "2.0"},
+    "nodes": [{"mesh": 0}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 1}],
+    "bufferViews": [{"buffer": 0, "byteLength": 12}],
+    "buffers": [{"uri": "b.bin", "byteLength": 12}],
+}
+REFERRING = {
+    "a.pvd": (
+        "<VTKFile type='Collection'><Collection><DataSet file='b.vtu'/></Collection></VTKFile>"
+    ),
+    "a.gltf": json.dumps(ONE_POINT),
+    "a.usda": "#usda 1.0\n(\nsubLayers = [@./b.usda@]\n)\n",
+    "a.case": "FORMAT\ntype: ensight gold\nGEOMETRY\nmodel: b.geo\n",
+    "a.d3plot": "a root, which the file a.d3plot01 continues",
+}
+"""Files that refer to one that cannot be read."""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("", "is empty"), (LFS_POINTER, r"is a Git LFS pointer; run `git lfs pull`")],
+)
+@pytest.mark.parametrize("name", [*REFERRING, *(f"b{extension}" for extension in FORMATS)])
+def test_empty_files_and_git_lfs_pointers_are_named(tmp_path, text, message, name):
+    if name == "a.usda":
+        pytest.importorskip("pxr")
+    for other in ("b.vtu", "b.bin", "b.usda", "b.geo", "a.d3plot01", name):
+        (tmp_path / other).write_text(text)
+    if name in REFERRING:
+        (tmp_path / name).write_text(REFERRING[name])
+    for read in (load, *([meshreel.decode, meshreel.open] if name == "b.reel" else [])):
+        with pytest.raises(FormatError, match=rf"(b\.\w+|a\.d3plot01): {message}$"):
+            read(tmp_path / name)
 
 
 @pytest.mark.parametrize("extension", ["obj", "ply", "off"])

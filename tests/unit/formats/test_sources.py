@@ -9,7 +9,7 @@ from meshreel.formats.sources import find_files, natural_order
 def touch(folder, *names):
     for name in names:
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).touch()
+        (folder / name).write_text("not empty")
     return folder
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
+from meshreel.formats.file_errors import check_input_file
 from meshreel.model.surface import Kind
 
 MEDIA_TYPES = {
@@ -49,6 +50,7 @@ def texture_for(reel: ReelFile, path: Path) -> Texture:
         )
     if not path.is_file():
         raise InvalidInputError(f"there is no file {str(path)!r}; check it")
+    check_input_file(path)
     if not any(attribute.kind is Kind.UV for attribute in reel.surface.attributes):
         raise InvalidInputError(
             f"the stream has no texture coordinates to map {path.name} to the mesh; encode an "

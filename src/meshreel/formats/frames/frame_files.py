@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
@@ -58,7 +57,7 @@ class FrameFiles:
         InvalidInputError
             If the file does not exist, or has changed since it was first read.
         FormatError
-            If it is empty or damaged.
+            If it is damaged.
         """
         last = self._last  # threads that read positions and tracks may replace it
         if last is not None and last[0] == index:
@@ -68,8 +67,6 @@ class FrameFiles:
         if self._checksums.setdefault(index, crc := zlib.crc32(data)) != crc:
             raise changed_error(f"{path} (frame {index})")
         with errors_naming(path):
-            if not data:
-                raise FormatError(f"is empty; expected a mesh in {self.format.extension} format")
             frame = self.format.read(data)
         self._last = index, frame
         return frame

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import os_errors_naming
+from meshreel.formats.file_errors import check_input_file, os_errors_naming
 from meshreel.formats.surfaces.cells import Cells
 
 END = -999999.0
@@ -58,6 +58,8 @@ class Words:
 
     def __init__(self, root: Path) -> None:
         self._paths = [root, *members(root)]
+        for path in self._paths:
+            check_input_file(path)
         with os_errors_naming(root), root.open("rb") as file:
             self._integer_type = _word_type(file.read(8 * (FILE_TYPE + 1)))
         self._float_type = np.dtype(f"{self._integer_type.byteorder}f{self._integer_type.itemsize}")

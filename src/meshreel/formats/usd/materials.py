@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from meshreel.errors import FormatError
+from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
@@ -116,6 +117,7 @@ class StageMaterials:
             raise outside_error(authored)
         if not file.is_file():
             raise FormatError(f"{authored[:200]!r} is not a file")
+        check_input_file(file)
         asset = resolver.GetResolver().OpenAsset(resolver.ResolvedPath(resolved))
         if not asset:
             raise FormatError(f"{authored[:200]!r} cannot be read")

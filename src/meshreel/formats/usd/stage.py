@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from meshreel.errors import FormatError
-from meshreel.formats.file_errors import refuse_pipe
+from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.options import ReadOptions
 from meshreel.model.notes import Notes
@@ -179,7 +179,7 @@ def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[s
             missing = outer_file(name).parent / outer_file(anchored)
             _check_within(outer_file(resolved) if resolved else missing, folder, reference)
         if resolved:
-            refuse_pipe(outer_file(resolved))
+            check_input_file(outer_file(resolved))
             yield resolved
 
 

@@ -129,7 +129,7 @@ def test_errors_explain_invalid_arrays(tmp_path, extension, arrays, message, rea
         read(path)
 
 
-@pytest.mark.parametrize("keep", [0, 4, 100, 2000, -30])
+@pytest.mark.parametrize("keep", [4, 100, 2000, -30])
 def test_load_rejects_truncated_files(tmp_path, extension, keep):
     [path] = save(surfaced_sequence(), tmp_path / f"a.{extension}")
     path.write_bytes(path.read_bytes()[:keep])

@@ -62,7 +62,7 @@ def test_load_rejects_truncated_glb_files(tmp_path):
             load(path)
 
 
-@pytest.mark.parametrize("size", [0, 1, 10, 100, 1000])
+@pytest.mark.parametrize("size", [1, 10, 100, 1000])
 def test_load_rejects_truncated_text_files(tmp_path, size):
     path = crowded_gltf().save(tmp_path / "a.gltf")
     path.write_bytes(path.read_bytes()[:size])
