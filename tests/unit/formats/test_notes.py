@@ -322,23 +322,6 @@ def test_normals_of_a_topology_file_are_noted(tmp_path):
     assert left_out(tmp_path / "a.pc2") == ["normals, which programs compute"]
 
 
-def test_changing_usd_visibility_is_noted(tmp_path):
-    pytest.importorskip("pxr")
-    samples = '  token visibility.timeSamples = { 0: "invisible", 1: "inherited" }\n}\n'
-    text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + samples
-    assert left_out(stored(tmp_path, "a.usda", text)) == ["visibility that changes over time: /m"]
-
-
-def test_alembic_visibility_is_noted(tmp_path):
-    from samples import alembic as sample  # skips the test if the library is not installed
-
-    top = sample.archive(tmp_path / "a.abc").getTop()
-    mesh = sample.add_mesh(top, "m", [sample.POINTS])
-    sample.AbcGeom.CreateVisibilityProperty(mesh, 0)
-    del mesh, top
-    assert left_out(tmp_path / "a.abc") == ["visibility of /m"]
-
-
 def test_fields_of_a_topology_file_are_noted(tmp_path):
     data = "POINT_DATA 3\nSCALARS heat float 1\nLOOKUP_TABLE default\n0 1 2\n"
     mesh = stored(tmp_path, "a.vtk", LEGACY.format(data=data))

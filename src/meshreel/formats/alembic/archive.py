@@ -455,12 +455,16 @@ class Property:
         texts = self._contents(index).decode(errors="replace").split("\0")
         return texts if texts[-1] else texts[:-1]
 
-    def _contents(self, index: int) -> bytes:
+    def reference_of(self, index: int) -> int:
+        """Return the reference to the data of a sample; equal samples may share it."""
         # Array samples alternate between data and dimensions.
         reference_index = self.stored_index(index) * (2 if self.is_array else 1)
         if not self.n_samples or reference_index >= len(self._samples):
             raise damage_error(f"{self.name} has no sample {index}")
-        return self.archive.data(int(self._samples[reference_index]))[KEY_BYTES:]
+        return int(self._samples[reference_index])
+
+    def _contents(self, index: int) -> bytes:
+        return self.archive.data(self.reference_of(index))[KEY_BYTES:]
 
     @cached_property
     def _samples(self) -> References:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from meshreel.arrays import Floats
+from meshreel.arrays import Floats, Integers
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import AbcObject, Archive, Property, damage_error
 from meshreel.formats.alembic.attributes import (
@@ -26,7 +26,12 @@ from meshreel.formats.alembic.attributes import (
 from meshreel.formats.frames.field_tracks import Key
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
-from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
+from meshreel.formats.scenes.scene_mesh import (
+    SHOWN,
+    SceneMesh,
+    Visibility,
+    read_or_defer_error,
+)
 from meshreel.formats.scenes.timing import blend, neighbors, unite_times
 from meshreel.formats.scenes.transforms import transform_points
 from meshreel.formats.surfaces.hard_edges import NormalNotes, find_hard_edges
@@ -171,6 +176,9 @@ UNSUPPORTED = "properties that do not fit the mesh or are not numeric"
 MAX_OBJECTS, MAX_DEPTH = 100_000, 256
 """Limits, since nested instances can make a small file expand to any number of objects."""
 
+VISIBLE, DEFERRED, HIDDEN = "visible", -1, 0
+"""Property of an object that may be hidden, and two of its states; 1 is visible."""
+
 POLYGONS, SUBDIVISION, TRANSFORM = "AbcGeom_PolyMesh", "AbcGeom_SubD", "AbcGeom_Xform"
 OTHER_SCHEMAS = {
     "AbcGeom_Camera": "cameras",
@@ -190,8 +198,48 @@ class Node:
     path: str
     """Names from the root, such as "/root/body"."""
     object: AbcObject
-    chain: tuple[Transform, ...]
-    """The transforms above it, outermost first."""
+    parent: "Node | None" = None
+
+    @property
+    def ancestors(self) -> list[AbcObject]:
+        """The objects above it, outermost first, without the root."""
+        above, node = list[AbcObject](), self.parent
+        while node is not None and node.path:
+            above.insert(0, node.object)
+            node = node.parent
+        return above
+
+    @cached_property
+    def chain(self) -> tuple[Transform, ...]:
+        """The transforms above it, outermost first."""
+        transforms = (above for above in self.ancestors if above.schema == TRANSFORM)
+        properties = (above.properties.get(".xform") for above in transforms)
+        return tuple(Transform(xform.properties) for xform in properties if xform is not None)
+
+    @property
+    def visibility(self) -> Visibility:
+        """When it is shown: at its own state or, if that is deferred, at that of the next above."""
+        states = [
+            (visible.times_s, _states(visible))
+            for item in (self.object, *reversed(self.ancestors))
+            if (visible := item.properties.get(VISIBLE)) is not None and visible.n_samples
+        ]
+        if not states:
+            return SHOWN
+        times_s = np.unique(np.concatenate([times_s for times_s, _ in states]))
+        state = np.full(len(times_s), DEFERRED)
+        for own_times_s, own_states in states:
+            own = own_states[np.maximum(np.searchsorted(own_times_s, times_s, "right") - 1, 0)]
+            state = np.where(state == DEFERRED, own, state)
+        return Visibility(times_s, state != HIDDEN)
+
+
+def _states(visible: Property) -> Integers:
+    """Return the state at each of its times; samples that share their data are read once."""
+    references = [visible.reference_of(index) for index in range(len(visible.times_s))]
+    first = {reference: index for index, reference in reversed([*enumerate(references)])}
+    states = {ref: [*visible.integers(index).tolist(), DEFERRED][0] for ref, index in first.items()}
+    return np.array([states[reference] for reference in references])
 
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
@@ -257,8 +305,9 @@ class _AnimatedMesh:
         if len(self._times_s) == 1 and sampling.is_uniform and self._points.sampling_index:
             fps = Timing.of_times(sampling.times(2)).fps  # one sample alone has no frame rate
         return SceneMesh(
-            self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks
-        )
+            self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks,
+            visibility=self._node.visibility,
+        )  # fmt: skip
 
     @cached_property
     def _animated(self) -> dict[str, Quantity]:
@@ -279,8 +328,6 @@ class _AnimatedMesh:
             normal_edges = find_hard_edges(mesh, normals)
             self._normal_notes.add(node.path, normal_edges, is_track=NORMALS in self._animated)
             hard_edges = normal_edges.edges
-        if "visible" in node.object.properties:
-            self._notes.left_out(f"visibility of {node.path}")
         if node.object.schema == SUBDIVISION:
             self._notes.left_out(CAGES, [node.path])
         face_sets = {
@@ -383,7 +430,7 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
         instance, or there are too many objects.
     """
     seen: set[str] = set()
-    root = Node("", archive.top, ())
+    root = Node("", archive.top)
     stack = [
         (child, root, frozenset({archive.top.reference})) for child in archive.top.children[::-1]
     ]
@@ -400,11 +447,9 @@ def walk_hierarchy(archive: Archive) -> Iterator[Node]:
             raise damage_error(f"{path} contains itself")
         if len(ancestors) > MAX_DEPTH:
             raise FormatError(f"nests {path} below more than {MAX_DEPTH} objects; flatten it")
-        yield Node(path, source, chain := parent.chain)
-        if source.schema == TRANSFORM and ".xform" in source.properties:
-            chain = (*chain, Transform(source.properties[".xform"].properties))
-        parent_and_ancestors = Node(path, source, chain), ancestors | {source.reference}
-        stack += [(child, *parent_and_ancestors) for child in source.children[::-1]]
+        yield (node := Node(path, source, parent))
+        above = ancestors | {source.reference}
+        stack += [(child, node, above) for child in source.children[::-1]]
 
 
 def describe_contents(nodes: Sequence[Node]) -> str:

@@ -1,14 +1,12 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.gltf.animation import (
     PATHS,
@@ -25,7 +23,6 @@ from meshreel.formats.gltf.scene import (
     STEP,
     VISIBLE,
     Curve,
-    Curves,
     Motion,
     Nodes,
     PosedMesh,
@@ -34,11 +31,8 @@ from meshreel.formats.gltf.scene import (
 )
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.merging import merge_meshes
-from meshreel.formats.scenes.scene_mesh import SceneMesh
-from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import Notes, listed
-from meshreel.model.surface import Surface
+from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
+from meshreel.model.notes import Notes
 from meshreel.model.validation import validate_fps
 
 LIGHTS, INSTANCING = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
@@ -66,35 +60,27 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if not shown:
         raise no_mesh_error(document, nodes)
     motion, sampling = _select_motion(shown, nodes, document, options)
-    shown = _visible_meshes(shown, motion, notes)
     _note_left_out(document, shown, notes)
     default_names = [mesh.mesh.json.text("name", "") for mesh in shown]
     mesh_nodes = [mesh.node for mesh in shown]
     names = unique_names(nodes.paths(dict(zip(mesh_nodes, default_names, strict=True))))
-    reader = GeometryReader(document, notes)
+    if options.object is None and all(_is_of_segment(mesh, nodes) for mesh in shown):
+        names = ["/" + name.strip("/").partition("/")[2] for name in names]
+    reader, visibility = GeometryReader(document, notes), Visibilities(motion, sampling)
     meshes = []
     for name, mesh in zip(names, shown, strict=True):
         times = sampling if _is_animated(mesh, motion) else sampling.first
         node = nodes.objects[mesh.node]
         posed = PosedMesh(mesh, motion, times.curve_times_s, node, reader.read)
-        fps = times.fps or None
-        meshes.append(
-            SceneMesh(
-                name, times.times_s, posed.frame, posed.surface, fps, positions=posed.positions
-            )
-        )
-    switching = find_switching(shown, motion, sampling.curve_times_s)
-    if switching is not None and options.object is None:
-        if all(_is_of_segment(mesh, nodes) for mesh in shown):
-            names = ["/" + name.strip("/").partition("/")[2] for name in names]
-            meshes = [replace(mesh, name=name) for mesh, name in zip(meshes, names, strict=True)]
-        return [_join_segments(meshes, *switching, sampling, notes)]
-    pairs = zip(names, shown, strict=True)
-    if changing := [name for name, mesh in pairs if mesh.node in motion.switched]:
-        notes.left_out(f"changes of the visibility of {listed(changing)}")
+        scene_mesh = SceneMesh(
+            name, times.times_s, posed.frame, posed.surface, times.fps or None,
+            positions=posed.positions, visibility=visibility.of(mesh),
+        )  # fmt: skip
+        meshes.append(scene_mesh)
     if options.merge and options.object is None and not options.skip_bad:
-        for mesh in shown:  # before any is posed
-            reader.read(mesh.mesh)
+        for mesh, scene_mesh in zip(shown, meshes, strict=True):  # before any is posed
+            if scene_mesh.visibility.is_shown.all():
+                reader.read(mesh.mesh)
     return meshes
 
 
@@ -137,20 +123,6 @@ def _moving_nodes(shown: Sequence[ShownMesh], nodes: Nodes) -> dict[str, set[int
 def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
     is_moved = not motion.animated.isdisjoint(mesh.carriers)
     return is_moved or (mesh.node, "weights") in motion.curves
-
-
-def _visible_meshes(shown: list[ShownMesh], motion: Motion, notes: Notes) -> list[ShownMesh]:
-    """Return the meshes that are visible at some time; all if none is."""
-    nodes = motion.nodes
-    unchanging = {node for node in nodes.hidden() if (node, VISIBLE) not in motion.curves}
-    hidden_nodes = nodes.with_below(unchanging)
-    hidden = [mesh.node for mesh in shown if mesh.node in hidden_nodes]
-    if len(hidden) == len(shown):
-        notes.changed("all meshes are hidden (KHR_node_visibility); read as if they were visible")
-        return shown
-    if hidden:
-        notes.left_out(f"hidden meshes: {nodes.labels(hidden)}")
-    return [mesh for mesh in shown if mesh.node not in hidden_nodes]
 
 
 def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes) -> None:
@@ -262,42 +234,37 @@ def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
     )
 
 
-def find_switching(
-    shown: Sequence[ShownMesh], motion: Motion, times_s: Floats
-) -> tuple[int, list[tuple[int, ...]]] | None:
-    """Return the first frame with a mesh, and the indices of the meshes in it and each later frame.
+class Visibilities:
+    """When meshes are shown: those below hidden nodes, or at a scale of zero that steps, are not.
 
-    Meshes are hidden by visibility, or by a scale of zero that steps to another value. Frames
-    before the first and after the last mesh may be empty. None unless there are at least two groups
-    of meshes, of which each frame shows one.
+    Parameters
+    ----------
+    sampling : Sampling
+        Times at which visibility is evaluated.
     """
-    showing = {
-        (node, path): curve
-        for (node, path), curve in motion.curves.items()
-        if path == VISIBLE or (path == "scale" and _steps_from_zero(curve))
-    }
-    switches = [_switches(showing, motion, mesh) for mesh in shown] if showing else []
-    if not any(switches):
-        return None
-    visible = np.ones((len(times_s), len(shown)), np.bool_)
-    for column, curves in zip(visible.T, switches, strict=True):
+
+    def __init__(self, motion: Motion, sampling: Sampling) -> None:
+        self._nodes, self._sampling = motion.nodes, sampling
+        self._curves = {
+            (node, path): curve
+            for (node, path), curve in motion.curves.items()
+            if path == VISIBLE or (path == "scale" and _steps_from_zero(curve))
+        }
+        hidden = {node for node in motion.nodes.hidden() if (node, VISIBLE) not in self._curves}
+        self._hidden = motion.nodes.with_below(hidden)
+
+    def of(self, mesh: ShownMesh) -> Visibility:
+        """Return the visibility of a mesh; nodes above a skinned mesh do not scale it."""
+        sampling, is_visible = self._sampling, mesh.node not in self._hidden
+        paths = [VISIBLE] if mesh.skin is not None else [VISIBLE, "scale"]
+        keys = ((node, path) for node in self._nodes.ancestors(mesh.node) for path in paths)
+        curves = [self._curves[key] for key in keys if key in self._curves]
+        if not curves:
+            return Visibility(sampling.times_s[:1], np.array([is_visible]))
+        shown = np.full(len(sampling.times_s), is_visible)
         for curve in curves:
-            column &= (curve.values_at(times_s) != 0).any(axis=1)
-    frames = np.flatnonzero(visible.any(axis=1))
-    if not len(frames):
-        return None
-    groups = [tuple(np.flatnonzero(row).tolist()) for row in visible[frames[0] : frames[-1] + 1]]
-    members = list(chain.from_iterable(set(groups)))
-    if len(set(groups)) < 2 or () in groups or len(set(members)) < len(members):
-        return None
-    return int(frames[0]), groups
-
-
-def _switches(showing: Curves, motion: Motion, mesh: ShownMesh) -> list[Curve]:
-    """Return the curves that show and hide a mesh; nodes above a skinned mesh do not scale it."""
-    paths = [VISIBLE] if mesh.skin is not None else [VISIBLE, "scale"]
-    keys = [(node, path) for node in motion.nodes.ancestors(mesh.node) for path in paths]
-    return [showing[key] for key in keys if key in showing]
+            shown &= (curve.values_at(sampling.curve_times_s) != 0).any(axis=1)
+        return Visibility(sampling.times_s, shown)
 
 
 def _steps_from_zero(scale: Curve) -> bool:
@@ -310,32 +277,3 @@ def _is_of_segment(mesh: ShownMesh, nodes: Nodes) -> bool:
     """Return whether meshreel wrote a mesh as a segment, or a part of one."""
     extras = [nodes.objects[node].values.get("extras") for node in nodes.ancestors(mesh.node)]
     return any(isinstance(values, dict) and SEGMENT_START in values for values in extras)
-
-
-def _join_segments(
-    meshes: Sequence[SceneMesh],
-    first: int,
-    groups: Sequence[tuple[int, ...]],
-    sampling: Sampling,
-    notes: Notes,
-) -> SceneMesh:
-    """Return a mesh whose faces change: from frame `first` on, the meshes of a group per frame."""
-    segments: dict[tuple[int, ...], SceneMesh] = {}
-    for group in dict.fromkeys(groups):
-        parts = [meshes[number] for number in group]
-        segments[group] = parts[0] if len(parts) == 1 else merge_meshes(parts, "", notes)
-
-    def locate(index: int) -> tuple[SceneMesh, int]:
-        mesh = segments[groups[index]]
-        return mesh, min(first + index, len(mesh.times_s) - 1)
-
-    def frame(index: int) -> PolygonMesh:
-        mesh, mesh_frame = locate(index)
-        return mesh.frame(mesh_frame)
-
-    def surface(index: int) -> Surface:
-        mesh, mesh_frame = locate(index)
-        return mesh.surface(mesh_frame)
-
-    times_s = sampling.times_s[first : first + len(groups)]
-    return SceneMesh(segments[groups[0]].name, times_s, frame, surface, sampling.fps or None)

@@ -292,11 +292,6 @@ class Motion:
         return self.nodes.with_below({node for node, path in self.curves if path != "weights"})
 
     @cached_property
-    def switched(self) -> set[int]:
-        """The nodes whose visibility is animated, or below such a node."""
-        return self.nodes.with_below({node for node, path in self.curves if path == VISIBLE})
-
-    @cached_property
     def rest_worlds(self) -> dict[int, Matrices]:
         """World transforms of carriers that are not animated, of shape (1, 4, 4), by node.
 

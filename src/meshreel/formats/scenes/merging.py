@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.arrays import Values
+from meshreel.arrays import Floats, Values
 from meshreel.formats.frames.stored_frames import StoredTrack
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import (
@@ -28,12 +28,14 @@ BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTH
 """Kinds whose float values are interpolated linearly between frames."""
 
 
-def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneMesh:
-    """Merge meshes into one whose parts have their names.
+def merge_meshes(
+    meshes: Sequence[SceneMesh], name: str, notes: Notes, times_s: Floats | None = None
+) -> SceneMesh:
+    """Merge meshes into one whose parts have their names; a single mesh has no parts.
 
-    Its frames are at all times of the moving meshes. A mesh without a frame at such a time is
-    interpolated linearly between its neighboring frames, and held before its first and after its
-    last one; so are its float tracks.
+    Its frames are at the given times, by default at all times of the moving meshes. A mesh without
+    a frame at such a time is interpolated linearly between its neighboring frames, and held before
+    its first and after its last one; so are its float tracks.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def merge_meshes(meshes: Sequence[SceneMesh], name: str, notes: Notes) -> SceneM
     notes : Notes
         Receives a sentence for each attribute that only some of the meshes have.
     """
-    times = unite_times([mesh.times_s for mesh in meshes])
+    times = unite_times([mesh.times_s for mesh in meshes]) if times_s is None else times_s
 
     def frame(index: int) -> PolygonMesh:
         intervals = [neighbors(mesh.times_s, times[index]) for mesh in meshes]
@@ -185,6 +187,8 @@ def merge_surfaces(
 ) -> Surface:
     """Return the merged surface of several meshes, each of which becomes a named part.
 
+    The surface of a single mesh is unchanged.
+
     Parameters
     ----------
     surfaces : sequence of Surface
@@ -194,6 +198,8 @@ def merge_surfaces(
     notes : Notes
         Receives a sentence for each attribute that only some of the meshes have.
     """
+    if len(surfaces) == 1:
+        return surfaces[0]
     parts = tuple(
         Part(name, len(frame.vertices), len(frame.counts))
         for name, frame in zip(names, frames, strict=True)

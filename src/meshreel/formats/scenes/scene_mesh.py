@@ -8,6 +8,7 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.errors import MeshReelError
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -17,6 +18,34 @@ from meshreel.model.tracks import TrackSource
 
 BLOCK_BYTES = 1 << 22
 """Memory for the positions of frames that are computed, read or checked at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """When a file shows a mesh."""
+
+    times_s: Floats
+    """float64 array of shape (N,). Ascending times in seconds."""
+    is_shown: npt.NDArray[np.bool_]
+    """bool array of shape (N,). Whether the mesh is shown from each time until the next one."""
+    reason: str = ""
+    """Why it is hidden, such as "purpose proxy", unless the file simply says so."""
+
+    @property
+    def changes(self) -> bool:
+        """Whether the mesh is hidden only at some times."""
+        return bool(self.is_shown.any() and not self.is_shown.all())
+
+    def at(self, times_s: Floats) -> npt.NDArray[np.bool_]:
+        """Return whether the mesh is shown at ascending times of shape (T,)."""
+        margin_s = np.diff(times_s).min(initial=np.inf) / 2 if len(times_s) > 1 else 0.0
+        rows = np.searchsorted(self.times_s, times_s + margin_s, "right") - 1
+        shown: npt.NDArray[np.bool_] = self.is_shown[np.maximum(rows, 0)]
+        return shown
+
+
+SHOWN = Visibility(np.zeros(1), np.ones(1, np.bool_))
+"""A mesh that is always shown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +74,9 @@ class SceneMesh:
     """Returns the positions of frames start..stop - 1 of a mesh whose faces never change, of shape
     (K, V, 3), faster than frame by frame.
     """
+    visibility: Visibility = SHOWN
+    keeps_surface: Callable[[int], bool] = lambda frame: True
+    """Whether a frame has the surface of the frame before it; otherwise it begins a segment."""
 
 
 def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

@@ -14,6 +14,7 @@ from meshreel.formats.frames.stored_frames import Description, FrameSurvey
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
+from meshreel.formats.scenes.visibility import meshes_in_turn, note_changes, without_hidden
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
@@ -97,7 +98,8 @@ def selected_meshes(
 ) -> Sequence[SceneMesh]:
     """Return the mesh that the options name, all merged, or all separately by default.
 
-    With `skip_bad`, unreadable meshes are left out.
+    Hidden meshes are left out, unless named, and meshes that are visible in turn are one mesh. With
+    `skip_bad`, unreadable meshes are left out.
 
     Raises
     ------
@@ -108,9 +110,15 @@ def selected_meshes(
     """
     meshes = read_meshes(path, options)
     if options.object is not None:
-        return [_find_named(meshes, options.object)]
+        mesh = _find_named(meshes, options.object)
+        note_changes([mesh], options.notes)
+        return [mesh]
+    meshes = without_hidden(meshes, options.notes)
     if options.skip_bad:
         meshes = readable_meshes(meshes, options)
+    joined = meshes_in_turn(meshes, path.stem, options.notes, merges=options.merge)
+    if joined is not None:
+        return [joined]
     if options.merge and len(meshes) > 1:
         return [merge_meshes(meshes, path.stem, options.notes)]
     return meshes
@@ -163,7 +171,9 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
         run_starts = {
             row
             for row, (frame, before) in enumerate(zip(frames, [last, *frames], strict=False))
-            if before is None or not frame.has_faces_of(before)
+            if before is None
+            or not frame.has_faces_of(before)
+            or not mesh.keeps_surface(start + row)
         }
         for row, stop in pairwise(sorted({0, *run_starts, len(frames)})):
             if row in run_starts:

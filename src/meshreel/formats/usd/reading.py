@@ -1,4 +1,4 @@
-"""Reading USD files: every mesh that is rendered, in world space, with its animation.
+"""Reading USD files: every mesh, in world space, with its animation.
 
 Files are read through ``Usd.Stage``, which composes references, layers, instances and value clips.
 Points are read at their samples; meshes that move between keys of transforms or skeletons are read
@@ -9,6 +9,7 @@ units and axes of the file.
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
+from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.usd.materials import StageMaterials
 from meshreel.formats.usd.meshes import StageMesh, Transforms, find_skins
@@ -52,27 +53,29 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     Raises
     ------
     FormatError
-        If USD cannot read the file, or it contains no mesh that is rendered.
+        If USD cannot read the file, or it contains no mesh.
     """
     stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        rendered = rendered_meshes(stage, options.notes)
-        skins, transforms = find_skins(rendered), Transforms()
+        prims = readable_prims(stage, options.notes)
+        skins, transforms = find_skins(prims), Transforms()
         materials = StageMaterials(None if options.allow_outside else path.parent, options.notes)
         notes, normals = options.notes, NormalNotes(options.notes)
         meshes = [
             StageMesh(
                 stage, prim, transforms, skins.get(str(prim.GetPath())), materials, notes, normals
             )
-            for prim in rendered
+            for prim in prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
-        codes_of = _frame_codes(meshes, rate, codes_per_frame(stage, rate), options)
+        shown = [mesh for mesh in meshes if _visibility(mesh.prim, rate).is_shown.any()] or meshes
+        codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), options)
 
     def scene_mesh(mesh: StageMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
-            return _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
+            whole = _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
+            return replace(whole, visibility=_visibility(mesh.prim, rate, grid))
 
     return [read_or_defer_error(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
@@ -97,8 +100,11 @@ def _scene_mesh(mesh: StageMesh, codes: Floats, rate: float, *, has_rate: bool) 
 
 def _frame_codes(
     meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
-) -> Callable[[StageMesh], Floats]:
-    """Return a function that gives the time codes of the frames of a mesh, empty if static."""
+) -> tuple[Callable[[StageMesh], Floats], Floats | None]:
+    """Return a function that gives the time codes of the frames of a mesh, empty if static.
+
+    Also return the time codes that all animated meshes have in common, or None.
+    """
     samples: list[Samples] = []
     for mesh in meshes:
         with suppress(FormatError):  # raised again when the mesh is read
@@ -111,17 +117,17 @@ def _frame_codes(
         animated = [sample.all for sample in samples if len(sample.all) > 1]
         first = min(float(codes[0]) for codes in animated)
         last = max(float(codes[-1]) for codes in animated)
-        grid = cache(lambda: frame_grid(first, last, rate / fps))
+        grid = frame_grid(first, last, rate / fps)
 
         def common_codes(mesh: StageMesh) -> Floats:
             if len(mesh.samples.all) < 2:
                 return mesh.samples.all
             _note_final_pose(
-                mesh, grid(), max(float(sample.all[-1]) for sample in samples if len(sample.all))
+                mesh, grid, max(float(sample.all[-1]) for sample in samples if len(sample.all))
             )
-            return grid()
+            return grid
 
-        return common_codes
+        return common_codes, grid
     origin = min((float(codes[0]) for codes in interpolated), default=0.0)
 
     def codes_of(mesh: StageMesh) -> Floats:
@@ -133,7 +139,7 @@ def _frame_codes(
             _note_final_pose(mesh, codes, float(mesh.samples.all[-1]))
         return codes
 
-    return codes_of
+    return codes_of, None
 
 
 def _note_final_pose(mesh: StageMesh, codes: Floats, last: float) -> None:
@@ -143,38 +149,29 @@ def _note_final_pose(mesh: StageMesh, codes: Floats, last: float) -> None:
         mesh.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])
 
 
-def rendered_meshes(stage: Any, notes: Notes) -> list[Any]:
-    """Return the prims of the meshes that are rendered, in stage order.
-
-    These are the meshes that are visible at some time, have the purpose default or render, and have
-    points and faces.
+def readable_prims(stage: Any, notes: Notes) -> list[Any]:
+    """Return the prims of the meshes that have points and faces, in stage order.
 
     Parameters
     ----------
     notes : Notes
-        Gains a sentence on meshes that are not rendered, and on other geometry.
+        Gains a sentence on other meshes, and on other geometry.
 
     Raises
     ------
     FormatError
         If there are none, listing the contents; or if the stage has more than `MAX_PRIMS` prims.
     """
-    meshes, other_counts = _geometry(stage)
-    reasons = [_reason_not_rendered(mesh) for mesh in meshes]
-    rendered = [mesh for mesh, reason in zip(meshes, reasons, strict=True) if not reason]
-    hidden = Counter(reason for reason in reasons if reason)
-    contents = ", ".join(
-        [f"{n} {'mesh' if n == 1 else 'meshes'} {reason}" for reason, n in hidden.items()]
-        + [f"{n} {kind}" for kind, n in other_counts.items()]
-    )
-    if not rendered:
-        no_geometry = "contains no geometry"
-        raise FormatError(f"contains no visible mesh, only {contents}" if contents else no_geometry)
-    names = [str(mesh.GetPath()) for mesh in rendered if len(set(_visibility(mesh))) > 1]
-    notes.left_out("visibility that changes over time", names)
+    meshes, others = _geometry(stage)
+    readable = [prim for prim in meshes if _has_shape(prim)]
+    contents = ", ".join(f"{count} {kind}" for kind, count in others.items())
+    if not readable:
+        raise FormatError(f"contains no mesh, only {contents}" if contents else "contains no mesh")
+    empty = (str(prim.GetPath()) for prim in meshes if not _has_shape(prim))
+    notes.left_out("meshes without points or faces", empty)
     if contents:
         notes.left_out(contents)
-    return rendered
+    return readable
 
 
 def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
@@ -205,25 +202,29 @@ def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
     return meshes, other_counts
 
 
-def _reason_not_rendered(prim: Any) -> str:
-    """Return why a mesh is not rendered, in a few words; empty if it is."""
+def _has_shape(prim: Any) -> bool:
+    mesh = USD.load("UsdGeom").Mesh(prim)
+    return bool(mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue())
+
+
+def _visibility(prim: Any, rate: float, codes: Floats | None = None) -> Visibility:
+    """Return when a mesh is rendered: while it is visible, if its purpose is default or render.
+
+    Parameters
+    ----------
+    codes : float64 array, optional
+        Time codes at which visibility is evaluated; default: those of its samples.
+    """
     geometry = USD.load("UsdGeom")
-    purpose = geometry.Imageable(prim).ComputePurpose()
-    if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
-        return f"of purpose {purpose}"
-    mesh = geometry.Mesh(prim)
-    if not (mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue()):
-        return "without points or faces"
-    return "" if any(_visibility(prim)) else "invisible"
-
-
-def _visibility(prim: Any) -> list[bool]:
-    """Return the visibility of a mesh at each of its samples, or a single value without samples."""
-    geometry, codes = USD.load("UsdGeom"), set[float]()
     mesh = geometry.Imageable(prim)
+    purpose, inherited = mesh.ComputePurpose(), geometry.Tokens.inherited
+    if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
+        return Visibility(np.zeros(1), np.zeros(1, np.bool_), f"purpose {purpose}")
+    samples = set[float]()
     while prim and not prim.IsPseudoRoot():
         if imageable := geometry.Imageable(prim):
-            codes |= {*attribute_codes(imageable.GetVisibilityAttr())}
+            samples |= {*attribute_codes(imageable.GetVisibilityAttr())}
         prim = prim.GetParent()
-    inherited = geometry.Tokens.inherited
-    return [mesh.ComputeVisibility(code) == inherited for code in sorted(codes) or [0.0]]
+    times = np.array(sorted(samples) or [0.0]) if codes is None or not samples else codes
+    shown = [mesh.ComputeVisibility(code) == inherited for code in times.tolist()]
+    return Visibility(snap(times) / rate, np.array(shown))

@@ -266,10 +266,12 @@ def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
     assert loaded.segments[1].n_verts == 4
 
 
-def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path):
+def test_frames_without_a_mesh_at_the_ends_are_left_out(tmp_path, notes):
     shown = {"tri": [0, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 0]}
-    loaded = meshreel.load(switching_file("visible", shown).save(tmp_path / "a.glb"))
+    path = switching_file("visible", shown).save(tmp_path / "a.glb")
+    loaded = meshreel.load(path, notes=notes)
     assert (loaded.starts, loaded.start_s) == ((0, 1, 3), 0.25)
+    assert "left out: 2 frames without a mesh" in notes
 
 
 def test_animation_of_meshes_continues_while_they_are_shown(tmp_path):
@@ -289,28 +291,28 @@ def test_transforms_are_read_from_pointers(tmp_path):
     np.testing.assert_allclose(loaded.vertices[:, 0, 0], [0, 1, 2, 3, 4], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    "shown",
-    [
-        {"tri": [1, 1, 1, 0, 0], "quad": [0, 0, 1, 1, 1]},  # both at 0.5 s
-        {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 0, 1, 1]},  # none at 0.5 s
-        {"tri": [1, 1, 1, 1, 1], "quad": [0, 0, 1, 1, 1]},  # one is always shown
-    ],
-)
-def test_other_changes_of_visibility_are_left_out_with_a_note(tmp_path, shown, notes):
+@pytest.mark.parametrize("last", [1, 0])
+def test_meshes_shown_with_several_others_are_segments_if_merged(tmp_path, last):
+    shown = {"tri": [1, 1, 1, last, last], "quad": [0, 0, 1, 1, 1]}
     path = switching_file("visible", shown).save(tmp_path / "a.glb")
     with pytest.raises(InvalidInputError, match="2 meshes"):
         meshreel.load(path)
-    loaded = meshreel.load(path, merge=True, notes=notes)
-    assert loaded.n_verts == 7
-    assert "left out: changes of the visibility of /tri, /quad" in notes
+    loaded = meshreel.load(path, merge=True)
+    assert [segment.n_verts for segment in loaded.segments] == ([3, 7] if last else [3, 7, 4])
+
+
+def test_frames_without_a_mesh_keep_all_meshes_with_a_note(tmp_path, notes):
+    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 0, 1, 1]}
+    path = switching_file("visible", shown).save(tmp_path / "a.glb")
+    assert meshreel.load(path, merge=True, notes=notes).n_verts == 7
+    assert "left out: changes of visibility: /tri, /quad" in notes
 
 
 def test_a_selected_mesh_is_read_alone(tmp_path, notes):
     shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1]}
     path = switching_file("visible", shown).save(tmp_path / "a.glb")
     assert meshreel.load(path, object="quad", notes=notes).n_verts == 4
-    assert "left out: changes of the visibility of /tri, /quad" in notes
+    assert "left out: changes of visibility: /quad" in notes
 
 
 def test_hidden_meshes_are_left_out_with_a_note(tmp_path, notes):
@@ -321,7 +323,7 @@ def test_hidden_meshes_are_left_out_with_a_note(tmp_path, notes):
     child = file.node(mesh=file.mesh(), name="tri", is_root=False)
     file.node(children=[child], name="group", extensions=hidden)
     assert meshreel.load(file.save(tmp_path / "a.glb"), notes=notes).n_verts == 4
-    assert notes == ["left out: hidden meshes: tri"]
+    assert notes == ["left out: hidden meshes: /group/tri"]
     file.json["nodes"][0]["extensions"] = hidden
     assert meshreel.load(file.save(tmp_path / "b.glb"), merge=True, notes=notes).n_verts == 7
     assert "all meshes are hidden" in notes[-1]

@@ -192,7 +192,7 @@ def test_merging_renames_different_materials_of_one_name():
     for name, own in (("/a", materials), ("/b", other)):
         surface = replace(quad_sheet().surface, materials=own, images=images)
         sheets.append(scene_mesh(quad_sheet().replace(surface=surface), name))
-    result = opened(sheets, merge=True, notes=[]).surface
+    result = opened(sheets, merge=True).surface
     assert [material.name for material in result.materials] == ["red", "gr\u00fcn", "red_2"]
     assert result.images == images
     assert result.groups[0].labels == ("red", "gr\u00fcn", "red_2")

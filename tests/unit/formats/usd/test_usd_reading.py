@@ -262,23 +262,29 @@ def test_load_leaves_out_meshes_that_are_not_rendered(stage_file, notes):
     body += 'def BasisCurves "hair" { }\n'
     body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
     assert load(stage_file(body), notes=notes).name == "m"
-    assert notes[0] == (
-        "left out: 1 mesh of purpose proxy, 1 mesh of purpose guide, 2 meshes invisible, "
-        "1 mesh without points or faces, 1 Sphere, 1 BasisCurves, "
-        "1 PointInstancer"
-    )
+    assert notes[:3] == [
+        "left out: meshes without points or faces: /empty",
+        "left out: 1 Sphere, 1 BasisCurves, 1 PointInstancer",
+        "left out: hidden meshes: /proxy (purpose proxy), /guide (purpose guide), /unseen, "
+        "/blinking",
+    ]
+
+
+def test_hidden_meshes_are_read_if_all_are(stage_file, notes):
+    body = mesh(more='token visibility = "invisible"')
+    assert load(stage_file(body), notes=notes).name == "m"
+    assert "all meshes are hidden; read as if they were visible" in notes
 
 
 @pytest.mark.parametrize(
     ("body", "contents"),
     [
-        ("", "contains no geometry"),
-        ('def Xform "a" { }', "contains no geometry"),
+        ("", "contains no mesh"),
+        ('def Xform "a" { }', "contains no mesh"),
         (
             'def BasisCurves "a" { }\ndef BasisCurves "b" { }',
-            "contains no visible mesh, only 2 BasisCurves",
+            "contains no mesh, only 2 BasisCurves",
         ),
-        (mesh(more='token visibility = "invisible"'), "contains no visible mesh, only 1 mesh inv"),
     ],
 )
 def test_load_lists_the_contents_of_a_file_without_meshes(stage_file, body, contents):
