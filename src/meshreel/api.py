@@ -276,7 +276,6 @@ def rig(
     kg: float | None = None,
     quality: float | None = None,
     unit: str | None = None,
-    force: bool = False,
     progress: Progress = silent,
 ) -> "Rig":
     """Fit bones, at most four weights per vertex and a rest pose to an animation.
@@ -301,8 +300,6 @@ def rig(
         quality, 1 to 100. Normals of bones are worse.
     unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
         Length unit of the model, for a `max_error` that is a length.
-    force : bool, default False
-        Whether a rig that exceeds the bounds is returned.
     progress : callable, optional
         Called with the stage and the completed fraction, 0..1.
 
@@ -329,7 +326,7 @@ def rig(
 
     sequence = _loaded(source)
     bounds = bounds_of(sequence, quality=quality, kg=kg, max_error=max_error, unit=unit)
-    return fit_sequence(sequence, bones=bones, bounds=bounds, force=force, progress=progress)
+    return fit_sequence(sequence, bones=bones, bounds=bounds, progress=progress)
 
 
 @overload

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.app.cli.rig_figures import size_as_morph_targets
+from meshreel.formats.options import WriteOptions
+from meshreel.runtime.progress import silent
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
@@ -208,6 +211,17 @@ def test_rig_is_shown_with_its_errors_parts_and_alternatives(folder, source):
     done = run(command, source, *options, "--force", cwd=folder)
     for row in ("KG error", "largest error", "normal error", "as morph targets", "as .reel"):
         assert row in done.stdout
+
+
+def test_morph_targets_that_miss_the_bound_of_a_rig_are_not_compared(tmp_path):
+    sequence, rig = (
+        waving_grid(3, dtype=np.float64),
+        {"bounds_percent": {"largest": 1e-12, "kg": 1}},
+    )
+    arguments = range(3), tmp_path / "a.glb", WriteOptions(rig=True), rig, silent
+    assert size_as_morph_targets(sequence, *arguments) == {}
+    rig["bounds_percent"]["largest"] = 1.0
+    assert {*size_as_morph_targets(sequence, *arguments)} == {"morph targets"}
 
 
 def test_convert_prints_error_and_bound_of_a_stream(folder):

@@ -315,7 +315,5 @@ class WriteOptions:
     ] = None
     lossless: bool = False
     """``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`."""
-    force: bool = False
-    """With `rig`: whether a rig that exceeds its error bounds is written."""
     origin: Origin | None = None
     """Origin of decoded frames; None for original frames."""

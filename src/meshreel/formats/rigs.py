@@ -67,15 +67,9 @@ def rig_of(
         times_s,
         bones=None if options.rig is True else options.rig,
         bounds=bounds,
-        force=options.force,
         progress=stream.progress,
     )
     stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
-    if bounds.excess(rig.errors.kg_percent, rig.errors.largest_percent) > 1:
-        stream.notes.result(
-            f"the rig exceeds its error bounds: a KG error of {bounds.kg:.4g} % and a largest "
-            f"error of {bounds.largest:.4g} % of the diagonal"
-        )
     stream.notes += budget.describe(rig.errors.largest_percent / 100 * diagonal)
     return sequence, rig
 

@@ -139,7 +139,6 @@ def fit_sequence(
     *,
     bones: int | None = None,
     bounds: Bounds = DEFAULT_BOUNDS,
-    force: bool = False,
     progress: Progress = silent,
 ) -> Rig:
     """Return a rig with few bones, and correctives where these do not suffice.
@@ -150,8 +149,6 @@ def fit_sequence(
         Times of the keys; by default those of the sequence, or frame numbers if it has none.
     bones : int, optional
         Maximum number of bones, up to 256, which is the default.
-    force : bool, default False
-        Whether a rig beyond the bounds is returned.
 
     Raises
     ------
@@ -172,15 +169,18 @@ def fit_sequence(
     with one_blas_thread():  # its idle threads would spin after each of many products
         rig = search.run(max_bones)
     errors = rig.errors
-    if bounds.excess(errors.kg_percent, errors.largest_percent) > 1 and not force:
+    if bounds.excess(errors.kg_percent, errors.largest_percent) > 1:
+        more_bones = f" or up to {MAX_BONES} bones" if max_bones < MAX_BONES else ""
         raise InvalidInputError(
             f"{counted(rig.n_bones, 'bone')} and {counted(rig.n_targets, 'corrective target')} "
             f"reach a KG error of {errors.kg_percent:.3g} % and a largest error of "
             f"{errors.largest_percent:.3g} % of the diagonal; {bounds.kg:g} % and "
-            f"{bounds.largest:g} % are allowed; allow larger errors, write morph targets (omit ",
+            f"{bounds.largest:g} % are allowed; allow larger errors (",
+            Keyword("max_error"),
+            ", ",
+            Keyword("kg"),
+            f"){more_bones}, or write morph targets (omit ",
             Keyword("rig"),
-            "), or accept this rig (",
-            Keyword("force"),
             ")",
         )
     progress("rigging", 1.0)

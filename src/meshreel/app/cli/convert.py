@@ -6,7 +6,7 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import Encoding, encoding
-from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import (
@@ -16,7 +16,6 @@ from meshreel.app.cli.write_options import (
     WRITING,
     FramesOption,
     OutputOption,
-    OverwriteOption,
     StartNumberOption,
 )
 from meshreel.formats.options import ReadOptions, WriteOptions
@@ -45,7 +44,7 @@ def convert_command(
     start_number: StartNumberOption = None,
     track: TrackOption = (),
     split: SplitOption = False,
-    force: OverwriteOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write an animated mesh in another format, without loss as far as the format allows.
@@ -115,7 +114,7 @@ def convert_command(
         conversion = Conversion(
             output,
             files,
-            WriteOptions(max_error=bound, origin=origin, force=force, **rig_bounds, **writing),
+            WriteOptions(max_error=bound, origin=origin, **rig_bounds, **writing),
             reading,
             config,
             start_number,

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MemoryOption, SegmentOption
 from meshreel.app.cli.write_options import (
     WRITING_DECODED,
     FramesOption,
     OutputOption,
-    OverwriteOption,
     StartNumberOption,
 )
 from meshreel.codec.option import Option
@@ -45,7 +44,7 @@ def decode_command(
     segment: SegmentOption = None,
     memory: MemoryOption = None,
     unit: Annotated[str | None, UNIT] = None,
-    force: OverwriteOption = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Decode the animation of a .reel file.
@@ -90,7 +89,7 @@ def decode_command(
     selection = frame_slice(frames)
     writing["max_error"] = checked_bound(writing["max_error"], unit)
     refuse_stream(output)
-    options = WriteOptions(force=force, **writing)
+    options = WriteOptions(**writing)
     notes = Notes()
     with local_file(source, notes) if selection is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]

@@ -39,13 +39,6 @@ StartNumberOption = Annotated[
     int | None,
     Option("Number of the first file of a pattern. Default: number of its frame.", metavar="N"),
 ]
-OverwriteOption = Annotated[
-    bool,
-    Option(
-        "Replace existing outputs. Also write a rig that exceeds its error bounds.",
-        flag="--force -f",
-    ),
-]
 OUTPUT_KG = (
     "Smallest .reel of at most this KG error, relative to the shape's extent. With {rig}: largest "
     f"KG error of the rig. Default: {DEFAULT_KG_PERCENT:g}."

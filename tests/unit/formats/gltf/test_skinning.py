@@ -285,15 +285,15 @@ def test_changing_faces_are_refused(tmp_path):
         saved(tmp_path, both)
 
 
-def test_forced_rig_notes_its_bounds(tmp_path, notes):
+def test_no_option_writes_a_rig_beyond_its_bounds(tmp_path):
     noise = np.random.default_rng(6).normal(size=(150, 60, 3))
     faces = np.arange(60, dtype=np.int32).reshape(-1, 3)
     sequence = meshreel.MeshSequence(noise, faces, 25.0)
-    with pytest.raises(InvalidInputError, match="accept this rig"):
-        saved(tmp_path, sequence)
-    path = tmp_path / "forced.glb"
-    meshreel.save(sequence, path, rig=2, force=True, notes=notes)
-    assert any(note.startswith("the rig exceeds its error bounds") for note in notes)
+    with pytest.raises(InvalidInputError, match="or up to 256 bones, or write morph targets"):
+        meshreel.save(sequence, tmp_path / "a.glb", rig=2, overwrite=True)
+    with pytest.raises(InvalidInputError, match="force"):
+        meshreel.save(sequence, tmp_path / "a.glb", rig=2, force=True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_influences_stay_in_their_columns():
