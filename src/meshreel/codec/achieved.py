@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +13,12 @@ from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
+from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.surface.payloads import surface_in_order
 from meshreel.codec.surface.uv_grid import is_quantized
+from meshreel.errors import SolverError
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
@@ -110,6 +114,43 @@ def measure_tracks(sequence: FrameSource, data: bytes) -> dict[str, TrackErrors]
         is_dropped = reel.order == "drop"
         numbers = internal_numbers(sequence) if is_dropped else {}
         return errors_of_tracks(sequence.tracks, reel.tracks, numbers)
+
+
+def require_exact(sequence: FrameSource, data: bytes) -> None:
+    """Compare the lossless positions and tracks of a stream with its original, bit for bit.
+
+    Raises
+    ------
+    SolverError
+        If they differ.
+    """
+    with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
+        numbers = internal_numbers(sequence) if reel.order == "drop" else {}
+        pairs: dict[str, Any] = {"positions": (sequence, reel)} if reel.method == LOSSLESS else {}
+        pairs |= {
+            f"values of track {name!r}": (sequence.tracks[name], track)
+            for name, track in reel.tracks.items()
+            if track.is_exact
+        }
+        for start, stop in pairwise(reel.block_starts):
+            for name, (original, decoded) in pairs.items():
+                values = decoded.read(start, stop)
+                order = numbers.get(getattr(decoded, "domain", Domain.VERTEX))
+                require_same_bits(
+                    name,
+                    original.read(start, stop),
+                    values if order is None else values.take(order, axis=1),
+                )
+
+
+def require_same_bits(name: str, original: npt.NDArray[Any], decoded: npt.NDArray[Any]) -> None:
+    """Raise SolverError unless arrays have the same type, shape and bits."""
+    is_alike = (original.dtype, original.shape) == (decoded.dtype, decoded.shape)
+    bits, bits_hat = (np.ascontiguousarray(array).view(np.uint8) for array in (original, decoded))
+    if not (is_alike and np.array_equal(bits, bits_hat)):
+        raise SolverError(
+            f"{name} do not decode bit for bit; nothing is written; please report the input"
+        )
 
 
 def measure_uvs(sequence: MeshSequence, data: bytes) -> float | None:

@@ -6,6 +6,7 @@ import pytest
 import meshreel
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.options import config_of
+from meshreel.codec.reel.normative import blocks
 from meshreel.errors import InvalidInputError, SolverError
 from meshreel.formats.options import WriteOptions
 from samples.meshes import assert_same_surface, irregular_sequence, quad_sheet, waving_grid
@@ -230,10 +231,21 @@ def test_lossless_false_gives_the_default_stream():
         meshreel.encode(sequence, uv_bits=3)
 
 
-def test_failed_verification_writes_nothing(monkeypatch):
-    monkeypatch.setattr(
-        "meshreel.codec.reel.encoding.exact_positions.decode_exact",
-        lambda data, shape, dtype, graph: np.zeros(shape, dtype),
-    )
-    with pytest.raises(SolverError, match="do not decode bit for bit; nothing is written"):
-        meshreel.encode(waving_grid(2), lossless=True)
+@pytest.mark.parametrize("encode", [meshreel.encode, recorded])
+@pytest.mark.parametrize("order", ["keep", "drop"])
+@pytest.mark.parametrize(
+    ("writer", "name"),
+    [
+        ("exact_positions.write_exact_positions", "positions"),
+        ("track_coders.write_exact_block", "track 'heat'"),
+    ],
+)
+def test_streams_that_lose_the_sign_of_zero_are_refused(monkeypatch, writer, name, order, encode):
+    write = getattr(blocks, writer.partition(".")[2])
+    loses = lambda values, graph: write(values + 0.0, graph)  # noqa: E731
+    monkeypatch.setattr(f"meshreel.codec.reel.encoding.{writer}", loses)
+    vertices = waving_grid(3).vertices.copy()
+    vertices[0, 0] = -0.0
+    sequence = waving_grid(3).replace(vertices=vertices, tracks={"heat": np.full((3, 99), -0.0)})
+    with pytest.raises(SolverError, match=f"{name} do not decode bit for bit; nothing is written"):
+        encode(sequence, lossless=True, order=order)

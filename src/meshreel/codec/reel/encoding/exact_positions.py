@@ -9,16 +9,18 @@ from itertools import chain, islice
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Values
+from meshreel.codec.achieved import require_exact, require_same_bits
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
+from meshreel.codec.reel.encoding.track_coders import ExactTrackCoder, in_order
 from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import Source
-from meshreel.errors import SolverError
 from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.kernel.surface_integers import MAX_VALUE
@@ -79,20 +81,8 @@ class ExactPositionCoder(PositionCoder):
         return True
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
-        """Encode a contiguous block of shape (T_b, V, 3), in internal order, and verify it.
-
-        Raises
-        ------
-        SolverError
-            If it does not decode to the same bits.
-        """
-        block, values = write_exact_positions(vertices, self.graph)
-        decoded = decode_exact(values[1], vertices.shape, vertices.dtype, self.graph)
-        if not np.array_equal(decoded.view(np.uint8), vertices.view(np.uint8)):
-            raise SolverError(
-                "positions do not decode bit for bit; nothing is written; please report the input"
-            )
-        exact = [block, values]
+        """Encode a contiguous block of shape (T_b, V, 3), in internal order."""
+        exact = write_exact_positions(vertices, self.graph)
         on_grid = self._encode_on_grid(vertices)
         return exact if on_grid is None else min(exact, on_grid, key=size_bytes)
 
@@ -115,14 +105,17 @@ def encode(source: Source, progress: Progress) -> bytes:
     InvalidInputError
         If the bound of a track cannot be guaranteed.
     SolverError
-        As `ExactPositionCoder.code`.
+        If positions or lossless tracks do not decode to the same bits.
     """
     source = source.with_changes(tracks=encode_tracks(source, progress))
     coder = ExactPositionCoder(source.mesh.links, source.mesh.n_verts)
     if source.n_frames == 1 and (grid := grid_of_frame(source)):
         source = source.with_changes(origin=grid.frame.origin)
         coder = replace(coder, faces_and_twins=source.mesh.faces_and_twins, grid=grid)
-    return stream_of(source, coder, progress)
+    data = stream_of(source, coder, progress)
+    progress("verifying", 0.0)
+    require_exact(source.sequence, data)
+    return data
 
 
 def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
@@ -199,10 +192,25 @@ class LivePositionCoder:
         ------
         InvalidInputError
             If values of a track exceed the guaranteed bound.
+        SolverError
+            If lossless values do not decode to the same bits.
         """
         is_needed = bool(self._tracks) and self._coder.is_exact
         positions = self._in_output_order(vertices) if is_needed else None
-        track_sections = [
-            coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
-        ]
-        return chain(self._coder.code(vertices), *track_sections)
+        coded = self._coder.code(vertices)
+        if self._coder.is_exact:
+            _verify("positions", vertices, coded, self._coder.graph)
+        for name, coder in self._tracks.items():
+            values = tracks[name].values
+            coded += (sections := coder.code(values, positions))
+            if isinstance(coder, ExactTrackCoder):
+                values = in_order(values, coder.order)
+                _verify(f"values of track {name!r}", values, sections, coder.graph)
+        return coded
+
+
+def _verify(
+    name: str, values: Values, coded: list[tuple[Section, bytes]], graph: Neighbors
+) -> None:
+    """Raise SolverError if the last section does not decode to the same bits."""
+    require_same_bits(name, values, decode_exact(coded[-1][1], values.shape, values.dtype, graph))
