@@ -19,6 +19,7 @@ from meshreel.model.frame_choice import frame_range
 from meshreel.model.sequence import Faces, MeshSequence, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
+from meshreel.model.validation import hand_over
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import results_in_order
 
@@ -162,7 +163,7 @@ class _Part:
                 end = min(begin + FRAMES_PER_REPORT, last)
                 reader.fill(positions[begin - selected.start : end - selected.start], begin)
                 progress("decoding", Count(end - selected.start, len(selected), "frames"))
-        return [positions, *values]
+        return [hand_over(array) for array in (positions, *values)]
 
 
 def _is_parallel(part: _Part) -> bool:

@@ -11,7 +11,7 @@ from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.metrics.compare import has_same_triangles
 from meshreel.model.sequence import FrameSource, MeshSequence, frames_of
 from meshreel.model.surface import PLAIN, Domain
-from meshreel.model.tracks import Track
+from meshreel.model.tracks import track_like
 
 MATCHED = (
     "the order of vertices differs; they were matched, because the decoded mesh has the order that "
@@ -94,7 +94,7 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         return decoded
     loaded = frames_of(decoded, range(decoded.n_frames))
     tracks = {
-        name: Track(track.values[:, numbers[track.domain]], track.domain, track.kind, track.unit)
+        name: track_like(track, track.values[:, numbers[track.domain]])
         for name, track in loaded.tracks.items()
         if track.domain in numbers  # other domains need the order
     }

@@ -32,6 +32,7 @@ from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timed
 from meshreel.model.tracks import track_by_name
+from meshreel.model.validation import hand_over
 from meshreel.runtime.counting import counts_text
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 from meshreel.runtime.threads import fork_safe_lock
@@ -307,7 +308,7 @@ class ReelFile(Timed):
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
             subject = f"frames {selected.start}:{selected.stop} of {self!r}"
             self._limit.require(decoded_bytes + frames_bytes, subject)
-            parts.append(frames_of(segment, frames))
+            parts.append(frames_of(segment, frames, hand_over))
             decoded_bytes += parts[-1].raw_size_bytes
         return MeshSequence.of_segments(parts, self.name, self.timing.part(selected))
 

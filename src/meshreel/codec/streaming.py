@@ -507,7 +507,4 @@ def _copied_tracks(
         name: values if isinstance(values, Track) else np.asarray(values)[None]
         for name, values in dict(tracks or {}).items()
     }
-    return {
-        name: Track(track.values.copy(), track.domain, track.kind, track.unit)
-        for name, track in validated_tracks(of_frame, 1, n_verts, n_faces, surface).items()
-    }
+    return validated_tracks(of_frame, 1, n_verts, n_faces, surface)

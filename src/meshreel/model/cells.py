@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.cells import MAX_CELLS, MAX_NODES, CellSurface, cell_sizes, cell_surface
+from meshreel.model.validation import frozen, restore
 from meshreel.runtime.counting import counted
 
 Int32s = npt.NDArray[np.int32]
@@ -36,6 +37,7 @@ class Cells:
 
     types: npt.NDArray[np.uint8]
     nodes: Int32s
+    __setstate__ = restore
 
     @property
     def n_cells(self) -> int:
@@ -112,7 +114,6 @@ def validated_cells(cells: Any, n_verts: int) -> Cells:
         raise InvalidInputError(f"the types of cells imply {n_nodes} nodes; got {len(nodes)}")
     if not 0 <= nodes.min() <= nodes.max() < n_verts:
         raise InvalidInputError(f"nodes of cells must be vertices in 0..{n_verts - 1}")
-    arrays = np.ascontiguousarray(types, np.uint8), np.ascontiguousarray(nodes, np.int32)
-    for array in arrays:
-        array.flags.writeable = False
-    return Cells(*arrays)
+    return Cells(
+        frozen(np.ascontiguousarray(types, np.uint8)), frozen(np.ascontiguousarray(nodes, np.int32))
+    )

@@ -1,12 +1,13 @@
 """MeshSequence: an animated triangle mesh of one or more segments of constant connectivity."""
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from hashlib import blake2b
 from itertools import accumulate, pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, SupportsIndex, overload
 
 import numpy as np
@@ -20,8 +21,14 @@ from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import Timed, Timing
-from meshreel.model.tracks import Track, TrackSource, read_track, validated_tracks
-from meshreel.model.validation import Faces, read_only, validate_faces, validate_vertices
+from meshreel.model.tracks import Track, TrackSource, track_like, validated_tracks
+from meshreel.model.validation import (
+    Faces,
+    frozen,
+    restore,
+    validate_faces,
+    validate_vertices,
+)
 from meshreel.runtime.counting import counted, counts_text
 
 __all__ = [
@@ -46,6 +53,8 @@ OF_ONE_SEGMENT = {"vertices", "faces", "n_verts", "n_faces", "surface", "tracks"
 """Attributes that only sequences with a single segment have."""
 
 TIMING_PARAMETERS = {"fps", "start_s", "times", "timing"}
+PARAMETERS = {"vertices", "faces", "surface", "tracks", "name", *TIMING_PARAMETERS}
+"""Parameters of `MeshSequence.replace`."""
 
 
 class MeshFrame(NamedTuple):
@@ -104,8 +113,8 @@ class MeshSequence(Timed):
     Most sequences have one segment and are made of arrays; `of_segments` and `concatenate` make
     sequences of several, whose faces change. Its length is the number of frames. ``sequence[3]``
     is a `MeshFrame`, positions and faces; a slice is a shorter sequence; iteration yields all
-    frames in order; ``a + b`` appends. Arrays are validated on construction and stored as
-    read-only views (faces as int32).
+    frames in order; ``a + b`` appends. A sequence does not change: `replace` returns another.
+    Arrays are validated and stored read-only (faces as int32), as copies unless they are read-only.
 
     Parameters
     ----------
@@ -164,7 +173,7 @@ class MeshSequence(Timed):
     vertices: Vertices
     faces: Faces
     surface: Surface
-    tracks: Mapping[str, Any]
+    _tracks: dict[str, Track]
 
     def __init__(
         self,
@@ -252,11 +261,15 @@ class MeshSequence(Timed):
                 return first
             parts = [first]
         sequence = cls.__new__(cls)
-        sequence.name, sequence.timing = name, timing
-        sequence._segments = tuple(parts)
-        sequence.starts = (0, *accumulate(part.n_frames for part in parts))
-        sequence.n_frames = sequence.starts[-1]
-        sequence.dtype = np.result_type(*(part.dtype for part in parts))
+        starts = (0, *accumulate(part.n_frames for part in parts))
+        vars(sequence).update(
+            name=name,
+            timing=timing,
+            starts=starts,
+            n_frames=starts[-1],
+            dtype=np.result_type(*(part.dtype for part in parts)),
+            _segments=tuple(parts),
+        )
         return sequence
 
     def _set(
@@ -268,18 +281,43 @@ class MeshSequence(Timed):
         surface: Surface,
         tracks: Mapping[str, Any],
     ) -> None:
-        """Store the arrays as read-only views, and validate all but the positions."""
-        self._segments = ()
-        self.n_frames, self.n_verts, _ = vertices.shape
-        self.starts, self.dtype = (0, self.n_frames), vertices.dtype
-        timing.check(self.n_frames)
-        self.name, self.timing = name, timing
-        self.vertices = read_only(vertices)
-        self.faces = read_only(validate_faces(faces, self.n_verts, self.n_frames))
-        self.n_faces = len(self.faces)
-        self.surface = surface if surface is PLAIN else surface.validated(self.n_verts, self.faces)
-        counts = self.n_frames, self.n_verts, self.n_faces
-        self.tracks = dict(tracks and validated_tracks(tracks, *counts, self.surface))
+        """Store the arrays read-only, and validate all but the positions."""
+        n_frames, n_verts, _ = vertices.shape
+        timing.check(n_frames)
+        faces = frozen(validate_faces(faces, n_verts, n_frames))
+        surface = surface if surface is PLAIN else surface.validated(n_verts, faces)
+        vars(self).update(
+            name=name,
+            timing=timing,
+            starts=(0, n_frames),
+            dtype=vertices.dtype,
+            n_frames=n_frames,
+            n_verts=n_verts,
+            n_faces=len(faces),
+            vertices=frozen(vertices),
+            faces=faces,
+            surface=surface,
+            _tracks=validated_tracks(tracks, n_frames, n_verts, len(faces), surface),
+            _segments=(),
+        )
+
+    __setstate__ = restore
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Raise AttributeError: a sequence does not change."""
+        change = f"{name}=..." if name in PARAMETERS else "..."
+        raise AttributeError(
+            f"a MeshSequence does not change; use sequence.replace({change}), which returns another"
+        )
+
+    def __delattr__(self, name: str) -> None:
+        """Raise AttributeError as `__setattr__`."""
+        self.__setattr__(name, None)
+
+    @property
+    def tracks(self) -> Mapping[str, Any]:
+        """Tracks by name, of a sequence of one segment."""
+        return self._only("tracks").tracks if self._segments else MappingProxyType(self._tracks)
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the only segment; raises ConnectivityChangeError for several."""
@@ -519,17 +557,24 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
     return MeshFrame(segment.read(frame, frame + 1)[0], segment.faces)
 
 
-def frames_of(segment: Any, frames: range) -> MeshSequence:
-    """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks."""
+def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = frozen) -> MeshSequence:
+    """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks.
+
+    `prepare` makes the arrays read-only that the segment returns: `hand_over` if they are new.
+    """
+    ends = frames.start, frames.stop
+    vertices = prepare(segment.read(*ends))
     # Positions of sequences in memory are finite already.
-    vertices = segment.read(frames.start, frames.stop)
     return MeshSequence.of_finite(
         vertices if isinstance(segment, MeshSequence) else validate_vertices(vertices),
         segment.faces,
         segment.name,
         segment.timing.part(frames),
         segment.surface,
-        {name: read_track(track, frames) for name, track in segment.tracks.items()},
+        {
+            name: track_like(track, prepare(track.read(*ends)))
+            for name, track in segment.tracks.items()
+        },
     )
 
 

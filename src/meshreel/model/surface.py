@@ -12,6 +12,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.cells import Cells, validated_cells
 from meshreel.model.materials import Image, Material, validated_materials
+from meshreel.model.validation import frozen, restore
 
 Int32s = npt.NDArray[np.int32]
 
@@ -69,6 +70,7 @@ class Attribute:
     domain: Domain
     values: npt.NDArray[Any]
     indices: Int32s | None = None
+    __setstate__ = restore
 
     def per_item(self) -> npt.NDArray[Any]:
         """The value of each vertex, face or corner, of shape (n_items, C)."""
@@ -103,6 +105,7 @@ class FaceGroups:
     name: str
     labels: tuple[str, ...]
     numbers: Int32s
+    __setstate__ = restore
 
     def __repr__(self) -> str:
         return f"<{len(self.labels)} groups {self.name!r} of {len(self.numbers)} faces>"
@@ -162,6 +165,7 @@ class Surface:
     hard_edges: Int32s | None = None
     is_ordered: bool = True
     cells: Cells | None = None
+    __setstate__ = restore
 
     def __repr__(self) -> str:
         if self.is_plain:
@@ -281,7 +285,7 @@ def _validated_sizes(sizes: Any, faces: npt.NDArray[np.integer]) -> Int32s | Non
     if (array == 3).all():
         return None
     triangle_corners(array, faces)  # raises if triangles of a polygon do not adjoin
-    return _frozen(array)
+    return frozen(array)
 
 
 def _check_surface_of(
@@ -310,13 +314,13 @@ def _validated_attribute(attribute: Attribute, n_items: int) -> Attribute:
     if attribute.indices is None:
         if len(values) != n_items:
             raise InvalidInputError(f"{name} has {len(values)} values; {domain} needs {n_items}")
-        return replace(attribute, domain=domain, kind=kind, values=_frozen(values))
+        return replace(attribute, domain=domain, kind=kind, values=frozen(values))
     indices = _integers(attribute.indices, f"indices of {name}")
     if len(indices) != n_items:
         raise InvalidInputError(f"{name} has {len(indices)} indices; {domain} needs {n_items}")
     if len(indices) and not 0 <= indices.min() <= indices.max() < len(values):
         raise InvalidInputError(f"{name} has indices outside 0..{len(values) - 1}")
-    return Attribute(attribute.name, kind, domain, _frozen(values), _frozen(indices))
+    return Attribute(attribute.name, kind, domain, frozen(values), frozen(indices))
 
 
 def _validated_groups(groups: FaceGroups, n_faces: int) -> FaceGroups:
@@ -329,7 +333,7 @@ def _validated_groups(groups: FaceGroups, n_faces: int) -> FaceGroups:
         raise InvalidInputError(
             f"groups {groups.name!r} have numbers outside -1..{len(groups.labels) - 1}"
         )
-    return FaceGroups(groups.name, tuple(groups.labels), _frozen(numbers))
+    return FaceGroups(groups.name, tuple(groups.labels), frozen(numbers))
 
 
 def _validated_edges(edges: Any, n_verts: int) -> Int32s | None:
@@ -347,7 +351,7 @@ def _validated_edges(edges: Any, n_verts: int) -> Int32s | None:
         vertex = low[np.argmax(low == high)]
         raise InvalidInputError(f"a hard edge needs two vertices; one has vertex {vertex} twice")
     keys = np.unique(low.astype(np.int64) * n_verts + high)
-    return _frozen(np.stack([keys // n_verts, keys % n_verts], axis=1).astype(np.int32))
+    return frozen(np.stack([keys // n_verts, keys % n_verts], axis=1).astype(np.int32))
 
 
 def _validate_parts(parts: tuple[Part, ...], n_verts: int, n_faces: int) -> None:
@@ -370,12 +374,6 @@ def _integers(values: Any, name: str) -> Int32s:
             f"{name} must be integers of shape (N,); got {array.dtype} of {array.shape}"
         )
     return np.ascontiguousarray(array, dtype=np.int32)
-
-
-def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def surface_of_cells(cells: Cells, n_verts: int) -> tuple[Int32s, Surface]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
-from meshreel.model.validation import validate_fps, validate_start
+from meshreel.model.validation import restore, validate_fps, validate_start
 
 NTSC = 1000 / 1001
 """NTSC frame rates are integers times this: 23.976, 29.97, 59.94."""
@@ -39,6 +39,7 @@ class Timing:
     """float64 array of shape (T,), or None. Time of each frame in seconds, ascending, if the frames
     are not evenly spaced.
     """
+    __setstate__ = restore
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing):

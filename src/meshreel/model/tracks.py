@@ -13,6 +13,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Domain, Surface
+from meshreel.model.validation import frozen, hand_over, restore
 from meshreel.runtime.counting import counted
 
 AnyTrack = TypeVar("AnyTrack")
@@ -81,16 +82,18 @@ class TrackSource(Protocol):
         """Values of frames start..stop - 1, of shape (stop - start, N, C)."""
 
 
+@dataclass(frozen=True, eq=False)
 class Track:
-    """A quantity over time.
+    """A quantity over time; it does not change.
 
     Its length is the number of frames; ``track[3]`` returns the values of a frame, of shape (N, C).
 
     Parameters
     ----------
     values : array of shape (T, N) or (T, N, C)
-        Integers of 8 to 64 bits, float32 or float64; booleans become uint8. C is 1..256. Stored as
-        a read-only view of shape (T, N, C). NaN marks missing values.
+        Integers of 8 to 64 bits, float32 or float64; booleans become uint8. C is 1..256. Stored
+        read-only in shape (T, N, C), as a copy unless the array is read-only. NaN marks missing
+        values.
     domain : {"vertex", "face", "corner", "cell"} or Domain, default "vertex"
         Elements that have values; faces are polygons, with their corners.
     kind : str or TrackKind, optional
@@ -106,6 +109,12 @@ class Track:
         If the shape or type is not allowed, or not allowed for the kind.
     """
 
+    values: Values
+    domain: Domain
+    kind: TrackKind
+    unit: str
+    __setstate__ = restore
+
     def __init__(
         self,
         values: npt.ArrayLike,
@@ -113,12 +122,10 @@ class Track:
         kind: str | TrackKind | None = None,
         unit: str = "",
     ) -> None:
-        self.values: Values = _validated_values(values)
-        self.domain: Domain = _member(Domain, "domain", domain)
-        self.kind: TrackKind = _member(
-            TrackKind, "kind", kind or default_kind(self.values.shape[2])
-        )
-        self.unit = unit
+        values = _validated_values(values)
+        kind = _member(TrackKind, "kind", kind or default_kind(values.shape[2]))
+        domain = _member(Domain, "domain", domain)
+        vars(self).update(values=values, domain=domain, kind=kind, unit=unit)
         check_kind(self.kind, self.shape[2], self.dtype)
 
     @property
@@ -259,27 +266,21 @@ def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
     raise InvalidInputError(f"there is no track {name!r}; {advice}")
 
 
-def read_track(track: TrackSource, frames: range) -> Track:
-    """Read consecutive frames of a track into memory.
+def track_like(track: TrackSource, values: Values) -> Track:
+    """Return a track with the domain, kind and unit of another one.
 
     Raises
     ------
     InvalidInputError
         If the values do not fit the kind.
     """
-    values = track.read(frames.start, frames.stop)
     return Track(values, track.domain, track.kind, track.unit)
 
 
 def concatenate_tracks(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
     """Concatenate tracks over time; all mappings have the same names."""
     return {
-        name: Track(
-            np.concatenate([frame[name].values for frame in frames]),
-            first.domain,
-            first.kind,
-            first.unit,
-        )
+        name: track_like(first, hand_over(np.concatenate([frame[name].values for frame in frames])))
         for name, first in frames[0].items()
     }
 
@@ -296,10 +297,7 @@ def read_tracks(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:
     for frame in range(max((track.shape[0] for track in tracks.values()), default=0)):
         for name, track in tracks.items():
             values[name][frame : frame + 1] = track.read(frame, frame + 1)
-    return {
-        name: Track(values[name], track.domain, track.kind, track.unit)
-        for name, track in tracks.items()
-    }
+    return {name: track_like(track, hand_over(values[name])) for name, track in tracks.items()}
 
 
 def size_bytes(track: TrackSource) -> int:
@@ -402,9 +400,7 @@ def _validated_values(array: Any) -> Values:
         raise InvalidInputError(
             f"a value has at most {MAX_COLUMNS} components; got {values.shape[2]}; split the track"
         )
-    values = values.view()
-    values.flags.writeable = False
-    return values
+    return frozen(values)
 
 
 def default_kind(n_columns: int) -> TrackKind:

@@ -1,6 +1,6 @@
 """Checks of the arrays and numbers that make up a sequence."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ from meshreel.model.extent import Vertices
 from meshreel.runtime.counting import counted
 
 Faces = npt.NDArray[np.int32]
+AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
 
 
 def validate_vertices(vertices: Any) -> Vertices:
@@ -104,8 +105,26 @@ def validate_start(start_s: float) -> float:
     return start_s
 
 
-def read_only(array: Any) -> Any:
-    """A read-only view of an array."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+def frozen(array: AnyArray) -> AnyArray:
+    """Return a read-only array of the same values: a copy if anybody can still write the memory."""
+    base: Any = array
+    while isinstance(base, np.ndarray) and not base.flags.writeable:
+        base = base.base
+    return (hand_over(array.copy()) if isinstance(base, np.ndarray) else array).view()
+
+
+def hand_over(array: AnyArray) -> AnyArray:
+    """Make a new array read-only, so that `frozen` does not copy it; return it."""
+    base: Any = array
+    while isinstance(base, np.ndarray):
+        base.flags.writeable = False
+        base = base.base
+    return array
+
+
+def restore(instance: object, state: dict[str, Any]) -> None:
+    """Set the attributes of an unpickled object; arrays become read-only again."""
+    for value in state.values():
+        if isinstance(value, np.ndarray):
+            hand_over(value)
+    vars(instance).update(state)

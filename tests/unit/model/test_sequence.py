@@ -1,11 +1,15 @@
+import pickle
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
+from meshreel.model.cells import Cells
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import MeshSequence, concatenate, positions_size_bytes, single_segment
-from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
 
@@ -19,16 +23,100 @@ def test_sequence_keeps_the_values_when_they_are_valid():
     assert (sequence.n_frames, sequence.n_verts, sequence.n_faces) == (2, 3, 1)
 
 
-def test_sequence_is_read_only_when_built():
-    sequence = MeshSequence(VERTICES.copy(), FACES)
-    with pytest.raises(ValueError, match="read-only"):
-        sequence.vertices[0, 0, 0] = 1
+@pytest.fixture
+def given_arrays():
+    """Arrays of a sequence with everything that has arrays; a view is read-only in name alone."""
+    sheet = quad_sheet(4)
+    arrays = {
+        "vertices": np.array(sheet.vertices),
+        "faces": np.array(sheet.faces),
+        "times": np.array([0.0, 1.0, 3.0, 4.0]),
+        "track": np.ones((4, sheet.n_verts)),
+        "face_sizes": np.array(sheet.surface.face_sizes),
+        "values": np.ones((sheet.n_verts, 3), np.float32),
+        "numbers": np.zeros(sheet.surface.n_faces(sheet.n_faces), np.int32),
+        "hard_edges": np.array([[0, 1]]),
+    }
+    return arrays | {"track": np.broadcast_to(arrays["track"][0], arrays["track"].shape)}
 
 
-def test_sequence_keeps_the_array_of_the_caller_writable():
+def sequence_of(arrays):
+    surface = Surface(
+        face_sizes=arrays["face_sizes"],
+        attributes=(Attribute("color", Kind.COLOR, Domain.VERTEX, arrays["values"]),),
+        groups=(FaceGroups("material", ("skin",), arrays["numbers"]),),
+        hard_edges=arrays["hard_edges"],
+    )
+    return MeshSequence(
+        *(arrays["vertices"], arrays["faces"]),
+        surface=surface,
+        tracks={"heat": arrays["track"]},
+        times=arrays["times"],
+    )
+
+
+def arrays_of(sequence):
+    surface = sequence.surface
+    return {
+        "vertices": sequence.vertices,
+        "faces": sequence.faces,
+        "times": sequence.times,
+        "track": sequence.tracks["heat"].values[..., 0],
+        "face_sizes": surface.face_sizes,
+        "values": surface.attributes[0].values,
+        "numbers": surface.groups[0].numbers,
+        "hard_edges": surface.hard_edges,
+    }
+
+
+def test_a_caller_who_changes_his_arrays_does_not_change_the_sequence(given_arrays):
+    sequence = sequence_of(given_arrays)
+    before = {name: array.copy() for name, array in given_arrays.items()}
+    for array in given_arrays.values():
+        owner = array if array.flags.writeable else array.base
+        owner += 1
+    for name, array in arrays_of(sequence).items():
+        np.testing.assert_array_equal(array, before[name], name)
+    types, nodes = np.full(1, 10), np.arange(4)
+    cells = MeshSequence(np.eye(4, 3)[None], cells=Cells(types, nodes)).surface.cells
+    types[0], nodes[0] = 5, 3
+    assert (cells.types[0], cells.nodes[0]) == (10, 0)
+
+
+@pytest.mark.parametrize("copied", [lambda s: s, deepcopy, lambda s: pickle.loads(pickle.dumps(s))])
+def test_arrays_are_read_only_in_copies_too(given_arrays, copied):
+    for name, array in arrays_of(copied(sequence_of(given_arrays))).items():
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+        with pytest.raises(ValueError, match="cannot set WRITEABLE"):
+            array.view().flags.writeable = True
+        assert given_arrays[name].size == array.size
+
+
+def test_arrays_that_nobody_can_write_are_not_copied():
     mine = VERTICES.copy()
-    MeshSequence(mine, FACES)
-    assert mine.flags.writeable
+    mine.flags.writeable = False
+    assert np.shares_memory(MeshSequence(mine, FACES).vertices, mine)
+    sequence = MeshSequence(VERTICES, FACES)
+    assert np.shares_memory(sequence.replace(fps=3)[1:].vertices, sequence.vertices)
+    decoded = meshreel.decode(meshreel.encode(sequence))
+    assert np.shares_memory(decoded[1:].vertices, decoded.vertices)
+
+
+@pytest.mark.parametrize("sequence", [waving_grid(2), concatenate([waving_grid()] * 2)])
+def test_no_attribute_can_be_assigned(sequence):
+    for name in ("vertices", "tracks", "fps", "name"):
+        with pytest.raises(AttributeError, match=rf"use sequence\.replace\({name}=\.\.\.\)"):
+            setattr(sequence, name, 0)
+    with pytest.raises(AttributeError, match=r"use sequence\.replace\(\.\.\.\), which"):
+        sequence.n_frames = 3
+    with pytest.raises(AttributeError, match="does not change"):
+        del sequence.name
+    track = Track(np.zeros((2, 5)))
+    with pytest.raises(AttributeError, match="cannot assign"):
+        track.values = np.zeros((2, 6))
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        waving_grid().tracks["heat"] = track
 
 
 def test_raw_size_counts_positions_and_faces_when_float32():

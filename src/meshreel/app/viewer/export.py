@@ -19,7 +19,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
-from meshreel.model.tracks import Track, TrackKind
+from meshreel.model.tracks import Track, TrackKind, track_like
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
@@ -189,8 +189,7 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
         size_bytes = reel.n_frames * int(np.prod(track.shape[1:])) * track.dtype.itemsize
         if size_bytes <= free_bytes:
             free_bytes -= size_bytes
-            values = api.tracks.all_original_values(name)
-            tracks[name] = Track(values, track.domain, track.kind, track.unit)
+            tracks[name] = track_like(track, api.tracks.all_original_values(name))
     frames = [original.frame(number) for number in range(reel.n_frames)]
     sequence = MeshSequence(
         np.array(frames, np.float64), reel.faces,

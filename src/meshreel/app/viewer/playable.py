@@ -8,7 +8,7 @@ from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.tracks import Track
+from meshreel.model.tracks import track_like
 from meshreel.runtime.progress import Progress, silent
 
 METHOD = "reel"
@@ -41,8 +41,7 @@ def playable(reel: ReelFile, progress: Progress = silent) -> ReelFile:
     # As float64, because float32 is too coarse for the bound far from the origin.
     positions = reel.read(0, reel.n_frames).astype(np.float64)
     tracks = {
-        name: Track(track.read(0, reel.n_frames), track.domain, track.kind, track.unit)
-        for name, track in reel.tracks.items()
+        name: track_like(track, track.read(0, reel.n_frames)) for name, track in reel.tracks.items()
     }
     sequence = MeshSequence(
         positions, reel.faces, name=reel.name, surface=reel.surface, tracks=tracks

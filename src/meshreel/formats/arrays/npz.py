@@ -39,7 +39,8 @@ from meshreel.formats.frames.stored_frames import CheckedReader, RawArray
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import ReadOptions, WriteOptions
 from meshreel.model.sequence import FrameSource
-from meshreel.model.tracks import Track, TrackSource, track_blocks
+from meshreel.model.tracks import Track, TrackSource, track_blocks, track_like
+from meshreel.model.validation import hand_over
 
 Numbers = npt.NDArray[Any]
 
@@ -121,7 +122,7 @@ def _open_track(path: Path, track: NamedTrack) -> TrackSource:
 
 def _load(track: NamedTrack, values: Numbers) -> Track:
     stored_track = track.stored_track(lambda start, stop: values[start:stop])
-    return Track(stored_track.read(0, len(values)), track.domain, track.kind, track.unit)
+    return track_like(stored_track, hand_over(stored_track.read(0, len(values))))
 
 
 def _find_vertices(path: Path, positions: str) -> RawArray | None:

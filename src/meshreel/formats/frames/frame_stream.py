@@ -15,7 +15,7 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
-from meshreel.model.tracks import TrackPart, TrackSource, read_track
+from meshreel.model.tracks import TrackPart, TrackSource, track_like
 from meshreel.model.validation import validate_finite, validate_vertices
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -96,7 +96,8 @@ class FrameStream:
         """Load all frames into memory."""
         vertices = self.source.read(self.frame_numbers.start, self.frame_numbers.stop)
         tracks = {
-            name: read_track(track, range(self.n_frames)) for name, track in self.tracks.items()
+            name: track_like(track, track.read(0, self.n_frames))
+            for name, track in self.tracks.items()
         }
         vertices = validate_vertices(vertices)
         return MeshSequence.of_finite(

@@ -28,7 +28,13 @@ from meshreel.model.tracks import (
     read_tracks,
     size_bytes,
 )
-from meshreel.model.validation import read_only, validate_faces, validate_finite, validate_vertices
+from meshreel.model.validation import (
+    frozen,
+    hand_over,
+    validate_faces,
+    validate_finite,
+    validate_vertices,
+)
 from meshreel.runtime.progress import Count, Progress, silent
 
 MESH_FIELDS = {"faces", "surface", "tracks"}
@@ -116,7 +122,7 @@ def _mesh_readers(
     tracks: Mapping[str, TrackSource],
 ) -> dict[str, Any]:
     """Return the readers of `StoredFrames` for a mesh in memory; raises as its `replace`."""
-    faces = read_only(validate_faces(faces, n_verts))
+    faces = frozen(validate_faces(faces, n_verts))
     surface = surface.validated(n_verts, faces)
     check_tracks(tracks, n_frames, n_verts, len(faces), surface)
     mesh = {"faces": faces, "surface": surface, "tracks": tracks}
@@ -253,8 +259,9 @@ class Description:
     surface: Surface = PLAIN
 
     def sequence(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
-        """Return the sequence with positions of shape (T, V, 3) and tracks."""
-        return MeshSequence.of_finite(validate_vertices(vertices), tracks=tracks, **vars(self))
+        """Return the sequence with positions of shape (T, V, 3), a new array, and tracks."""
+        vertices = hand_over(validate_vertices(vertices))
+        return MeshSequence.of_finite(vertices, tracks=tracks, **vars(self))
 
     def stored_frames(
         self,
