@@ -17,6 +17,6 @@ trap 'rm -rf "$work"' EXIT
 
 "$work/uv/bin/uv" venv --quiet --python "$python" "$work/lowest"
 source "$work/lowest/bin/activate"
-"$work/uv/bin/uv" pip install --quiet --resolution lowest-direct '.[test]'
+"$work/uv/bin/uv" pip install --quiet --resolution lowest-direct '.[test-all]'
 "$work/uv/bin/uv" pip list
 pytest -rs "${@:-tests/unit}"

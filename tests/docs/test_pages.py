@@ -20,7 +20,7 @@ COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "cpp", "csharp", "html", "css", "js", "python", "text", "tsx"}
 OPEN = {"component"}
 """Parameters that also accept values that shell completion does not list."""
-DEVELOPMENT = {"core", "docs", "lint", "test", "verify"}
+DEVELOPMENT = {"core", "docs", "lint", "test", "test-all", "verify"}
 """Extras for work on meshreel."""
 every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
