@@ -90,6 +90,11 @@ def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:
     selected = [select_attributes(segment, options.attributes, path) for segment in segments]
     timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
     sequence = MeshSequence.of_segments(selected, timing=timing)
+    if len(files.paths) > 1:
+        from meshreel.formats.frames.numbering import timing_by_number  # for several files only
+
+        timing = timing_by_number(files.paths, options.fps or 0.0, options.notes)
+        sequence = sequence.replace(timing=timing)
     if has_several:
         options.notes.combine()
         _note_segments(sequence, runs, segments, options)

@@ -1,5 +1,7 @@
 """Times of frames that are not evenly spaced."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,55 @@ def test_single_frames_of_changing_faces_keep_their_times(tmp_path):
     assert whole.times is None  # without a rate, single frames have no times
     save(whole.replace(times=[0, 1, 5]), tmp_path / "a.pvd")
     assert load(tmp_path / "a.pvd").times.tolist() == [0, 1, 5]
+
+
+GAP = "frames 3 and 4 are missing"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "note", "times"),
+    [
+        ("1 2 5 6", GAP, [0, 0.1, 0.4, 0.5]),
+        ("30 32 34", "frame numbers are 2 apart", [0, 0.2, 0.4]),
+        ("0 2 6 8", "frame numbers are 2 apart and frame 4 is missing", [0, 0.2, 0.6, 0.8]),
+        ("1 3 9 10", "frames 2 and 4 to 8 are missing", [0, 0.2, 0.8, 0.9]),
+        (
+            " ".join(map(str, [*range(0, 40, 3), 40])),
+            "frames 1, 2, 4, 5, 7, 8, 10, 11 and 18",
+            None,
+        ),
+        ("08 09 10", None, [0, 0.1, 0.2]),
+        ("1 a 5", None, [0, 0.1, 0.2]),
+        ("1_7 2_8 5_9", None, [0, 0.1, 0.2]),
+    ],
+)
+@pytest.mark.parametrize("extension", [".obj", ".usda"])
+def test_missing_frame_numbers_are_noted_and_keep_their_time(
+    tmp_path, numbers, note, times, extension
+):
+    if extension == ".usda":
+        pytest.importorskip("pxr")
+    for number in numbers.split():
+        save(waving_grid(1), tmp_path / f"lod2_{number}{extension}")
+    for fps in (None, 10):
+        notes = []
+        loaded = load(tmp_path / f"*{extension}", fps=fps, notes=notes)
+        found = [text for text in notes if "missing" in text or " apart" in text]
+        condition = "" if fps else "with fps, "
+        expected = [] if note is None else [f"{note}.*; {condition}times follow the numbers"]
+        assert len(found) == len(expected)
+        assert all(map(re.match, expected, found))
+    if times is not None:
+        np.testing.assert_allclose(loaded.times, times, atol=1e-12)
+
+
+def test_gaps_between_segments_and_in_lists_keep_their_time(tmp_path, notes):
+    for number in (1, 2, 5, 6):
+        save(waving_grid(1, rows=8 + number // 5), tmp_path / f"f_{number}.ply")
+    files = [tmp_path / f"f_{number}.ply" for number in (1, 2, 5, 6)]
+    for source in (tmp_path, files):
+        loaded = load(source, fps=10, notes=notes)
+        assert [*map(len, (loaded.segments, loaded.times))] == [2, 4]
+        np.testing.assert_allclose(loaded.segments[1].times, [0.4, 0.5])
+    assert sum(note.startswith(GAP) for note in notes) == 2
+    assert load(files[::-1], fps=10).times.tolist() == pytest.approx([0, 0.1, 0.2, 0.3])
