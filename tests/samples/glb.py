@@ -5,6 +5,8 @@ import struct
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation, Slerp
 
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.gltf.meshopt import decode_view
@@ -12,7 +14,7 @@ from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.options import WriteOptions
 
 DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def stream_of(sequence, notes=None):
@@ -83,15 +85,72 @@ class Glb:
 
     def weights(self, name):
         """Return key times and weights of a node's mesh; None if it is not animated."""
-        number = self.document["nodes"].index(self.node(name))
+        return self.keys(self.document["nodes"].index(self.node(name)), "weights")
+
+    def keys(self, number, path):
+        """Return key times and values of a property of a node; None if it is not animated."""
         animation = self.document.get("animations", [{"channels": []}])[0]
         for channel in animation["channels"]:
-            if channel["target"] == {"node": number, "path": "weights"}:
+            if channel["target"] == {"node": number, "path": path}:
                 sampler = animation["samplers"][channel["sampler"]]
-                assert sampler["interpolation"] == "LINEAR"
+                assert sampler.get("interpolation", "LINEAR") == "LINEAR"
                 times = self.array(sampler["input"])[:, 0]
                 return times, self.array(sampler["output"]).reshape(len(times), -1)
         return None
+
+    def sampled(self, number, path, times_s, default):
+        """Return a property of a node at some times, as players interpolate it: (T, C)."""
+        stored = self.document["nodes"][number].get(path, default)
+        keys, values = self.keys(number, path) or (np.zeros(1), np.reshape(stored, (1, -1)))
+        if len(keys) == 1:
+            return np.tile(np.float64(values), (len(times_s), 1))
+        times_s = np.clip(times_s, keys[0], keys[-1])
+        if path == "rotation":
+            return Slerp(keys, Rotation.from_quat(values))(times_s).as_quat()
+        return np.stack([np.interp(times_s, keys, column) for column in values.T], axis=1)
+
+    def poses(self, times_s):
+        """Return the matrices from nodes to world space at some times, of shape (N, T, 4, 4)."""
+        nodes = self.document["nodes"]
+        parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", [])}
+        local = np.tile(np.eye(4), (len(nodes), len(times_s), 1, 1))
+        for number, matrices in enumerate(local):
+            turns = Rotation.from_quat(self.sampled(number, "rotation", times_s, [0, 0, 0, 1]))
+            scales = self.sampled(number, "scale", times_s, [1, 1, 1])
+            matrices[:, :3, :3] = turns.as_matrix() * scales[:, np.newaxis]
+            matrices[:, :3, 3] = self.sampled(number, "translation", times_s, [0, 0, 0])
+
+        def world(number):
+            above = parents.get(number)
+            return local[number] if above is None else world(above) @ local[number]
+
+        return np.stack([world(number) for number in range(len(nodes))])
+
+    def skinned(self, times_s):
+        """Return the positions of all skinned meshes at some times, in order: (T, N, 3)."""
+        poses, frames = self.poses(times_s), []
+        for number, node in enumerate(self.document["nodes"]):
+            if "skin" not in node:
+                continue
+            skin, mesh = self.document["skins"][node["skin"]], self.document["meshes"][node["mesh"]]
+            binds = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+            bones = poses[skin["joints"]] @ binds[:, np.newaxis]
+            for primitive in mesh["primitives"]:
+                names = primitive["attributes"]
+                points = np.tile(self.array(names["POSITION"]), (len(times_s), 1, 1))
+                for target, weights in zip(
+                    primitive.get("targets", []),
+                    self.sampled(number, "weights", times_s, mesh.get("weights", [])).T,
+                    strict=True,
+                ):
+                    points = points + weights[:, np.newaxis, np.newaxis] * self.array(
+                        target["POSITION"]
+                    )
+                shares, joints = self.array(names["WEIGHTS_0"]), self.array(names["JOINTS_0"])
+                blended = np.einsum("vj,vjtab->tvab", shares, bones[joints])
+                homogeneous = np.insert(points, 3, 1, axis=2)
+                frames.append(np.einsum("tvab,tvb->tva", blended, homogeneous)[..., :3])
+        return np.concatenate(frames, axis=1)
 
     def morphed(self, name, attribute="POSITION"):
         """Return values of all frames and primitives, of shape (T, N, 3), in node space."""
@@ -135,3 +194,11 @@ def largest_error_percent(sequence, positions):
     vertices = sequence.vertices.astype(np.float64)
     diagonal = np.linalg.norm(vertices.max(axis=(0, 1)) - vertices.min(axis=(0, 1)))
     return 100 * np.linalg.norm(positions - vertices, axis=2).max() / diagonal
+
+
+def nearest_trajectories(vertices, positions):
+    """Return, for each vertex of a file, the number of the vertex that moves most alike."""
+    original, found = (
+        np.moveaxis(frames, 1, 0).reshape(frames.shape[1], -1) for frames in (vertices, positions)
+    )
+    return KDTree(original).query(found)[1]

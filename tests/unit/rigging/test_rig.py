@@ -7,7 +7,7 @@ from meshreel.metrics.position_errors import position_errors
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.correctives import CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_rigid
-from meshreel.rigging.fitting import byte_weights, fit_sequence
+from meshreel.rigging.fitting import bounds_of, byte_weights, fit_sequence
 from meshreel.rigging.keys import (
     Steps,
     compose,
@@ -164,9 +164,18 @@ def test_quality_bounds_positions_as_in_a_stream():
     tube = bending_tube()
     stream = meshreel.encode(tube, quality=40, order="keep")
     stored = meshreel.compare(tube, meshreel.decode(stream))
+    bounds = bounds_of(tube, quality=40, kg=None, max_error=None)
+    assert (bounds.kg, bounds.largest) == (stored.kg_error_percent, stored.max_error_percent)
     errors = meshreel.rig(tube, quality=40).errors
-    assert 0 < errors.kg_percent <= stored.kg_error_percent
-    assert errors.largest_percent <= stored.max_error_percent
+    assert 0 < errors.kg_percent <= bounds.kg
+    assert errors.largest_percent <= bounds.largest
+
+
+def test_a_length_is_a_percentage_of_the_diagonal_of_all_frames():
+    corners = boxes([lambda t: turn(0.1 * t)]).vertices.reshape(-1, 3)
+    bounds = bounds_of(boxes([lambda t: turn(0.1 * t)]), quality=None, kg=0.1, max_error="0.01u")
+    diagonal = np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))
+    assert (bounds.kg, bounds.largest) == (0.1, pytest.approx(1 / diagonal))
 
 
 def search(rank=3, n_frames=20, n_verts=30):

@@ -1,0 +1,73 @@
+"""A written rig, played by an independent reader of the file, is within the bounds of its rig."""
+
+import numpy as np
+import pytest
+
+import meshreel
+from meshreel.model.surface import Part, Surface
+from samples.glb import Glb, largest_error_percent, nearest_trajectories
+from samples.rigs import bending_tube, boxes, turn
+
+TUBE, BULGING = bending_tube(), bending_tube(bulge=0.3)
+UNEVEN_S = np.cumsum(np.where(np.arange(60) < 20, 0.1, 0.3))
+
+
+def two_tubes():
+    """Two bulging tubes side by side, as parts."""
+    other = 0.7 * BULGING.vertices[::-1] + np.float32([3, 0, 0])
+    parts = tuple(Part(name, BULGING.n_verts, len(BULGING.faces)) for name in ("left", "right"))
+    return BULGING.replace(
+        vertices=np.concatenate([BULGING.vertices, other], axis=1),
+        faces=np.concatenate([BULGING.faces, BULGING.faces + BULGING.n_verts]),
+        surface=Surface(parts=parts),
+    )
+
+
+def turning(angle):
+    """A box at rest, and one that turns by an angle per frame."""
+    return boxes([lambda frame: np.eye(3), lambda frame: turn(angle * frame)], n_frames=60)
+
+
+def played(path, sequence):
+    """Return the played vertices of a file, in the order of the sequence."""
+    times_s = sequence.times.astype(np.float32).astype(np.float64)
+    positions = Glb.read(path.read_bytes()).skinned(times_s)
+    numbers = nearest_trajectories(sequence.vertices, positions)
+    assert set(numbers) == set(range(sequence.n_verts))
+    ordered = np.empty(sequence.vertices.shape)
+    ordered[:, numbers] = positions
+    return ordered
+
+
+def kg_error_percent(sequence, positions):
+    """Return the KG error by its definition."""
+    vertices = sequence.vertices.astype(np.float64)
+    deviations = vertices - vertices.mean(axis=1, keepdims=True)
+    return 100 * np.linalg.norm(positions - vertices) / np.linalg.norm(deviations)
+
+
+CASES = {
+    "KG error": (TUBE, {"kg": 0.03, "max_error": 50}),
+    "largest error": (TUBE, {"kg": 5, "max_error": 0.05}),
+    "correctives": (BULGING, {"rig": 2, "kg": 0.1, "max_error": 1}),
+    "largest error of correctives": (BULGING, {"rig": 2, "kg": 1, "max_error": 0.1}),
+    "parts": (two_tubes(), {"rig": 4, "kg": 0.5, "max_error": 1}),
+    "turns": (turning(0.3), {"max_error": 0.1}),
+    "uneven times": (turning(0.1).replace(times=UNEVEN_S), {"max_error": 0.1}),
+}
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("compression", [True, False])
+@pytest.mark.parametrize("name", CASES)
+def test_played_rig_meets_its_bounds(tmp_path, name, compression):
+    sequence, options = CASES[name]
+    path, notes = tmp_path / "rig.glb", []
+    options = {"rig": True, "kg": 0.5} | options
+    meshreel.save(sequence, path, compression=compression, notes=notes, **options)
+    found = played(path, sequence)
+    kg, largest = kg_error_percent(sequence, found), largest_error_percent(sequence, found)
+    assert kg <= options["kg"]
+    assert largest <= options["max_error"]
+    text = f"KG error {kg:.3g} %, largest error {largest:.3g} % of the diagonal"
+    assert any(text in note for note in notes)
