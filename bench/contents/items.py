@@ -159,7 +159,7 @@ def _items_of(segment: FrameSource) -> Iterator[Item]:
         sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
         yield Item(sort, name, _colors(values) if is_color else values)
         if track.unit:
-            yield Item(Sort.UNIT, f"{name}:{track.unit}", words=("units",))
+            yield Item(Sort.UNIT, f"{name}:{track.unit}", words=("units", name))
     for attribute in surface.attributes:
         is_color, is_uv = attribute.kind is Kind.COLOR, attribute.kind is Kind.UV
         sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA

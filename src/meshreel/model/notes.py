@@ -98,9 +98,9 @@ class Notes(list[Note]):
         """Note that contents are changed on reading or writing."""
         self.add(NoteKind.CHANGED, subject, text)
 
-    def unwritten(self, subject: str, text: str = "") -> None:
-        """Note that an output cannot store contents."""
-        self.add(NoteKind.UNWRITTEN, subject, text)
+    def unwritten(self, subject: str, text: str = "", names: Sequence[str] = ()) -> None:
+        """Note that an output cannot store contents, which have names."""
+        self.add_all([Note(NoteKind.UNWRITTEN, subject, names, text)])
 
     def unknown(self, subject: str, text: str = "") -> None:
         """Note what an input does not state, and what is used instead."""
@@ -265,7 +265,7 @@ def note_unwritten_tracks(
     """
     if tracks := list(names):
         text = f"tracks left out: {listed(tracks)}: {extension} cannot store {which}"
-        notes.unwritten("tracks", text)
+        notes.unwritten("tracks", text, tracks)
 
 
 def note_unwritten_cells(cells: Cells, names: Sequence[str], extension: str, notes: Notes) -> None:
@@ -303,7 +303,7 @@ def note_unwritten_units(units: Mapping[str, str], extension: str, notes: Notes)
     """Add a note on units of tracks, by track name, that a file cannot store."""
     if with_unit := [f"{name} ({unit})" for name, unit in units.items() if unit]:
         text = f"units left out: {listed(with_unit)}: {extension} cannot store them"
-        notes.unwritten("units", text)
+        notes.unwritten("units", text, with_unit)
 
 
 def _describe(contents: Attribute | FaceGroups) -> str:

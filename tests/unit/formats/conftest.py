@@ -49,7 +49,8 @@ def _keeps_or_names_everything(monkeypatch):
     def load_and_check(source, options):
         sequence = load_any(source, options)
         walk = None if isinstance(source, (list, tuple)) else all_walks().get(Path(source).suffix)
-        selects = options.object is not None or options.attributes is not None
+        chosen = (options.object, options.attributes, options.animation)
+        selects = any(option is not None for option in chosen)
         if walk is not None and not selects and Path(source).is_file():
             found = balance(list(walk(Path(source))), list(items_of(sequence)), options.notes)
             assert found.silent == ()

@@ -262,17 +262,38 @@ def test_xdmf_grid_data_and_sets_are_noted(tmp_path):
     assert said == ["data of neither nodes nor cells: total", "sets: wall"]
 
 
-def test_gltf_cameras_lights_and_attributes_are_noted(tmp_path):
+def test_everything_in_gltf_that_is_not_read_is_noted(tmp_path):
     file = Gltf()
     values = {"NORMAL": file.accessor(TRIANGLE), "CUSTOM": file.accessor(TRIANGLE)}
-    file.node(mesh=file.mesh(TRIANGLE, attributes=values))
+    mesh = file.mesh(TRIANGLE, attributes=values)
+    primitives = file.json["meshes"][mesh]["primitives"]
+    primitives[0]["targets"] = [{"TANGENT": 0}]
+    primitives[0]["material"] = file.add(
+        "materials", name="skin", extensions={"KHR_materials_ior": {}}, emissive=1
+    )
+    primitives.append({"attributes": {}})
+    file.node(mesh=mesh, extras={"weight": 3}, name="m")
     file.node(camera=0)
     file.node(extensions={"KHR_lights_punctual": {"light": 0}})
+    file.node(name="locator")
+    file.add("materials", name="unused")
+    file.add("cameras", type="perspective")
+    file.json["extensions"] = {"EXT_other": 1}
+    file.json["asset"] |= {"copyright": "us", "generator": "this test"}
     assert left_out(file.save(tmp_path / "a.glb")) == [
-        "attributes that glTF does not define: CUSTOM",
-        "cameras (1)",
-        "lights (1)",
+        "primitives without positions: 1 of 2 primitives of mesh 0",
+        "EXT_other: the file",
+        "cameras: node 1, camera 0",
+        "copyright: the file",
+        "lights: node 2",
+        "other materials: unused",
+        "other nodes: locator",
         "normals, which programs compute",
+        "CUSTOM: mesh 0",
+        "KHR_materials_ior: skin",
+        "emissive: skin",
+        "extras: m (weight)",
+        "tangents, which programs compute: mesh 0",
     ]
 
 

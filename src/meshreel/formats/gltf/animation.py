@@ -59,10 +59,12 @@ SAME_S = 1e-5
 
 
 class Channel(NamedTuple):
-    """The animation of a property of a node, one of `PATHS`, by a sampler."""
+    """The animation of a property by a sampler."""
 
     node: int
+    """The node, if the property is one of `PATHS`; else -1."""
     path: str
+    """The property of the node, or a pointer to another property."""
     sampler: JsonObject
     interpolation: str
     place: str
@@ -83,6 +85,8 @@ class Clip:
     """
     curves: Curves
     """Curves of the channels that move a mesh."""
+    others: tuple[str, ...]
+    """Properties that other channels animate."""
 
     @property
     def is_curved(self) -> bool:
@@ -213,7 +217,9 @@ class Clips:
         animation, document = self._animations[number], self._document
         animation.text("name", "")
         channels = _read_channels(animation)
-        inputs = {channel.input: channel.sampler for channel in channels}
+        inputs = {
+            channel.input: channel.sampler for channel in channels if channel.node is not None
+        }
         keys = {
             name: document.read_floats(sampler, "input", "SCALAR")[:, 0]
             for name, sampler in inputs.items()
@@ -222,7 +228,14 @@ class Clips:
             if (np.diff(keys[name]) < 0).any():
                 raise FormatError(f"{sampler.place}: key times must be ascending")
         keys_s = np.unique(np.concatenate([*keys.values()])) if keys else np.empty(0)
-        moving = [channel for channel in channels if channel.node in self._moving[channel.path]]
+        moving, others = list[Channel](), list[str]()
+        for channel in channels:
+            if channel.node < 0:
+                others.append(channel.path)
+            elif channel.node in self._moving[channel.path]:
+                moving.append(channel)
+            else:
+                others.append(f"{channel.path} of {document.lists['nodes'][channel.node].label()}")
         values = [
             document.read_floats(channel.sampler, "output", PATHS[channel.path][0])
             for channel in moving
@@ -231,11 +244,11 @@ class Clips:
             (channel.node, channel.path): _curve(channel, keys[channel.input], numbers, document)
             for channel, numbers in zip(moving, values, strict=True)
         }
-        return Clip(keys_s, curves)
+        return Clip(keys_s, curves, tuple(others))
 
 
 def _read_channels(animation: JsonObject) -> list[Channel]:
-    """Return the channels of an animation that target nodes; extensions define other targets."""
+    """Return the channels of an animation; extensions define targets other than nodes."""
     samplers = animation.children("samplers", "sampler")
     channels = []
     for channel in animation.children("channels", "channel"):
@@ -245,26 +258,16 @@ def _read_channels(animation: JsonObject) -> list[Channel]:
             extension = target.extension(POINTER)
             pointer = "" if extension is None else extension.text("pointer", "")
             match, n_nodes = POINTERS.fullmatch(pointer), len(target.lists["nodes"])
-            node, path = (int(match[1]), match[2] or match[3]) if match else (None, path)
+            node, path = (int(match[1]), match[2] or match[3]) if match else (None, pointer)
             if node is not None and node >= n_nodes:
                 raise target.error("extensions", f"a pointer to one of {n_nodes} nodes")
         number = channel.index("sampler", len(samplers))
         if number is None:
             raise channel.error("sampler", "the index of a sampler")
-        if node is not None and path in PATHS:
-            interpolation = samplers[number].text("interpolation", LINEAR)
-            channels.append(Channel(node, path, samplers[number], interpolation, channel.place))
+        interpolation = samplers[number].text("interpolation", LINEAR)
+        node = -1 if node is None or path not in PATHS else node
+        channels.append(Channel(node, path, samplers[number], interpolation, channel.place))
     return channels
-
-
-def other_pointers(animation: JsonObject) -> list[str]:
-    """Return the pointers of channels that are not read."""
-    pointers = []
-    for channel in animation.children("channels", "channel"):
-        target = channel.child("target")
-        extension = None if target is None else target.extension(POINTER)
-        pointers.append("" if extension is None else extension.text("pointer", ""))
-    return [pointer for pointer in pointers if pointer and not POINTERS.fullmatch(pointer)]
 
 
 def _curve(channel: Channel, keys_s: Floats, values: Floats, document: Document) -> Curve:

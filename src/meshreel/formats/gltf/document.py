@@ -8,8 +8,9 @@ import base64
 import binascii
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,9 @@ LISTS = {
     "textures": "texture",
 }
 """Lists of the file that are read, and the name of their items in messages."""
+
+ROOT = "the file"
+"""Location of the object that contains all others."""
 
 DRACO = "KHR_draco_mesh_compression"
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
@@ -94,9 +98,43 @@ class JsonObject:
     """Location in the file, such as "accessor 3", with which messages start."""
     lists: Mapping[str, tuple["JsonObject", ...]] = field(default_factory=dict)
     """The lists of the file to which indices refer, by name."""
+    read_keys: set[tuple[int, str]] = field(default_factory=set)
+    """Identities of the values of all objects of the file, with the keys that were read."""
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return an unchecked value, which counts as read."""
+        if key in self.values:
+            self.read_keys.add((id(self.values), key))
+        return self.values.get(key, default)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether any key was read, or there is none."""
+        keys = ((id(self.values), key) for key in self.values)
+        return not self.values or any(key in self.read_keys for key in keys)
+
+    def dismiss(self) -> None:
+        """Count everything in the object as read, when a note names it as a whole."""
+        for key in self.values:
+            value = self.get(key)
+            for inner in value if isinstance(value, list) else [value]:
+                if isinstance(inner, dict):
+                    replace(self, values=inner).dismiss()
+
+    def unread(self, excluded: Container[str]) -> Iterator[tuple[str, Any]]:
+        """Yield keys that were not read, and their values, of this object and those within."""
+        for key, value in self.values.items():
+            if key in excluded:
+                continue
+            if (id(self.values), key) not in self.read_keys:
+                yield key, value
+                continue
+            for inner in value if isinstance(value, list) else [value]:
+                if isinstance(inner, dict):
+                    yield from replace(self, values=inner).unread(excluded)
 
     def error(self, key: str, allowed: str) -> FormatError:
         """Return the error for a missing or invalid value of a key."""
@@ -108,7 +146,7 @@ class JsonObject:
 
     def integer(self, key: str, default: int | None = None) -> int:
         """Return a nonnegative integer; without a default the key is required."""
-        value = self.values.get(key, default)
+        value = self.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
         if value is None or not _is_integer(value):
@@ -157,21 +195,21 @@ class JsonObject:
 
     def number(self, key: str, default: float) -> float:
         """Return a finite number; the default if the key is missing."""
-        value = self.values.get(key, default)
+        value = self.get(key, default)
         if not _is_finite(value):
             raise self.error(key, "a finite number")
         return float(value)
 
     def flag(self, key: str) -> bool:
         """Return a boolean; false if the key is missing."""
-        value = self.values.get(key, False)
+        value = self.get(key, False)
         if not isinstance(value, bool):
             raise self.error(key, "true or false")
         return value
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a string; without a default the key is required."""
-        value = self.values.get(key, default)
+        value = self.get(key, default)
         if not isinstance(value, str):
             raise self.error(key, "text")
         return value
@@ -186,10 +224,10 @@ class JsonObject:
 
     def required_child(self, key: str) -> "JsonObject":
         """Return a child object, which is required."""
-        value = self.values.get(key)
+        value = self.get(key)
         if not isinstance(value, dict):
             raise self.error(key, "an object")
-        return JsonObject(value, f"{self.place}, {key}", self.lists)
+        return replace(self, values=value, place=f"{self.place}, {key}")
 
     def children(self, key: str, item_name: str) -> tuple["JsonObject", ...]:
         """Return the objects of a list; empty if the key is missing.
@@ -202,7 +240,7 @@ class JsonObject:
         values = self._list(key, lambda value: isinstance(value, dict), "a list of objects")
         prefix = f"{self.place}, " if self.place else ""
         return tuple(
-            JsonObject(value, f"{prefix}{item_name} {number}", self.lists)
+            replace(self, values=value, place=f"{prefix}{item_name} {number}")
             for number, value in enumerate(values)
         )
 
@@ -216,7 +254,7 @@ class JsonObject:
         return self.text("name", "") or self.place
 
     def _list(self, key: str, is_valid: Callable[[Any], bool], allowed: str) -> list[Any]:
-        values = self.values.get(key, [])
+        values = self.get(key, [])
         if not isinstance(values, list) or not all(map(is_valid, values)):
             raise self.error(key, allowed)
         return values
@@ -261,8 +299,8 @@ class Mesh:
     """A mesh of the file, without its values."""
 
     json: JsonObject
-    n_primitives: int
-    """Number of all primitives, including points and lines."""
+    others: Counter[str]
+    """Number of other primitives by kind."""
     triangles: tuple[Primitive, ...]
     """The primitives that consist of triangles and have positions."""
     names: frozenset[str]
@@ -334,10 +372,10 @@ class Document:
         if not isinstance(parsed, dict):
             raise FormatError("is not a glTF file: its JSON is not an object")
         self.lists: dict[str, tuple[JsonObject, ...]] = {}
-        self.root: JsonObject = JsonObject(parsed, "the file", self.lists)
+        self.root: JsonObject = JsonObject(parsed, ROOT, self.lists)
         _check_version(self.root)
         _check_extensions(self.root)
-        unnamed_root = JsonObject(parsed, "", self.lists)
+        unnamed_root = replace(self.root, place="")
         self.lists.update((kind, unnamed_root.children(kind, name)) for kind, name in LISTS.items())
         self._path, self._options = path, options or ReadOptions()
         self._available_bytes, self._reserved_bytes = len(data), 0
@@ -348,16 +386,19 @@ class Document:
     def mesh(self, json: JsonObject) -> Mesh:
         """Return the primitives of a mesh of the file, which are read once."""
         if json not in self._meshes:
-            triangles: list[Primitive] = []
-            primitives = json.children("primitives", "primitive")
-            for primitive in primitives:
+            triangles, others = list[Primitive](), Counter[str]()
+            for primitive in json.children("primitives", "primitive"):
                 mode = primitive.index("mode", N_MODES)
                 attributes = primitive.required_child("attributes")
-                if "POSITION" in attributes and (mode is None or mode >= TRIANGLES):
-                    mode = TRIANGLES if mode is None else mode
+                mode = TRIANGLES if mode is None else mode
+                if mode >= TRIANGLES and "POSITION" in attributes:
                     triangles.append(Primitive(primitive, attributes, mode))
+                    continue
+                is_line = mode < TRIANGLES
+                others["points and lines" if is_line else "primitives without positions"] += 1
+                primitive.dismiss()
             names = frozenset().union(*[primitive.attributes.values for primitive in triangles])
-            self._meshes[json] = Mesh(json, len(primitives), tuple(triangles), names)
+            self._meshes[json] = Mesh(json, others, tuple(triangles), names)
         return self._meshes[json]
 
     def read(self, parent: JsonObject, key: str, *kinds: str, count: int | None = None) -> Values:
@@ -596,7 +637,7 @@ def _check_version(root: JsonObject) -> None:
     if "asset" not in root and isinstance(root.values.get("meshes"), dict):  # a list since 2.0
         raise FormatError(f"is glTF 1.0 or older; {ADVICE}")
     asset = root.required_child("asset")
-    number = asset.values.get("version")
+    number = asset.get("version")
     if isinstance(number, int | float) and 0 < number < 2:  # a string since 2.0
         raise FormatError(f"is glTF {float(number)}; {ADVICE}")
     version = asset.text("minVersion", asset.text("version"))

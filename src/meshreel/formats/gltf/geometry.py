@@ -396,7 +396,7 @@ def _decode_draco(
         decoded = {"indices": Values(np.asarray(mesh.faces).reshape(-1, 1))}
     except Exception as error:  # DracoPy raises TypeError, ValueError and its own types
         raise FormatError(f"{compressed.place}: Draco cannot decode it ({error})") from None
-    for name in ids.values:
+    for name in filter(accessor_types, ids.values):
         accessor, array = names.item(name, "accessors"), arrays.get(ids.integer(name))
         dtype, width = declared_type(accessor, tuple(WIDTHS))
         expected = accessor.integer("count"), width

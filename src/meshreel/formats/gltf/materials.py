@@ -9,7 +9,7 @@ from typing import Any
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.gltf.container import BufferWriter, Json
-from meshreel.formats.gltf.document import Document, JsonObject, Mesh, unique_names
+from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import (
     DEFAULT_MATERIAL,
@@ -21,14 +21,14 @@ from meshreel.model.materials import (
     Wrap,
     select_materials,
 )
-from meshreel.model.notes import NoteKind, Notes, listed
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.surface import Kind, Surface
 
 SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 SPECULAR_TEXTURE = "specularGlossinessTexture"
 
 UNLIT, STRENGTH = "KHR_materials_unlit", "KHR_materials_emissive_strength"
-TRANSFORM, VARIANTS = "KHR_texture_transform", "KHR_materials_variants"
+TRANSFORM = "KHR_texture_transform"
 
 WRAPS = {10497: Wrap.REPEAT, 33648: Wrap.MIRROR, 33071: Wrap.CLAMP}
 FILTERS = {
@@ -142,6 +142,7 @@ class MaterialReader:
             return look.with_textures(textures)
         except FormatError as error:
             self._notes.left_out("appearance of materials", [str(error)])
+            material.dismiss()
             return None
 
     def _texture(self, info: JsonObject, channels: str) -> Texture | None:
@@ -174,6 +175,7 @@ class MaterialReader:
                 self._images.append(self._decode_image(image))
             except (FormatError, InvalidInputError) as error:
                 self._notes.left_out("texture images", [str(error)])
+                image.dismiss()
                 return None
             self._image_indices[source] = len(self._images) - 1
         return self._image_indices[source]
@@ -188,36 +190,6 @@ class MaterialReader:
         detected_type = image_type(data, file_name)
         mime_type = mime_type if mime_type and detected_type == UNKNOWN else detected_type
         return Image(name or PurePosixPath(file_name).stem, declared_type or mime_type, data)
-
-
-def note_extensions(document: Document, meshes: Sequence[Mesh], notes: Notes) -> None:
-    """Note the unsupported extensions in the materials of some meshes."""
-    lists = document.lists
-    primitives = [primitive for mesh in meshes for primitive in mesh.triangles]
-    numbers = {primitive.material for primitive in primitives}
-    users: dict[str, list[str]] = {}
-    for number in sorted(number for number in numbers if number is not None):
-        material = lists["materials"][number]
-        supported = {UNLIT, STRENGTH}
-        if "pbrMetallicRoughness" not in material:
-            supported.add(SPECULAR_GLOSSINESS)
-        for name in _extensions(material) - supported:
-            users.setdefault(name, []).append(material.label())
-    variants = [primitive.json.extension(VARIANTS) for primitive in primitives]
-    if any(extension is not None for extension in variants):
-        users[VARIANTS] = ["other materials of the same faces"]
-    for texture in lists["textures"]:
-        for name in _extensions(texture):
-            if name not in IMAGE_EXTENSIONS or "source" in texture:
-                users.setdefault(name, []).append(texture.place)
-    if users:
-        descriptions = listed(f"{name} ({listed(users[name], 3)})" for name in sorted(users))
-        notes.left_out(f"extensions of materials: {descriptions}")
-
-
-def _extensions(json: JsonObject) -> set[str]:
-    extensions = json.values.get("extensions")
-    return set(extensions) if isinstance(extensions, dict) else set()
 
 
 def _image_index(texture: JsonObject) -> int:

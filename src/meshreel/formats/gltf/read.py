@@ -1,8 +1,7 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
-from collections.abc import Sequence
-from functools import cache
-from itertools import chain
+from collections.abc import Mapping, Sequence
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +10,13 @@ from meshreel.errors import FormatError
 from meshreel.formats.gltf.animation import (
     PATHS,
     STATIC,
+    Clip,
     Clips,
     Sampling,
-    other_pointers,
     sample_times,
 )
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
-from meshreel.formats.gltf.geometry import GeometryReader, accessor_types
-from meshreel.formats.gltf.materials import note_extensions
+from meshreel.formats.gltf.geometry import GeometryReader
 from meshreel.formats.gltf.scene import (
     STEP,
     VISIBLE,
@@ -29,13 +27,12 @@ from meshreel.formats.gltf.scene import (
     ShownMesh,
     Skin,
 )
+from meshreel.formats.gltf.unread import note_other_items, note_unread
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
 from meshreel.model.notes import Notes
 from meshreel.model.validation import validate_fps
-
-LIGHTS, INSTANCING = "KHR_lights_punctual", "EXT_mesh_gpu_instancing"
 
 SEGMENT_START = "meshreelSegmentStart"
 """Property of the extras of a node above the meshes of a segment: time of its first frame."""
@@ -59,8 +56,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     shown = shown_meshes(document, nodes, notes)
     if not shown:
         raise no_mesh_error(document, nodes)
-    motion, sampling = _select_motion(shown, nodes, document, options)
-    _note_left_out(document, shown, notes)
+    moving = _moving_nodes(shown, nodes)
+    clip = Clips(document, moving).select(options.animation, notes)
+    motion, sampling = _motion_of(clip, moving, nodes, options)
+    _note_left_out(document, nodes, shown, clip, notes)
     default_names = [mesh.mesh.json.text("name", "") for mesh in shown]
     mesh_nodes = [mesh.node for mesh in shown]
     names = unique_names(nodes.paths(dict(zip(mesh_nodes, default_names, strict=True))))
@@ -75,6 +74,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         scene_mesh = SceneMesh(
             name, times.times_s, posed.frame, posed.surface, times.fps or None,
             positions=posed.positions, visibility=visibility.of(mesh),
+            note_unread=partial(note_unread, document, nodes, mesh, notes),
         )  # fmt: skip
         meshes.append(scene_mesh)
     if options.merge and options.object is None and not options.skip_bad:
@@ -98,13 +98,11 @@ def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
     return Clips(document, _moving_nodes(shown, nodes)).describe()
 
 
-def _select_motion(
-    shown: Sequence[ShownMesh], nodes: Nodes, document: Document, options: ReadOptions
+def _motion_of(
+    clip: Clip | None, moving: Mapping[str, set[int]], nodes: Nodes, options: ReadOptions
 ) -> tuple[Motion, Sampling]:
     """Return the motion of nodes with meshes, and the sampling of frames."""
-    moving = _moving_nodes(shown, nodes)
-    carriers, clips = moving["translation"], Clips(document, moving)
-    clip = clips.select(options.animation, options.notes)
+    carriers = moving["translation"]
     if clip is None:
         return Motion(nodes, {}, carriers), STATIC
     fps = validate_fps(options.fps or 0.0)
@@ -125,31 +123,19 @@ def _is_animated(mesh: ShownMesh, motion: Motion) -> bool:
     return is_moved or (mesh.node, "weights") in motion.curves
 
 
-def _note_left_out(document: Document, shown: Sequence[ShownMesh], notes: Notes) -> None:
-    used = {mesh.mesh.json: mesh.mesh for mesh in shown}
-    meshes = [used[json] for json in document.lists["meshes"] if json in used]
-    names = frozenset().union(*[mesh.names for mesh in meshes]) - {"TANGENT"}
-    unknown = sorted(name for name in names if not accessor_types(name))
-    for mesh in meshes:
-        if n_left := mesh.n_primitives - len(mesh.triangles):
-            primitives = f"{n_left} of {mesh.n_primitives} primitives of {mesh.json.place}"
-            notes.left_out(f"points and lines, {primitives}")
-        if "TANGENT" in mesh.names:
-            notes.left_out("tangents, which programs compute")
-        if names_of_mesh := [name for name in unknown if name in mesh.names]:
-            notes.left_out("attributes that glTF does not define", names_of_mesh)
-    nodes = document.lists["nodes"]
-    mesh_nodes = [nodes[mesh.node] for mesh in shown]
-    instanced = [node.label() for node in mesh_nodes if node.extension(INSTANCING) is not None]
-    notes.left_out(f"copies of a mesh ({INSTANCING}), which is read once", instanced)
-    cameras = [node for node in nodes if "camera" in node]
-    lights = [node for node in nodes if node.extension(LIGHTS) is not None]
-    for noun, users in (("cameras", cameras), ("lights", lights)):
-        if users:
-            notes.left_out(f"{noun} ({len(users)})")
-    pointers = map(other_pointers, document.lists["animations"])
-    notes.left_out("animated properties", chain.from_iterable(pointers))
-    note_extensions(document, meshes, notes)
+def _note_left_out(
+    document: Document, nodes: Nodes, shown: Sequence[ShownMesh], clip: Clip | None, notes: Notes
+) -> None:
+    for mesh in dict.fromkeys(shown_mesh.mesh for shown_mesh in shown):
+        total = len(mesh.triangles) + mesh.others.total()
+        for kind, count in mesh.others.items():
+            notes.left_out(kind, [f"{count} of {total} primitives of {mesh.json.place}"])
+    unskinned = (mesh for mesh in shown if mesh.skin is None and mesh.mesh.has_joints)
+    labels = (nodes.objects[mesh.node].label() for mesh in unskinned)
+    notes.left_out("joints and weights without a skin", labels)
+    if clip is not None:
+        notes.left_out("animated properties", clip.others)
+    note_other_items(document, nodes, shown, notes)
 
 
 def shown_meshes(document: Document, nodes: Nodes, notes: Notes) -> list[ShownMesh]:
@@ -275,5 +261,6 @@ def _steps_from_zero(scale: Curve) -> bool:
 
 def _is_of_segment(mesh: ShownMesh, nodes: Nodes) -> bool:
     """Return whether meshreel wrote a mesh as a segment, or a part of one."""
-    extras = [nodes.objects[node].values.get("extras") for node in nodes.ancestors(mesh.node)]
-    return any(isinstance(values, dict) and SEGMENT_START in values for values in extras)
+    above = [nodes.objects[node] for node in nodes.ancestors(mesh.node)]
+    marked = (node for node in above if SEGMENT_START in (node.values.get("extras") or ()))
+    return any(node.required_child("extras").get(SEGMENT_START) is not None for node in marked)

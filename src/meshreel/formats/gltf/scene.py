@@ -154,7 +154,7 @@ class Nodes:
         return [
             node
             for node, extension in enumerate(extensions)
-            if extension is not None and extension.values.get("visible") is False
+            if extension is not None and extension.get("visible") is False
         ]
 
     @cached_property

@@ -92,7 +92,14 @@ def merge_meshes(
     rates = {mesh.fps for mesh in meshes if mesh.fps}
     fps = rates.pop() if len(rates) == 1 else None
     read_positions = positions if len(readers) == len(meshes) else None
-    return SceneMesh(name, times, frame, surface, fps, tracks, read_positions)
+
+    def note_unread() -> None:
+        for mesh in meshes:
+            mesh.note_unread()
+
+    return SceneMesh(
+        name, times, frame, surface, fps, tracks, read_positions, note_unread=note_unread
+    )
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:

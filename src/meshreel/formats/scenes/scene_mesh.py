@@ -77,6 +77,8 @@ class SceneMesh:
     visibility: Visibility = SHOWN
     keeps_surface: Callable[[int], bool] = lambda frame: True
     """Whether a frame has the surface of the frame before it; otherwise it begins a segment."""
+    note_unread: Callable[[], None] = lambda: None
+    """Adds notes on contents of the mesh that were not read; called after everything was read."""
 
 
 def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

@@ -90,7 +90,10 @@ def select_frames(
             return mesh_of(index).surface(0)
 
     name = paths[0].resolve().parent.name
-    return SceneMesh(name, np.arange(len(paths), dtype=np.float64), frame, surface, fps=0.0)
+    return SceneMesh(
+        name, np.arange(len(paths), dtype=np.float64), frame, surface, fps=0.0,
+        note_unread=lambda: mesh_of(0).note_unread(),
+    )  # fmt: skip
 
 
 def selected_meshes(
@@ -140,6 +143,7 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
         starts, timing = [run.start for run in runs], _timing(mesh, options)
         for run, stop in zip(runs, [*starts[1:], len(mesh.times_s)], strict=True):
             yield run.sequence(stop, path, options, timing.part(range(run.start, stop)))
+        mesh.note_unread()
 
 
 def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:

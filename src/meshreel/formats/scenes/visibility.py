@@ -61,7 +61,8 @@ def meshes_in_turn(
     visibilities = [mesh.visibility for mesh in meshes]
     if not any(visibility.changes for visibility in visibilities):
         return None
-    times_s = unite_times([mesh.times_s for mesh in (*meshes, *visibilities)])
+    mesh_times = [mesh.times_s for mesh in meshes]
+    times_s = unite_times([*mesh_times, *(visibility.times_s for visibility in visibilities)])
     is_shown = np.stack([visibility.at(times_s) for visibility in visibilities], axis=1)
     frames = np.flatnonzero(is_shown.any(axis=1))
     rows = is_shown[frames[0] : frames[-1] + 1] if len(frames) else is_shown[:0]
@@ -100,9 +101,13 @@ def meshes_in_turn(
             return False
         return _are_equal(surface(index - 1), surface(index))
 
+    def note_unread() -> None:
+        for part in parts.values():
+            part.note_unread()
+
     return SceneMesh(
         name, frame_times_s, frame, surface, rates.pop() if len(rates) == 1 else None, tracks,
-        keeps_surface=keeps_surface,
+        keeps_surface=keeps_surface, note_unread=note_unread,
     )  # fmt: skip
 
 

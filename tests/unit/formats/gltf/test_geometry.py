@@ -241,7 +241,7 @@ def test_triangles_of_a_flat_strip_have_the_same_orientation(read):
 def test_points_and_lines_are_left_out_and_noted(read, mode):
     result, notes = read(two_primitives(mode=mode))
     assert result.n_verts == 3
-    assert notes == ["left out: points and lines, 1 of 2 primitives of mesh 0"]
+    assert notes == ["left out: points and lines: 1 of 2 primitives of mesh 0"]
 
 
 def test_load_rejects_a_file_with_only_points(read):

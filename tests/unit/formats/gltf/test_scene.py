@@ -59,9 +59,9 @@ def test_scene_that_lists_every_node_of_a_deep_hierarchy_is_read_fast(read):
     file.json["nodes"] = [{"children": [number + 1]} for number in range(depth - 1)] + [{}]
     file.json["nodes"][10]["mesh"] = file.mesh()
     file.json["scenes"] = [{"nodes": list(range(depth))[::-1]}]
-    result, [note] = read(file)
+    result, notes = read(file)
     assert result.n_faces == 1
-    assert note.endswith(
+    assert notes[0].endswith(
         "node 19992 and 19991 more; each is read once, with the transforms of all its ancestors"
     )
 

@@ -1,0 +1,135 @@
+"""Notes on everything that a glTF file holds and the reader did not read."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from meshreel.formats.gltf.container import Json
+from meshreel.formats.gltf.document import LISTS, ROOT, Document, JsonObject
+from meshreel.formats.gltf.scene import Nodes, ShownMesh
+from meshreel.model.notes import NORMALS, Notes, listed
+
+BOOKKEEPING = {
+    "name": "labels",
+    "generator": "the program that wrote the file",
+    "extensionsUsed": "named where they are used",
+    "skeleton": "a hint for tools",
+    "alphaCutoff": "read where it has an effect",
+    "accessors": "numbers, which belong to what refers to them",
+    "buffers": "likewise",
+    "bufferViews": "likewise",
+    "samplers": "likewise",
+    "textures": "likewise",
+    "animations": "noted when one is selected",
+    "scene": "read if it matters",
+}
+"""Keys without content of their own, and why."""
+
+NOUNS = {
+    "camera": "cameras",
+    "KHR_lights_punctual": "lights",
+    "NORMAL": NORMALS,
+    "TANGENT": "tangents, which programs compute",
+    "EXT_mesh_gpu_instancing": "copies of a mesh (EXT_mesh_gpu_instancing), which is read once",
+}
+"""Subjects of notes on keys; others are the subject themselves."""
+
+Items = dict[str, set[int]]
+"""Numbers of items by the list of the file."""
+
+Names = dict[str, list[str]]
+"""Names of what was not read, by the subject of the note."""
+
+
+def used_items(document: Document, nodes: Nodes, meshes: Iterable[ShownMesh]) -> Items:
+    """Return the items to which meshes refer, and those to which these refer."""
+    used: Items = {kind: set() for kind in document.lists}
+    for mesh in meshes:
+        used["nodes"].update(nodes.with_ancestors([mesh.node, *mesh.carriers]))
+        own = nodes.objects[mesh.node].values
+        used["meshes"].add(own["mesh"])
+        used["skins"].update({own["skin"]} if mesh.skin is not None else ())
+        numbers = (primitive.material for primitive in mesh.mesh.triangles)
+        used["materials"].update(number for number in numbers if number is not None)
+    for kind, key, parents in (
+        ("textures", "index", "materials"),
+        ("images", "source", "textures"),
+        ("samplers", "sampler", "textures"),
+    ):
+        for number in used[parents]:
+            indices = _integers(document.lists[parents][number].values, key)
+            used[kind].update(index for index in indices if index < len(document.lists[kind]))
+    return used
+
+
+def _integers(value: Any, key: str) -> Iterator[int]:
+    """Yield the nonnegative integers with a key anywhere in JSON values."""
+    values = [value]
+    while values:
+        value = values.pop()
+        if isinstance(value, dict):
+            number = value.get(key)
+            if isinstance(number, int) and number >= 0:
+                yield number
+            values += value.values()
+        elif isinstance(value, list):
+            values += value
+
+
+def note_other_items(
+    document: Document, nodes: Nodes, meshes: Sequence[ShownMesh], notes: Notes
+) -> None:
+    """Note what belongs to no mesh: cameras, nodes, materials, and properties of the file."""
+    used = used_items(document, nodes, meshes)
+    scene = document.root.get("scene", 0)
+    used["scenes"] = {scene} if isinstance(scene, int) else set()
+    names: Names = defaultdict(list)
+    for kind in LISTS.keys() - BOOKKEEPING.keys():
+        for number, item in enumerate(document.lists[kind]):
+            if number not in used[kind]:
+                keys = NOUNS.keys() & {*item.values, *_extensions(item.values)}
+                subject = NOUNS[min(keys)] if keys else f"other {kind}"
+                names[subject].append(_label(item.values, item.place))
+    _add_unread([document.root, *document.lists["scenes"]], names)
+    _note(names, notes)
+
+
+def note_unread(document: Document, nodes: Nodes, mesh: ShownMesh, notes: Notes) -> None:
+    """Note what was not read of a mesh and of the items to which it refers."""
+    used, names = used_items(document, nodes, [mesh]), defaultdict[str, list[str]](list)
+    for kind in used.keys() - BOOKKEEPING.keys():
+        items = [document.lists[kind][number] for number in sorted(used[kind])]
+        unread = (item for item in items if not item.is_read)
+        names[f"other {kind}"] += (_label(item.values, item.place) for item in unread)
+        _add_unread((item for item in items if item.is_read), names)
+    _note(names, notes)
+
+
+def _add_unread(items: Iterable[JsonObject], names: Names) -> None:
+    """Add the keys of items that were not read, with the labels of the items."""
+    for item in items:
+        label = _label(item.values, item.place)
+        for key, value in item.unread(LISTS.keys() | BOOKKEEPING.keys()):
+            for name in _extensions({key: value}) or [key]:
+                labels = [label]
+                if name == "extras" and isinstance(value, dict):
+                    labels = [f"{label} ({listed(value)})"]
+                elif item.place == ROOT and isinstance(value, list):
+                    noun = name.removesuffix("s")
+                    labels = [_label(entry, f"{noun} {n}") for n, entry in enumerate(value)]
+                names[NOUNS.get(name, name)] += labels
+
+
+def _note(names: Names, notes: Notes) -> None:
+    for subject in sorted(names):
+        notes.left_out(subject, names[subject])
+
+
+def _extensions(values: Json) -> Json:
+    extensions = values.get("extensions")
+    return extensions if isinstance(extensions, dict) else {}
+
+
+def _label(values: Any, place: str) -> str:
+    name = values.get("name") if isinstance(values, dict) else None
+    return name if name and isinstance(name, str) else place
