@@ -26,6 +26,7 @@ class Model:
     titles: dict = field(default_factory=dict)
     control: dict = field(default_factory=dict)
     ten_nodes: str = ""  # "early" or "late": where the further nodes of ten-node solids are
+    last_nodes: object = 0  # the ninth and tenth nodes of ten-node solids; 0 is none
     more: tuple = ()  # words after the control words
     last: tuple = ()  # words after the user's numbers
     after: tuple = ()  # words after the titles
@@ -60,7 +61,8 @@ def root(model, code="<4"):
     given[39] = len(numbering)
     for index, value in (given | model.control).items():
         control[index] = value
-    ten = words_of(np.zeros(2 * len(model.solids), int), code) if model.ten_nodes else b""
+    ten = np.zeros((len(model.solids), 2), int) + model.last_nodes
+    ten = words_of(ten, code) if model.ten_nodes else b""
     early, late = (ten if model.ten_nodes == name else b"" for name in ("early", "late"))
     result = words_of(control, code) + b"".join(words_of(one, code) for one in model.more)
     result += words_of(np.asarray(model.nodes, float), code)

@@ -30,7 +30,7 @@ from meshreel.formats.solvers.d3plot_files import (
     adapted_roots,
     other_files,
 )
-from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh, prune_points
+from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh
 from meshreel.model.geometry.polygons import ragged_indices
 from meshreel.model.notes import NoteKind
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
@@ -42,15 +42,22 @@ NODE_RESULTS = (
 )  # fmt: skip
 """Sections of a state that are tracks of vertices."""
 
-OTHER_SECTIONS = (
-    "temperatures of shell layers", "contact penetrations", "thermal results of solids",
-)  # fmt: skip
+SECTION_NAMES = {"global": "global results", BEAMS: "results of beams"}
+"""What notes call sections that are not read, unless it is their name."""
+
+UNNAMED = {
+    "time": "the times of the frames",
+    "coordinates": "the positions",
+    "deleted nodes": "elements that do not exist",
+    "deleted elements": "elements that do not exist",
+}
+"""Sections that are neither tracks nor named in notes, and what becomes of them."""
 
 ALIVE = "alive"
 """Name of the track that is 1 for the elements that exist in a state, otherwise 0."""
 
 DELETED = Message(
-    "elements are deleted, which begins a new mesh each time; ",
+    "elements are deleted, with the nodes that only they have, which begins a new mesh each time; ",
     Keyword("keep_deleted"),
     f" keeps them in one mesh with a track {ALIVE!r}, which is usually smaller",
 )
@@ -93,6 +100,9 @@ def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
     if len(layout.cells.types) == 0:
         raise FormatError("contains neither shells nor solids; there is no surface")
     options.notes.left_out("elements without faces", layout.left_out)
+    if layout.control["narbs"]:
+        options.notes.left_out("user numbers of nodes and elements")
+    options.notes.left_out("nodes on edges of elements, read as free vertices", layout.linear)
     options.notes.left_out("results", _unread_results(layout))
     if layout.n_leftover_words:
         options.notes.changed(
@@ -103,16 +113,26 @@ def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
 
 
 def _unread_results(layout: D3plotLayout) -> list[str]:
-    """Describe the results that are not tracks."""
-    control, kinds = layout.control, layout.counts.keys() & layout.sections.keys()
-    unread = [name for name in OTHER_SECTIONS if name in layout.sections]
-    if layout.results["stress"].keys() - {SOLIDS}:
-        unread.append("stress and plastic strain of shells outside the middle surface")
-    if any(control["neiph" if kind == SOLIDS else "neips"] for kind in kinds):
-        unread.append("history variables")
-    if control["ioshl3"] == 1000 and SHELLS in kinds:
-        unread.append("force resultants of shells")
-    return unread + ["results of beams"] * (BEAMS in layout.sections)
+    """Describe the tables of states, and their columns, that are not tracks."""
+    control, unread = layout.control, []
+    for name, section in layout.sections.items():
+        if name not in layout.counts:
+            is_read = name in NODE_RESULTS or name in UNNAMED
+            unread += [] if is_read else [SECTION_NAMES.get(name, name)]
+            continue
+        results = {key: columns[name] for key, columns in layout.results.items() if name in columns}
+        places = [columns.first for columns in results.values()]
+        details = {
+            "other integration points": any(columns.n_points > 1 for columns in results.values()),
+            "history variables": control["neiph" if name == SOLIDS else "neips"] > 0,
+            "force resultants": name == SHELLS and control["ioshl3"] == 1000,
+            "element variables": "thickness" in results,
+            "strains": "internal_energy" in results and places[-1] - places[-2] > 3,
+        }
+        if section.n_columns > sum(map(ELEMENT_RESULTS.__getitem__, results)):
+            texts = [text for text, is_present in details.items() if is_present] or ["others"]
+            unread.append(f"{', '.join(texts)} of {name}")
+    return unread
 
 
 class _States:
@@ -188,7 +208,7 @@ class _States:
             self._notes.add(NoteKind.SEGMENTS, "deleted elements", DELETED)
         key = np.packbits(is_alive).tobytes()
         if self._cached is None or self._cached[:2] != (layout, key):
-            self._cached = layout, key, _surface_of(layout, np.flatnonzero(is_alive))
+            self._cached = layout, key, _surface_of(layout, is_alive)
         return self._cached[2]
 
 
@@ -198,15 +218,18 @@ def _result(
     return DataArray(domain, name, read, lambda: None, lambda: field, is_track=True)
 
 
-def _surface_of(layout: D3plotLayout, rows: npt.NDArray[np.int64]) -> CellSurface:
-    """Return the surface of some of the cells, without nodes that have no faces."""
+def _surface_of(layout: D3plotLayout, is_alive: npt.NDArray[np.bool_]) -> CellSurface:
+    """Return the surface of some of the cells, without the nodes that only deleted cells have."""
+    rows = np.flatnonzero(is_alive)
     if len(rows) == 0:
         raise FormatError("has a state in which all elements with faces are deleted")
     cells = layout.cells
     starts = np.cumsum(cells.counts) - cells.counts
     counts = cells.counts[rows]
     points = cells.points[ragged_indices(starts[rows], counts)]
-    surface = prune_points(cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes))
+    surface = cell_mesh(Cells(cells.types[rows], counts, points), layout.n_nodes)
+    if not is_alive.all():
+        surface = surface.without_points(layout.lost_nodes(is_alive))
     return replace(surface, cells=rows[surface.cells], volume_rows=rows)
 
 

@@ -18,6 +18,7 @@ from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import check_input_file, os_errors_naming
 from meshreel.formats.surfaces.cells import Cells
+from meshreel.runtime.counting import counted
 
 END = -999999.0
 """Value of the word after the last state of a file."""
@@ -176,11 +177,11 @@ N_CONTROL = 64
 
 CONTROL = {
     "ndim": 15, "numnp": 16, "nglbv": 18, "it": 19, "iu": 20, "iv": 21, "ia": 22, "nel8": 23,
-    "nv3d": 27, "nel2": 28, "nv1d": 30, "nel4": 31, "nv2d": 33, "neiph": 34, "neips": 35,
-    "maxint": 36, "nmsph": 37, "narbs": 39, "nelt": 40, "nv3dt": 42, "ioshl1": 43, "ioshl2": 44,
-    "ioshl3": 45, "ioshl4": 46, "ialemat": 47, "ncfdv1": 48, "ncfdv2": 49, "nadapt": 50,
-    "npefg": 54, "nel48": 55, "idtdt": 56, "extra": 57,
-    "nel20": 64, "nt3d": 65, "quadr": 74, "cubic": 75, "penout": 78, "engout": 79,
+    "nummat8": 24, "nv3d": 27, "nel2": 28, "nummat2": 29, "nv1d": 30, "nel4": 31, "nummat4": 32,
+    "nv2d": 33, "neiph": 34, "neips": 35, "maxint": 36, "nmsph": 37, "narbs": 39, "nelt": 40,
+    "nummatt": 41, "nv3dt": 42, "ioshl1": 43, "ioshl2": 44, "ioshl3": 45, "ioshl4": 46,
+    "ialemat": 47, "ncfdv1": 48, "ncfdv2": 49, "nadapt": 50, "npefg": 54, "nel48": 55, "idtdt": 56,
+    "extra": 57, "nel20": 64, "nt3d": 65, "quadr": 74, "cubic": 75, "penout": 78, "engout": 79,
 }  # fmt: skip
 """Control words by their names in the database manual of LS-DYNA."""
 
@@ -219,7 +220,7 @@ TITLE_BYTES = 72
 ELEMENT_RESULTS = {"stress": 6, "plastic_strain": 1, "thickness": 1, "internal_energy": 1}
 """Results of elements and their numbers of components."""
 
-TETRA, HEXAHEDRON, WEDGE, PYRAMID = 10, 12, 13, 14
+TETRA, HEXAHEDRON, WEDGE, PYRAMID, TEN_NODE_TETRA = 10, 12, 13, 14, 24
 TRIANGLE, QUAD = 5, 9
 
 
@@ -275,7 +276,7 @@ class D3plotLayout:
         self._read_material_types()
         n_sph, particle_words, particle_state_words = self._read_particle_flags()
         self._read_geometry()
-        self._skip_other_geometry(particle_words)
+        self._read_other_geometry(particle_words)
         self._titles = self._read_titles()
         self.sections: dict[str, Section] = {}
         self.state_words: int = self._place_sections(n_sph, particle_state_words)
@@ -294,6 +295,12 @@ class D3plotLayout:
         names = {"nel2": "beams", "nmsph": "SPH particles", "npefg": "particles of airbags"}
         return [name for key, name in names.items() if self.control[key] > 0]
 
+    @property
+    def linear(self) -> list[str]:
+        """Kinds of elements that are read without the nodes on their edges, for notes."""
+        names = {"nel48": "8-node shells", "nel20": "20-node solids"}
+        return [name for key, name in names.items() if self.control[key] > 0]
+
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of elements of each kind that has faces, in the order of `cells`."""
@@ -306,9 +313,14 @@ class D3plotLayout:
         types, corners = [], []
         for kind in (SOLIDS, THICK_SHELLS):
             kinds, nodes = _solid_cells(self._connectivity[kind][:, :8])
+            nodes = np.pad(nodes, ((0, 0), (0, 2)), constant_values=-1)
+            if kind == SOLIDS and len(self._last_nodes):
+                has_ten = (self._last_nodes >= 0).all(axis=1)
+                kinds[has_ten], nodes[has_ten, 8:] = TEN_NODE_TETRA, self._last_nodes[has_ten]
+                nodes[has_ten, :8] = self._connectivity[kind][has_ten, :8]
             types.append(kinds)
             corners.append(nodes)
-        shells = np.full((self.counts[SHELLS], 8), -1, np.int64)
+        shells = np.full((self.counts[SHELLS], 10), -1, np.int64)
         shells[:, :4] = self._connectivity[SHELLS][:, :4]
         is_triangle = shells[:, 2] == shells[:, 3]
         shells[is_triangle, 3] = -1
@@ -325,14 +337,38 @@ class D3plotLayout:
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
-        """Titles of all parts; a part without a title of its own is called "part ID"."""
+        """Titles of all parts; a part without a title of its own is called "part ID".
+
+        Raises
+        ------
+        FormatError
+            If an element belongs to a part beyond the number of parts.
+        """
         n_parts = max(len(self._part_ids), int(self.part_numbers.max(initial=-1)) + 1)
+        n_materials = sum(self.control[f"nummat{digit}"] for digit in "824t")
+        # Some programs declare no materials; no file has more of them than words.
+        limit = max(len(self._part_ids), self._n_elements, min(n_materials, self.words.n_words))
+        if n_parts > limit:
+            raise FormatError(
+                f"has an element of part {n_parts}, but at most {counted(limit, 'part')}; it is "
+                "damaged"
+            )
         ids = [*self._part_ids, *range(len(self._part_ids) + 1, n_parts + 1)]
         titles = [self._titles.get(number, "") for number in ids]
         return tuple(
             title if title and titles.count(title) == 1 else f"{title or 'part'} {number}"
             for title, number in zip(titles, ids, strict=True)
         )
+
+    def lost_nodes(self, is_alive: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Return which nodes belong to deleted cells, and to no others and no beam."""
+        is_lost = np.zeros(self.n_nodes, bool)
+        is_kept = np.repeat(is_alive, self.cells.counts)
+        is_lost[self.cells.points[~is_kept]] = True
+        is_lost[self.cells.points[is_kept]] = False
+        beams = self._connectivity[BEAMS][:, :3]
+        is_lost[beams[(beams >= 0) & (beams < self.n_nodes)]] = False
+        return is_lost
 
     def coordinates(self) -> npt.NDArray[np.floating]:
         """Read the initial positions of all nodes, of shape (N, 3)."""
@@ -446,6 +482,7 @@ class D3plotLayout:
         sizes in the numbering section show where.
         """
         self._first_coordinate = self._position
+        self._last_nodes = np.empty((0, 2), np.int64)
         self._read_elements(ten_nodes=0)
         if self.control["has_ten_nodes"] and not self._numbering_fits():
             self._position = self._first_coordinate
@@ -468,7 +505,8 @@ class D3plotLayout:
         for kind, (name, width) in CONNECTIVITY.items():
             rows = self._next_integers(self.control[name] * width)
             self._connectivity[kind] = rows.reshape(-1, width) - 1
-            self._position += ten_nodes * (kind == SOLIDS)
+            if kind == SOLIDS and ten_nodes:
+                self._last_nodes = self._next_integers(ten_nodes).reshape(-1, 2) - 1
 
     def _numbering_fits(self) -> bool:
         """Whether the numbering section, if any, has the sizes of the geometry."""
@@ -488,16 +526,17 @@ class D3plotLayout:
         first, n_parts = N_NUMBERING + int(numbering[5:10].sum()), int(numbering[15])
         return [int(part) for part in numbering[first : first + max(0, n_parts)]]
 
-    def _skip_other_geometry(self, particle_words: int) -> None:
+    def _read_other_geometry(self, particle_words: int) -> None:
+        """Read the further nodes of ten-node solids, and skip other tables."""
         control = self.control
-        self._position += (
-            2 * control["nadapt"]
-            + 2 * control["nmsph"]
-            + particle_words
-            + 2 * control["nel8"] * control["has_ten_nodes"]
-            + 5 * control["nel48"]
-            + 13 * control["nel20"]
-        )
+        self._position += 2 * control["nadapt"] + 2 * control["nmsph"] + particle_words
+        if control["has_ten_nodes"]:
+            self._last_nodes = self._next_integers(2 * control["nel8"]).reshape(-1, 2) - 1
+        if self._last_nodes.max(initial=-1) >= self.n_nodes:
+            raise FormatError(
+                f"has ten-node solids with node numbers above {self.n_nodes}; it is damaged"
+            )
+        self._position += 5 * control["nel48"] + 13 * control["nel20"]
         if self._position > self.words.n_words:
             raise FormatError(
                 f"needs {self._position} words of geometry; its files have {self.words.n_words}: "

@@ -34,7 +34,7 @@ from meshreel.formats.solvers.ensight_files import (
     read_lines,
     read_values,
 )
-from meshreel.formats.surfaces.cells import CellSurface, cell_mesh, prune_points
+from meshreel.formats.surfaces.cells import CellSurface, cell_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
@@ -320,7 +320,7 @@ class _Steps:
         options.notes.left_out("variables at other times than the geometry", names)
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._order = cache(find_order)
-        self._find = cache(lambda path: find_parts(self._open(path, path)))
+        self._find = cache(lambda path: find_parts(self._open(path, path), options.notes))
         self._columns = cache(self._find_columns)
 
     def parts(self, index: int) -> dict[int, Part]:
@@ -362,7 +362,7 @@ class _Steps:
     def surface(self, step: int, number: int) -> CellSurface:
         """Return the surface of a part from the elements in the file of a step."""
         part = self.part(step, number)
-        return prune_points(cell_mesh(read_cells(self._geometry(step), part), part.n_nodes))
+        return cell_mesh(read_cells(self._geometry(step), part), part.n_nodes)
 
     def elements_step(self, index: int) -> int:
         """Return the frame whose file has the elements of a frame."""

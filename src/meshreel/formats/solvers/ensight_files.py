@@ -15,6 +15,7 @@ from meshreel.arrays import Integers, Singles
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.surfaces.cells import POLYGON, Cells
+from meshreel.model.notes import Notes
 
 LINE_BYTES = 80
 FIRST_PART = 5 * LINE_BYTES
@@ -147,12 +148,16 @@ N_NODES = {
 }  # fmt: skip
 """Nodes of each type of element."""
 
-CORNERS = {
-    "tria": (5, (0, 1, 2)), "quad": (9, (0, 1, 2, 3)), "tetra": (10, (0, 1, 2, 3)),
-    "pyramid": (14, (0, 1, 2, 3, 4)), "penta": (13, (0, 2, 1, 3, 5, 4)),
-    "hexa": (12, (0, 1, 2, 3, 4, 5, 6, 7)),
+TYPES = {
+    "tria3": 5, "tria6": 22, "quad4": 9, "quad8": 23, "tetra4": 10, "tetra10": 24, "pyramid5": 14,
+    "pyramid13": 27, "penta6": 13, "penta15": 26, "hexa8": 12, "hexa20": 25,
 }  # fmt: skip
-"""VTK type of elements with faces, and their corners in the order of VTK."""
+"""VTK type of each type of element with faces."""
+
+ORDERS = {
+    "penta6": (0, 2, 1, 3, 5, 4), "penta15": (0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13),
+}  # fmt: skip
+"""Nodes of types of elements in the order of VTK, where it differs."""
 
 NSIDED, NFACED, GHOST = "nsided", "nfaced", "g_"
 EXPLICIT = ("given", "ignore")
@@ -172,7 +177,7 @@ class Block:
     @property
     def has_faces(self) -> bool:
         """Whether its elements have faces that are read: no points, bars or ghosts."""
-        return self.kind in (NSIDED, NFACED) or self.kind.rstrip("0123456789") in CORNERS
+        return self.kind in (NSIDED, NFACED) or self.kind in TYPES
 
 
 @dataclass(frozen=True)
@@ -194,8 +199,8 @@ Keys are the part and the type of elements, which is "" for nodes.
 """
 
 
-def find_parts(tables: Tables) -> dict[int, Part]:
-    """Return the parts of a geometry file by number.
+def find_parts(tables: Tables, notes: Notes) -> dict[int, Part]:
+    """Return the parts of a geometry file by number; notes name user numbers, which are not read.
 
     Raises
     ------
@@ -210,6 +215,8 @@ def find_parts(tables: Tables) -> dict[int, Part]:
         if not line.startswith(label):
             raise FormatError(f"{tables.path.name} has {line[:40]!r} where {label!r} is expected")
         has_numbers.append(line.split()[-1] in EXPLICIT)
+    if any(has_numbers):
+        notes.left_out("user numbers of nodes and elements")
     parts: dict[int, Part] = {}
     line = _next_line(tables)
     if line.startswith("extents"):
@@ -293,9 +300,9 @@ def _read_block(tables: Tables, block: Block) -> Cells:
     if block.kind == NFACED:
         return _read_polyhedra(tables, count)
     n_nodes = N_NODES[block.kind]
-    kind, corners = CORNERS[block.kind.rstrip("0123456789")]
-    nodes = tables.integers(count * n_nodes, count).reshape(count, n_nodes)[:, corners] - 1
-    return Cells(np.full(count, kind), np.full(count, len(corners)), nodes.ravel())
+    nodes = tables.integers(count * n_nodes, count).reshape(count, n_nodes) - 1
+    nodes = nodes[:, ORDERS.get(block.kind, slice(None))]
+    return Cells(np.full(count, TYPES[block.kind]), np.full(count, n_nodes), nodes.ravel())
 
 
 def _read_polyhedra(tables: Tables, count: int) -> Cells:

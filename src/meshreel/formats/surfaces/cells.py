@@ -242,6 +242,17 @@ class CellSurface:
         cells = [None, None] if volume is None else [volume.types, volume.nodes]
         return [value for name, value in vars(self).items() if name != "volume"] + cells
 
+    def without_points(self, is_lost: npt.NDArray[np.bool_]) -> "CellSurface":
+        """Return the surface without points that none of its cells has."""
+        if not isinstance(self.points, slice):  # only the points of faces
+            return self
+        kept, numbers = np.flatnonzero(~is_lost), np.cumsum(~is_lost) - 1
+        volume = self.volume
+        if volume is not None:
+            volume = replace(volume, nodes=numbers[volume.nodes].astype(np.int32))
+        corners = numbers[self.corners].astype(np.int32)
+        return replace(self, points=kept, corners=corners, volume=volume)
+
     def mesh(self, points: Vertices) -> PolygonMesh:
         """Return the polygon mesh for points of shape (N, 3)."""
         return PolygonMesh(points[self.points], self.counts, self.corners, self.volume)
@@ -434,19 +445,6 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
         int(is_solid_cell.sum()),
         0 if isinstance(points, slice) else n_points - len(points),
     )
-
-
-def prune_points(surface: CellSurface) -> CellSurface:
-    """Return a surface whose vertices are only the points of its cells, or else of its faces."""
-    if not isinstance(surface.points, slice):
-        return surface
-    volume = surface.volume
-    point_indices = surface.corners if volume is None else volume.nodes
-    points = np.unique(point_indices).astype(np.int64)
-    corners = np.searchsorted(points, surface.corners).astype(np.int32)
-    if volume is not None:
-        volume = replace(volume, nodes=np.searchsorted(points, volume.nodes).astype(np.int32))
-    return replace(surface, points=points, corners=corners, volume=volume)
 
 
 _Faces = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]

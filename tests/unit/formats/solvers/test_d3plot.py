@@ -67,7 +67,7 @@ def test_positions_times_and_parts_are_those_of_the_states(tmp_path, code, name,
     states = [state(2 + index / 8, moved(index), code=code) for index in range(3)]
     path = write_family(tmp_path / name, whole_model(), [states[:1], states[1:]], code)
     loaded = load(path, notes=notes)
-    expected = np.array([moved(index)[:12] for index in range(3)]).astype(FLOATS[code[1]])
+    expected = np.array([moved(index) for index in range(3)]).astype(FLOATS[code[1]])
     assert loaded.vertices.tobytes() == expected.tobytes()
     assert (loaded.fps, loaded.start_s, loaded.name) == (8.0, 2.0, path.stem)
     [parts] = loaded.surface.groups
@@ -99,7 +99,7 @@ def test_keywords_after_the_titles_are_skipped(tmp_path):
     model = whole_model()
     model.after = ([90100, 9], [0x2A2A2A2A] * 180)
     loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
-    assert loaded.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
+    assert loaded.vertices[0].tobytes() == moved(1).astype(np.float32).tobytes()
 
 
 SHAPES = {
@@ -120,7 +120,7 @@ def test_degenerate_solids_have_closed_surfaces_facing_outward(tmp_path, shape, 
     loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, CUBE)]]))
     corners = loaded.vertices[0].astype(float)[loaded.faces]
     assert loaded.surface.n_faces(len(loaded.faces)) == n_faces
-    assert loaded.n_verts == len(set(nodes))
+    assert loaded.n_verts == len(CUBE)
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume)
 
 
@@ -129,14 +129,40 @@ def test_further_nodes_of_ten_node_solids_are_skipped(tmp_path, ten_nodes):
     model = whole_model()
     model.ten_nodes = ten_nodes
     loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, moved(1))]]))
-    assert loaded.vertices[0].tobytes() == moved(1)[:12].astype(np.float32).tobytes()
+    assert loaded.vertices[0].tobytes() == moved(1).astype(np.float32).tobytes()
     assert loaded.surface.groups[0].labels == ("lower block", "upper block", "skin")
+
+
+@pytest.mark.parametrize("ten_nodes", ["early", "late"])
+def test_ten_node_tetrahedra_keep_the_nodes_on_their_edges(tmp_path, ten_nodes):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
+    nodes = np.concatenate([corners, corners[ends].mean(axis=1)])
+    model = Model(nodes, np.array([[*range(8), 0]]), part_ids=(1,), control=flags())
+    model.ten_nodes, model.last_nodes = ten_nodes, [[9, 10]]
+    loaded = load(write_family(tmp_path / "d3plot", model, [[state(0, nodes)]]))
+    assert (loaded.n_verts, len(loaded.faces)) == (10, 4)
+    assert loaded.surface.cells.types.tolist() == [24]
+    assert loaded.surface.cells.nodes.tolist() == [*range(10)]
+    model.last_nodes = [[9, 11]]
+    path = write_family(tmp_path / "d3plot", model, [[state(0, nodes)]])
+    with pytest.raises(FormatError, match="ten-node solids with node numbers above 10"):
+        load(path)
+
+
+@pytest.mark.parametrize("number", [1 << 30, 7])
+def test_part_numbers_beyond_the_parts_are_an_error(tmp_path, number):
+    model = whole_model()
+    model.solids = SOLIDS + (np.arange(9) == 8) * (number - 1)
+    path = write_family(tmp_path / "d3plot", model, [[state(0, moved(0))]])
+    with pytest.raises(FormatError, match=rf"element of part {number + 1}, but at most 5 parts"):
+        load(path)
 
 
 DELETION = {"maxint": -10_003}
 
 
-def test_deleted_elements_begin_a_segment_and_leave_no_nodes(tmp_path):
+def test_deleted_elements_begin_a_segment_without_nodes_of_their_own(tmp_path):
     alive = [[1, 2, 3, 3, 2], [1, 2, 3, 3, 2], [1, 0, 3, 3, 2], [1, 0, 0, 3, 2]]
     states = [state(index, moved(index), alive[index]) for index in range(4)]
     path = write_family(tmp_path / "d3plot", whole_model(**DELETION), [states])
@@ -144,8 +170,8 @@ def test_deleted_elements_begin_a_segment_and_leave_no_nodes(tmp_path):
     assert [segment.n_frames for segment in loaded.segments] == [2, 1, 1]
     assert [np.bincount(segment.surface.groups[0].numbers, minlength=3).tolist() for segment in
             loaded.segments] == [[5, 5, 2], [6, 0, 2], [6, 0, 1]]  # fmt: skip
-    assert [segment.n_verts for segment in loaded.segments] == [12, 12, 11]
-    last = np.delete(moved(3)[:12], 9, axis=0).astype(np.float32)
+    assert [segment.n_verts for segment in loaded.segments] == [14, 14, 13]
+    last = np.delete(moved(3), 9, axis=0).astype(np.float32)
     assert positions_of(loaded.segments[2])[0].tobytes() == last.tobytes()
     assert loaded.fps == 1
 
@@ -263,7 +289,7 @@ def test_results_of_elements_are_tracks_of_cells(tmp_path, n_points, notes):
                 rtol=1e-6,
             )
     assert not any("the inside" in note for note in notes)
-    assert any("results: stress and plastic strain of shells outside" in note for note in notes)
+    assert any("other integration points" in note and " of shells" in note for note in notes)
 
 
 def test_rigid_shells_without_results_are_nan(tmp_path):

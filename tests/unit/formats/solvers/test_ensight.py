@@ -37,7 +37,7 @@ def moving(folder, form, variables=(), times=(0.5, 0.75, 1.0), **files):
 @pytest.mark.parametrize("form", FORMATS)
 def test_positions_and_times_are_those_of_the_files(tmp_path, form):
     loaded = load(moving(tmp_path, form))
-    assert loaded.vertices.tobytes() == np.array([step[:4] for step in STEPS]).tobytes()
+    assert loaded.vertices.tobytes() == np.array(STEPS).tobytes()
     assert loaded.faces.tolist() == TRIANGLES
     assert (loaded.fps, loaded.start_s, loaded.name) == (4.0, 0.5, "sheet")
 
@@ -48,7 +48,7 @@ def test_numbers_and_extents_are_skipped(tmp_path, form):
     body = part(form, 4, "body", SQUARE, square, numbers=True)
     data = geometry(form, body, numbers="given", extents=True)
     loaded = load(store(tmp_path, case("g"), g=data))
-    assert loaded.vertices[0].tolist() == SQUARE[:4].tolist()
+    assert loaded.vertices[0].tolist() == SQUARE.tolist()
     assert loaded.surface.face_sizes.tolist() == [4]
 
 
@@ -114,8 +114,8 @@ def test_variables_are_tracks(tmp_path, form):
         "scalar per element: fixed fixed",
     ]
     loaded = load(moving(tmp_path, form, lines, **files))
-    assert loaded.tracks["heat"].values.reshape(3, 4).tolist() == heat[:, :4].tolist()
-    assert loaded.tracks["speed"].values.tolist() == speed[:, :4].tolist()
+    assert loaded.tracks["heat"].values.reshape(3, 5).tolist() == heat.tolist()
+    assert loaded.tracks["speed"].values.tolist() == speed.tolist()
     assert loaded.tracks["load"].values.tolist() == load_.tolist()
     assert loaded.tracks["fixed"].values.reshape(3, 2).tolist() == [[3, 4]] * 3
 
@@ -137,7 +137,7 @@ def test_tables_are_read_once(tmp_path, form, monkeypatch):
         "meshreel.formats.solvers.ensight.read_lines",
         lambda path: reads.append(path.name) or read_lines(path),
     )
-    assert load(path).tracks["heat"].values.reshape(3, 4).tolist() == heat[:, :4].tolist()
+    assert load(path).tracks["heat"].values.reshape(3, 5).tolist() == heat.tolist()
     assert len(reads) == len(set(reads)) >= 6
 
 
@@ -167,7 +167,7 @@ def test_elements_can_be_in_the_file_of_one_step(tmp_path, form):
         files[f"g{3 + 2 * index}"] = geometry(form, part(form, 1, "sheet", points, *blocks))
     text = case("1 g* change_coords_only 1", times=[0, 1, 2])
     loaded = load(store(tmp_path, text, **files))
-    assert loaded.vertices.tobytes() == np.array([step[:4] for step in STEPS]).tobytes()
+    assert loaded.vertices.tobytes() == np.array(STEPS).tobytes()
 
 
 def test_numbers_of_nodes_must_fit_the_elements(tmp_path):
@@ -259,7 +259,7 @@ def test_files_outside_the_folder_need_permission(tmp_path):
     path = store(tmp_path / "case", case('"../g"'))
     with pytest.raises(FormatError, match="outside its folder"):
         load(path)
-    assert load(path, allow_outside=True).n_verts == 4
+    assert load(path, allow_outside=True).n_verts == 5
 
 
 @pytest.mark.parametrize(
