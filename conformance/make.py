@@ -1239,6 +1239,26 @@ def no_more_rows():
     return by_hand(faces, 32, [random_block(rng, Layout(np.float32(0.01), 6, 2), 32, 3)])
 
 
+@stream
+def lossless_of_lossy():
+    """Lossless positions and tracks of a source that was decoded within bounds."""
+    whole = moving(grid(5, 6), 9, rough=0.01)
+    speed = np.gradient(whole.vertices, axis=0)
+    heat = np.random.default_rng(20).random((9, whole.n_verts))
+    tracks = {"velocity": Track(speed, kind="velocity"), "heat": Track(heat, unit="K")}
+    decoded = meshreel.decode(meshreel.encode(whole.replace(tracks=tracks), bound=0.5))
+    return meshreel.encode(decoded, lossless=True)
+
+
+def of_lossy_and(coding, bound):
+    """Return a lossless stream of a lossy source; its second track has another coding and bound."""
+    of = STREAMS["lossless_of_lossy"]
+    heat = bytearray(read_container(of()).all_of("TRACK")[1])
+    heat[3], heat[-8:] = coding, np.array([bound], "<f8").tobytes()
+    number = [name for name, _ in read_container(of()).leading].index("TRACK") + 1
+    return with_section(number, (Section.TRACK, bytes(heat)), n_replaced=1, of=of)
+
+
 def with_error_bound(payload):
     """Return the worked example with this payload of ERROR_BOUND."""
     layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
@@ -1453,6 +1473,12 @@ for reason, payload in {
     "decimal_zero": b"\1\0",
 }.items():
     REFUSED[f"error_bound_{reason}"] = partial(with_error_bound, payload)
+for reason, coding, bound in (
+    ("of_zero", 17, 0.0),
+    ("not_finite", 17, np.inf),
+    ("of_modes", 16, 1.0),
+):
+    REFUSED[f"exact_with_a_bound_{reason}"] = partial(of_lossy_and, coding, bound)
 for reason, numbers in {
     "first_time": [0, 1, 0, 1],
     "no_time": [0, 1, 1, 0],

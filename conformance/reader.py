@@ -258,12 +258,17 @@ def read_track(payload):
     """Return the fields of a TRACK, and its placement."""
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
+    has_bound, coding = coding & 16 > 0, coding & ~16
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
     need(kind < 7 and domain < 6 and coding < 9 and number_type in LETTERS)
     need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has a wrong number of columns")
     track = {"name": name, "unit": unit, "kind": kind, "domain": domain, "coding": coding}
     bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
-    if not predicted.is_exact(coding):
+    if has_bound:
+        need(predicted.is_exact(coding), "only exact tracks may have a bound of their source")
+        bound = payload.number("d")
+        need(0 < bound < math.inf, "the bound of an exact track is not positive and finite")
+    elif not predicted.is_exact(coding):
         bound, scale = payload.number("d"), payload.number("d")
     need(coding == EXACT or number_type in (4, 8), "modes and differences require floats")
     if coding == 0:

@@ -113,7 +113,8 @@ typedef struct meshreel_info {
     meshreel_text name;
     double fps;     /* frames per second; 0: unknown */
     double start_s; /* time of the first frame, in seconds */
-    /* Guaranteed bound of the displacement of any vertex, in percent of `diagonal`; 0: none. */
+    /* Guaranteed bound of the displacement of any vertex from the original, in percent of
+       `diagonal`; 0: none, or that positions are lossless. */
     double error_bound_percent;
     /* Center of the bounding box of all frames, in model units; segments may share the box of all
        of them. */
@@ -386,7 +387,9 @@ typedef struct meshreel_track {
     uint32_t coding;    /* docs/format.md, TRACK */
     uint32_t is_exact;  /* lossless */
     uint32_t reserved;
-    /* Guaranteed bound of the error of a value, in its unit, for normals in degrees; 0: none. */
+    /* Guaranteed bound of the error of a value relative to the original, in its unit, for normals
+       in degrees; 0: none, or that the track is exact. An exact track has a bound if its values
+       come from a lossy file. */
     double bound;
 } meshreel_track;
 

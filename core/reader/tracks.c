@@ -5,6 +5,7 @@
 #include "names.h"
 
 #define MAX_COLUMNS 256
+#define WITH_BOUND 16
 #define LAST_KIND MESHREEL_TRACK_SCALAR
 #define OF_CELLS ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS + 1)
 
@@ -51,15 +52,16 @@ static bool is_valid_coding(const reel_track *track) {
 }
 
 /* Read the numbers of a track that its coding stores: bound, scale, origins, rate. */
-static int read_numbers(reel_call *call, reel_range *input, reel_track *track) {
+static int read_numbers(reel_call *call, reel_range *input, reel_track *track, bool has_bound) {
     meshreel_track *info = &track->info;
     double numbers[2] = {0.0, 1.0};
-    if (!info->is_exact) {
-        REEL_TRY(reel_read_bytes(call, input, numbers, sizeof numbers));
+    if (has_bound || !info->is_exact) {
+        REEL_TRY(reel_read_bytes(call, input, numbers, info->is_exact ? 8 : sizeof numbers));
     }
     info->bound = numbers[0];
     track->placement[0] = numbers[1];
     bool are_valid = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
+                     (numbers[0] > 0.0 || !has_bound) &&
                      reel_is_finite(numbers[1]) && numbers[1] > 0.0;
     for (uint32_t i = 0; i < track->n_coded; i++) {
         double origin = 0.0;
@@ -89,8 +91,9 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     REEL_TRY(reel_read_text(call, pool, &input, &info->name));
     REEL_TRY(reel_read_text(call, pool, &input, &info->unit));
     REEL_TRY(reel_read_varint(call, &input, &n_columns));
+    bool has_bound = codes[3] & WITH_BOUND;
     if (codes[0] > LAST_KIND || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
-        codes[3] > REEL_EXACT_FORWARD) {
+        codes[3] - (has_bound ? WITH_BOUND : 0) > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.offset,
                          "a track needs a newer version; update meshreel");
     }
@@ -103,19 +106,19 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     info->kind = codes[0];
     info->domain = is_of_cells ? MESHREEL_CELLS : codes[1] - track->sharing;
     info->type = codes[2];
-    info->coding = codes[3];
+    info->coding = codes[3] - (has_bound ? WITH_BOUND : 0);
     info->n_columns = (uint32_t)n_columns;
     info->n_items = reel_count_items(outline, info->domain);
     if (!info->n_items) {
         return fail_track(call, section, "a track is of cells, and the mesh has none");
     }
-    info->is_exact = codes[3] == REEL_EXACT || codes[3] >= REEL_EXACT_BACKWARD;
-    track->difference = codes[3] >= REEL_EXACT_BACKWARD
-                            ? codes[3] - REEL_EXACT_BACKWARD + REEL_BACKWARD
-                        : codes[3] >= REEL_BACKWARD ? codes[3]
-                                                    : 0;
+    info->is_exact = info->coding == REEL_EXACT || info->coding >= REEL_EXACT_BACKWARD;
+    track->difference = info->coding >= REEL_EXACT_BACKWARD
+                            ? info->coding - REEL_EXACT_BACKWARD + REEL_BACKWARD
+                        : info->coding >= REEL_BACKWARD ? info->coding
+                                                        : 0;
     track->n_coded = info->coding == REEL_ROTATIONS ? 2 : (uint32_t)n_columns;
-    if (!is_valid_coding(track)) {
+    if (!is_valid_coding(track) || (has_bound && !info->is_exact)) {
         return fail_track(call, section, "the coding of a track does not match its kind");
     }
     if (!track->is_float && info->coding != REEL_EXACT) {
@@ -123,7 +126,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     }
     track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
     REEL_NEED(track->placement);
-    REEL_TRY(read_numbers(call, &input, track));
+    REEL_TRY(read_numbers(call, &input, track, has_bound));
     if (input.length && track->sharing != REEL_OF_ROWS) {
         return fail_track(call, section, "bytes follow a track");
     }

@@ -52,7 +52,7 @@ export interface ReelInfo extends FileInfo {
   readonly nVerts: number;
   /** Number of triangles. */
   readonly nFaces: number;
-  /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none. */
+  /** Guaranteed bound of the error of any vertex, in percent of the diagonal; null if none, or 0. */
   readonly errorBoundPercent: number | null;
   readonly numberType: "float32" | "float64";
   /** Other quantities that change over time; `ReelFile.track` decodes their values. */
@@ -110,12 +110,12 @@ export interface TrackInfo {
     | "float64"
     /** Integers: exact tracks only. */
     | `${"u" | ""}int${8 | 16 | 32 | 64}`;
-  /** Whether values are bit-identical to the original. */
+  /** Whether values are bit-identical to those of the source. */
   readonly isExact: boolean;
   /**
-   * Guaranteed bound of the error of a value; null if none. The error is the length of the
-   * difference, in the unit of the track; for normals the angle in degrees; for colors the difference
-   * of each number.
+   * Guaranteed bound of the error of a value relative to the original; null if none. An exact track
+   * has one if its source is lossy. The error is the length of the difference, in the unit of the
+   * track; for normals the angle in degrees; for colors the difference of each number.
    */
   readonly errorBound: number | null;
   /** Compressed size in all blocks. */

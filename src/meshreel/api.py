@@ -57,7 +57,9 @@ def _accept_files(
         with _local(sequence) as local:
             order = kwargs.get("order")
             source = _source(local, kwargs.get("memory"), matches_frames=order in (None, "drop"))
-            return encode(source, *args, **kwargs)
+            data = encode(source, *args, **kwargs)
+            _warn(streams.bound_notes(source, data), stacklevel=3)
+            return data
 
     first, *others = signature.parameters.values()
     parameters = [first.replace(annotation="AnyInput"), *others]

@@ -133,7 +133,7 @@ function readTrack(library: Library, file: number, track: number, sizeBytes: num
         ...{ name, unit, kind: KINDS[kind], domain: DOMAINS[domain], nColumns, nItems },
         numberType: NUMBER_TYPES[type][0],
         isExact: isExact !== 0,
-        errorBound: isExact ? 0 : bound || null,
+        errorBound: bound || (isExact ? 0 : null),
         sizeBytes,
       },
     };

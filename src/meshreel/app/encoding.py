@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
-from meshreel.codec.inspect import StreamInfo, info
+from meshreel.codec.inspect import StreamInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
@@ -54,6 +54,7 @@ def encode_and_measure(
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
+    notes += bound_notes(sequence, data)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return Encoded(data, stream, achieved, uv, sequence.n_meshes)

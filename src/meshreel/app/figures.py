@@ -68,11 +68,12 @@ def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]
     units = stream.diagonal / 100
     bound = f"{allowed:g} %, {allowed * units:.4g} u" if allowed else "none, see --bound"
     largest = f"{percent:.4f} %, {percent * units:.4g} u" if percent else "0"
-    errors = {"positions": ("exact" if stream.is_lossless else bound, largest)}
+    errors = {"positions": ("exact" if allowed == 0 else bound, largest)}
     for track in stream.tracks:
         measured = achieved.tracks[track.name]
         unit = f" {measured.unit}" if measured.unit else ""
-        bound = "exact" if track.is_exact else f"{track.bound:.4g}{unit}" if track.bound else "none"
+        none = "exact" if track.is_exact else "none"
+        bound = f"{track.bound:.4g}{unit}" if track.bound else none
         largest = f"{measured.largest:.4g}{unit}" if measured.largest else "0"
         errors[f"track {track.name}"] = bound, largest
     return [
@@ -94,13 +95,13 @@ def _size_and_share(size_bytes: int, stream: "StreamInfo") -> tuple[str, str]:
 
 
 def _bound_rows(stream: "StreamInfo") -> dict[str, str]:
-    if stream.is_lossless:
-        return {"error bound": "lossless: positions are equal bit for bit"}
     percent = stream.error_bound_percent
     if not percent:
-        return {}
+        lossless = {"error bound": "lossless: positions are equal bit for bit"}
+        return lossless if stream.is_lossless else {}
     length = f"{percent / 100 * stream.diagonal:.4g} model units"
-    return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex"}
+    source = "; lossless, of a lossy source" if stream.is_lossless else ""
+    return {"error bound": f"{percent:g} % of the diagonal, {length}, at every vertex{source}"}
 
 
 def track_error_rows(tracks: "dict[str, TrackErrors]") -> dict[str, str]:

@@ -114,6 +114,7 @@ class _Part:
         self.opened, self.frames = opened, frames
         self.has_new_mesh = has_new_mesh
         self._mesh = mesh
+        self._has_fewer_modes = n_modes is not None
         self._reader = method_named(opened.method).frames(opened, n_modes)
         opened.require_frames(frames)
 
@@ -138,9 +139,17 @@ class _Part:
             tracks: dict[str, Track] = {}
             for track, out in zip(opened.tracks, values, strict=True):
                 kind, domain = KINDS[track.kind], DOMAINS[track.domain]
-                tracks[track.name] = Track(out, domain, kind, track.unit)
+                tracks[track.name] = Track(out, domain, kind, track.unit, track.error_bound)
             timing = opened.timing.part(self.frames)
-            return MeshSequence.of_finite(vertices, faces, opened.name, timing, surface, tracks)
+            return MeshSequence.of_finite(
+                vertices,
+                faces,
+                opened.name,
+                timing,
+                surface,
+                tracks,
+                None if self._has_fewer_modes else opened.error_bound,
+            )
         except InvalidInputError as error:
             raise CorruptStreamError(f"the stream decodes to an invalid mesh: {error}") from error
 

@@ -1,5 +1,6 @@
 """Parsing of error bounds: percent of the diagonal, or lengths."""
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -40,6 +41,20 @@ class ErrorBound:
 
     def __str__(self) -> str:
         return f"{self.amount:g} {'model units' if self.is_length else '%'}"
+
+
+def total_bound(bound: float, of_source: float) -> float:
+    """Return a bound relative to the original of a lossy source, rounded up to six digits."""
+    return float(round_up(bound + of_source, 6)) if of_source else bound
+
+
+def round_up(number: float, n_digits: int = 4) -> str:
+    """Return a number with `n_digits` significant digits, rounded up so that a bound holds."""
+    if number <= 0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(number)) + 1 - n_digits)
+    # Tolerate rounding errors just above a multiple of the unit.
+    return f"{math.ceil(number / unit - 1e-9) * unit:.{n_digits}g}"
 
 
 def bound_of(bound: float | str, unit: str | None = None, option: str = "max_error") -> ErrorBound:

@@ -12,8 +12,10 @@ from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
+from meshreel.model.notes import Note, NoteKind
+from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
-from meshreel.model.tracks import TrackKind
+from meshreel.model.tracks import TrackKind, error_bound_of
 from meshreel.runtime.counting import change_text, counted
 
 CONNECTIVITY = (
@@ -38,8 +40,8 @@ class TrackInfo:
     is_exact : bool
         Whether its numbers are lossless.
     bound : float
-        Guaranteed largest error of a value, in its unit; in degrees for normals. 0: none, or the
-        track is exact.
+        Guaranteed largest error of a value relative to the original, in its unit; in degrees for
+        normals. 0: none, or the track is exact, of an original.
     size_bytes : int
         Size of its sections in all blocks, and of its section TRACK.
     raw_size_bytes : int
@@ -60,9 +62,9 @@ class TrackInfo:
     def __str__(self) -> str:
         width = f"{self.n_columns} x " if self.n_columns > 1 else ""
         unit = "deg" if self.kind == TrackKind.NORMAL else self.unit
-        accuracy = "exact" if self.is_exact else f"within {self.bound:.4g} {unit}".rstrip()
-        if not self.bound and not self.is_exact:
-            accuracy = "no bound"
+        accuracy = "exact" if self.is_exact else "no bound"
+        if self.bound:
+            accuracy = f"within {self.bound:.4g} {unit}".rstrip()
         return (
             f"{self.name}: {self.kind} of each {self.domain}, {width}{self.number_type}"
             + (f" in {self.unit}" if self.unit else "")
@@ -120,10 +122,10 @@ class StreamInfo:
     block_bytes : tuple of int
         Size of the sections of the positions in each block.
     error_bound_percent : float or None
-        Guaranteed largest distance of vertices from the original, in percent of the diagonal; 0
-        for a lossless stream.
+        Guaranteed largest distance of vertices from the original, in percent of the diagonal. If
+        the source was decoded from a lossy file that guarantees a bound, this includes that bound.
     is_lossless : bool
-        Whether positions are lossless.
+        Whether positions are those of the source.
     is_whole : bool
         False if the end is missing: the other attributes then describe the complete blocks.
     start_s : float
@@ -227,6 +229,28 @@ def info(data: bytes, segment: int | None = None) -> StreamInfo:
         If the bytes are not a complete stream that this build reads.
     """
     return file_info(whole_file(bytes(data)), segment)
+
+
+def bound_notes(sequence: MeshSequence, data: bytes) -> list[Note]:
+    """Return notes on the bounds of a stream, given its source, if that is lossy itself."""
+    sources: dict[str, list[Any]] = {"positions": [*sequence.segments]}
+    for segment in sequence.segments:
+        for name, track in segment.tracks.items():
+            sources.setdefault(f"track {name}", []).append(track)
+    bounds = {name: error_bound_of(*parts) for name, parts in sources.items()}
+    if not any(bound != 0.0 for bound in bounds.values()):
+        return []
+    stream = info(data)
+    stated = {f"track {track.name}" for track in stream.tracks if track.is_exact or track.bound}
+    if stream.is_lossless or stream.error_bound_percent:
+        stated.add("positions")
+    added = [name for name in bounds if name in stated and bounds[name]]
+    unknown = [name for name in bounds if name in stated and bounds[name] is None]
+    texts = {
+        "bounds include the error of the source, which is lossy itself": added,
+        "bounds are relative to the source, which is lossy itself and guarantees none": unknown,
+    }
+    return [Note(NoteKind.RESULT, text, names) for text, names in texts.items() if names]
 
 
 def file_info(

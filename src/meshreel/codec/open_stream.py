@@ -59,8 +59,8 @@ class OpenStream:
     order_kept : Order
         The kept order of vertices and faces.
     error_bound_percent : float or None
-        Guaranteed error bound, in percent of the diagonal: 0 if positions are lossless, None if
-        the stream guarantees none.
+        Guaranteed error bound, in percent of the diagonal: 0 if positions are those of the
+        original, None if the stream guarantees none.
     starts : list of int
         First frame of each complete block, and the number of all frames.
     tracks : tuple of FileTrack
@@ -102,8 +102,8 @@ class OpenStream:
         self.method: str = name_of_code(info.method)
         self.laplacian: Laplacian = _choice_of_code(Laplacian, info.laplacian)
         self.order_kept: Order = _choice_of_code(Order, info.order)
-        self.error_bound_percent: float | None = (
-            0.0 if self.method == LOSSLESS else info.error_bound_percent or None
+        self.error_bound_percent: float | None = info.error_bound_percent or (
+            0.0 if self.method == LOSSLESS else None
         )
         self.n_frames: int = info.n_frames
         self.n_verts: int = info.n_verts
@@ -114,6 +114,12 @@ class OpenStream:
         self.size_bytes: int = info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame: BoundingFrame = BoundingFrame(info.center, info.diagonal)
+
+    @property
+    def error_bound(self) -> float | None:
+        """The guaranteed error bound, in model units."""
+        percent = self.error_bound_percent
+        return None if percent is None else percent / 100 * self.frame.scale
 
     @property
     def n_blocks(self) -> int:

@@ -199,11 +199,10 @@ class ReelFile(Timed):
     def error_bound(self) -> float | None:
         """Guaranteed largest distance of vertices from the original, in model units.
 
-        0 if positions are lossless; None if the stream guarantees none, or only some modes are
-        decoded.
+        0 if positions are those of the original; None if the stream guarantees none, or only some
+        modes are decoded.
         """
-        percent = self._opened.error_bound_percent if self._n_modes is None else None
-        return None if percent is None else percent / 100 * self.frame.scale
+        return self._opened.error_bound if self._n_modes is None else None
 
     @cached_property
     def _frames(self) -> FrameReader:

@@ -122,9 +122,9 @@ class ReelTrack(DecodedValues):
     is_exact : bool
         Whether its numbers are lossless.
     error_bound : float or None
-        Guaranteed largest error of a value: the length of the difference, in the unit of the track;
-        for normals the angle in degrees; for colors the difference of each number. None if the
-        stream guarantees none.
+        Guaranteed largest error of a value relative to the original: the length of the difference,
+        in the unit of the track; for normals the angle in degrees; for colors the difference of
+        each number. None if the stream guarantees none.
     """
 
     def __init__(self, opened: OpenStream, frames: FrameReader, number: int) -> None:
@@ -136,7 +136,7 @@ class ReelTrack(DecodedValues):
         self.kind: TrackKind = KINDS[track.kind]
         self.domain: Domain = DOMAINS[track.domain]
         self.is_exact: bool = track.is_exact
-        self.error_bound: float | None = 0.0 if track.is_exact else track.bound or None
+        self.error_bound: float | None = track.error_bound
 
     def __getitem__(self, index: FrameChoice) -> Values:
         """Values of a frame, of shape (N, C), or of several, of shape (T, N, C)."""

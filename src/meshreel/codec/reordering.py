@@ -18,7 +18,7 @@ from meshreel.codec.connectivity.triangles import rotate_corners
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, frames_of
 from meshreel.model.surface import Attribute, Domain, Surface
-from meshreel.model.tracks import TrackSource, track_like
+from meshreel.model.tracks import Track, TrackSource, error_bound_of
 from meshreel.model.validation import hand_over
 
 Labels = npt.NDArray[np.uint64]
@@ -235,6 +235,9 @@ def _appended(first: FrameSource, second: FrameSource, match: _Match) -> MeshSeq
     tracks = {}
     for name, track in loaded.tracks.items():
         values = others.tracks[name].values[:, match.vertices]
-        tracks[name] = track_like(track, hand_over(np.concatenate([track.values, values])))
+        joined = hand_over(np.concatenate([track.values, values]))
+        bound = error_bound_of(track, others.tracks[name])
+        tracks[name] = Track(joined, track.domain, track.kind, track.unit, bound)
     vertices = hand_over(np.concatenate([loaded.vertices, others.vertices[:, match.vertices]]))
-    return loaded.replace(vertices=vertices, tracks=tracks)
+    error_bound = error_bound_of(loaded, others)
+    return loaded.replace(vertices=vertices, tracks=tracks, error_bound=error_bound)

@@ -22,6 +22,7 @@ from meshreel.codec.bitstream.layout import Order, Section, VertexType
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_mesh
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.error_bounds import total_bound
 from meshreel.codec.mesh_edits import MeshEdit
 from meshreel.codec.method_names import METHOD_CODES
 from meshreel.codec.subspace.trajectories import BoundingFrame, stored_frame
@@ -37,7 +38,7 @@ from meshreel.model.extent import Extent
 from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
-from meshreel.model.tracks import TrackSource
+from meshreel.model.tracks import TrackSource, error_bound_of
 
 Vertices = npt.NDArray[np.floating]
 
@@ -325,13 +326,17 @@ class Source:
         blocks : iterable of (int, sections)
             Number of frames and sections of each block.
         bound : float, optional
-            Guaranteed largest error of a position, in diagonals.
+            Guaranteed largest error of a position relative to the source, in diagonals; 0 if they
+            are lossless.
         """
         track_sections = [track.leading for track in self.tracks]
         leading = [*self.mesh.leading_sections(), *track_sections, *leading]
         if self.tracks:
             blocks = self._with_tracks(blocks)
-        return write_stream((self.header, [*leading, *error_bound_sections(bound)], blocks))
+        if bound is not None:
+            earlier = (error_bound_of(self.sequence) or 0.0) / self.frame.scale
+            leading += error_bound_sections(total_bound(100.0 * bound, 100.0 * earlier))
+        return write_stream((self.header, leading, blocks))
 
     def _with_tracks(
         self, blocks: Iterable[tuple[int, Sections]]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.codec.bitstream.container import write_text, write_varint
+from meshreel.codec.error_bounds import total_bound
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.surface import Domain
@@ -73,6 +74,9 @@ class Coding(IntEnum):
         return EXACT_DIFFERENCES[DIFFERENCES.index(self)]
 
 
+WITH_BOUND = 16
+"""Added to the code of an exact coding if values that were encoded are not the original."""
+
 OF_CELLS = 5
 """Code of the domain of cells; it follows the codes of corners that share values."""
 
@@ -115,6 +119,8 @@ class TrackHeader:
     """Whether each corner has a separate value, or corners share the value of a vertex or a row."""
     rows: bytes = b""
     """The rows, as encoded by `write_corner_rows`."""
+    earlier: float = 0.0
+    """Error bound of the encoded values relative to the original, in the measure of `bound`."""
 
     @property
     def stored_domain(self) -> Domain:
@@ -141,6 +147,11 @@ class TrackHeader:
         """Scale, and origin of each coded column."""
         return self.scale, *self.origin[: self.n_coded]
 
+    @property
+    def total_bound(self) -> float:
+        """Guaranteed largest error relative to the original; 0 guarantees nothing, unless exact."""
+        return total_bound(self.bound, self.earlier) if self.bound or self.is_exact else 0.0
+
     def __str__(self) -> str:
         unit = f" in {self.unit}" if self.unit else ""
         return f"{self.name!r}: {self.n_columns} x {self.dtype} of each {self.domain}{unit}"
@@ -151,13 +162,15 @@ def write_track(track: TrackHeader) -> bytes:
     [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
     kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain) + track.sharing
     domain = OF_CELLS if track.domain is Domain.CELL else domain
-    payload = bytes((kind, domain, number_type, track.coding))
+    bound = track.total_bound
+    coding = track.coding + (WITH_BOUND if track.is_exact and bound else 0)
+    payload = bytes((kind, domain, number_type, coding))
     payload += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
-    numbers: tuple[float, ...] = ()
+    numbers: tuple[float, ...] = () if track.is_exact and not bound else (bound,)
     if track.coding is Coding.MODES:
-        numbers = track.bound, *track.placement
-    elif track.coding is Coding.ROTATIONS:
-        numbers = track.bound, track.scale
-    elif track.coding.has_rate:
-        numbers = (track.rate,) if track.is_exact else (track.bound, track.scale, track.rate)
+        numbers += track.placement
+    elif not track.is_exact:
+        numbers += (track.scale,)
+    if track.coding.has_rate:
+        numbers += (track.rate,)
     return payload + np.array(numbers, "<f8").tobytes() + track.rows

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.arrays import Floats
-from meshreel.codec.error_bounds import bound_of
+from meshreel.codec.error_bounds import bound_of, round_up
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.options import Origin, WriteOptions
 from meshreel.model.notes import Note, NoteKind
@@ -30,6 +30,11 @@ class ErrorBudget:
         """Return a length in model units as percent of the diagonal."""
         return 100 * length / (self.diagonal or 1.0)
 
+    def total(self, added: float) -> float | None:
+        """Return the largest error relative to the original, in model units; None if unknown."""
+        error = 0.0 if self.origin is None else self.origin.error
+        return error + added + MARGIN * self.diagonal if math.isfinite(error) else None
+
     def describe(self, max_added: float) -> list[Note]:
         """Return notes on the error relative to the original, given the error added.
 
@@ -37,17 +42,18 @@ class ErrorBudget:
         """
         if self.origin is None:
             return []
-        if not math.isfinite(self.origin.error):
+        total = self.total(max_added)
+        if total is None:
             text = (
                 "errors are measured against the decoded animation, since the stream guarantees "
                 "none: encode with --max-error for a guarantee, and decode all modes"
             )
             return [Note(NoteKind.RESULT, "error", text=text)]
         stream_percent = self.percent(self.origin.error)
-        total = self.percent(self.origin.error + max_added + MARGIN * self.diagonal)
+        percent = round_up(self.percent(total))
         text = (
-            f"against the original the largest error is at most {_round_up(total)} % of the "
-            f"diagonal, of which the stream contributes {_round_up(stream_percent)} %"
+            f"against the original the largest error is at most {percent} % of the diagonal, "
+            f"of which the stream contributes {round_up(stream_percent)} %"
         )
         return [Note(NoteKind.RESULT, "error", text=text)]
 
@@ -89,17 +95,8 @@ def requested_budget(
         raise InvalidInputError(
             Keyword("max_error"),
             f" {allowed_percent:g} % leaves nothing for {consumer}: the stream itself has an "
-            f"error of up to {_round_up(budget.percent(origin.error))} % of the diagonal; allow a "
+            f"error of up to {round_up(budget.percent(origin.error))} % of the diagonal; allow a "
             "larger error, or encode the original with a smaller ",
             Keyword("max_error"),
         )
     return allowed_percent, replace(budget, max_added=remaining)
-
-
-def _round_up(percent: float, n_digits: int = 4) -> str:
-    """Return a number with `n_digits` significant digits, rounded up so that a bound holds."""
-    if percent <= 0:
-        return "0"
-    unit = 10.0 ** (math.floor(math.log10(percent)) + 1 - n_digits)
-    # Tolerate rounding errors just above a multiple of the unit.
-    return f"{math.ceil(percent / unit - 1e-9) * unit:.{n_digits}g}"

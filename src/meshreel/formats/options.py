@@ -215,14 +215,19 @@ class Origin:
 
 def origin_of(sequence: "AnySource") -> Origin | None:
     """Return the origin of frames decoded from a stream; None for original frames."""
-    error = diagonal = 0.0
-    for segment in sequence.segments:
-        if not hasattr(segment, "error_bound"):
-            return None
-        reel = cast("ReelFile", segment)
-        error = max(error, math.inf if reel.error_bound is None else reel.error_bound)
-        diagonal = max(diagonal, reel.frame.scale)
-    return Origin(error, diagonal)
+    from meshreel.model.tracks import error_bound_of  # imports NumPy
+
+    bound = error_bound_of(*sequence.segments)
+    error = math.inf if bound is None else bound
+    if hasattr(sequence.segments[0], "frame"):  # segments of a `ReelFile`
+        segments = cast("Sequence[ReelFile]", sequence.segments)
+        return Origin(error, max(segment.frame.scale for segment in segments))
+    if bound == 0.0:
+        return None
+    extent = cast("MeshSequence", sequence).extent
+    size = math.dist(extent.low, extent.high)
+    # Each corner of the box may be off by the error along each axis.
+    return Origin(error, size if bound is None else max(size - 2 * math.sqrt(3) * error, 0.0))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from meshreel.codec.decoder import decode
-from meshreel.codec.inspect import StreamInfo, file_info
+from meshreel.codec.inspect import StreamInfo, bound_notes, file_info
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -204,6 +204,7 @@ def _stored_segment(
         files=(path,),
         keeps_mesh=False,
         pieces=pieces,
+        error_bound=read(lambda segment: segment.error_bound),
     )
 
 
@@ -226,6 +227,7 @@ def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> No
     sequence = MeshSequence.of_segments(segments, stream.name, stream.timing)
     data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
     path.write_bytes(data)
+    stream.notes += bound_notes(sequence, data)
     if options.lossless:
         stream.notes.result("encoded losslessly")
     elif stream.wants_notes:

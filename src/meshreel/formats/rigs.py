@@ -37,8 +37,10 @@ def is_rigged(options: WriteOptions) -> bool:
 
 def rig_of(
     stream: SegmentedStream, options: WriteOptions, times_s: Floats
-) -> tuple[MeshSequence, Rig]:
-    """Return the frames of a stream, and a rig within the error bounds; the notes gain its errors.
+) -> tuple[MeshSequence, Rig, float | None]:
+    """Return the frames of a stream, a rig within the error bounds, and its total error.
+
+    The notes gain its errors. The total is relative to the original, as of `ErrorBudget.total`.
 
     Raises
     ------
@@ -70,8 +72,9 @@ def rig_of(
         progress=stream.progress,
     )
     stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
-    stream.notes += budget.describe(rig.errors.largest_percent / 100 * diagonal)
-    return sequence, rig
+    largest = rig.errors.largest_percent / 100 * diagonal
+    stream.notes += budget.describe(largest)
+    return sequence, rig, budget.total(largest)
 
 
 def rig_figures(rig: Rig, bounds: Bounds) -> dict[str, Any]:

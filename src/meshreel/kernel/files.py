@@ -157,6 +157,11 @@ class FileTrack:
     bound: Double
 
     @property
+    def error_bound(self) -> float | None:
+        """Guaranteed largest error of a value relative to the original; None if there is none."""
+        return self.bound or (0.0 if self.is_exact else None)
+
+    @property
     def frame_bytes(self) -> int:
         """Size of the decoded values of one frame."""
         return self.n_items * self.n_columns * self.dtype.itemsize

@@ -21,7 +21,13 @@ from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import Timed, Timing
-from meshreel.model.tracks import Track, TrackSource, track_like, validated_tracks
+from meshreel.model.tracks import (
+    Track,
+    TrackSource,
+    error_bound_of,
+    track_like,
+    validated_tracks,
+)
 from meshreel.model.validation import (
     Faces,
     frozen,
@@ -150,6 +156,10 @@ class MeshSequence(Timed):
     n_segments, n_frames : int
     starts : tuple of int
         First frame of each segment, and the number of all frames.
+    error_bound : float or None
+        Guaranteed largest distance of vertices from the original, in model units: 0 for original
+        positions, such as those of an array; None if they were decoded from a stream that
+        guarantees none.
     vertices, faces, n_verts, n_faces, surface, tracks
         Only with one segment; otherwise they raise ConnectivityChangeError. Positions that are not
         in memory are read whenever `vertices` is accessed; `read` reads some of them.
@@ -174,6 +184,7 @@ class MeshSequence(Timed):
     faces: Faces
     surface: Surface
     _tracks: dict[str, Track]
+    _error_bound: float | None
 
     def __init__(
         self,
@@ -211,13 +222,15 @@ class MeshSequence(Timed):
         timing: Timing,
         surface: Surface,
         tracks: Mapping[str, Track],
+        error_bound: float | None = 0.0,
     ) -> "MeshSequence":
         """Return a sequence of positions of shape (T, V, 3) that the caller knows to be finite.
 
-        Decoders have checked them already; everything else is validated.
+        Decoders have checked them already; everything else is validated. `error_bound` is that of
+        the positions.
         """
         sequence = cls.__new__(cls)
-        sequence._set(vertices, faces, name, timing, surface, tracks)
+        sequence._set(vertices, faces, name, timing, surface, tracks, error_bound)
         return sequence
 
     @classmethod
@@ -280,6 +293,7 @@ class MeshSequence(Timed):
         timing: Timing,
         surface: Surface,
         tracks: Mapping[str, Any],
+        error_bound: float | None = 0.0,
     ) -> None:
         """Store the arrays read-only, and validate all but the positions."""
         n_frames, n_verts, _ = vertices.shape
@@ -298,6 +312,7 @@ class MeshSequence(Timed):
             faces=faces,
             surface=surface,
             _tracks=validated_tracks(tracks, n_frames, n_verts, len(faces), surface),
+            _error_bound=error_bound,
             _segments=(),
         )
 
@@ -356,9 +371,15 @@ class MeshSequence(Timed):
             return MeshSequence.of_segments(segments, name, timing)
         names = "vertices", "faces", "name", "surface", "tracks"
         values = {name: getattr(self, name) for name in names} | changes
+        values.setdefault("error_bound", 0.0 if "vertices" in changes else self.error_bound)
         if "vertices" in changes:
             values["vertices"] = validate_vertices(values["vertices"])
         return MeshSequence.of_finite(timing=timing, **values)
+
+    @property
+    def error_bound(self) -> float | None:
+        """As the class describes."""
+        return error_bound_of(*self._segments) if self._segments else self._error_bound
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -575,6 +596,7 @@ def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = froze
             name: track_like(track, prepare(track.read(*ends)))
             for name, track in segment.tracks.items()
         },
+        error_bound_of(segment),
     )
 
 

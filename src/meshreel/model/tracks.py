@@ -102,6 +102,9 @@ class Track:
         one component, "vector" for two or three, else "other".
     unit : str, default ""
         Unit of the values, such as "Pa".
+    error_bound : float or None, default 0
+        Guaranteed largest error of a value relative to the original, as of a `ReelTrack`: 0 for the
+        original, None if unknown.
 
     Raises
     ------
@@ -113,6 +116,7 @@ class Track:
     domain: Domain
     kind: TrackKind
     unit: str
+    error_bound: float | None
     __setstate__ = restore
 
     def __init__(
@@ -121,11 +125,14 @@ class Track:
         domain: str | Domain = Domain.VERTEX,
         kind: str | TrackKind | None = None,
         unit: str = "",
+        error_bound: float | None = 0.0,
     ) -> None:
         values = _validated_values(values)
         kind = _member(TrackKind, "kind", kind or default_kind(values.shape[2]))
         domain = _member(Domain, "domain", domain)
-        vars(self).update(values=values, domain=domain, kind=kind, unit=unit)
+        vars(self).update(
+            values=values, domain=domain, kind=kind, unit=unit, error_bound=error_bound
+        )
         check_kind(self.kind, self.shape[2], self.dtype)
 
     @property
@@ -184,6 +191,11 @@ class DerivedTrack:
         """Number type."""
         return self.whole.dtype
 
+    @property
+    def error_bound(self) -> float | None:
+        """As of a `Track`."""
+        return error_bound_of(self.whole)
+
 
 @dataclass(frozen=True, eq=False)
 class TrackPart(DerivedTrack):
@@ -206,6 +218,15 @@ class TrackPart(DerivedTrack):
         """Values of frames start..stop - 1 of the part, of shape (stop - start, N, C)."""
         first = self.frames.start
         return self.whole.read(first + start, first + stop)
+
+
+def error_bound_of(*sources: Any) -> float | None:
+    """Return the largest error bound of frames or tracks: 0 for originals, None if one is unknown.
+
+    Sources of users have no attribute `error_bound`; they are originals.
+    """
+    bounds = [getattr(source, "error_bound", 0.0) for source in sources]
+    return None if None in bounds else max(bounds)
 
 
 def describe_track(track: TrackSource) -> str:
@@ -267,14 +288,14 @@ def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
 
 
 def track_like(track: TrackSource, values: Values) -> Track:
-    """Return a track with the domain, kind and unit of another one.
+    """Return a track with the domain, kind, unit and error bound of another one.
 
     Raises
     ------
     InvalidInputError
         If the values do not fit the kind.
     """
-    return Track(values, track.domain, track.kind, track.unit)
+    return Track(values, track.domain, track.kind, track.unit, error_bound_of(track))
 
 
 def concatenate_tracks(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:

@@ -1,6 +1,11 @@
 """Error bounds of positions, of tracks and of both."""
 
+import pickle
+import warnings
+from contextlib import ExitStack
 from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -18,6 +23,7 @@ from meshreel.codec.track_bounds import (
     without_units,
 )
 from meshreel.errors import InvalidInputError
+from meshreel.metrics.track_errors import track_errors
 from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
@@ -316,3 +322,114 @@ def test_unit_of_a_bound_is_omitted_with_a_note_for_tracks_without_units(track, 
     assert without_units({"x": track}, {"x": given, "y": "1Pa"}, notes)["x"] == expected
     note = f"track 'x' has no unit in the file; its bound {given} is read as {expected}"
     assert notes == ([note] if given != expected else [])
+
+
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory):
+    """A stream within `PERCENT` in a file."""
+    path = tmp_path_factory.mktemp("lossy") / "a.reel"
+    path.write_bytes(meshreel.encode(SEQUENCE, bound=PERCENT))
+    return path
+
+
+def saved(sequence, **options):
+    """Encode a sequence, or an open file, by `save`."""
+    with TemporaryDirectory() as folder, ExitStack() as stack:
+        if isinstance(sequence, Path):
+            sequence = stack.enter_context(meshreel.open(sequence))
+        notes, path = [], Path(folder) / "b.reel"
+        meshreel.save(sequence, path, notes=notes, **options)
+        warnings.warn("; ".join(notes), stacklevel=1)
+        return path.read_bytes()
+
+
+def part_of_file(path):
+    with meshreel.open(path) as reel:
+        return reel[2:9]
+
+
+SOURCES = {
+    "path": lambda path: path,
+    "bytes": lambda path: path.read_bytes(),
+    "decoded": lambda path: meshreel.decode(path),
+    "loaded": meshreel.load,
+    "part": lambda path: meshreel.load(path)[2:9],
+    "part of a file": part_of_file,
+    "replaced": lambda path: meshreel.load(path).replace(fps=12, name="b"),
+    "segments": lambda path: SEQUENCE[:2] + meshreel.load(path)[2:].replace(start_s=2 / 25),
+    "pickled": lambda path: pickle.loads(pickle.dumps(meshreel.load(path))),
+}
+AGAIN = {
+    "bound": (2, {"bound": PERCENT}, meshreel.encode),
+    "grid": (2, {"max_error": PERCENT, "method": "grid"}, meshreel.encode),
+    "lossless": (1, {"lossless": True}, meshreel.encode),
+    "saved": (2, {"max_error": PERCENT}, saved),
+    "saved losslessly": (1, {"lossless": True}, saved),
+    "quality": (None, {"quality": 30}, meshreel.encode),
+}
+
+
+@pytest.mark.parametrize(
+    ("source", "again"),
+    [(source, "bound") for source in SOURCES]
+    + [(source, again) for source in ("path", "decoded") for again in AGAIN if again != "bound"],
+)
+def test_bounds_of_a_lossy_source_are_added(lossy, source, again):
+    factor, options, encode = AGAIN[again]
+    named = "positions.*track heat" if factor else "track heat"
+    with pytest.warns(match=f"bounds include the error of the source.*: {named}"):
+        data = encode(SOURCES[source](lossy), **options)
+    info, decoded = meshreel.info(data), meshreel.decode(data)
+    original = SEQUENCE[2:9] if source.startswith("part") else SEQUENCE
+    expected = None if factor is None else pytest.approx(factor * PERCENT, rel=0.02)
+    assert info.error_bound_percent == expected
+    assert info.is_lossless == (factor == 1)
+    distances = np.linalg.norm(
+        np.concatenate([part.vertices for part in decoded.segments]) - original.vertices, axis=2
+    )
+    if factor:
+        assert distances.max() <= info.error_bound_percent / 100 * info.diagonal
+    bounds = {track.name: track.bound for track in info.tracks}
+    assert bounds["state"] == 0
+    for name in ("heat", "up"):
+        values = np.concatenate([part.tracks[name].values for part in decoded.segments])
+        track = meshreel.Track(values, kind=TRACKS[name].kind)
+        assert track_errors(original.tracks[name], track).largest <= bounds[name]
+    assert bounds["heat"] > (1.5 if again == "bound" else 0.9) * HEAT_BOUND
+
+
+def test_a_third_generation_adds_again_and_exact_tracks_keep_their_bound(lossy):
+    options = {"bound": PERCENT, "tracks": {"heat": "exact"}}
+    with pytest.warns(match="bounds include the error"):
+        third = meshreel.encode(meshreel.encode(lossy, **options), **options)
+    heat, *_ = meshreel.info(third).tracks
+    assert meshreel.info(third).error_bound_percent == pytest.approx(3 * PERCENT, rel=0.02)
+    assert (heat.is_exact, heat.bound) == (True, pytest.approx(HEAT_BOUND, rel=1e-4))
+    assert "within" in str(heat)
+    decoded = meshreel.decode(third).tracks["heat"]
+    assert decoded.error_bound == heat.bound
+    assert track_errors(TRACKS["heat"], decoded).largest <= heat.bound
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        lambda path: meshreel.encode(GRID),
+        lambda path: meshreel.decode(path, n_modes=1).replace(tracks={}),
+    ],
+)
+def test_bounds_of_a_source_without_a_bound_are_relative_to_it(lossy, source):
+    with pytest.warns(match="relative to the source, .* guarantees none: positions"):
+        data = meshreel.encode(source(lossy), max_error=PERCENT)
+    assert meshreel.info(data).error_bound_percent == PERCENT
+
+
+def test_new_positions_and_originals_have_the_bound_alone(lossy):
+    decoded = meshreel.decode(lossy)
+    values = decoded.tracks["heat"].values + 1
+    moved = decoded.replace(vertices=decoded.vertices + 1, tracks={"heat": values})
+    with_lossless = meshreel.decode(meshreel.encode(SEQUENCE, lossless=True))
+    for original in (moved, SEQUENCE, with_lossless):  # without a warning
+        info = meshreel.info(meshreel.encode(original, bound=PERCENT))
+        assert info.error_bound_percent == PERCENT
+        assert info.tracks[0].bound == pytest.approx(HEAT_BOUND, rel=0.02)

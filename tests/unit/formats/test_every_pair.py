@@ -1,6 +1,7 @@
 """Conversion from every readable format to every writable one, directly and through streams."""
 
 import itertools
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -43,6 +44,8 @@ def save_and_load(sequence, folder, extension):
     folder.mkdir(exist_ok=True)
     target = target_of(folder, extension)
     max_error = 50 * ERROR if extension in APPROXIMATE else None
+    if max_error and sequence.error_bound:  # of the sum
+        max_error *= 2.01
     save(sequence, target, options=WriteOptions(max_error=max_error))
     fps = (
         24 if extension in TIMELESS or not isinstance(FORMATS[extension], SequenceFormat) else None
@@ -116,7 +119,10 @@ def assert_same_triangles(result, expected):
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_stream_preserves_what_a_format_stores(extension, converted):
     expected = converted(extension)
-    decoded = meshreel.decode(meshreel.encode(expected, max_error=0.01))
+    # A .reel and a .glb are lossy: the bounds add up, which a warning says.
+    with pytest.warns(match="bounds include the error") if expected.error_bound else nullcontext():
+        data = meshreel.encode(expected, max_error=0.01)
+    decoded = meshreel.decode(data)
     np.testing.assert_array_equal(decoded.faces, expected.faces)
     assert_same_surface(decoded.surface, expected.surface)
     assert (decoded.fps, decoded.start_s) == (expected.fps, expected.start_s)

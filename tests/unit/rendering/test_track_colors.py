@@ -121,8 +121,7 @@ def test_range_is_symmetric_about_0_when_percentiles_lie_on_both_sides():
     ],
 )
 def test_percentile_within_the_coding_error_of_0_becomes_0(values, text, ends):
-    track = track_of([values])
-    track.error_bound = 0.1  # as that of a decoded file
+    track = Track(np.float32([values]), error_bound=0.1)
     scale = scale_of(TrackColors(TrackLook("s", range=text), track), track)
     assert (scale.low, scale.high) == pytest.approx(ends, abs=1e-6)
 

@@ -95,9 +95,9 @@ def write_number(value: float) -> bytes:
     return bytes([n_decimals]) + write_varint(whole) if is_decimal else _pack("d", value)
 
 
-def error_bound_sections(bound: float | None) -> list[tuple[Section, bytes]]:
-    """Return the section that states a guaranteed bound in diagonals; none without a bound."""
-    return [] if bound is None else [(Section.ERROR_BOUND, write_number(100.0 * bound))]
+def error_bound_sections(percent: float | None) -> list[tuple[Section, bytes]]:
+    """Return the section that states a guaranteed bound; none without one, or if it is 0."""
+    return [(Section.ERROR_BOUND, write_number(percent))] if percent else []
 
 
 def write_text(text: str) -> bytes:

@@ -15,7 +15,7 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces, MeshSequence, Vertices, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.timing import Timing
-from meshreel.model.tracks import TrackPart, TrackSource, track_like
+from meshreel.model.tracks import TrackPart, TrackSource, error_bound_of, track_like
 from meshreel.model.validation import validate_finite, validate_vertices
 from meshreel.runtime.progress import Count, Progress, silent
 
@@ -101,7 +101,13 @@ class FrameStream:
         }
         vertices = validate_vertices(vertices)
         return MeshSequence.of_finite(
-            vertices, self.faces, self.name, self.timing, self.surface, tracks
+            vertices,
+            self.faces,
+            self.name,
+            self.timing,
+            self.surface,
+            tracks,
+            error_bound_of(self.source),
         )
 
 

@@ -56,6 +56,8 @@ class StoredFrames(Timed):
     read_tracks: Callable[[], Mapping[str, TrackSource]]
     read_extent: Callable[[], Extent]
     """Returns the bounding box of all frames, in `dtype`."""
+    error_bound: float | None = 0.0
+    """As of a `MeshSequence`."""
     timing: Timing = UNTIMED
     files: tuple[Path, ...] = ()
     """Files with the positions."""
@@ -251,12 +253,13 @@ BLOCK_BYTES = 1 << 24  # positions read at a time
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """A sequence without its positions: faces, times, name and surface, as in `MeshSequence`."""
+    """A sequence without its positions; fields as of `MeshSequence`."""
 
     faces: Faces
     name: str
     timing: Timing = UNTIMED
     surface: Surface = PLAIN
+    error_bound: float | None = 0.0
 
     def sequence(self, vertices: Vertices, tracks: Mapping[str, Track]) -> MeshSequence:
         """Return the sequence with positions of shape (T, V, 3), a new array, and tracks."""
@@ -290,6 +293,7 @@ class Description:
             read_range=read_range,
             read_extent=partial(_identity, survey.extent),
             files=tuple(files),
+            error_bound=self.error_bound,
             **_mesh_readers(n_frames, n_verts, self.faces, self.surface, tracks),
         )
 

@@ -633,6 +633,10 @@ def _component_type(accessor: JsonObject, kinds: str) -> np.dtype[Any]:
     return np.dtype(allowed[code])
 
 
+GENERATOR = "meshreel"
+"""Generator of the assets that we write."""
+
+
 def _check_version(root: JsonObject) -> None:
     if "asset" not in root and isinstance(root.values.get("meshes"), dict):  # a list since 2.0
         raise FormatError(f"is glTF 1.0 or older; {ADVICE}")

@@ -17,6 +17,7 @@ from meshreel.formats.gltf.container import (
     Placement,
     VertexValues,
 )
+from meshreel.formats.gltf.document import GENERATOR
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.morphs import (
     BYTE,
@@ -493,7 +494,7 @@ class SceneWriter:
             "extensionsRequired": sorted(all_required),
         }
         return {
-            "asset": {"version": "2.0", "generator": "meshreel"},
+            "asset": {"version": "2.0", "generator": GENERATOR},
             "scene": 0,
             "scenes": [{"name": self._name or "scene", "nodes": self.tree.roots}],
             "nodes": self.tree.nodes,

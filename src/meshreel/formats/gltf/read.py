@@ -1,5 +1,6 @@
 """Reading glTF: every node with a mesh, animated in world space."""
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -15,7 +16,7 @@ from meshreel.formats.gltf.animation import (
     Sampling,
     sample_times,
 )
-from meshreel.formats.gltf.document import Document, JsonObject, unique_names
+from meshreel.formats.gltf.document import GENERATOR, Document, JsonObject, unique_names
 from meshreel.formats.gltf.geometry import GeometryReader
 from meshreel.formats.gltf.scene import (
     STEP,
@@ -37,6 +38,10 @@ from meshreel.model.validation import validate_fps
 SEGMENT_START = "meshreelSegmentStart"
 """Property of the extras of a node above the meshes of a segment: time of its first frame."""
 
+ERROR_BOUND = "meshreelErrorBound"
+"""Property of the extras of an asset that meshreel generated: largest error of a vertex relative to
+the original, in model units; null if unknown."""
+
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """Return the meshes of the scene of a glTF file, named by the paths of their nodes.
@@ -52,6 +57,9 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         If it does not have the requested animation.
     """
     document, notes = Document(path, options), options.notes
+    error_bound = _error_bound(document)
+    if options.fps and error_bound:
+        error_bound = None  # frames between those of the original
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, notes)
     if not shown:
@@ -73,7 +81,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         posed = PosedMesh(mesh, motion, times.curve_times_s, node, reader.read)
         scene_mesh = SceneMesh(
             name, times.times_s, posed.frame, posed.surface, times.fps or None,
-            positions=posed.positions, visibility=visibility.of(mesh),
+            positions=posed.positions, visibility=visibility.of(mesh), error_bound=error_bound,
             note_unread=partial(note_unread, document, nodes, mesh, notes),
         )  # fmt: skip
         meshes.append(scene_mesh)
@@ -82,6 +90,18 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             if scene_mesh.visibility.is_shown.all():
                 reader.read(mesh.mesh)
     return meshes
+
+
+def _error_bound(document: Document) -> float | None:
+    """Return the error that a file of meshreel declares; 0 for files of other programs."""
+    asset = document.root.required_child("asset")
+    extras = asset.values.get("extras")
+    if asset.get("generator") != GENERATOR or ERROR_BOUND not in (extras or ()):
+        return 0.0
+    bound = asset.required_child("extras").get(ERROR_BOUND)
+    if isinstance(bound, int | float) and 0 <= bound < math.inf:
+        return float(bound)
+    return None
 
 
 def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:

@@ -29,7 +29,7 @@ from meshreel.formats.gltf.mesh_writer import (
     write_mesh,
 )
 from meshreel.formats.gltf.morphs import check_range, static_normals, wants_normals
-from meshreel.formats.gltf.read import SEGMENT_START, list_animations, read_meshes
+from meshreel.formats.gltf.read import ERROR_BOUND, SEGMENT_START, list_animations, read_meshes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
@@ -98,6 +98,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
             Keyword("max_error"),
             ")",
         )
+    document["asset"]["extras"] = {ERROR_BOUND: budget.total(float(errors.max()))}
     size_bytes = write_document(path, document, scene.buffer, "allow a larger error (max_error)")
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
@@ -304,11 +305,12 @@ def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     """
     _check_bound(options)
     times_s = np.asarray(frame_times(stream))
-    sequence, rig = rig_of(stream, options, times_s)
+    sequence, rig, error = rig_of(stream, options, times_s)
     check_range(sequence.extent.low, sequence.extent.high)
     stream.notes.add_all(describe_losses(sequence.surface, len(sequence.faces)))
     scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
     document = scene.document()
+    document["asset"]["extras"] = {ERROR_BOUND: error}
     size_bytes = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
     sizes = scene.sizes_in_file(size_bytes)
     sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())

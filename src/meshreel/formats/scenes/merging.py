@@ -22,7 +22,7 @@ from meshreel.model.materials import Image, Material, renumber_images
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
 
 BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER)
 """Kinds whose float values are interpolated linearly between frames."""
@@ -98,8 +98,9 @@ def merge_meshes(
             mesh.note_unread()
 
     return SceneMesh(
-        name, times, frame, surface, fps, tracks, read_positions, note_unread=note_unread
-    )
+        name, times, frame, surface, fps, tracks, read_positions, note_unread=note_unread,
+        error_bound=error_bound_of(*meshes),
+    )  # fmt: skip
 
 
 def _join_frames(frames: Sequence[PolygonMesh]) -> PolygonMesh:

@@ -79,6 +79,8 @@ class SceneMesh:
     """Whether a frame has the surface of the frame before it; otherwise it begins a segment."""
     note_unread: Callable[[], None] = lambda: None
     """Adds notes on contents of the mesh that were not read; called after everything was read."""
+    error_bound: float | None = 0.0
+    """As of a `MeshSequence`."""
 
 
 def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:

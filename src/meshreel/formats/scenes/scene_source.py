@@ -247,6 +247,7 @@ class _SceneRun:
             mesh.name.rstrip("/").rpartition("/")[2],
             timing,
             first.with_polygons(mesh.surface(self.start)),
+            mesh.error_bound,
         )
         tracks = mesh.tracks(range(self.start, stop))
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))

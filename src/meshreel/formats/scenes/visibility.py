@@ -15,7 +15,7 @@ from meshreel.formats.scenes.timing import unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Surface
-from meshreel.model.tracks import TrackSource
+from meshreel.model.tracks import TrackSource, error_bound_of
 from meshreel.runtime.counting import counted
 
 
@@ -107,7 +107,7 @@ def meshes_in_turn(
 
     return SceneMesh(
         name, frame_times_s, frame, surface, rates.pop() if len(rates) == 1 else None, tracks,
-        keeps_surface=keeps_surface, note_unread=note_unread,
+        keeps_surface=keeps_surface, note_unread=note_unread, error_bound=error_bound_of(*meshes),
     )  # fmt: skip
 
 

@@ -70,7 +70,7 @@ def _write_rig(
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = write_time_codes(stage, stream)
     times = np.array([0.0 if code is None else code for code in codes])
-    sequence, rig = rig_of(stream, options, times)
+    sequence, rig, _ = rig_of(stream, options, times)
     note_unwritten_tracks(list(sequence.tracks), "a rig", stream.notes)
     segment = replace(next(stream.meshes()), tracks={})
     if segment.surface.hard_edges is not None:

@@ -440,3 +440,49 @@ def test_stated_total_is_never_rounded_down(total):
     budget = budget_of(100.0, Origin(0.0, 100.0))
     [note] = budget.describe(total)
     assert total <= float(AGAINST_THE_ORIGINAL.fullmatch(note)[1]) <= 1.002 * total + 5e-5
+
+
+@pytest.mark.filterwarnings("ignore:left out")
+@pytest.mark.parametrize("options", [{}, {"rig": 4, "max_error": 5, "kg": 90}])
+@pytest.mark.parametrize("is_lossy", [False, True])
+def test_error_declared_by_a_file_is_added_to_the_bound_of_its_stream(
+    waves, stream_path, tmp_path, is_lossy, options
+):
+    path = tmp_path / "a.glb"
+    options = {"max_error": 0.3, **options, "compression": False, "normals": False}
+    save(meshreel.load(stream_path) if is_lossy else waves, path, options=WriteOptions(**options))
+    loaded = meshreel.load(path)
+    largest = np.linalg.norm(loaded.vertices - waves.vertices, axis=2).max()
+    diagonal = np.linalg.norm(np.ptp(waves.vertices, axis=(0, 1)))
+    assert (
+        largest <= loaded.error_bound <= largest + 2 * is_lossy * GUARANTEE / 100 * diagonal + 1e-5
+    )
+    with pytest.warns(match="bounds include the error of the source"):
+        data = meshreel.encode(path, max_error=0.1)
+    info = meshreel.info(data)
+    total = info.error_bound_percent / 100 * info.diagonal
+    assert total == pytest.approx(loaded.error_bound + info.diagonal / 1000, rel=1e-4)
+    assert np.linalg.norm(meshreel.decode(data).vertices - waves.vertices, axis=2).max() <= total
+    assert meshreel.load(path, fps=48).error_bound is None  # has frames between the original ones
+
+
+@pytest.mark.parametrize(
+    ("asset", "bound"),
+    [
+        ({}, None),
+        ({"generator": "another program"}, 0.0),
+        ({"extras": None}, 0.0),
+        ({"extras": {"meshreelErrorBound": 0.25}}, 0.25),
+        ({"extras": {"meshreelErrorBound": "0.25"}}, None),
+        ({"extras": {"meshreelErrorBound": -1}}, None),
+    ],
+)
+def test_declared_errors_are_those_of_files_that_no_other_program_changed(
+    waves, tmp_path, asset, bound
+):
+    path = tmp_path / "a.gltf"
+    save(meshreel.decode(meshreel.encode(waves, quality=50)), path)  # without a known error
+    document = json.loads(path.read_text())
+    document["asset"] |= asset
+    path.write_text(json.dumps(document))
+    assert meshreel.load(path).error_bound == bound

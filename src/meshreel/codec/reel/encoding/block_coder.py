@@ -59,7 +59,7 @@ class FieldBlockCoder:
 
     def leading_sections(self) -> list[tuple[Section, bytes]]:
         """Return the sections before the first block, after the connectivity."""
-        return error_bound_sections(self.bound)
+        return error_bound_sections(None if self.bound is None else 100.0 * self.bound)
 
     def frames(self, vertices: Vertices, order: Integers | None = None) -> BlockFrames:
         """Wrap a block of positions of shape (T_b, V, 3), or of values of shape (T_b, N, C).

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, islice
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Values
 from meshreel.codec.achieved import require_exact, require_same_bits
-from meshreel.codec.bitstream.container import Sections
+from meshreel.codec.bitstream.container import Sections, error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
@@ -44,6 +44,8 @@ class PositionCoder(ABC):
     links: Faces
     """int32 array of shape (n, 3). The graph of internal vertices as triangles."""
     n_verts: int
+    bound: float | None = field(default=None, kw_only=True)
+    """Largest error of a position that is not lossless, in diagonals; None guarantees nothing."""
 
     @cached_property
     def graph(self) -> Neighbors:
@@ -56,8 +58,8 @@ class PositionCoder(ABC):
         """Whether positions are lossless."""
 
     def leading_sections(self) -> list[tuple[Section, bytes]]:
-        """Return the sections between those of the mesh and the first block."""
-        return []
+        """Return the sections before the first block of live frames."""
+        return error_bound_sections(None if self.bound is None else 100.0 * self.bound)
 
     @abstractmethod
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
@@ -128,7 +130,7 @@ def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes
     n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
     blocks = _encode_blocks(coder, source.blocks(), n_together)
     coded = _report_progress(blocks, source.sequence.n_frames, progress)
-    data = source.stream(coder.leading_sections(), coded)
+    data = source.stream([], coded, 0.0 if coder.is_exact else coder.bound)
     return FollowingTracks(source, progress).stream(data) if source.tracks else data
 
 

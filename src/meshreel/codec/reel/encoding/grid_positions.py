@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
@@ -62,8 +61,6 @@ class GridPositionCoder(PositionCoder):
     half-edge, itself at a boundary.
     """
     grid: PositionGrid
-    bound: float | None
-    """Largest error of a position, in diagonals; None guarantees nothing."""
     is_stored: bool = False
     """Whether the only frame already lies on this grid, so that it may be coded exactly."""
     is_fast: bool = False
@@ -73,10 +70,6 @@ class GridPositionCoder(PositionCoder):
     def is_exact(self) -> bool:
         """False: blocks on a grid are lossy."""
         return False
-
-    def leading_sections(self) -> list[tuple[Section, bytes]]:
-        """Return the sections before the first block."""
-        return error_bound_sections(self.bound)
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:
         """Encode a contiguous block of shape (T_b, V, 3), in internal order.
@@ -153,7 +146,7 @@ def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositi
     single = np.float32(step := _allowed(step))
     single = single if single <= step else np.nextafter(single, np.float32(0))
     grid = PositionGrid(float(single), frame)
-    return GridPositionCoder(mesh.links, mesh.n_verts, mesh.faces_and_twins, grid, None)
+    return GridPositionCoder(mesh.links, mesh.n_verts, mesh.faces_and_twins, grid)
 
 
 def encode(source: Source, progress: Progress) -> bytes:

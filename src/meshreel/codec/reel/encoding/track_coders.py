@@ -29,7 +29,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
 
 Values = npt.NDArray[Any]
 Vertices = npt.NDArray[np.floating]
@@ -201,7 +201,10 @@ def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCod
 def exact_header(name: str, track: TrackSource | TrackHeader, n_columns: int) -> TrackHeader:
     """Return the header of a lossless track."""
     description = name, track.unit, track.kind, track.domain, track.dtype
-    header = TrackHeader(*description, 1.0, (0.0,) * n_columns, Coding.EXACT)
+    earlier = track.earlier if isinstance(track, TrackHeader) else error_bound_of(track)
+    header = TrackHeader(
+        *description, 1.0, (0.0,) * n_columns, Coding.EXACT, earlier=earlier or 0.0
+    )
     if isinstance(track, SharedTrack | TrackHeader):
         return replace(header, sharing=track.sharing, rows=track.rows)
     return header
@@ -268,6 +271,7 @@ def track_coder(
         frame.scale,
         frame.origin,
         bound=bound.amount if bound.measure is Measure.ANGLE else allowed,
+        earlier=error_bound_of(track) or 0.0,
     )
     if isinstance(track, SharedTrack):
         header = replace(header, sharing=track.sharing, rows=track.rows)

@@ -32,6 +32,7 @@ from meshreel.codec.source import Piece, Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
+from meshreel.model.tracks import error_bound_of
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread
 
@@ -116,10 +117,12 @@ def _check_bounds(source: Source, data: bytes, bound: float | None, progress: Pr
             )
     for track in whole_stream(data).tracks:
         largest = tracks[track.name].largest
-        if largest > track.bound * (1.0 + SLACK):
+        earlier = error_bound_of(source.sequence.tracks[track.name]) or 0.0
+        bound = 0.0 if track.is_exact else track.bound - earlier
+        if largest > bound * (1.0 + SLACK):
             raise SolverError(
                 f"track {track.name!r} decodes to errors of up to {largest:g}, above its bound of "
-                f"{track.bound:g}; nothing is written; please report this sequence"
+                f"{bound:g}; nothing is written; please report this sequence"
             )
 
 
