@@ -19,7 +19,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
-from meshreel.formats.load import load_any, open_for_encoding
+from meshreel.formats.load import is_path, load_any, open_for_encoding, sequence_of
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
@@ -439,54 +439,32 @@ def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) 
 
 def _local(source: Any) -> AbstractContextManager[Any]:
     """Context manager for local copies of remote files; other sources stay as they are."""
-    return local_copy(source) if _is_path(source) else nullcontext(source)
+    return local_copy(source) if is_path(source) else nullcontext(source)
 
 
 def _source(
     sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
 ) -> MeshSequence:
     """Frames to encode or register, which may be read from their files on demand."""
-    if _is_path(sequence):
+    if is_path(sequence):
         notes = Notes()
         limit = None if memory is None else bytes_of(memory, "memory")
         options = ReadOptions(notes=notes, matches_frames=matches_frames)
         source = open_for_encoding(sequence, limit, options)
         _warn(note for note in notes if warns_of_changes or note.kind is not NoteKind.SEGMENTS)
         return source
-    return _sequence(sequence)
+    return sequence_of(sequence)
 
 
 def _loaded(sequence: Any) -> MeshSequence:
     """A sequence; one that is read from a file has all its segments in memory."""
-    if _is_path(sequence):
+    if is_path(sequence):
         notes = Notes()
         with local_copy(sequence) as files:
             loaded = load_any(files, ReadOptions(notes=notes))
         _warn(notes)
         return loaded
-    return _sequence(sequence)
-
-
-def _sequence(sequence: Any) -> MeshSequence:
-    if isinstance(sequence, MeshSequence):
-        return sequence
-    if isinstance(sequence, Stream):
-        return decoder.decode(bytes(sequence))
-    if isinstance(sequence, ReelFile):
-        return sequence[:]
-    if all(hasattr(sequence, name) for name in ("faces", "extent", "read")):
-        return MeshSequence.of_segments([sequence])
-    raise InvalidInputError(
-        "a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the bytes "
-        f"of a .reel stream; got {type(sequence).__name__}; for arrays, pass "
-        "meshreel.MeshSequence(vertices, faces)"
-    )
-
-
-def _is_path(source: Any) -> bool:
-    """Whether a source is a path or a list of paths."""
-    paths = source if isinstance(source, list | tuple) else [source]
-    return all(isinstance(path, str | os.PathLike) for path in paths)
+    return sequence_of(sequence)
 
 
 def _warn(notes: Iterable[str], stacklevel: int = 4) -> None:

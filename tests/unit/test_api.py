@@ -5,6 +5,7 @@ import copy
 import inspect
 import pickle
 import pydoc
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -238,3 +239,74 @@ def test_signatures_show_no_addresses_of_objects():
     shown = [str(inspect.signature(one)) for one in functions if inspect.isfunction(one)]
     assert shown
     assert not [text for text in shown if " at 0x" in text]
+
+
+def closed_file(folder):
+    with meshreel.open(folder / "grid.reel") as reel:
+        pass
+    return reel
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda f: meshreel.save(f / "a.npz", GRID), "a sequence and then a path"),
+        (lambda f: meshreel.save(GRID, BytesIO()), "meshreel.encode returns the bytes"),
+        (lambda f: meshreel.save("a.npz", "b.npz"), "meshreel.load reads files"),
+        (lambda f: meshreel.save(b"text", f / "a.reel"), "not a .reel stream"),
+        (lambda f: meshreel.save(3, f / "a.npz"), "got int"),
+        (lambda f: meshreel.save(GRID, f / "a.reel", quality=9, kg=2), "quality and kg exclude"),
+        (lambda f: meshreel.load(3), "the bytes of a .reel stream; got int"),
+        (lambda f: meshreel.load(DATA, fps=24), "fps has no effect on a source that is not a p"),
+        (lambda f: meshreel.load(f / "frames" / "f_%04d.ply"), "no numbered one; .*dir/f_%04d.obj"),
+        (lambda f: meshreel.load(f / "none" / "f_%04d.ply"), "no numbered one"),
+        (lambda f: meshreel.open(GRID), "its bytes, or a binary file; got MeshSequence"),
+        (lambda f: meshreel.open(f / "grid.npz"), "not a .reel file; meshreel.load reads it"),
+        (lambda f: closed_file(f)[0], "the .reel file is closed; open it again"),
+        (lambda f: closed_file(f).track("heat"), "no track 'heat'"),
+        (
+            lambda f: meshreel.MeshSequence(GRID.vertices, GRID.faces, "walk", 25),
+            "fps must be a nu",
+        ),
+        (
+            lambda f: meshreel.MeshSequence(GRID.vertices, GRID.faces, 25, 3),
+            "name must be text; go",
+        ),
+        (lambda f: GRID.replace(start_s="x"), "start_s must be a number; got 'x'"),
+        (lambda f: meshreel.concatenate(GRID), r"\[first, second\]\); got a MeshFrame"),
+        (lambda f: meshreel.concatenate([GRID, "a.npz"]), "got a str"),
+        (lambda f: GRID.replace(frames=3), r"no parameter 'frames'; .*sequence\[2:5\] selects"),
+        (lambda f: (GRID + GRID).replace(frames=3), "no parameter 'frames'"),
+        (lambda f: GRID[::2], r"no step; .* make a sequence of sequence.vertices\[::2\]"),
+    ],
+)
+def test_mistakes_are_errors_with_a_remedy(folder, call, message):
+    before = sorted(folder.iterdir())
+    with pytest.raises(meshreel.MeshReelError, match=message):
+        call(folder)
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("given", [bytes, bytearray, memoryview, BytesIO])
+def test_streams_in_memory_are_loaded_opened_and_saved(given, tmp_path):
+    assert np.array_equal(meshreel.load(given(DATA)).vertices, meshreel.decode(DATA).vertices)
+    with meshreel.open(given(DATA)) as reel:
+        assert len(reel) == len(meshreel.load(reel)) == 9
+    [path] = meshreel.save(given(DATA), tmp_path / "a.reel")
+    assert meshreel.load(path).n_frames == 9
+    assert (path.read_bytes() == DATA) == (given is not BytesIO)  # which is decoded
+    meshreel.save(given(DATA), tmp_path / "a.npz")
+    assert np.array_equal(
+        meshreel.load(tmp_path / "a.npz").vertices, meshreel.decode(DATA).vertices
+    )
+
+
+def test_save_encodes_with_a_quality_and_load_reads_an_output_pattern(tmp_path):
+    for options in ({"quality": 95}, {"kg": 0.5}):
+        [path] = meshreel.save(GRID, tmp_path / "a.reel", overwrite=True, **options)
+        assert path.read_bytes() == meshreel.encode(GRID, **options)
+    meshreel.save(GRID, tmp_path / "f_%d.obj")
+    (tmp_path / "f_010.obj").write_text("not of this pattern")
+    (tmp_path / "f_x.obj").write_text("nor this")
+    loaded = meshreel.load(tmp_path / "f_%d.obj", fps=25)
+    np.testing.assert_allclose(loaded.vertices, GRID.vertices, atol=1e-6)

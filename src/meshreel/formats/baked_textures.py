@@ -15,8 +15,8 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.needed_extras import VIDEOS
-from meshreel.formats.outputs import NUMBER_FIELD, numbered_paths
-from meshreel.formats.sources import AnyPath, Source, natural_order
+from meshreel.formats.outputs import numbered_paths
+from meshreel.formats.sources import NUMBER_FIELD, AnyPath, Source, natural_order
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases

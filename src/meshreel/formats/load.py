@@ -1,10 +1,16 @@
 """Loading of files as a `MeshSequence`, or opening with frames that are read on demand."""
 
-from dataclasses import replace
+import os
+from dataclasses import fields, replace
+from io import IOBase
 from pathlib import Path
+from typing import Any
 
+from meshreel.codec.decoder import decode
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.codec.option import takes_fields
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import LoadOptions, ReadOptions
 from meshreel.formats.remote import local_copy
@@ -14,6 +20,9 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
 
 MAX_LOADED_BYTES = 1 << 30
+
+OF_ANY = {"memory", "progress", "notes"}
+"""Options of sources that are not paths."""
 
 LOADED_SHARE = 1 / 10
 """For encoding, positions up to this size are loaded, or up to this share of the memory limit."""
@@ -34,7 +43,7 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
         frame; a folder of frames with one file extension; a pattern such as ``dir/*.obj``; or a
         list of frame files. Folders and patterns are read in natural order (frame_2 before
         frame_10). Several files with a whole animation, such as ``dir/*.glb``, must have one frame
-        each.
+        each. Also the bytes or an open binary file of a `.reel` stream, or a `ReelFile`.
     options
         The fields of `LoadOptions`.
     progress : Progress, default silent
@@ -62,6 +71,13 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
     StoreError
         If a remote file does not exist or cannot be reached.
     """
+    if not is_path(source):
+        for option in fields(options):
+            if option.name not in OF_ANY and getattr(options, option.name) != option.default:
+                raise InvalidInputError(
+                    Keyword(option.name), " has no effect on a source that is not a path; omit it"
+                )
+        return sequence_of(source, options.memory)
     topology = None if options.topology is None else Path(options.topology)
     notes = Notes()
     values = vars(options) | {"topology": topology, "notes": notes}
@@ -69,6 +85,43 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
     if options.notes is not None:
         options.notes.extend(notes)
     return sequence
+
+
+def is_path(source: Any) -> bool:
+    """Return whether a source is a path or a list of paths."""
+    paths = source if isinstance(source, list | tuple) else [source]
+    return all(isinstance(path, str | os.PathLike) for path in paths)
+
+
+def sequence_of(source: Any, memory: float | str | None = None) -> MeshSequence:
+    """Return the sequence of an input that is not a path.
+
+    Parameters
+    ----------
+    source : MeshSequence, FrameSource, ReelFile, or bytes or binary file of a `.reel` stream
+    memory : float or str, optional
+        Memory limit for decoding bytes, as in `meshreel.decode`.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is something else.
+    """
+    if isinstance(source, MeshSequence):
+        return source
+    if isinstance(source, ReelFile):
+        return source[:]
+    if isinstance(source, IOBase):
+        source = source.read()
+    if isinstance(source, bytes | bytearray | memoryview):
+        return decode(bytes(source), memory=memory)
+    if all(hasattr(source, name) for name in ("faces", "extent", "read")):
+        return MeshSequence.of_segments([source])
+    raise InvalidInputError(
+        "a sequence is a MeshSequence, the path of a file or folder, a list of paths, or the bytes "
+        f"of a .reel stream; got {type(source).__name__}; for arrays, pass "
+        "meshreel.MeshSequence(vertices, faces)"
+    )
 
 
 def load_any(source: Source, options: ReadOptions) -> MeshSequence:

@@ -276,6 +276,7 @@ class WriteOptions:
             unit="in percent",
             metavar="PERCENT",
             group=RIGS,
+            more="Of a ``.reel``: its largest KG error.",
         ),
     ] = None
     quality: Annotated[
@@ -285,6 +286,7 @@ class WriteOptions:
             "{max_error} and {kg}. Its normals are worse.",
             range=QUALITIES,
             group=RIGS,
+            more="Of a ``.reel``: its visual quality.",
         ),
     ] = None
     layout: Annotated[
@@ -319,6 +321,6 @@ class WriteOptions:
         ),
     ] = None
     lossless: bool = False
-    """``.reel``: whether positions and tracks are stored bit for bit; excludes `max_error`."""
+    """``.reel``: whether positions and tracks are stored bit for bit; excludes its other ones."""
     origin: Origin | None = None
     """Origin of decoded frames; None for original frames."""

@@ -15,13 +15,12 @@ from meshreel.formats.registry import (
     is_written,
     written_extensions,
 )
-from meshreel.formats.sources import AnyPath
+from meshreel.formats.sources import NUMBER_FIELD, AnyPath
 from meshreel.formats.supported_options import check_write_options
 from meshreel.model.notes import listed
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.stores.address import refuse_address
 
-NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 OTHER_FIELD = re.compile(r"#{2,}|\$F\d?|<frame>", re.IGNORECASE)
 """Number fields of other programs: ####, $F4, <frame>."""
 

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from io import FileIO
+from io import BytesIO, FileIO, IOBase
 from itertools import pairwise, starmap
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -18,6 +18,8 @@ from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
+from meshreel.formats.registry import FORMATS as ALL_FORMATS
+from meshreel.formats.registry import extension_of
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
@@ -29,7 +31,7 @@ from meshreel.runtime.stores.ranged_file import open_ranged
 
 
 def open(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO,
     *,
     n_modes: int | None = None,
     segment: int | None = None,
@@ -39,9 +41,10 @@ def open(
 
     Parameters
     ----------
-    path : str or path
+    path : str, path, bytes or binary file
         A file, or an address such as ``s3://bucket/walk.reel`` (extra ``[s3]``): then only the
-        required blocks are fetched, with one request each.
+        required blocks are fetched, with one request each. Or a stream, or an open file that can
+        seek, which is closed together with the result.
     n_modes : int, optional
         Decode only the first `n_modes` modes of each block, for a coarser animation; other modes,
         at least up to the 16th, stay at their mean over the block, and corrections are not applied.
@@ -77,6 +80,15 @@ def open(
     ...         show(frame.vertices, frame.faces)
     """
     memory_limit(memory)  # an invalid size must not be reported as an error of the file
+    if isinstance(path, bytes | bytearray | memoryview):
+        path = BytesIO(path)
+    if isinstance(path, IOBase):
+        return ReelFile(cast("BinaryIO", path), n_modes, memory, segment)
+    if not isinstance(path, str | os.PathLike):
+        raise InvalidInputError(
+            "meshreel.open takes the path of a .reel file, its bytes, or a binary file; got "
+            f"{type(path).__name__}"
+        )
     with ExitStack() as on_error:
         file = on_error.enter_context(_open_binary(path))
         with errors_naming(path):
@@ -106,6 +118,8 @@ def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
     if is_remote(path):
         return open_ranged(str(path))
     check_input_file(Path(path))
+    if extension_of(path) in ALL_FORMATS.keys() - {".reel"} and Path(path).is_file():
+        raise InvalidInputError(f"{path} is not a .reel file; meshreel.load reads it")
     try:
         return Path(path).open("rb")
     except FileNotFoundError:
@@ -218,14 +232,20 @@ def _check_finite(vertices: Vertices, first_frame: int) -> Vertices:
 
 
 def write_reel(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write all frames as a `.reel` file, with the defaults of `encode`; a note gives the error."""
+    """Write all frames as a `.reel` file; notes give the error."""
     # Reading does not need the encoder.
     from meshreel.codec.achieved import measure_stream
     from meshreel.codec.encoder import encode
 
     segments = [segment.gather() for segment in stream.segments()]
     sequence = MeshSequence.of_segments(segments, stream.name, stream.timing)
-    data = encode(sequence, max_error=options.max_error, lossless=options.lossless)
+    data = encode(
+        sequence,
+        max_error=options.max_error,
+        quality=options.quality,
+        kg=options.kg,
+        lossless=options.lossless,
+    )
     path.write_bytes(data)
     stream.notes += bound_notes(sequence, data)
     if options.lossless:
@@ -245,7 +265,7 @@ FORMATS = (
         open_reel,
         write_reel,
         holds_segments=True,
-        write_options=frozenset({"max_error", "lossless"}),
+        write_options=frozenset({"max_error", "quality", "kg", "lossless"}),
         holds_materials=True,
         track_domains=EVERY_DOMAIN,
     ),

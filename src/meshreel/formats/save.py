@@ -1,17 +1,21 @@
 """Saving of sequences and of streamed frames in any format."""
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
+from meshreel.codec.open_stream import whole_file
 from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
-from meshreel.errors import ConnectivityChangeError, Keyword
+from meshreel.codec.reel_file import ReelFile
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
+from meshreel.formats.load import is_path, sequence_of
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, output_format_of
@@ -24,7 +28,6 @@ from meshreel.model.notes import (
     note_unwritten_materials,
     note_unwritten_tracks,
 )
-from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, track_blocks
 from meshreel.runtime.counting import plural
@@ -41,7 +44,7 @@ ATTRIBUTE_KINDS = {TrackKind.UV: Kind.UV, TrackKind.COLOR: Kind.COLOR}
 
 @lists_fields(WriteOptions)
 def save(
-    sequence: "AnySource",
+    sequence: "AnySource | FrameSource | bytes | bytearray | memoryview",
     output: AnyPath,
     *,
     overwrite: bool = False,
@@ -57,9 +60,10 @@ def save(
 
     Parameters
     ----------
-    sequence : MeshSequence, ReelFile or FrameSource
+    sequence : MeshSequence, ReelFile, FrameSource, or bytes of a stream
         Read a frame at a time. For a file of `meshreel.open`, the error that glTF declares is
-        against the original, if the stream guarantees an error bound.
+        against the original, if the stream guarantees an error bound. Bytes are written unchanged
+        to a ``.reel``, unless there are options.
     output : str or Path
         ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
         file (`meshreel formats` lists them); a pattern with a number field such as
@@ -97,10 +101,20 @@ def save(
     """
     check_names(settings, [field.name for field in fields(WriteOptions)])
     options = replace(options, **settings)
+    if not isinstance(output, str | os.PathLike) or is_path(sequence):
+        raise InvalidInputError(
+            "save takes a sequence and then a path, save(sequence, 'walk.npz'); got "
+            f"{type(sequence).__name__} and {type(output).__name__}; meshreel.load reads files, "
+            "meshreel.encode returns the bytes of a .reel"
+        )
+    is_stream = isinstance(sequence, bytes | bytearray | memoryview) and options == DEFAULT_OPTIONS
+    if is_stream and Path(output).suffix.lower() == ".reel":
+        return _save_stream(bytes(sequence), output, overwrite=overwrite)  # type: ignore[arg-type]
+    source = sequence if isinstance(sequence, ReelFile) else sequence_of(sequence)
     new_notes = None if notes is None else Notes()
     paths = save_part(
-        sequence,
-        range(sequence.n_frames),
+        source,
+        range(source.n_frames),
         output,
         overwrite=overwrite,
         start_number=start_number,
@@ -110,6 +124,15 @@ def save(
     )
     if notes is not None:
         notes.extend(new_notes or ())
+    return paths
+
+
+def _save_stream(data: bytes, output: AnyPath, *, overwrite: bool) -> list[Path]:
+    """Write a complete stream to a file."""
+    whole_file(data)
+    paths = check_output(output, overwrite=overwrite)
+    with replace_all_when_done(paths, overwrite=overwrite) as [hidden_path]:
+        hidden_path.write_bytes(data)
     return paths
 
 
@@ -146,8 +169,6 @@ def save_part(
     FormatError, InvalidInputError
         As `save`.
     """
-    if not hasattr(sequence, "segments"):
-        sequence = MeshSequence.of_segments([cast("FrameSource", sequence)])
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     stream = SegmentedStream(sequence, frames, progress=progress, notes=notes, figures=figures)

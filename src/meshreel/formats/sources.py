@@ -18,6 +18,9 @@ from meshreel.runtime.stores.address import refuse_address
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]
 
+NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
+"""Number of a frame in the name of its file, as in f_%04d.obj."""
+
 MIN_SIMILARITY = 0.8
 """Similarity from which a name is suggested for one that does not exist."""
 
@@ -45,9 +48,10 @@ def find_files(source: Source) -> SourceFiles:
     Parameters
     ----------
     source : str, Path, or list or tuple of them
-        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj``; or a list of
-        frame files. Folders and patterns are sorted in natural order, ignoring files that are not
-        meshes; a list keeps its order. A list with one item means that item.
+        A file; a folder, which means all its frames; a pattern such as ``dir/*.obj`` or
+        ``dir/f_%04d.obj``; or a list of frame files. Folders and patterns are sorted in natural
+        order, ignoring files that are not meshes; a list keeps its order. A list with one item
+        means that item.
 
     Raises
     ------
@@ -73,10 +77,7 @@ def find_files(source: Source) -> SourceFiles:
     if glob.has_magic(str(source)):
         return _from_pattern(str(source))
     if "%" in path.name:
-        raise InvalidInputError(
-            f"there is no file or folder {str(source)!r}; to read numbered frames use a pattern "
-            "such as dir/*.obj"
-        )
+        return _from_numbers(path)
     raise InvalidInputError(missing_source(path))
 
 
@@ -171,6 +172,27 @@ def _from_pattern(pattern: str) -> SourceFiles:
     if not supported_files:
         format_of(files[0])
     return _check_one_format(supported_files, f"the pattern {pattern!r}")
+
+
+def _from_numbers(pattern: Path) -> SourceFiles:
+    """Return the files whose names an output pattern such as f_%04d.obj describes, by number."""
+    field = NUMBER_FIELD.search(pattern.name)
+    files: dict[int, Path] = {}
+    if field is not None and pattern.parent.is_dir():
+        start, end = field.span()
+        name = re.compile(
+            f"{re.escape(pattern.name[:start])}([0-9]+){re.escape(pattern.name[end:])}"
+        )
+        for path in pattern.parent.iterdir():
+            match = name.fullmatch(path.name)
+            if match and field[0] % int(match[1]) == match[1]:
+                files[int(match[1])] = path
+    if not files:
+        raise InvalidInputError(
+            f"there is no file {str(pattern)!r}, and no numbered one; to read frames use a pattern "
+            "such as dir/f_%04d.obj or dir/*.obj"
+        )
+    return _check_one_format([files[number] for number in sorted(files)], f"the pattern {pattern}")
 
 
 def _check_one_format(paths: list[Path], origin: str) -> SourceFiles:

@@ -401,11 +401,11 @@ class OpenFile:
 
         Raises
         ------
-        ValueError
+        InvalidInputError
             If the file is closed.
         """
         if not self.is_open:
-            raise ValueError("the file is closed")
+            raise InvalidInputError("the .reel file is closed; open it again")
         return self._handle
 
     def segment(self, number: int) -> "OpenFile":

@@ -93,7 +93,10 @@ def frame_range(frames: slice | None, n_frames: int) -> range:
             "meshreel.open(path) decodes single frames and lists of frames"
         ) from None
     if step != 1:
-        raise InvalidInputError(f"frames must have no step; got {frames}")
+        raise InvalidInputError(
+            f"frames must have no step; got {frames}; for every second frame, make a sequence of "
+            "sequence.vertices[::2]"
+        )
     if start >= stop:
         raise InvalidInputError(
             Keyword("frames"),

@@ -298,6 +298,8 @@ class MeshSequence(Timed):
         """Store the arrays read-only, and validate all but the positions."""
         n_frames, n_verts, _ = vertices.shape
         timing.check(n_frames)
+        if not isinstance(name, str):
+            raise InvalidInputError(f"name must be text; got {name!r:.60}")
         faces = frozen(validate_faces(faces, n_verts, n_frames))
         surface = surface if surface is PLAIN else surface.validated(n_verts, faces)
         vars(self).update(
@@ -350,6 +352,11 @@ class MeshSequence(Timed):
         `times` and `fps` replace each other; `start_s` alone shifts times. ``timing=`` replaces all
         three.
         """
+        if unknown := changes.keys() - PARAMETERS - {"error_bound"}:
+            raise InvalidInputError(
+                f"replace has no parameter {min(unknown)!r}; it has "
+                f"{', '.join(sorted(PARAMETERS))}; sequence[2:5] selects frames"
+            )
         n_frames = len(changes["vertices"]) if "vertices" in changes else self.n_frames
         timing, changes = _timing_after(self.timing, changes, n_frames)
         if len(self._segments) == 1:
@@ -359,8 +366,6 @@ class MeshSequence(Timed):
             for name in OF_ONE_SEGMENT & changes.keys():
                 self._only(name)
             name = changes.pop("name", self.name)
-            if changes:
-                raise TypeError(f"replace() got an unexpected argument {min(changes)!r}")
             segments = self._segments
             if timing != self.timing:
                 parts = (timing.part(range(*ends)) for ends in pairwise(self.starts))
@@ -612,11 +617,17 @@ def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:
     Raises
     ------
     InvalidInputError
-        If there is no sequence, or the times do not fit.
+        If there is no sequence, another object, or the times do not fit.
     """
     parts = list(sequences)
     if not parts:
         raise InvalidInputError("there are no sequences to concatenate; at least one is needed")
+    for part in parts:
+        if not isinstance(part, MeshSequence):
+            raise InvalidInputError(
+                "concatenate takes a list of sequences, as in concatenate([first, second]); got a "
+                f"{type(part).__name__}"
+            )
     return MeshSequence.of_segments(parts, parts[0].name)
 
 

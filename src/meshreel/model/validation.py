@@ -91,7 +91,7 @@ def validate_faces(faces: Any, n_verts: int, n_frames: int = 0) -> Faces:
 
 def validate_fps(fps: float) -> float:
     """Return a frame rate that is finite and not negative, else raise `InvalidInputError`."""
-    fps = float(fps)
+    fps = _number(fps, "fps")
     if not (np.isfinite(fps) and fps >= 0):
         raise InvalidInputError(f"fps must be finite and at least 0 (0 = unknown); got {fps}")
     return fps
@@ -99,10 +99,17 @@ def validate_fps(fps: float) -> float:
 
 def validate_start(start_s: float) -> float:
     """Return a finite time of the first frame, else raise `InvalidInputError`."""
-    start_s = float(start_s)
+    start_s = _number(start_s, "start_s")
     if not np.isfinite(start_s):
         raise InvalidInputError(f"start_s must be finite; got {start_s}")
     return start_s
+
+
+def _number(value: Any, name: str) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InvalidInputError(f"{name} must be a number; got {value!r:.60}") from None
 
 
 def frozen(array: AnyArray) -> AnyArray:

@@ -60,7 +60,7 @@ def test_name_of_a_single_file_is_its_stem(tmp_path, extension):
     ("source", "message"),
     [
         ("none.obj", "there is no file or folder '.*none.obj'"),
-        ("frame_%04d.obj", r"to read numbered frames use a pattern such as dir/\*\.obj"),
+        ("frame_%04d.obj", r"no numbered one; .* such as dir/f_%04d\.obj"),
         ("none_*.obj", "the pattern '.*' matches no file"),
     ],
 )

@@ -268,5 +268,5 @@ def test_replace_names_what_several_segments_do_not_have():
     assert whole.replace(fps=50.0, name="both").fps == 50.0
     with pytest.raises(meshreel.ConnectivityChangeError, match=r"segments\[0\]\.surface"):
         whole.replace(surface=SHEET.surface)
-    with pytest.raises(TypeError, match="unexpected argument 'color'"):
+    with pytest.raises(InvalidInputError, match="no parameter 'color'; it has faces, fps"):
         whole.replace(color=1)
