@@ -13,7 +13,7 @@ from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
 from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
-from meshreel.codec.memory import bytes_of
+from meshreel.codec.memory import bytes_of, memory_limit
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.targets import DEFAULT_QUALITY
@@ -134,6 +134,7 @@ def decode(
             memory=memory,
             progress=progress,
         ),
+        memory,
     )
 
 
@@ -413,12 +414,17 @@ def compare(
     )
 
 
-def _with_stream(stream: Any, caller: str, function: Callable[[bytes], Result]) -> Result:
-    """Call `function` with the bytes of a stream or of its file; errors name the file."""
+def _with_stream(
+    stream: Any, caller: str, function: Callable[[bytes], Result], memory: float | str | None = None
+) -> Result:
+    """Call `function` with the bytes of a stream or of its file, which fits in `memory` if remote.
+
+    Errors name the file.
+    """
     if isinstance(stream, Stream):
         return function(bytes(stream))
     if is_remote(stream):
-        data = read_whole(stream)
+        data = read_whole(stream, memory_limit(memory).limit_bytes)
         with errors_naming(stream):
             return function(data)
     if isinstance(stream, str | os.PathLike):

@@ -3,6 +3,7 @@
 import gzip
 import re
 import threading
+import time
 from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -41,8 +42,9 @@ class WebServer:
     `requests` lists method, path and range (or None) of each request; `sent_bytes` counts the bytes
     of all answers. `faults` selects failures: "no ranges" ignores ranges, "no length" omits sizes,
     "cut" truncates answers to GET, "short" answers with half of the range, "refuse" requires
-    credentials. "gzip" encodes answers, "endless" adds zeros to them up to 64 MB, "from 0" answers
-    with the beginning of the file, "other file" and "no place" name another size and no range.
+    credentials. "gzip" encodes answers, "endless" adds zeros to them up to 64 MB, "drip" sends few
+    bytes slowly, "understated" announces half of the size, "from 0" answers with the beginning of
+    the file, "other file" and "no place" name another size and no range.
     `encodings` are those that clients accept.
     """
 
@@ -84,7 +86,8 @@ class WebServer:
         if "no length" in self.faults or ("endless" in self.faults and with_body):
             handler.send_header("Connection", "close")
         else:
-            handler.send_header("Content-Length", str(len(data)))
+            announced = len(data) // 2 if "understated" in self.faults else len(data)
+            handler.send_header("Content-Length", str(announced))
         handler.end_headers()
         if not with_body:
             return
@@ -93,6 +96,9 @@ class WebServer:
             handler.close_connection = True
         self.sent_bytes += len(data)  # before the client continues
         with suppress(ConnectionError):  # the client has enough
+            for number in range(200 if "drip" in self.faults else 0):
+                handler.wfile.write(data[number : number + 1])
+                time.sleep(0.02)
             handler.wfile.write(data)
             for _ in range(64 if "endless" in self.faults else 0):
                 handler.close_connection = True

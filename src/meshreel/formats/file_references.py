@@ -7,8 +7,10 @@ from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.options import ReadOptions
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
-DOWNLOAD_ADDRESSES: dict[Path, str] = {}
-"""Address of the downloaded file in each temporary folder that exists."""
+DOWNLOADS: dict[Path, tuple[str, float]] = {}
+"""The downloaded file in each temporary folder that exists: its address, and the limit in bytes of
+files without an announced size.
+"""
 
 
 def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Path:
@@ -66,12 +68,12 @@ def download_sibling(path: Path) -> bool:
     StoreError
         If the store cannot be reached.
     """
-    for folder, address in DOWNLOAD_ADDRESSES.items():
+    for folder, (address, limit_bytes) in DOWNLOADS.items():
         if path.is_relative_to(folder):
             sibling_address = sibling(address, path.relative_to(folder).as_posix())
             if not exists(sibling_address):
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
-            download(sibling_address, path)
+            download(sibling_address, path, limit_bytes)
             return True
     return False

@@ -123,7 +123,7 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     InvalidInputError, FormatError
         As `meshreel.load`, but an unreadable mesh among several only has a `problem`.
     """
-    with local_copy(source, options.notes) as files:
+    with local_copy(source, options.notes, options.memory) as files:
         source_files = find_files(files)
         check_read_options(source_files.format, options)
         meshes = tuple(_mesh_infos(source_files, options))

@@ -126,7 +126,7 @@ def sequence_of(source: Any, memory: float | str | None = None) -> MeshSequence:
 
 def load_any(source: Source, options: ReadOptions) -> MeshSequence:
     """Load a sequence with options that do not limit the loaded bytes."""
-    with local_copy(source, options.notes) as files:
+    with local_copy(source, options.notes, options.memory) as files:
         return open_any(find_files(files), options)
 
 

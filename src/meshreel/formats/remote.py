@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
 
+from meshreel.codec.memory import memory_limit
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
-from meshreel.formats.file_references import DOWNLOAD_ADDRESSES, download_sibling
+from meshreel.formats.file_references import DOWNLOADS, download_sibling
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source, natural_order
 from meshreel.model.notes import Notes
@@ -25,7 +26,9 @@ from meshreel.runtime.stores.transfer import download
 
 
 @contextmanager
-def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
+def local_copy(
+    source: Source, notes: Notes | None = None, memory: float | str | None = None
+) -> Iterator[Source]:
     """Context manager for a local copy of a remote source, removed on exit; or a local source.
 
     A folder means its frames, a pattern its matches. The mesh of a point cache is downloaded too;
@@ -37,11 +40,13 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         As in `meshreel.load`.
     notes : Notes, optional
         Receives a sentence on the download.
+    memory : float or str, optional
+        Largest size of a file whose server announces none. Default: the limit of decoding.
 
     Raises
     ------
     StoreError
-        If a file does not exist or cannot be reached.
+        If a file does not exist, cannot be reached, or is not sent as announced.
     """
     sources = [source] if isinstance(source, str | os.PathLike) else list(source)
     if not any(map(is_remote, sources)):
@@ -55,7 +60,7 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
     root = Path(tempfile.mkdtemp(prefix="meshreel-")).resolve()
     folder = root / _folder_name(addresses[0])
     try:
-        yield _download(addresses, folder, notes)
+        yield _download(addresses, folder, memory_limit(memory).limit_bytes, notes)
     except MeshReelError as error:
         prefix, address = f"{folder}{os.sep}", f"{_folder(addresses[0])}/"
         # Users know files by their address. Parts of the message may contain paths too: of
@@ -66,15 +71,17 @@ def local_copy(source: Source, notes: Notes | None = None) -> Iterator[Source]:
         )
         raise
     finally:
-        for folder in [path for path in DOWNLOAD_ADDRESSES if path.is_relative_to(root)]:
-            del DOWNLOAD_ADDRESSES[folder]
+        for folder in [path for path in DOWNLOADS if path.is_relative_to(root)]:
+            del DOWNLOADS[folder]
         shutil.rmtree(root, ignore_errors=True)
 
 
 @contextmanager
-def local_file(requested: AnyPath, notes: Notes | None = None) -> Iterator[Path]:
+def local_file(
+    requested: AnyPath, notes: Notes | None = None, memory: float | str | None = None
+) -> Iterator[Path]:
     """Context manager for the local copy of a single file; see `local_copy`."""
-    with local_copy(requested, notes) as source:
+    with local_copy(requested, notes, memory) as source:
         yield Path(cast("AnyPath", source))
 
 
@@ -90,7 +97,9 @@ def _folder_name(address: str) -> str:
     return re.sub(r"[^\w. -]", "_", name_of(_folder(address))).strip(". ") or "frames"
 
 
-def _download(addresses: list[str], folder: Path, notes: Notes | None) -> Source:
+def _download(
+    addresses: list[str], folder: Path, limit_bytes: float, notes: Notes | None
+) -> Source:
     """Download files into a new folder; return the copies as a source."""
     files = [file for address in addresses for file in _resolve(address)]
     names = [name_of(file) for file in files]
@@ -98,9 +107,9 @@ def _download(addresses: list[str], folder: Path, notes: Notes | None) -> Source
         raise InvalidInputError("two remote frames have the same file name; rename one of them")
     folder.mkdir()
     for file, name in zip(files, names, strict=True):
-        download(file, folder / name)
+        download(file, folder / name, limit_bytes)
     if len(files) == 1:
-        DOWNLOAD_ADDRESSES[folder] = without_query(files[0])
+        DOWNLOADS[folder] = without_query(files[0]), limit_bytes
         _fetch_companion(folder / names[0])
     if notes is not None:
         size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6

@@ -91,7 +91,7 @@ def decode_command(
     refuse_stream(output)
     options = WriteOptions(**writing)
     notes = Notes()
-    with local_file(source, notes) if selection is None else nullcontext(source) as stream:
+    with local_file(source, notes, memory) if selection is None else nullcontext(source) as stream:
         inputs = [] if is_remote(source) else [Path(source)]
         check_output(
             output,

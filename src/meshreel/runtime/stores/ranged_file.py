@@ -9,6 +9,7 @@ from typing import Any, BinaryIO, cast
 from meshreel.errors import StoreError
 from meshreel.runtime.stores.address import is_web
 from meshreel.runtime.stores.filesystem import errors_in_words, filesystem_of
+from meshreel.runtime.stores.transfer import receive, web_answer
 
 END_BYTES = 1 << 14
 """Size of the start and of the end that opening a file fetches: header, index, end marker."""
@@ -104,9 +105,9 @@ class RangedFile(io.RawIOBase):
         super().close()
 
     def _connect(self) -> None:
-        filesystem, path = filesystem_of(self.address)
+        self._filesystem, path = filesystem_of(self.address)
         self._process = os.getpid()
-        self._file = filesystem.open(path, "rb", cache_type="none")
+        self._file = self._filesystem.open(path, "rb", cache_type="none")
 
     def _size(self) -> int:
         size_bytes = getattr(self._file, "size", None)
@@ -142,14 +143,9 @@ class RangedFile(io.RawIOBase):
 
     async def _read_web(self, start: int, stop: int) -> bytes:
         """Read a range from a web server; fsspec itself would accept any range, of any size."""
-        file, received = self._file, bytearray()
-        headers = {"Range": f"bytes={start}-{stop - 1}", "Accept-Encoding": "identity"}
-        options = {**file.kwargs, "headers": {**file.kwargs.get("headers", {}), **headers}}
-        async with file.session.get(file.fs.encode_url(file.url), **options) as answer:
-            answer.raise_for_status()
-            encoding = answer.headers.get("Content-Encoding") or "identity"
-            if encoding.lower() != "identity":
-                raise StoreError(self._no_ranges(f"answers with {encoding[:20]}-encoded bytes"))
+        received = io.BytesIO()
+        span = f"bytes={start}-{stop - 1}"
+        async with web_answer(self._filesystem, self._file.url, self.address, Range=span) as answer:
             # A whole file begins with the range at byte 0, and its rest is not read.
             if answer.status != _PARTIAL and start > 0:
                 raise StoreError(self._no_ranges("answers with the whole file"))
@@ -157,12 +153,8 @@ class RangedFile(io.RawIOBase):
             expected = rf"bytes {start}-\d+/({self.size_bytes}|\*)"
             if answer.status == _PARTIAL and not re.fullmatch(expected, content_range):
                 raise StoreError(self._no_ranges(f"answers with the range {content_range[:60]!r}"))
-            while len(received) < stop - start:
-                part = await answer.content.read(stop - start - len(received))
-                if not part:
-                    break
-                received += part
-        return bytes(received)
+            await receive(answer, stop - start, received.write, self.address)
+        return received.getvalue()
 
     def _no_ranges(self, reason: str) -> str:
         return (

@@ -1,6 +1,7 @@
 """Remote files, of which only the needed bytes are fetched and cached."""
 
 import os
+import shutil
 
 import fsspec
 import numpy as np
@@ -153,6 +154,43 @@ def test_requests_ask_for_bytes_without_encoding(web, reel):
 def test_whole_stream_is_decoded_without_range_support(web, reel):
     web.faults.add("no ranges")
     assert meshreel.decode(reel).n_frames == N_FRAMES
+
+
+@pytest.mark.every_case
+@pytest.mark.parametrize("read", [meshreel.decode, meshreel.load])
+@pytest.mark.parametrize(
+    ("fault", "error", "words"),
+    [
+        ("gzip", meshreel.StoreError, "gzip-encoded"),
+        (
+            "endless",
+            meshreel.StoreError,
+            "more than 1 MB, the limit without an announced size",
+        ),
+        ("cut", meshreel.StoreError, "was cut short"),
+        ("understated", meshreel.MeshReelError, "ends too early|failed: Client"),
+        ("drip", meshreel.StoreError, "fewer than 4096 bytes"),
+    ],
+)
+def test_no_answer_brings_more_than_it_may(web, reel, monkeypatch, read, fault, error, words):
+    monkeypatch.setattr("meshreel.runtime.stores.transfer.PATIENCE_S", 0.2)
+    web.faults |= {fault, "no ranges"}
+    with pytest.raises(error, match=words):
+        read(reel, memory="1MB")
+    assert web.sent_bytes < MAX_SOCKET_BYTES
+    assert "identity" in web.encodings
+
+
+def test_only_a_file_in_memory_is_limited_by_its_announced_size(web, reel, monkeypatch):
+    with pytest.raises(meshreel.StoreError, match=r"room for 100 kB; .* memory$"):
+        meshreel.decode(reel, memory="100kB")
+    assert web.sent_bytes < MAX_SOCKET_BYTES
+    meshreel.save(waving_grid(1, 100, 100), web.folder / "walk.obj")
+    assert meshreel.load(f"{web.address}/walk.obj", memory="100kB").n_verts == 10_000
+    usage = shutil.disk_usage(web.folder)._replace(free=1000)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: usage)
+    with pytest.raises(meshreel.StoreError, match="has 575 kB; there is room for 1 kB"):
+        meshreel.load(f"{web.address}/walk.obj")
 
 
 @pytest.mark.parametrize("function", [meshreel.open, meshreel.decode, meshreel.info, meshreel.load])
