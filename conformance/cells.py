@@ -468,8 +468,8 @@ def read_cells(container):
     internal = CellReader(payload.rest(), n_cells, n_nodes, header.n_verts).read()
     faces, sizes, _ = surface_of(internal)
     need((len(faces), len(sizes)) == (header.n_faces, n_faces), "the surface has other faces")
+    need(bool(container.all_of("ORDER")) == (header.order == 0), "ORDER is missing or not needed")
     payload = b"" if header.order else container.only("ORDER")
-    need(header.order == 0 or not container.all_of("ORDER"), "ORDER is not needed")
     order, vertices = read_order(payload, internal, header.n_verts)
     number_of = {vertex: number for number, vertex in enumerate(vertices)}
     output = [Cell(internal[i].code, [number_of[v] for v in internal[i].nodes]) for i in order]

@@ -1182,12 +1182,12 @@ def cells_and(*sections, n_replaced=0):
     return with_section(1, *sections, n_replaced=n_replaced, of=STREAMS["cells_listed"])
 
 
-def with_cells(counts, listed, codes=()):
-    """Return the stream of listed cells with other counts, or with these bytes of CELLS."""
-    payload = bytes(codes)
-    if not codes:
-        cells = of_type(12, boxes(4, 3, 3)[1])
-        payload = encode_cells(cells.types, cells.nodes, 80, listed=listed).data
+def with_cells(counts, listed, second_node=None):
+    """Return the stream of listed cells with other counts, or another node of the first cell."""
+    cells = of_type(12, boxes(4, 3, 3)[1])
+    nodes = cells.nodes.copy()
+    nodes[1] = nodes[1] if second_node is None else second_node
+    payload = encode_cells(cells.types, nodes, 81, listed=listed).data
     return cells_and_payload(write_varints(*counts) + payload)
 
 
@@ -1278,6 +1278,15 @@ def with_long_name():
     block = (layout, basis, np.array([[4, -1, 2]]), None)
     with patch.object(stream_container, "MAX_NAME_BYTES", MAX_NAME_BYTES + 1):
         return by_hand([[0, 1, 2]], 3, [block], name="n" * (MAX_NAME_BYTES + 1))
+
+
+def heated(n_tracks=1, **changes):
+    """Return the worked example with equal tracks, whose header is changed."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    track = replace(HEAT, **changes)
+    of_track = random_block(np.random.default_rng(0), layout, 3, 1, 2, n_columns=track.n_columns)
+    blocks = [(layout, basis, np.array([[4, -1, 2]]), None)]
+    return by_hand([[0, 1, 2]], 3, blocks, tracks=n_tracks * [(track, [of_track])])
 
 
 def with_rests(payload):
@@ -1383,10 +1392,40 @@ for reason, counts in {
 }.items():
     REFUSED[f"cells_{reason}"] = partial(with_cells, counts, True)
     REFUSED[f"cells_walked_{reason}"] = partial(with_cells, counts, False)
+for kind in ("listed", "walked"):
+    REFUSED[f"cells_{kind}_of_a_missing_node"] = partial(
+        with_cells, (36, 288, 66), kind == "listed", second_node=80
+    )
+REFUSED["cells_without_order"] = partial(cells_and, n_replaced=1)
+REFUSED["cells_with_a_dropped_order"] = partial(
+    with_section, 1, (Section.ORDER, b""), of=STREAMS["cells_dropped"]
+)
 REFUSED["cells_of_no_bits"] = partial(cells_and_payload, write_varints(36, 288, 66))
 REFUSED["cells_with_a_zero_byte"] = lambda: cells_and_payload(cells_payload() + b"\0")
 REFUSED["cells_with_more_bytes"] = lambda: cells_and_payload(cells_payload() + b"\0\0\0\0\0\0\0\1")
 REFUSED["track_of_no_cells"] = lambda: with_section(1, (Section.TRACK, write_track(OF_NO_CELLS)))
+HEAT = TrackHeader(
+    "heat", "", "other", Domain.VERTEX, np.dtype(np.float32), 1.0, (0.0,), Coding.MODES, bound=1.0
+)
+for reason, changes in {
+    "negative_bound": {"bound": -1.0},
+    "infinite_bound": {"bound": np.inf},
+    "scale_zero": {"scale": 0.0},
+    "infinite_origin": {"origin": (np.inf,)},
+    **{
+        f"{kind}_of_{width}_numbers": {"kind": kind, "origin": (0.0,) * width}
+        for kind, width in {
+            "vector": 4, "velocity": 2, "normal": 2, "color": 5, "uv": 3, "scalar": 2,
+        }.items()
+    },
+}.items():  # fmt: skip
+    REFUSED[f"track_with_{reason}"] = partial(heated, **changes)
+REFUSED["track_with_more_bytes"] = lambda: with_section(
+    1, (Section.TRACK, write_track(HEAT) + b"\0"), n_replaced=1, of=heated
+)
+REFUSED["tracks_of_one_name"] = partial(heated, 2)
+REFUSED["block_without_a_track"] = partial(with_section, 6, n_replaced=4, of=heated)
+REFUSED["block_with_two_groups_of_a_track"] = partial(with_section, 10, 6, 7, 8, 9, of=heated)
 REFUSED["start_in_a_block"] = partial(with_section, 2, START)
 REFUSED["missing_of_positions"] = partial(with_section, 2, (Section.MISSING, b""))
 REFUSED["basis_after_coefficients"] = partial(with_section, 3, 4, 3, n_replaced=2)

@@ -270,9 +270,11 @@ def read_track(payload):
         need(0 < bound < math.inf, "the bound of an exact track is not positive and finite")
     elif not predicted.is_exact(coding):
         bound, scale = payload.number("d"), payload.number("d")
+        need(0 <= bound < math.inf and 0 < scale < math.inf, "a bound or scale is out of range")
     need(coding == EXACT or number_type in (4, 8), "modes and differences require floats")
     if coding == 0:
         origin = [payload.number("d") for _ in range(n_columns)]
+        need(all(map(math.isfinite, origin)), "an origin is not finite")
     elif coding == predicted.ROTATED:
         need(kind == NORMALS and domain != OF_CELLS, "a rotated track does not contain normals")
         origin = [0.0] * 2
@@ -282,6 +284,7 @@ def read_track(payload):
             "differences require velocities",
         )
         track["rate"] = payload.number("d")
+        need(math.isfinite(track["rate"]), "a rate is not finite")
     if domain == BY_ROW:
         track["rows"] = payload.rest()
     payload.end()
@@ -317,6 +320,8 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
         all_items += [None, Items(cells.neighbors, n_cells, range(n_cells), {})]
     lengths = [Payload(block[0]["BLOCK"]).varint() for block in container.blocks]
     further = [read_track(payload) for payload in container.all_of("TRACK")]
+    names = {track["name"] for track, _ in further}
+    need(len(names) == len(further), "two tracks have the same name")
     positions = {"domain": 0, "coding": int(header.method != "reel")}
     for number, (track, placed) in enumerate([(positions, placement), *further]):
         blocks, values, rows = [], None, track.pop("rows", None)

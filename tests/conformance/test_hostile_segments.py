@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import meshreel
+from conformance.bits import DamagedError
+from conformance.reader import read_all
 from conformance.segments import TETRAHEDRON
 from conformance.sources import grid, moving
 from meshreel.codec.bitstream.container import (
@@ -95,6 +97,11 @@ def references(n=MANY, n_shared=255):
     return first + b"".join(further)
 
 
+def with_overflow(entry):
+    """Return an entry of three blocks instead of one; the sum of their sizes overflows to its."""
+    return entry[:4] + numbers(3, 1, LARGEST, 1, LARGEST, 1, len(parts()[2]) + 2)
+
+
 BAD_PLACE = "a section is longer than the index or the blocks allow"
 TOO_MANY = "more than 2\\^28 frames"
 NO_INDEX = "the index contradicts the blocks"
@@ -142,8 +149,12 @@ REFUSED = {
         NO_INDEX,
     ),
     "blocks whose sizes overflow": (
-        lambda: indexed(whole(1)[0], numbers(4, 4, 1, 24, 3, 1, LARGEST, 1, LARGEST, 1, 4)),
+        lambda: indexed(whole(1)[0], with_overflow(whole(1)[1])),
         NO_INDEX,
+    ),
+    "section behind times": (
+        lambda: indexed(encoded((Section.TIMES, b"\0" + bytes(8)), (0xF0, b""))),
+        "a section follows the index or the times",
     ),
     "2^20 tracks": (lambda: indexed(whole(1)[0], numbers(4, 4, 2**20, 24, 1, 1, 1)), NO_INDEX),
     "more tracks than numbers": (
@@ -192,6 +203,9 @@ def test_every_call_names_what_is_wrong(name):
         meshreel.decode(data)
     with pytest.raises(KINDS[code], match=message):
         read_file(data)
+    if len(data) < 1000:
+        with pytest.raises(DamagedError):
+            read_all(data)
     assert message.replace("\\", "") in text
 
 

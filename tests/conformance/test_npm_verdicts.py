@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from conformance.make import FOLDER
+from conformance import segments
+from conformance.make import FOLDER, REFUSED_FOLDER
 from meshreel.codec.bitstream.container import write_sections
 from meshreel.codec.bitstream.layout import INDEX_POSITION, Section
 from meshreel.codec.reel_file import ReelFile
@@ -84,19 +85,30 @@ def verdict(data):
         return False, False
 
 
+def verdicts_of_node(streams):
+    script = built_package() / "index.js"
+    data = b"".join(struct.pack("<I", len(stream)) + stream for stream in streams)
+    command = ["node", PROGRAM, script.as_uri(), str(MEMORY)]
+    found = subprocess.run(command, input=data, capture_output=True, check=True, timeout=100)
+    return [tuple(one) for one in json.loads(found.stdout)]
+
+
 @pytest.mark.every_case
 @pytest.mark.parametrize("damage", [flipped, rearranged])
 def test_node_accepts_what_python_accepts(damage):
-    script, rng = built_package() / "index.js", np.random.default_rng(20)
+    rng = np.random.default_rng(20)
     streams = [
         damage((FOLDER / f"{name}.reel").read_bytes(), rng)
         for name in NAMES
         for _ in range(draws(100))
     ]
-    data = b"".join(struct.pack("<I", len(stream)) + stream for stream in streams)
-    command = ["node", PROGRAM, script.as_uri(), str(MEMORY)]
-    found = subprocess.run(command, input=data, capture_output=True, check=True, timeout=100)
-    verdicts = [tuple(one) for one in json.loads(found.stdout)]
     expected = list(map(verdict, streams))
-    assert verdicts == expected
+    assert verdicts_of_node(streams) == expected
     assert 0 < expected.count((False, True)) < len(expected)
+
+
+def test_node_refuses_streams_that_break_a_rule():
+    paths = sorted([*REFUSED_FOLDER.glob("*.reel"), *segments.REFUSED_FOLDER.glob("*.reel")])
+    verdicts = verdicts_of_node([path.read_bytes() for path in paths])
+    whole = zip(paths, (is_whole for is_whole, _ in verdicts), strict=True)
+    assert [path.stem for path, is_whole in whole if is_whole] == []
