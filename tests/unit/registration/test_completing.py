@@ -10,9 +10,7 @@ from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
 from samples.captures import capsule
-from samples.meshes import waving_grid
-
-pytestmark = pytest.mark.slow
+from samples.meshes import grid_faces, waving_grid
 
 TOLERANCE = Tolerance(0.005)
 TURN = rotations_of(np.array([[0.3, -0.2, 0.5]]))[0]
@@ -67,8 +65,30 @@ def test_a_patch_closes_the_boundary(keeps):
     assert WHOLE.closest(mesh.centroids).distances.max() < 0.02
     assert mesh.closest(WHOLE.centroids).distances.max() < 0.02
     assert mesh.orientation == 1
+    assert has_sides_once(mesh)
+
+
+def has_sides_once(mesh):
+    """Return whether no two faces have a side in the same direction."""
     sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    assert len(np.unique(sides, axis=0)) == len(sides)
+    return len(np.unique(sides, axis=0)) == len(sides)
+
+
+def test_faces_of_patches_that_conflict_are_left_out():
+    long_faces = cut(lambda points: points[:, 2] < np.inf, 24, 60)
+    assert has_sides_once(completed_by(cut(away(0.3, 0, 0)), long_faces).mesh)
+
+
+@pytest.mark.parametrize(("last_angle", "is_added"), [(0, True), (np.pi, False)])
+def test_surface_that_rolls_back_over_the_key_is_not_added(last_angle, is_added):
+    """Near the boundary it is beyond the key, but most of it is above the key."""
+    angles = np.r_[np.zeros(20), np.linspace(0, last_angle, 10), np.full(20, last_angle)]
+    steps = 0.05 * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
+    profile = np.cumsum(steps, axis=0)[:, np.newaxis]
+    vertices = profile + np.linspace(0, 1, 21)[:, np.newaxis] * [0, 1, 0]
+    flat = TriangleMesh(vertices[:20].reshape(-1, 3), grid_faces(20, 21))
+    rolled = TriangleMesh(vertices.reshape(-1, 3), grid_faces(50, 21))
+    assert bool(completed_by(flat, rolled).n_added) == is_added
 
 
 def test_corners_of_patches_are_at_the_nearest_places():

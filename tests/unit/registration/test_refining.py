@@ -52,6 +52,7 @@ def test_a_finer_limit_adds_vertices_only_where_the_surface_bends():
     added = refined.mesh.vertices[len(vertices) :]
     assert len(added) > 0
     assert added[:, 0] == pytest.approx(0.5, abs=0.051)
+    assert {0.0, 1.0} <= set(added[:, 1])  # boundaries bend too
 
 
 def test_a_mesh_that_is_fine_enough_stays(key):
