@@ -19,7 +19,7 @@ TIMES: dict[str, list[float]] = {
     "solver": [0, 0.005, 0.01, 0.015, 0.0175],
     "random": np.cumsum(RNG.exponential(size=5)).tolist(),
     "across 0": [-2.0, -1.0, 0.0, 1e-300, 3.0],
-    "huge": [-1e307, 0, 1, 1e100, 1e307],
+    "huge": [-1e308, -9e307, 0, 1, 1e100],
     "neighbors": [1, *(1 + np.cumsum([1, 2, 1, 5]) * 2.0**-52)],
     "two": [0.1, 7.5],
     "late": [1e6, 1e6 + 0.011, 1e6 + 0.02],

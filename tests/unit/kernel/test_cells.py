@@ -5,7 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from meshreel.kernel.cells import cell_links
+from meshreel.errors import InvalidInputError
+from meshreel.kernel.cells import cell_links, cell_surface
 
 TETRAHEDRA = [[0, 1, 2, 3], [1, 2, 3, 4], [3, 4, 5, 6]]
 EDGES = {pair for nodes in TETRAHEDRA for pair in combinations(nodes, 2)}
@@ -16,3 +17,12 @@ def test_links_are_edges_of_nodes_or_pairs_of_cells_that_share_a_side(of_cells, 
     types, nodes = np.full(3, 10, np.uint8), np.array(TETRAHEDRA, np.int32).ravel()
     links = cell_links(types, nodes, 7, of_cells=of_cells)
     assert links.tolist() == [[low, high, high] for low, high in sorted(pairs)]
+
+
+@pytest.mark.parametrize("node", [-1, 7])
+def test_nodes_beyond_the_vertices_are_refused(node):
+    types, nodes = np.full(3, 10, np.uint8), np.array(TETRAHEDRA, np.int32).ravel()
+    assert len(cell_surface(types, nodes, 7).sizes) == 10
+    nodes[-1] = node
+    with pytest.raises(InvalidInputError):
+        cell_surface(types, nodes, 7)

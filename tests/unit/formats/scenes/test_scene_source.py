@@ -39,6 +39,17 @@ def opened(meshes, **options):
     return whole.segments[0] if whole.n_segments == 1 else whole
 
 
+def test_merged_meshes_move_at_the_times_of_all_of_them():
+    times_s, slow, fast = np.array([0, 50, 50.05, 100]), waving_grid(2), waving_grid(4)
+    meshes = [scene_mesh(slow, "/slow", times_s[[0, 3]]), scene_mesh(fast, "/fast", times_s)]
+    merged = opened(meshes, merge=True)
+    assert merged.times.tolist() == times_s.tolist()
+    share = times_s[:, np.newaxis, np.newaxis] / 100
+    expected = (1 - share) * slow.vertices[:1] + share * slow.vertices[1:]
+    np.testing.assert_allclose(merged.vertices[:, : slow.n_verts], expected, atol=1e-6)
+    np.testing.assert_array_equal(merged.vertices[:, slow.n_verts :], fast.vertices)
+
+
 def test_single_mesh_is_opened_as_a_sequence():
     sequence = quad_sheet()
     result = opened([scene_mesh(sequence, "/root/sheet")])

@@ -241,6 +241,17 @@ def test_parts_are_meshes(tmp_path, form, notes):
     assert "left out: elements of points, lines and ghosts: bar2, g_hexa8" in notes
 
 
+def test_merged_parts_keep_the_nodes_of_their_solids(tmp_path):
+    bodies = [(CUBE, "hexa8", [*range(8)]), (2 * CUBE, "tetra4", [4, 0, 1, 3])]
+    shapes = [
+        part("<", number, f"body{number}", points, block("<", kind, [nodes]))
+        for number, (points, kind, nodes) in enumerate(bodies, 1)
+    ]
+    merged = load(store(tmp_path, case("g"), g=geometry("<", *shapes)), merge=True)
+    found = merged.vertices[0][merged.surface.cells.nodes]
+    np.testing.assert_array_equal(found, np.concatenate([p[nodes] for p, _, nodes in bodies]))
+
+
 def test_uneven_times_are_kept(tmp_path):
     assert load(moving(tmp_path, "<", times=(0, 0.5, 0.55))).times.tolist() == [0, 0.5, 0.55]
 

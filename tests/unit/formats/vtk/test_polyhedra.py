@@ -16,7 +16,7 @@ from samples.vtk import add_arrays, grid, write_mesh
 
 POINTS, HEXAHEDRA = boxes(3, 1, 1)
 SIDES = [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]]
-NOTE = "left out: the inside of 3 solid cells; cells of type 42 (polyhedron) cannot be stored"
+NOTE = "left out: the inside of 4 solid cells; cells of type 42 (polyhedron) cannot be stored"
 WRITERS = {
     "a.vtu": vtkXMLUnstructuredGridWriter,
     "a.vtk": vtkUnstructuredGridWriter,
@@ -24,23 +24,29 @@ WRITERS = {
 }
 
 
-def faces_of(box):
-    """Return the numbers of faces and corners, and the corners, of a box as a polyhedron."""
-    return [6, *(number for side in SIDES for number in (4, *(int(box[at]) for at in side)))]
+def faces_of(nodes, sides=SIDES):
+    """Return the numbers of faces and corners, and the corners, of a polyhedron, such as a box."""
+    corners = [[len(side), *(int(nodes[at]) for at in side)] for side in sides]
+    return [len(sides), *(number for one in corners for number in one)]
 
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_faces_that_solids_share_are_inner(tmp_path, name, notes):
     first, middle, last = HEXAHEDRA
-    mesh = grid(POINTS, [(42, faces_of(first)), (12, middle), (42, faces_of(last))])
-    add_arrays(mesh.GetCellData(), number=np.array([0.5, 1.5, 2.5]))
+    tip = faces_of(len(POINTS) + np.arange(4), [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]])
+    mesh = grid(
+        np.concatenate([POINTS, [[9, 0, 0], [10, 0, 0], [9, 1, 0], [9, 0, 1]]]),
+        [(42, tip), (42, faces_of(first)), (12, middle), (42, faces_of(last))],
+    )
+    add_arrays(mesh.GetCellData(), number=np.array([0.0, 0.5, 1.5, 2.5]))
     found = load(write_mesh(WRITERS[name](), mesh, tmp_path / name), notes=notes)
     corners = found.vertices[0].astype(float)[found.faces]
-    assert np.linalg.det(corners).sum() / 6 == pytest.approx(3)
-    assert found.surface.n_faces(len(found.faces)) == 14
-    assert found.n_verts == len(POINTS)
+    assert np.linalg.det(corners).sum() / 6 == pytest.approx(3 + 1 / 6)
+    assert found.surface.n_faces(len(found.faces)) == 14 + 4
+    assert found.n_verts == len(POINTS) + 4
     assert found.tracks["number"].domain == "face"
-    assert found.tracks["number"].values.ravel().tolist() == [0.5] * 5 + [1.5] * 4 + [2.5] * 5
+    numbers = [0.0] * 4 + [0.5] * 5 + [1.5] * 4 + [2.5] * 5
+    assert found.tracks["number"].values.ravel().tolist() == numbers
     assert NOTE in notes
 
 
