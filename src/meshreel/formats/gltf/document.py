@@ -9,7 +9,7 @@ import binascii
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -110,12 +110,6 @@ class JsonObject:
             self.read_keys.add((id(self.values), key))
         return self.values.get(key, default)
 
-    @property
-    def is_read(self) -> bool:
-        """Whether any key was read, or there is none."""
-        keys = ((id(self.values), key) for key in self.values)
-        return not self.values or any(key in self.read_keys for key in keys)
-
     def dismiss(self) -> None:
         """Count everything in the object as read, when a note names it as a whole."""
         for key in self.values:
@@ -123,18 +117,6 @@ class JsonObject:
             for inner in value if isinstance(value, list) else [value]:
                 if isinstance(inner, dict):
                     replace(self, values=inner).dismiss()
-
-    def unread(self, excluded: Container[str]) -> Iterator[tuple[str, Any]]:
-        """Yield keys that were not read, and their values, of this object and those within."""
-        for key, value in self.values.items():
-            if key in excluded:
-                continue
-            if (id(self.values), key) not in self.read_keys:
-                yield key, value
-                continue
-            for inner in value if isinstance(value, list) else [value]:
-                if isinstance(inner, dict):
-                    yield from replace(self, values=inner).unread(excluded)
 
     def error(self, key: str, allowed: str) -> FormatError:
         """Return the error for a missing or invalid value of a key."""

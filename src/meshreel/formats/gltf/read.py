@@ -74,6 +74,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     if options.object is None and all(_is_of_segment(mesh, nodes) for mesh in shown):
         names = ["/" + name.strip("/").partition("/")[2] for name in names]
     reader, visibility = GeometryReader(document, notes), Visibilities(motion, sampling)
+    note = partial(note_unread, document, nodes, shown, notes)
     meshes = []
     for name, mesh in zip(names, shown, strict=True):
         times = sampling if _is_animated(mesh, motion) else sampling.first
@@ -82,7 +83,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         scene_mesh = SceneMesh(
             name, times.times_s, posed.frame, posed.surface, times.fps or None,
             positions=posed.positions, visibility=visibility.of(mesh), error_bound=error_bound,
-            note_unread=partial(note_unread, document, nodes, mesh, notes),
+            note_unread=note,
         )  # fmt: skip
         meshes.append(scene_mesh)
     if options.merge and options.object is None and not options.skip_bad:
@@ -262,6 +263,8 @@ class Visibilities:
     def of(self, mesh: ShownMesh) -> Visibility:
         """Return the visibility of a mesh; nodes above a skinned mesh do not scale it."""
         sampling, is_visible = self._sampling, mesh.node not in self._hidden
+        if not self._curves:
+            return Visibility(sampling.times_s[:1], np.array([is_visible]))
         paths = [VISIBLE] if mesh.skin is not None else [VISIBLE, "scale"]
         keys = ((node, path) for node in self._nodes.ancestors(mesh.node) for path in paths)
         curves = [self._curves[key] for key in keys if key in self._curves]

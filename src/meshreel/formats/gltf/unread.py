@@ -25,6 +25,9 @@ BOOKKEEPING = {
 }
 """Keys without content of their own, and why."""
 
+EXCLUDED = LISTS.keys() | BOOKKEEPING.keys()
+"""Keys that are not named: items of the lists are, where meshes refer to them."""
+
 NOUNS = {
     "camera": "cameras",
     "KHR_lights_punctual": "lights",
@@ -44,13 +47,16 @@ Names = dict[str, list[str]]
 def used_items(document: Document, nodes: Nodes, meshes: Iterable[ShownMesh]) -> Items:
     """Return the items to which meshes refer, and those to which these refer."""
     used: Items = {kind: set() for kind in document.lists}
+    meshes = list(meshes)
+    carriers = (node for mesh in meshes for node in (mesh.node, *mesh.carriers))
+    used["nodes"].update(nodes.with_ancestors([*carriers]))
     for mesh in meshes:
-        used["nodes"].update(nodes.with_ancestors([mesh.node, *mesh.carriers]))
         own = nodes.objects[mesh.node].values
         used["meshes"].add(own["mesh"])
         used["skins"].update({own["skin"]} if mesh.skin is not None else ())
-        numbers = (primitive.material for primitive in mesh.mesh.triangles)
-        used["materials"].update(number for number in numbers if number is not None)
+        primitives = [primitive.json.values for primitive in mesh.mesh.triangles]
+        used["materials"].update(_integers(primitives, "material"))
+    used["materials"].intersection_update(range(len(document.lists["materials"])))
     for kind, key, parents in (
         ("textures", "index", "materials"),
         ("images", "source", "textures"),
@@ -94,14 +100,17 @@ def note_other_items(
     _note(names, notes)
 
 
-def note_unread(document: Document, nodes: Nodes, mesh: ShownMesh, notes: Notes) -> None:
-    """Note what was not read of a mesh and of the items to which it refers."""
-    used, names = used_items(document, nodes, [mesh]), defaultdict[str, list[str]](list)
+def note_unread(
+    document: Document, nodes: Nodes, meshes: Sequence[ShownMesh], notes: Notes
+) -> None:
+    """Note what was not read of the meshes that were read, and of the items they refer to."""
+    used = used_items(document, nodes, filter(_has_been_read, meshes))
+    names: Names = defaultdict(list)
     for kind in used.keys() - BOOKKEEPING.keys():
         items = [document.lists[kind][number] for number in sorted(used[kind])]
-        unread = (item for item in items if not item.is_read)
+        unread = [item for item in items if not _is_read(item)]
         names[f"other {kind}"] += (_label(item.values, item.place) for item in unread)
-        _add_unread((item for item in items if item.is_read), names)
+        _add_unread((item for item in items if item not in unread), names)
     _note(names, notes)
 
 
@@ -109,7 +118,7 @@ def _add_unread(items: Iterable[JsonObject], names: Names) -> None:
     """Add the keys of items that were not read, with the labels of the items."""
     for item in items:
         label = _label(item.values, item.place)
-        for key, value in item.unread(LISTS.keys() | BOOKKEEPING.keys()):
+        for key, value in _unread(item.values, item.read_keys):
             for name in _extensions({key: value}) or [key]:
                 labels = [label]
                 if name == "extras" and isinstance(value, dict):
@@ -118,6 +127,30 @@ def _add_unread(items: Iterable[JsonObject], names: Names) -> None:
                     noun = name.removesuffix("s")
                     labels = [_label(entry, f"{noun} {n}") for n, entry in enumerate(value)]
                 names[NOUNS.get(name, name)] += labels
+
+
+def _has_been_read(mesh: ShownMesh) -> bool:
+    attributes = (primitive.attributes for primitive in mesh.mesh.triangles)
+    return any((id(names.values), "POSITION") in names.read_keys for names in attributes)
+
+
+def _is_read(item: JsonObject) -> bool:
+    """Return whether any key of an object was read, or there is none."""
+    keys = ((id(item.values), key) for key in item.values)
+    return not item.values or any(key in item.read_keys for key in keys)
+
+
+def _unread(values: Json, read_keys: set[tuple[int, str]]) -> Iterator[tuple[str, Any]]:
+    """Yield keys that were not read, and their values, of an object and those within."""
+    for key, value in values.items():
+        if key in EXCLUDED:
+            continue
+        if (id(values), key) not in read_keys:
+            yield key, value
+            continue
+        for inner in value if isinstance(value, list) else [value]:
+            if isinstance(inner, dict):
+                yield from _unread(inner, read_keys)
 
 
 def _note(names: Names, notes: Notes) -> None:

@@ -94,8 +94,8 @@ def merge_meshes(
     read_positions = positions if len(readers) == len(meshes) else None
 
     def note_unread() -> None:
-        for mesh in meshes:
-            mesh.note_unread()
+        for note in dict.fromkeys(mesh.note_unread for mesh in meshes):
+            note()
 
     return SceneMesh(
         name, times, frame, surface, fps, tracks, read_positions, note_unread=note_unread,

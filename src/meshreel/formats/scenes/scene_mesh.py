@@ -31,11 +31,6 @@ class Visibility:
     reason: str = ""
     """Why it is hidden, such as "purpose proxy", unless the file simply says so."""
 
-    @property
-    def changes(self) -> bool:
-        """Whether the mesh is hidden only at some times."""
-        return bool(self.is_shown.any() and not self.is_shown.all())
-
     def at(self, times_s: Floats) -> npt.NDArray[np.bool_]:
         """Return whether the mesh is shown at ascending times of shape (T,)."""
         margin_s = np.diff(times_s).min(initial=np.inf) / 2 if len(times_s) > 1 else 0.0
@@ -78,7 +73,9 @@ class SceneMesh:
     keeps_surface: Callable[[int], bool] = lambda frame: True
     """Whether a frame has the surface of the frame before it; otherwise it begins a segment."""
     note_unread: Callable[[], None] = lambda: None
-    """Adds notes on contents of the mesh that were not read; called after everything was read."""
+    """Adds notes on contents of the mesh that were not read; called after everything was read.
+    Meshes of a file may share the function, which then covers all that were read.
+    """
     error_bound: float | None = 0.0
     """As of a `MeshSequence`."""
 

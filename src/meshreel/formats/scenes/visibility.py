@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.formats.scenes.merging import merge_meshes
-from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
 from meshreel.formats.scenes.timing import unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import Notes
@@ -33,8 +33,12 @@ def without_hidden(meshes: Sequence[SceneMesh], notes: Notes) -> list[SceneMesh]
 
 def note_changes(meshes: Sequence[SceneMesh], notes: Notes) -> None:
     """Note the meshes that are hidden only at some times, and are read as if always visible."""
-    names = (mesh.name for mesh in meshes if mesh.visibility.changes)
+    names = (mesh.name for mesh in meshes if _changes(mesh.visibility))
     notes.left_out("changes of visibility", names)
+
+
+def _changes(visibility: Visibility) -> bool:
+    return bool(visibility.is_shown.any() and not visibility.is_shown.all())
 
 
 def meshes_in_turn(
@@ -59,7 +63,7 @@ def meshes_in_turn(
     a mesh is in several groups and may not be.
     """
     visibilities = [mesh.visibility for mesh in meshes]
-    if not any(visibility.changes for visibility in visibilities):
+    if not any(map(_changes, visibilities)):
         return None
     mesh_times = [mesh.times_s for mesh in meshes]
     times_s = unite_times([*mesh_times, *(visibility.times_s for visibility in visibilities)])
@@ -102,8 +106,8 @@ def meshes_in_turn(
         return _are_equal(surface(index - 1), surface(index))
 
     def note_unread() -> None:
-        for part in parts.values():
-            part.note_unread()
+        for note in dict.fromkeys(part.note_unread for part in parts.values()):
+            note()
 
     return SceneMesh(
         name, frame_times_s, frame, surface, rates.pop() if len(rates) == 1 else None, tracks,
