@@ -19,7 +19,6 @@ from meshreel.model.frame_choice import frame_range
 from meshreel.model.sequence import Faces, MeshSequence, frames_by_segment
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
-from meshreel.model.validation import hand_over
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import results_in_order
 
@@ -172,7 +171,9 @@ class _Part:
                 end = min(begin + FRAMES_PER_REPORT, last)
                 reader.fill(positions[begin - selected.start : end - selected.start], begin)
                 progress("decoding", Count(end - selected.start, len(selected), "frames"))
-        return [hand_over(array) for array in (positions, *values)]
+        for array in (positions, *values):
+            array.flags.writeable = False  # so that the sequence keeps it without a copy
+        return [positions, *values]
 
 
 def _is_parallel(part: _Part) -> bool:

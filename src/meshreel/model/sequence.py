@@ -313,7 +313,9 @@ class MeshSequence(Timed):
             vertices=frozen(vertices),
             faces=faces,
             surface=surface,
-            _tracks=validated_tracks(tracks, n_frames, n_verts, len(faces), surface),
+            _tracks=dict(
+                tracks and validated_tracks(tracks, n_frames, n_verts, len(faces), surface)
+            ),
             _error_bound=error_bound,
             _segments=(),
         )

@@ -315,7 +315,7 @@ def test_load_reads_the_undamaged_file(tmp_path, whole):
 @pytest.mark.parametrize("keep", [0, 1, 5, 15, 16, 40, 500, -500, -1])
 def test_load_describes_the_damage_of_a_truncated_file(tmp_path, whole, keep):
     (tmp_path / "a.abc").write_bytes(whole[:keep])
-    with pytest.raises(FormatError, match=r"a\.abc: is (damaged|not an Alembic file)"):
+    with pytest.raises(FormatError, match=r"a\.abc: is (damaged|empty|not an Alembic file)"):
         load(tmp_path / "a.abc", merge=True)
 
 
