@@ -445,6 +445,8 @@ def _with_stream(
 
 def _local(source: Any) -> AbstractContextManager[Any]:
     """Context manager for local copies of remote files; other sources stay as they are."""
+    if isinstance(source, MeshSequence):
+        return nullcontext(source)
     return local_copy(source) if is_path(source) else nullcontext(source)
 
 
@@ -452,6 +454,8 @@ def _source(
     sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
 ) -> MeshSequence:
     """Frames to encode or register, which may be read from their files on demand."""
+    if isinstance(sequence, MeshSequence):
+        return sequence
     if is_path(sequence):
         notes = Notes()
         limit = None if memory is None else bytes_of(memory, "memory")

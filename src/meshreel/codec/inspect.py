@@ -233,13 +233,13 @@ def info(data: bytes, segment: int | None = None) -> StreamInfo:
 
 def bound_notes(sequence: MeshSequence, data: bytes) -> list[Note]:
     """Return notes on the bounds of a stream, given its source, if that is lossy itself."""
+    if sequence.is_original:
+        return []
     sources: dict[str, list[Any]] = {"positions": [*sequence.segments]}
     for segment in sequence.segments:
         for name, track in segment.tracks.items():
             sources.setdefault(f"track {name}", []).append(track)
     bounds = {name: error_bound_of(*parts) for name, parts in sources.items()}
-    if not any(bound != 0.0 for bound in bounds.values()):
-        return []
     stream = info(data)
     stated = {f"track {track.name}" for track in stream.tracks if track.is_exact or track.bound}
     if stream.is_lossless or stream.error_bound_percent:

@@ -61,6 +61,8 @@ class OpenStream:
     error_bound_percent : float or None
         Guaranteed error bound, in percent of the diagonal: 0 if positions are those of the
         original, None if the stream guarantees none.
+    error_bound : float or None
+        The same in model units.
     starts : list of int
         First frame of each complete block, and the number of all frames.
     tracks : tuple of FileTrack
@@ -114,12 +116,8 @@ class OpenStream:
         self.size_bytes: int = info.size_bytes - self.offset
         self.dtype: np.dtype[np.floating] = np.dtype(f"f{info.number_bytes}")
         self.frame: BoundingFrame = BoundingFrame(info.center, info.diagonal)
-
-    @property
-    def error_bound(self) -> float | None:
-        """The guaranteed error bound, in model units."""
         percent = self.error_bound_percent
-        return None if percent is None else percent / 100 * self.frame.scale
+        self.error_bound: float | None = None if percent is None else percent / 100 * info.diagonal
 
     @property
     def n_blocks(self) -> int:

@@ -6,10 +6,8 @@ from io import IOBase
 from pathlib import Path
 from typing import Any
 
-from meshreel.codec.decoder import decode
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.codec.option import takes_fields
-from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import LoadOptions, ReadOptions
@@ -107,6 +105,10 @@ def sequence_of(source: Any, memory: float | str | None = None) -> MeshSequence:
     InvalidInputError
         If it is something else.
     """
+    # Reading other files does not need the decoder.
+    from meshreel.codec.decoder import decode
+    from meshreel.codec.reel_file import ReelFile
+
     if isinstance(source, MeshSequence):
         return source
     if isinstance(source, ReelFile):

@@ -389,6 +389,12 @@ class MeshSequence(Timed):
         return error_bound_of(*self._segments) if self._segments else self._error_bound
 
     @property
+    def is_original(self) -> bool:
+        """Whether no positions or tracks were decoded from a lossy stream."""
+        sources = (one for part in self.segments for one in (part, *part.tracks.values()))
+        return all(getattr(source, "error_bound", 0.0) == 0.0 for source in sources)
+
+    @property
     def shape(self) -> tuple[int, int, int]:
         """Shape of the positions, (T, V, 3), of a sequence of one segment."""
         return self.n_frames, self.n_verts, 3

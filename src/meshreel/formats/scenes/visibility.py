@@ -22,6 +22,8 @@ from meshreel.runtime.counting import counted
 def without_hidden(meshes: Sequence[SceneMesh], notes: Notes) -> list[SceneMesh]:
     """Return the meshes that are shown at some time; all if none is. Notes name the others."""
     hidden = [mesh for mesh in meshes if not mesh.visibility.is_shown.any()]
+    if not hidden:
+        return [*meshes]
     if len(hidden) == len(meshes):
         notes.changed("all meshes are hidden; read as if they were visible")
         return hidden
