@@ -26,6 +26,7 @@ from meshreel.model.notes import (
     Notes,
     note_unwritten_cells,
     note_unwritten_materials,
+    note_unwritten_times,
     note_unwritten_tracks,
 )
 from meshreel.model.surface import SURFACE_DOMAINS, VALUE_TYPES, Attribute, Domain, Kind, Surface
@@ -313,6 +314,7 @@ def _image_files(
 def _write_frames(output_format: FrameFormat, stream: SegmentedStream, paths: list[Path]) -> None:
     """Write one file per frame."""
     remaining_paths = iter(paths)
+    note_unwritten_times(stream.timing, len(paths), output_format.extension, stream.notes)
     assert output_format.encoder is not None  # check_output rejects read-only formats
     for segment in stream.segments():
         note_unwritten_materials(segment.surface, output_format.extension, segment.notes)

@@ -128,6 +128,15 @@ class Notes(list[Note]):
                 return
         self.append(Note(kind, subject, [*distinct]))
 
+    def merge(self, others: Iterable[Note]) -> None:
+        """Add notes on a similar input: names to those of the same subject, and new subjects."""
+        subjects = {(note.kind, note.subject) for note in self}
+        for note in others:
+            if note.names:
+                self.list_names(note.kind, note.subject, note.names)
+            elif (note.kind, note.subject) not in subjects:
+                self.append(note)
+
     def discard(self, subject: str) -> None:
         """Remove the notes on a subject."""
         self[:] = [note for note in self if note.subject != subject]
@@ -193,6 +202,18 @@ def written_times(timing: Timing, n_frames: int, notes: Notes) -> Floats:
         return np.array([timing.start_s])
     times: Floats = timing.start_s + np.arange(n_frames) / written_rate(timing, notes)
     return times
+
+
+def note_unwritten_times(timing: Timing, n_frames: int, extension: str, notes: Notes) -> None:
+    """Add a note on frame rate, times and start that files of one frame cannot store."""
+    facts = []
+    if n_frames > 1 and timing.times is not None:
+        facts.append("frame times")
+    elif n_frames > 1 and timing.fps:
+        facts.append(f"the frame rate of {timing.fps:g} per second")
+    if timing.start_s:
+        facts.append(f"the start at {timing.start_s:g} s")
+    _note_unwritable(notes, extension, facts)
 
 
 def note_unwritten(

@@ -165,8 +165,39 @@ XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
         (
             "a.obj",
             f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
-            [NORMALS, "points", "the material library"],
+            [NORMALS, "the material library", "points"],
         ),
+        (
+            "a.obj",
+            f"# made by hand\nvt 0 0 0.5\nvp 0.1 1\nlod 3\n{PLAIN_OBJ}v 5 0 0 0.5\nf 1/1 2/1 3/1\n",
+            [
+                "statements: vp, lod",
+                "weights, or colors of some vertices",
+                "third texture coordinates",
+            ],
+        ),
+        (
+            "a.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\n",
+            ["texture coordinates of no face"],
+        ),
+        (
+            "a.ply",
+            PLY.format(
+                properties="property float nx\nobj_info 3\ncomment TextureFile a.png\n",
+                face_properties="",
+                elements="element edge 0\n",
+            )
+            + "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n",
+            ["lines of the header: line 8 'obj_info 3'", "texture images: a.png", NORMALS],
+        ),
+        (
+            "a.stl",
+            "solid a part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+            "vertex 0 1 0\nendloop\nendfacet\nendsolid\n",
+            ["names of solids: a part"],
+        ),
+        ("a.off", "OFF\n3 1 0\n0 0 0 7\n1 0 0\n0 1 0\n3 0 1 2\n", ["further numbers of vertices"]),
         (
             "a.ply",
             PLY.format(
@@ -204,6 +235,26 @@ XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
 )
 def test_other_contents_of_text_files_are_noted(tmp_path, name, text, noted):
     assert left_out(stored(tmp_path, name, text)) == noted
+
+
+def test_contents_of_later_frames_are_noted(tmp_path):
+    for number, names in enumerate([["p 1"], ["p 1", "vp 0 1"], ["deg 3"]]):
+        stored(tmp_path, f"f_{number}.obj", "\n".join([PLAIN_OBJ, *names]))
+    assert left_out(tmp_path) == ["points", "statements: vp, deg"]
+
+
+def test_arrays_that_belong_to_nothing_are_noted(tmp_path):
+    grid = waving_grid(2)
+    np.savez(
+        tmp_path / "a.npz",
+        vertices=grid.vertices,
+        faces=grid.faces,
+        cell_types=10,
+        group_0_labels=["a"],
+    )
+    assert left_out(tmp_path / "a.npz") == [
+        "arrays that no other refers to: cell_types, group_0_labels"
+    ]
 
 
 def test_stl_spare_bytes_are_noted(tmp_path):

@@ -107,6 +107,29 @@ def _read_timing(arrays: Mapping[str, Array], fps: float | None, n_frames: int |
     return Timing.of_rate(_number(arrays, "fps") if fps is None else fps, start_s)
 
 
+READ_ELSEWHERE = re.compile(r"fps|start_s|times|name|track_\w+")
+"""Times and names, which options may replace, and descriptions of tracks."""
+
+
+class _ReadArrays(dict[str, Array]):
+    """Named arrays that know which of them were not read."""
+
+    def __init__(self, arrays: Mapping[str, Array]) -> None:
+        super().__init__(arrays)
+        names = filter(RESERVED_NAMES.fullmatch, arrays)
+        self.unread = {name for name in names if not READ_ELSEWHERE.fullmatch(name)}
+
+    def __getitem__(self, name: str) -> Array:
+        """Return an array, and record it."""
+        self.unread.discard(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return an array, if it exists, and record it."""
+        self.unread.discard(name)
+        return super().get(name, default)
+
+
 def read_description(
     arrays: Mapping[str, Array],
     name: str,
@@ -134,10 +157,14 @@ def read_description(
     InvalidInputError
         If there are not `n_frames` times, or they do not ascend.
     """
-    surface, faces = _read_surface(arrays), arrays.get("faces", np.empty((0, 3), np.int32))
+    arrays = _ReadArrays(arrays)
+    surface = _read_surface(arrays)
     if "cells" in arrays:
         faces, cell_surface = surface_of_cells(_read_cells(arrays), n_verts)
         surface = replace(surface, face_sizes=cell_surface.face_sizes, cells=cell_surface.cells)
+    else:
+        faces = arrays.get("faces", np.empty((0, 3), np.int32))
+    options.notes.left_out("arrays that no other refers to", sorted(arrays.unread))
     return Description(
         faces,
         _text(arrays.get("name")) or name,

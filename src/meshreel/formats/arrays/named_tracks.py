@@ -16,7 +16,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import Description, StoredTrack, parse_track_kind
-from meshreel.model.notes import Notes, listed
+from meshreel.model.notes import Note, NoteKind, Notes, listed
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import (
     MAX_COLUMNS,
@@ -109,10 +109,11 @@ def named_tracks(
         else:
             tracks[candidate.name] = track
     if other_paths:
-        notes.left_out(
-            f"arrays: {listed(other_paths)}; tracks are numbers of shape ({n_frames}, N) or "
-            f"({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}",
+        text = (
+            f"left out: arrays: {listed(other_paths)}; tracks are numbers of shape ({n_frames}, N) "
+            f"or ({n_frames}, N, C), C up to {MAX_COLUMNS}, for {describe_sizes(sizes)}"
         )
+        notes.append(Note(NoteKind.LEFT_OUT, "arrays", other_paths, text))
     return tracks
 
 

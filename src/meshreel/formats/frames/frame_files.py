@@ -136,6 +136,7 @@ class _Run:
         self._positions: deque[tuple[Vertices, npt.NDArray[np.int64] | None]] = deque()
         self._data = FrameData(first.fields)
         self._differing_names: dict[str, None] = {}
+        self._notes = Notes(first.notes)
         self._n_frames = 0
         self._keep(first.mesh.vertices)
 
@@ -146,6 +147,7 @@ class _Run:
         self.kept_bytes += self._data.add(frame.fields)
         names = differing_names(_without_data(self.first), _without_data(frame))
         self._differing_names.update(dict.fromkeys(names))
+        self._notes.merge(frame.notes)
         self._keep(frame.mesh.vertices)
         return True
 
@@ -170,7 +172,7 @@ class _Run:
     def sequence(self, name: str, options: ReadOptions) -> FrameSource:
         """Return the frames: loaded, or read from their files on demand."""
         timing = Timing.of_rate(options.fps or 0.0).part(range(self._start, self._start + 1))
-        mesh, notes = self.first.mesh, Notes(self.first.notes)
+        mesh, notes = self.first.mesh, Notes(self._notes)
         surface = self._surface(notes)
         rows: slice | npt.NDArray[np.int64] = slice(None)
         if self._welder is None:

@@ -33,10 +33,11 @@ N_COLORED = 6
 """Numbers of a vertex with a color."""
 
 LEFT_OUT = {
-    b"l": "lines", b"p": "points", b"mtllib": "the material library",
-    b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces",
+    "l": "lines", "p": "points", "mtllib": "the material library", "curv": "curves",
+    "curv2": "curves", "surf": "free-form surfaces", "vt": "texture coordinates of no face",
+    "s": "smoothing groups, as there are normals",
 }  # fmt: skip
-"""What notes call the contents of unsupported statements."""
+"""What notes call the contents of statements that are not read; others are listed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ def read_obj(data: bytes) -> Frame:
 
     Colors that are integers beyond 1 are read as 0..255 and scaled to floats in 0..1. Corners
     without a valid texture coordinate get (0, 0) if others have one. Objects are parts if their
-    faces use only their own vertices, otherwise groups; a single object is neither. Normals belong
+    faces use only their own vertices, and there are several; otherwise groups. Normals belong
     to vertices if each corner uses the same index for vertex and normal, otherwise to corners;
     corners without a normal get NaN. Normals that are not numbers are ignored.
 
@@ -85,7 +86,7 @@ def read_obj(data: bytes) -> Frame:
     surface = Surface(
         None,
         tuple(attributes),
-        tuple(group for group in groups if group.labels and not _is_redundant(group, parts)),
+        tuple(group for group in groups if group.labels and not (group.name == "object" and parts)),
         parts,
     )
     fields, notes = fields_of(attributes), Notes()
@@ -94,10 +95,28 @@ def read_obj(data: bytes) -> Frame:
         fields[domain, NORMALS_NAME] = values, Field(values.dtype, 3, NORMALS)
     elif len(lines.all.beginning_with(b"vn")):
         note_normals(notes)
-    for word, contents in LEFT_OUT.items():
-        if len(lines.all.beginning_with(word)):
-            notes.left_out(contents)
+    _note_left_out(lines, surface, notes, has_normals=normals is not None)
     return Frame(mesh, surface, fields, notes, partial(_hard_edges, lines, mesh, normals))
+
+
+def _note_left_out(lines: _Lines, surface: Surface, notes: Notes, *, has_normals: bool) -> None:
+    """Name all statements and numbers that are not read."""
+    kinds = {attribute.kind for attribute in surface.attributes}
+    read = [b"#", b"v", b"vn", b"f", *STATEMENTS.values()]  # comments are for people
+    read += [b"vt"] * (Kind.UV in kinds) + [b"s"] * (not has_normals)
+    others = lines.all.other_first_words(read)
+    for contents in dict.fromkeys(LEFT_OUT[word] for word in others if word in LEFT_OUT):
+        notes.left_out(contents)
+    notes.left_out("statements", (word for word in others if word not in LEFT_OUT))
+    for word, n_read, contents in (
+        (b"v", N_COLORED if Kind.COLOR in kinds else 3, "weights, or colors of some vertices"),
+        (b"vt", 2, "third texture coordinates"),
+    ):
+        rows = lines.all.beginning_with(word)
+        rows = rows[lines.all.counts[rows] > n_read + 1]
+        numbers = {lines.all.word(token) for token in lines.all.first[rows] + n_read + 1}
+        if numbers - {"0", "1", "0.0", "1.0", "0.000000", "1.000000"}:
+            notes.left_out(contents)
 
 
 def _mesh(lines: _Lines) -> PolygonMesh:
@@ -198,12 +217,6 @@ def _groups(lines: _Lines, name: str) -> FaceGroups:
         if label := lines.all.words_after_first(int(statements[row])):
             numbers[row] = labels.setdefault(label, len(labels))
     return FaceGroups(name, tuple(labels), numbers[last_statements])
-
-
-def _is_redundant(groups: FaceGroups, parts: tuple[Part, ...]) -> bool:
-    """Whether groups are objects that equal the parts, or a single object with all faces."""
-    is_whole = len(groups.labels) == 1 and bool((groups.numbers == 0).all())
-    return groups.name == "object" and (is_whole or bool(parts))
 
 
 def _parts(lines: _Lines, mesh: PolygonMesh) -> tuple[Part, ...]:

@@ -75,6 +75,10 @@ def read_off(data: bytes) -> Frame:
     if face_colors is None and (lines.counts[face_lines] > counts + 1).any():
         notes.left_out("face colors, which not all faces have as three or four numbers")
     surface = Surface(attributes=tuple(filter(None, attributes)))
+    of_vertices = [one for one in surface.attributes if one.domain is Domain.VERTEX]
+    n_read = 3 + 3 * ("N" in keyword) + sum(one.values.shape[1] for one in of_vertices)
+    if (lines.counts[vertex_lines] > n_read).any():
+        notes.left_out("further numbers of vertices")
     return Frame(mesh, surface, notes=notes)
 
 

@@ -54,6 +54,7 @@ def read_ply(data: bytes) -> Frame:
     mesh = polygon_mesh(_vertices(vertices), *faces.lists(_indices(faces)))
     notes = Notes()
     notes.left_out("lines of the header", header.skipped)
+    notes.left_out("texture images", header.textures)
     attributes, fields = list[Attribute](), dict[Key, tuple[Values, Field]]()
     scalars = {
         column.name: column for column in vertices.element.properties if not column.count_code

@@ -65,6 +65,8 @@ class PlyHeader:
     elements: tuple[PlyElement, ...]
     body_start: int
     skipped: tuple[str, ...] = ()
+    textures: tuple[str, ...] = ()
+    """Names of images in comments."""
 
 
 def read_ply_header(data: bytes) -> PlyHeader:
@@ -78,7 +80,7 @@ def read_ply_header(data: bytes) -> PlyHeader:
     if data[:3] != b"ply" or data[3:4] not in (b"\n", b"\r"):
         raise FormatError("does not begin with a line 'ply'; it is not a PLY file")
     end, body_start = _end_of_header(data)
-    encoding, elements, skipped = "", list[PlyElement](), list[str]()
+    encoding, elements, skipped, textures = "", list[PlyElement](), list[str](), list[str]()
     text = data[:end].decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.split("\n"), start=1):
         match line.split():
@@ -88,15 +90,19 @@ def read_ply_header(data: bytes) -> PlyHeader:
                 elements.append(PlyElement(name, int(count)))
             case ["property", *words] if elements:
                 elements[-1] = _with_property(elements[-1], words, number)
-            case [] | ["ply" | "comment" | "obj_info", *_]:
+            case ["comment", "TextureFile" | "texture", *words] if words:
+                textures.append(" ".join(words))
+            case [] | ["ply" | "comment", *_]:  # comments are for people
                 pass
-            case words if words[0] not in KEYWORDS and TYPE_CODES.keys().isdisjoint(words):
+            case words if words[0] not in KEYWORDS and (
+                words[0] == "obj_info" or TYPE_CODES.keys().isdisjoint(words)
+            ):
                 skipped.append(f"line {number} {line.strip()[:60]!r}")
             case _:  # misspelled properties too: ignoring them would shift the data
                 raise FormatError(f"line {number}: {line[:60]!r} is not a line of a PLY header")
     if not encoding:
         raise FormatError(f"the header has no format line; expected one of {', '.join(ENCODINGS)}")
-    return PlyHeader(encoding, tuple(elements), body_start, tuple(skipped))
+    return PlyHeader(encoding, tuple(elements), body_start, tuple(skipped), tuple(textures))
 
 
 def _end_of_header(data: bytes) -> tuple[int, int]:

@@ -5,6 +5,7 @@ in every frame. Written files are binary: float64 positions are rounded to float
 6e-8). Normals are ignored on reading and computed on writing.
 """
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -22,6 +23,10 @@ from meshreel.model.sequence import Vertices
 
 HEADER_BYTES = 80
 TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+COLORED = re.compile(rb"(COLOR|MATERIAL)=")
+"""What begins a color in the header; other text of the header is for people."""
 
 
 def read_stl(data: bytes) -> Frame:
@@ -43,8 +48,12 @@ def read_stl(data: bytes) -> Frame:
         corners = triangles["corners"].reshape(-1, 3).astype(np.float32)
         if triangles["attribute"].any():
             notes.left_out("spare bytes of triangles, such as colors")
+        if COLORED.search(data, 0, HEADER_BYTES):
+            notes.left_out("colors of the header")
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _parse_ascii(split_lines(data.lower()))
+        names = re.findall(rb"^\s*solid[ \t]+(\S[^\r\n]*?)\s*$", data, re.IGNORECASE | re.MULTILINE)
+        notes.left_out("names of solids", (name.decode("latin-1") for name in names))
     else:
         raise FormatError(
             f"is {len(data)} bytes long; a binary STL with the declared number of triangles has "

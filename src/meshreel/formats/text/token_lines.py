@@ -7,7 +7,7 @@ columns, or of mixed length.
 
 import codecs
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -82,6 +82,15 @@ class TokenLines:
         for offset, code in enumerate(word):
             lines = lines[codes[starts[lines] + offset] == code]
         return lines
+
+    def other_first_words(self, known: Iterable[bytes]) -> list[str]:
+        """Return the first words of lines that do not begin with one of the known words."""
+        is_known = np.zeros(self.n_lines, bool)
+        for word in known:
+            is_known[self.beginning_with(word)] = True
+        tokens = self.first[~is_known]
+        words = dict.fromkeys(self._words(tokens)) if len(tokens) else {}
+        return [word.decode("latin-1") for word in words]
 
     def floats(self, tokens: Integers) -> npt.NDArray[np.float64]:
         """Parse words as correctly rounded float64, in the shape of `tokens`.

@@ -191,8 +191,8 @@ def test_other_objects_are_groups(data, expected):
     assert read_obj(data).surface.parts == ()
 
 
-def test_single_object_is_neither_part_nor_group():
-    assert read_obj(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n").surface.is_plain
+def test_single_object_is_a_group():
+    assert groups_of(b"o a\n" + SQUARE + b"s 1\nf 1 2 3\no unused\n") == [("object", ("a",), [0])]
 
 
 def test_obj_parts_round_trip(tmp_path):
