@@ -24,7 +24,7 @@ import contents
 import meshreel
 from contents.items import Balance, Item, balance, items_of
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.registry import FORMATS
+from meshreel.formats.registry import FORMATS, extension_of
 from meshreel.studies.study import markdown_table
 
 HELPERS = ("__init__", "items")
@@ -66,7 +66,7 @@ def balance_of_writing(sequence: meshreel.MeshSequence, path: Path, walk: Walk) 
 
 def merges(path: Path) -> bool:
     """Return whether files of this format may have several meshes, which are to be merged."""
-    kind = FORMATS[path.suffix.lower()]
+    kind = FORMATS[extension_of(path)]
     return isinstance(kind, SequenceFormat) and kind.read_meshes is not None
 
 
@@ -98,19 +98,19 @@ def main() -> None:
     readers = walks()
     if arguments.one:
         [path] = arguments.paths
-        print(json.dumps(asdict(balance_of_reading(path, readers[path.suffix.lower()]))))
+        print(json.dumps(asdict(balance_of_reading(path, readers[extension_of(path)]))))
         return
     found = [
         path
         for start in arguments.paths
         for path in (sorted(start.rglob("*")) if start.is_dir() else [start])
-        if path.suffix.lower() in readers and path.is_file()
+        if extension_of(path) in readers and path.is_file()
         and path.stat().st_size <= MAX_FILE_BYTES
     ]  # fmt: skip
     totals: dict[str, Counter[str]] = defaultdict(Counter)
     for path in found:
         result = check_apart(path)
-        counts = totals[path.suffix.lower()]
+        counts = totals[extension_of(path)]
         counts["files"] += 1
         if isinstance(result, str):
             counts["refused"] += 1

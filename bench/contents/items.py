@@ -138,7 +138,7 @@ DEFAULTS = Material("")
 def items_of(sequence: MeshSequence) -> Iterator[Item]:
     """Yield what a sequence holds."""
     times = sequence.timing.seconds(sequence.n_frames)
-    if times is not None:
+    if times is not None and (len(times) > 1 or times[0]):
         yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
     if sequence.n_segments > 1:
         yield Item(Sort.VISIBILITY, "segments")
@@ -165,13 +165,17 @@ def _items_of(segment: FrameSource) -> Iterator[Item]:
         sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
         values = attribute.per_item()
         yield Item(sort, attribute.name, _colors(values) if is_color else values)
-    labels = [label for groups in surface.groups for label in groups.labels]
-    for label in [*labels, *(part.name for part in surface.parts)]:
-        yield Item(Sort.GROUP, label, words=("parts",))
+    for groups in surface.groups:
+        for label in groups.labels:
+            yield Item(Sort.GROUP, label, words=(f"groups {groups.name!r}",))
+    for part in surface.parts:
+        yield Item(Sort.GROUP, part.name, words=("parts",))
     for material in surface.materials:
         yield from _items_of_material(material)
     for image in surface.images:
-        yield Item(Sort.IMAGE, image.name or "image", len(image.data), ("texture image",))
+        yield Item(
+            Sort.IMAGE, image.name or "image", len(image.data), ("texture image", "texture images")
+        )
     if surface.hard_edges is not None:
         yield Item(Sort.EDGES, "hard edges", words=("hard edge",))
 
