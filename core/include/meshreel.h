@@ -280,7 +280,8 @@ enum meshreel_type {
 
 enum meshreel_attribute_kind { MESHREEL_UV = 0, MESHREEL_COLOR = 1, MESHREEL_OTHER = 2 };
 
-/* Values that do not change over time. Item i of the domain has row rows[i] of `values`, or row i
+/* Values that do not change over time. Colors are in sRGB (IEC 61966-2-1), their fourth number is
+   opacity: floats in 0..1, integers in 0..255. Item i of the domain has row rows[i] of `values`, or row i
    if `rows` is NULL. */
 typedef struct meshreel_attribute {
     meshreel_text name;
@@ -331,7 +332,7 @@ typedef struct meshreel_material {
     meshreel_text name;
     uint32_t alpha_mode; /* 0: opaque, 1: mask, 2: blend */
     uint32_t is_double_sided, is_unlit, reserved;
-    double base_color[4], metallic, roughness, emissive[3];
+    double base_color[4], metallic, roughness, emissive[3]; /* colors are linear */
     double normal_scale, occlusion_strength, alpha_cutoff;
     meshreel_texture textures[MESHREEL_SLOTS];
 } meshreel_material;
@@ -378,7 +379,7 @@ enum meshreel_track_kind {
     MESHREEL_TRACK_SCALAR = 6
 };
 
-/* A quantity that changes over time. */
+/* A quantity that changes over time. Colors are as those of attributes, or uint16 in 0..65535. */
 typedef struct meshreel_track {
     meshreel_text name, unit; /* empty for positions */
     uint32_t kind, domain, type;

@@ -27,6 +27,7 @@ namespace Meshreel
         Int32 = 36, Int64 = 40
     }
 
+    /// <summary>Colors are in sRGB (IEC 61966-2-1), with linear opacity: floats 0..1, integers 0..255.</summary>
     public enum ReelAttributeKind { Uv = 0, Color = 1, Other = 2 }
     public enum ReelTrackKind { Other = 0, Vector = 1, Velocity = 2, Normal = 3, Color = 4, Uv = 5, Scalar = 6 }
     public enum ReelAlphaMode { Opaque = 0, Mask = 1, Blend = 2 }
@@ -215,7 +216,7 @@ namespace Meshreel
         public double[] Scale { get; internal set; }
     }
 
-    /// <summary>A material with the parameters of glTF. Missing textures are null.</summary>
+    /// <summary>A material with the parameters of glTF; its colors are linear. Missing textures are null.</summary>
     public sealed class ReelMaterial
     {
         public string Name { get; internal set; }

@@ -201,6 +201,7 @@ export interface TrackFields extends BlockFields {
 /** Values of the items of a domain that are the same in all frames: UVs, colors. */
 export interface Attribute {
   readonly name: string;
+  /** Colors are in sRGB, their fourth number is opacity: floats in 0..1, integers in 0..255. */
   readonly kind: "uv" | "color" | "other";
   readonly domain: Domain;
   /** Numbers per value. */
@@ -233,7 +234,7 @@ export interface MaterialTexture {
   readonly wrapV: number;
 }
 
-/** A material with the parameters of glTF 2.0. */
+/** A material with the parameters of glTF 2.0; its colors are linear. */
 export interface Material {
   readonly name: string;
   readonly alphaMode: "opaque" | "mask" | "blend";

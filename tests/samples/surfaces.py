@@ -33,6 +33,14 @@ def attribute(kind, domain, width, dtype=np.float32, *, name="", rows=0):
     return Attribute(name or kind.value, kind, Domain(domain), values.astype(dtype), indices)
 
 
+def srgb(linear):
+    """Return linear colors of shape (..., C) in sRGB, as IEC 61966-2-1 defines it, as float32."""
+    result = np.array(linear, np.float64)
+    rgb = result[..., :3]
+    result[..., :3] = np.where(rgb <= 0.0031308, 12.92 * rgb, 1.055 * rgb ** (1 / 2.4) - 0.055)
+    return result.astype(np.float32)
+
+
 def groups(name, labels, numbers):
     """Return face groups of the cube."""
     return FaceGroups(name, tuple(labels), np.array(numbers, np.int32))

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.formats.scenes.parts import PartMesh
+from meshreel.model.colors import to_linear
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 
 MAX_UV_MAPS = 8
@@ -109,8 +110,8 @@ def _add_colors(mesh: Any, part: PartMesh, notes: list[str]) -> None:
             domain="POINT" if is_point else "CORNER",
         )
         opaque = np.ones((len(values), 4), np.float32)
-        opaque[:, : values.shape[1]] = values / 255 if is_bytes else values
-        # Bytes are stored as sRGB, without conversion to linear.
+        # Blender stores bytes in sRGB and floats in linear form.
+        opaque[:, : values.shape[1]] = values / 255 if is_bytes else to_linear(values)
         layer.data.foreach_set("color_srgb" if is_bytes else "color", opaque.ravel())
 
 

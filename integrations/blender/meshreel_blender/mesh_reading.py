@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from meshreel.formats.surfaces.hard_edges import find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.colors import colors_of_linear
 from meshreel.model.geometry.hard_edges import next_corners, remaining_edges
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 
@@ -76,8 +77,7 @@ class MeshReading:
     def _color(self, mesh: Any, layer: Any) -> Attribute:
         is_bytes = layer.data_type == "BYTE_COLOR"
         values = _floats(layer.data, "color_srgb" if is_bytes else "color", 4)
-        if is_bytes:
-            values = np.rint(values * 255).astype(np.uint8)
+        values = np.rint(values * 255).astype(np.uint8) if is_bytes else colors_of_linear(values)
         if layer.domain == "POINT":
             return Attribute(layer.name, Kind.COLOR, Domain.VERTEX, values)
         return Attribute(layer.name, Kind.COLOR, Domain.CORNER, self._corners(mesh, values))

@@ -56,8 +56,8 @@ class Attribute:
     name : str
         Name in the file, or the name of the kind ("uv", "color").
     kind : Kind
-        A texture coordinate has two numbers, v pointing up; a color three or four, in 0..1 if they
-        are floats, in 0..255 if they are bytes.
+        A texture coordinate has two numbers, v pointing up; a color three or four: red, green, blue
+        in sRGB (IEC 61966-2-1), and opacity. Floats are in 0..1 or beyond, integers in 0..255.
     domain : Domain
     values : uint8, int32, float32 or float64 array of shape (N, C)
         C in 1..16.

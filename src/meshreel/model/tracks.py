@@ -98,8 +98,8 @@ class Track:
         Elements that have values; faces are polygons, with their corners.
     kind : str or TrackKind, optional
         "scalar", "vector" (2 or 3 components), "velocity" (3; model units per second), "normal" (3;
-        unit length), "color" (3 or 4; floats in 0..1), "uv" (2) or "other". Default: "scalar" for
-        one component, "vector" for two or three, else "other".
+        unit length), "color" (3 or 4; as in `Attribute`), "uv" (2) or "other". Default: "scalar"
+        for one component, "vector" for two or three, else "other".
     unit : str, default ""
         Unit of the values, such as "Pa".
     error_bound : float or None, default 0

@@ -35,7 +35,7 @@ class ProjectedSurface:
     normals: Singles  # (M, 3, 3), or (M, 3) when flat
     colors: Singles  # (M, 3, 3), or (3,) when all are the same
     side: Singles  # (M,): -1 for back faces
-    glow: float
+    glow: Singles  # (M,)
 
 
 def project_surface(
@@ -46,7 +46,7 @@ def project_surface(
     camera: Camera,
     colors: Singles,
     smooth: bool,
-    glow: float,
+    glow: Singles,
     shading: RowNormals | None,
 ) -> ProjectedSurface:
     """Return the shading inputs of a frame from its projected vertices.
@@ -58,7 +58,8 @@ def project_surface(
         From `Camera.project` and `inverse_depths`.
     faces : int32 array of shape (M, 3)
     colors : float32 array of shape (3,), (V, 3) or (M, 3, 3), sRGB in 0..255
-    smooth, glow, shading
+    glow : float32 array of shape (M,)
+    smooth, shading
         As in `meshreel.rendering.rasterizer.render`.
     """
     ab, ac = (points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))
@@ -159,7 +160,7 @@ def _shade_chunk(surface: ProjectedSurface, ids: Integers, centers: Floats) -> S
     else:
         colors = _blend(share, surface.colors[ids])
     shaded = shade(_unit_or_facing(normals), colors)
-    return shaded if surface.glow == 0 else shaded + np.float32(surface.glow) * (colors - shaded)
+    return shaded + surface.glow[ids, None] * (colors - shaded)
 
 
 def _blend(share: Singles, values: Singles) -> Singles:

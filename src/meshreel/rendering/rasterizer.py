@@ -29,7 +29,7 @@ def render(
     smooth: bool = True,
     shading: RowNormals | None = None,
     shown: npt.NDArray[np.bool_] | None = None,
-    glow: float = 0.0,
+    glow: float | Singles = 0.0,
     supersample: int = 2,
 ) -> Image:
     """Render one frame with two-sided shading and lights attached to the camera.
@@ -52,8 +52,9 @@ def render(
         Which corners share an interpolated normal. Default: all corners of a vertex.
     shown : bool array of shape (M,), optional
         Which faces are drawn; the others still contribute to normals. Default: all.
-    glow : float
-        Unlit share of every color, 0..1, which keeps heat maps readable in the shade.
+    glow : float, or float array of shape (M,)
+        Unlit share of the color of all faces or of each, 0..1, which keeps heat maps readable in
+        the shade.
     supersample : int
         Samples along each side of a pixel, 1..8.
 
@@ -69,10 +70,11 @@ def render(
     """
     if supersample not in range(1, _MAX_SUPERSAMPLE + 1):
         raise InvalidInputError(f"supersample must be in 1..{_MAX_SUPERSAMPLE}; got {supersample}")
-    if not 0 <= glow <= 1:
-        raise InvalidInputError(f"glow must be in 0..1; got {glow}")
     verts = validate_vertices(np.asarray(vertices, np.float64)[None])[0].astype(np.float64)
     faces = validate_faces(faces, len(verts))
+    glows = np.broadcast_to(np.asarray(glow, np.float32), len(faces))
+    if not ((glows >= 0) & (glows <= 1)).all():
+        raise InvalidInputError(f"glow must be in 0..1; got {glow}")
     fine = replace(
         camera,
         focal_px=camera.focal_px * supersample,
@@ -84,7 +86,7 @@ def render(
     inv_depths = inverse_depths(depths)
     size = fine.width, fine.height
     visible = visible_faces(points, inv_depths, faces, size, shown).reshape(fine.height, fine.width)
-    surface = project_surface(verts, points, inv_depths, faces, fine, rgb, smooth, glow, shading)
+    surface = project_surface(verts, points, inv_depths, faces, fine, rgb, smooth, glows, shading)
     picture = np.empty((camera.height, camera.width, 3), np.uint8)
     picture[:] = np.asarray(background, np.uint8)
     if (box := covered_box(visible, supersample)) is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers, Values
+from meshreel.arrays import Floats, Integers, Singles, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.metrics.compare import mesh_difference, require_comparable
@@ -21,7 +21,9 @@ from meshreel.metrics.heat import (
     surface_distance_percent,
 )
 from meshreel.metrics.reference import reference_of_box
+from meshreel.model.colors import to_linear, to_srgb
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.materials import DEFAULT_MATERIAL
 from meshreel.model.sequence import (
     Faces,
     FrameSource,
@@ -86,8 +88,8 @@ class MeshLook:
 
     faces: Faces
     surface: Surface
-    colors: npt.ArrayLike
-    """As for `render`."""
+    paint: tuple[npt.ArrayLike, float | Singles]
+    """Colors and glow, as for `render`."""
     shading: RowNormals | None
     """Normals of a mesh with hard edges; None for a smooth mesh."""
     owners: Integers | None
@@ -295,25 +297,23 @@ class Scene:
         scales : Scales, optional
             From `scales`.
         """
-        colors, glow = [look.colors for look in moment.looks], 0.0
+        paints = [look.paint for look in moment.looks]
         if self.track is not None:
-            colors, glow = self._track_colors(self.track, moment, scales.track), GLOW
-        views = [
-            (*view, glow)
-            for view in zip(moment.positions, moment.looks, moment.shown, colors, strict=True)
-        ]
+            colors = self._track_colors(self.track, moment, scales.track)
+            paints = [(values, GLOW) for values in colors]
+        views = [*zip(moment.positions, moment.looks, moment.shown, paints, strict=True)]
         if scales.heat is not None:
             heat, look = colorize(self._heat(moment), 0.0, scales.heat.high), moment.looks[-1]
             if self.track is not None and self.heat == TRACK_HEAT:
                 heat = self._drawable_colors(self.track, heat, look)
-            views.append((moment.positions[-1], look, moment.shown[-1], heat, GLOW))
+            views.append((moment.positions[-1], look, moment.shown[-1], (heat, GLOW)))
         return [
             render(
                 frame, look.faces, camera,
                 colors=view_colors, background=self.background, glow=glow, shading=look.shading,
                 shown=shown, smooth=not look.is_cut,
             )
-            for frame, look, shown, view_colors, glow in views
+            for frame, look, shown, (view_colors, glow) in views
         ]  # fmt: skip
 
     def _heat(self, moment: SceneFrame) -> npt.NDArray[np.float64]:
@@ -375,10 +375,9 @@ def _look_of(source: MeshSequence, cut: Cut | None, number: int) -> MeshLook:
         faces, surface, owners = cut_open(segment, cut)
     elif surface.cells is not None:
         owners = surface.cells.surface(segment.n_verts).owners.astype(np.int64)
-    colors, shading = surface_colors(surface, faces), None
+    paint, shading = surface_paint(surface, faces), None
     if surface.hard_edges is not None:
         shading = RowNormals.of_surface(faces, surface, segment.n_verts)
-    paint = CLAY if colors is None else colors
     return MeshLook(faces, surface, paint, shading, owners, cut is not None)
 
 
@@ -448,13 +447,38 @@ def centroid(vertices: Frame, faces: Faces) -> Floats:
     return np.asarray(middle + offset)
 
 
+def surface_paint(surface: Surface, faces: Faces) -> tuple[npt.ArrayLike, float | Singles]:
+    """The colors of a mesh, of its attribute and its materials, and the unlit share of each face.
+
+    Faces without either, and those with an image, which pictures do not show, are of clay.
+    """
+    colors = surface_colors(surface, faces)
+    by_name = {material.name: material for material in surface.materials}
+    groups = next((groups for groups in surface.groups if groups.name == "material"), None)
+    if groups is None or not by_name:
+        return CLAY if colors is None else colors, 0.0
+    materials = [by_name.get(label) for label in (*groups.labels, "")]
+    factors = np.array([(one or DEFAULT_MATERIAL).base_color[:3] for one in materials])
+    if colors is None:
+        is_clay = [one is None or one.base_color_texture is not None for one in materials]
+        factors[is_clay] *= to_linear(np.array([CLAY], np.uint8))
+    numbers = np.repeat(groups.numbers, surface.sizes(len(faces)) - 2)
+    light = factors[numbers].repeat(3, axis=0)
+    if colors is not None:
+        of_corners = colors[faces] if colors.ndim == 2 else colors
+        light *= to_linear(of_corners.reshape(-1, 3) / 255)
+    rgb = (255 * to_srgb(light.clip(0, 1))).clip(0, 255).astype(np.float32)
+    unlit = np.array([one is not None and one.unlit for one in materials], np.float32)
+    return rgb.reshape(-1, 3, 3), unlit[numbers]
+
+
 def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | None:
     """The first color attribute of a mesh, sRGB in 0..255; None without one.
 
     Parameters
     ----------
     surface : Surface
-        Byte colors are used unchanged, others times 255; opacity is ignored.
+        Integer colors are used unchanged, others times 255; opacity is ignored.
     faces : int32 array of shape (M, 3)
 
     Returns
@@ -468,7 +492,7 @@ def surface_colors(surface: Surface, faces: Faces) -> npt.NDArray[np.float32] | 
     values = attribute.per_item()[:, :3].astype(np.float32)
     if values.shape[1] < 3:
         values = np.repeat(values[:, :1], 3, axis=1)  # shades of gray
-    if attribute.values.dtype != np.uint8:
+    if attribute.values.dtype.kind == "f":
         values = 255 * np.nan_to_num(values)
     values = np.clip(values, 0, 255)
     return np.asarray(colors_of_items(values, attribute.domain, surface, faces))

@@ -9,6 +9,7 @@ import numpy as np
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.track_errors import error_unit, value_errors
+from meshreel.model.colors import unit_colors
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.rendering.colormap import NOT_A_NUMBER, Image, check_colormap, colorize, short_number
@@ -125,10 +126,9 @@ class TrackColors:
             From `scale`; None for colors.
         """
         if self.shows_colors or scale is None:
-            colors = values[:, :3].astype(np.float64)
-            if values.dtype != np.uint8:
-                is_missing = np.isnan(colors).all(axis=1, keepdims=True)
-                colors = np.where(is_missing, NOT_A_NUMBER, 255 * np.nan_to_num(colors))
+            colors = unit_colors(values[:, :3]).astype(np.float64)
+            is_missing = np.isnan(colors).all(axis=1, keepdims=True)
+            colors = np.where(is_missing, NOT_A_NUMBER, 255 * np.nan_to_num(colors))
             return np.rint(np.clip(colors, 0, 255)).astype(np.uint8)
         return colorize(self.numbers(values), scale.low, scale.high, self.colormap)
 

@@ -30,7 +30,7 @@ IS_DATA = 1 << 63
 
 KEY_BYTES = 16  # checksum at the start of each sample
 HASHES_BYTES = 32  # at the end of the object headers
-N_SECTIONS, OBJECTS, SAMPLINGS, METADATA = 6, 2, 4, 5
+N_SECTIONS, OBJECTS, INFO, SAMPLINGS, METADATA = 6, 2, 3, 4, 5
 """Number of references in the root group, and the indices of those that are read."""
 
 NUMBER_TYPES: dict[int, np.dtype[Any]] = {
@@ -153,6 +153,8 @@ class Archive:
 
     Attributes
     ----------
+    application : str
+        Name and version of the program that wrote the file; may be empty.
     top : AbcObject
         Unnamed root object of the hierarchy.
 
@@ -196,6 +198,8 @@ class Archive:
         # Headers refer to metadata by index; index 0 is empty.
         shared_metadata = metadata.read_all(lambda: metadata.metadata(metadata.number(1)))
         self._metadata: list[Metadata] = [{}, *shared_metadata]
+        info = self.data(root[INFO])
+        self.application: str = Records(info).metadata(len(info)).get("_ai_Application", "")
         self.top: AbcObject = AbcObject(self, root[OBJECTS], "", {})
 
     def group(self, reference: int) -> References:

@@ -17,6 +17,7 @@ from meshreel.formats.scenes.quantities import Quantity, normals_of_corners
 from meshreel.formats.scenes.timing import blend, neighbors
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
+from meshreel.model.colors import to_srgb
 from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import (
     MAX_COMPONENTS,
@@ -98,6 +99,11 @@ class GeometryParam:
         return Kind.UV if is_float and width == self.values.extent == 2 else Kind.OTHER
 
     @property
+    def is_linear(self) -> bool:
+        """Whether float colors are linear, as in Houdini; Blender and VTK write sRGB."""
+        return self.source.archive.application.startswith("Houdini")
+
+    @property
     def is_constant(self) -> bool:
         """Whether neither values nor indices change over time."""
         return self.values.is_constant and (self.indices is None or self.indices.is_constant)
@@ -111,7 +117,10 @@ class GeometryParam:
             return None
         is_half = numbers.dtype == np.float16
         dtype = np.dtype(np.float32) if is_half else numbers.dtype.newbyteorder("=")
-        return numbers.astype(dtype).reshape(-1, self.width)
+        values: Values = numbers.astype(dtype).reshape(-1, self.width)
+        if self.is_linear and self.kind is Kind.COLOR and dtype.kind == "f":
+            values = to_srgb(values).astype(dtype)
+        return values
 
     def rows(self, time_s: float, n_values: int) -> npt.NDArray[np.int32] | None:
         """Return the value index of each item at a time, of shape (N,); None if not indexed."""

@@ -29,6 +29,7 @@ from meshreel.formats.alembic.library import (
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.scenes.parts import PartMesh, unique_name
 from meshreel.formats.surfaces.polygons import reversed_corners
+from meshreel.model.colors import unit_colors
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, note_name, note_track_type, note_unwritten_units
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
@@ -231,8 +232,8 @@ class PartWriter:
         """Return a sample of an attribute, with corners in file order."""
         values, indices = attribute.values, attribute.indices
         if kind[0] in ("V2f", "C3f", "C4f") and values.dtype != np.float32:
-            is_bytes = attribute.kind is Kind.COLOR and values.dtype == np.uint8
-            values = (values / 255 if is_bytes else values).astype(np.float32)
+            is_bytes = attribute.kind is Kind.COLOR and values.dtype.kind != "f"
+            values = (unit_colors(values) if is_bytes else values).astype(np.float32)
             if is_bytes or (values != attribute.values).any():
                 dtype = attribute.values.dtype
                 self._notes.changed(

@@ -27,6 +27,7 @@ from meshreel.formats.gltf.scene import Geometry, Influences
 from meshreel.formats.surfaces.hard_edges import HardEdges, NormalNotes, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.formats.surfaces.welding import SplitMesh, weld_rows
+from meshreel.model.colors import colors_of_linear
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import Attribute, FaceGroups, Kind, Surface
@@ -347,15 +348,16 @@ def _join_uvs(block_values: Sequence[Values | None], blocks: Sequence[Block]) ->
 
 def _join_colors(block_values: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:
     arrays = [values.array for values in block_values if values is not None]
-    width = max(array.shape[1] for array in arrays)
-    are_bytes = all(array.dtype == np.uint8 for array in arrays)
-    white, dtype = (255, np.uint8) if are_bytes else (1, np.float32)
+    width, dtype = max(array.shape[1] for array in arrays), np.result_type(*arrays)
+    dtype = dtype if dtype in (np.uint8, np.uint16) else np.dtype(np.float32)
+    white = 1 if dtype.kind == "f" else np.iinfo(dtype).max
     rows = [np.full((len(block.positions), width), white, dtype) for block in blocks]
     for values, filled in zip(block_values, rows, strict=True):
         if values is not None:
             colors = Values(values.array, is_normalized=True).floats() + 0.0
-            filled[:, : colors.shape[1]] = values.array if are_bytes else colors
-    return np.concatenate(rows), "is white on primitives without it" if None in block_values else ""
+            filled[:, : colors.shape[1]] = colors if dtype.kind == "f" else np.rint(white * colors)
+    note = "is white on primitives without it" if None in block_values else ""
+    return colors_of_linear(np.concatenate(rows)), note
 
 
 def _join_custom(block_values: Sequence[Values | None], blocks: Sequence[Block]) -> Joined:

@@ -37,6 +37,7 @@ from meshreel.formats.surfaces.polygons import describe_triangles
 from meshreel.formats.surfaces.welding import weld_rows
 from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.kernel.polygons import triangle_corners
+from meshreel.model.colors import linear_of_colors
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import Faces, Vertices
@@ -263,9 +264,8 @@ def _gltf_values(attribute: Attribute) -> Rows | None:
         u, v = values[:, 0].astype(np.float64), values[:, 1].astype(np.float64)
         return np.stack([u, 1 - v], axis=1).astype(np.float32)
     if attribute.kind is Kind.COLOR:
-        is_float = values.dtype.kind == "f"
-        clipped = values.clip(0, 1 if is_float else 255)
-        return clipped.astype(np.float32 if is_float else np.uint8)
+        clipped = values.clip(0, 1 if values.dtype.kind == "f" else 255)
+        return linear_of_colors(clipped) if values.shape[1] in (3, 4) else None
     is_supported = values.dtype in (np.uint8, np.float32) and values.shape[1] <= MAX_WIDTH
     return values if is_supported else None
 

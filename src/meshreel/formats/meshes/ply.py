@@ -123,7 +123,7 @@ def _columns(table: PlyTable, domain: Domain) -> Iterator[tuple[str, Kind, Value
         for column in table.element.properties
         if not column.count_code and not (domain is Domain.VERTEX and column.name in NOT_ATTRIBUTES)
     }
-    for names in (COLOR_NAMES, COLOR_NAMES[:3]):
+    for names in (channels[:width] for channels in COLOR_NAMES for width in (4, 3)):
         if _share_type(remaining, names, ("u1", "f4", "f8")):
             yield "color", Kind.COLOR, _pop_columns(table, remaining, names)
             break

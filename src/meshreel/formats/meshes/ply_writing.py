@@ -1,7 +1,7 @@
 """Writer for binary little-endian PLY files, one frame per file.
 
-Writes positions as float or double, polygons, colors, texture coordinates, and scalars of vertices
-and faces under their own names; tracks are written in the same way.
+Writes positions as float or double, polygons, colors as bytes, texture coordinates, and scalars of
+vertices and faces under their own names; tracks are written in the same way.
 """
 
 import re
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
+from meshreel.model.colors import unit_colors
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.notes import (
     Notes,
@@ -26,10 +27,14 @@ from meshreel.model.notes import (
 )
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource, value_range
+from meshreel.model.tracks import TrackKind, TrackSource, track_blocks, value_range
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
-COLOR_NAMES = ("red", "green", "blue", "alpha")
+COLOR_NAMES = (
+    ("red", "green", "blue", "alpha"),
+    ("diffuse_red", "diffuse_green", "diffuse_blue", "diffuse_alpha"),
+    ("r", "g", "b", "a"),
+)
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UV_NAME = "texcoord"
 NORMALS = ("nx", "ny", "nz")
@@ -52,10 +57,10 @@ FaceTable = tuple[list[str], bytes]
 RaggedField = tuple[npt.NDArray[np.int64], npt.NDArray[Any]]
 """Number of values in each row, and the values of all rows."""
 
-RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES, *(name for names in UV_NAMES for name in names)}
+RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES[0], *(name for names in UV_NAMES for name in names)}
 
-RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME}
-"""Property names with a fixed meaning."""
+RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME, *(names[1] for names in COLOR_NAMES)}
+"""Property names with a fixed meaning. Without green, other names of channels are no color."""
 
 READ_AS = {TrackKind.COLOR: "color", TrackKind.UV: "uv", TrackKind.NORMAL: NORMALS_NAME}
 """Names of tracks of these kinds when they are read back."""
@@ -78,7 +83,7 @@ def ply_encoder(stream: FrameStream) -> Encode:
     note_unwritten(surface, all_attributes, ".ply", stream.notes)
     tracks = select_tracks(stream.tracks, all_attributes, stream.notes)
     vertex_columns, face_columns = (
-        [column for attribute in attributes[domain] for column in _columns(attribute)]
+        [column for attribute in attributes[domain] for column in _columns(attribute, stream.notes)]
         for domain in (Domain.VERTEX, Domain.FACE)
     )
     corner_values = [attribute.per_item() for attribute in attributes[Domain.CORNER]]
@@ -167,10 +172,33 @@ def _is_writable(attribute: Attribute) -> bool:
     return attribute.domain is not Domain.CORNER and width == 1 and bool(is_word)
 
 
-def _columns(attribute: Attribute) -> Iterator[Column]:
+def _columns(attribute: Attribute, notes: Notes) -> Iterator[Column]:
     """Property columns of a vertex or face attribute."""
-    names = {Kind.COLOR: COLOR_NAMES, Kind.UV: UV_NAMES[0]}.get(attribute.kind, (attribute.name,))
-    return zip(names, attribute.per_item().T, strict=False)
+    names = {Kind.COLOR: COLOR_NAMES[0], Kind.UV: UV_NAMES[0]}
+    values = attribute.per_item()
+    if attribute.kind is Kind.COLOR:
+        values = _converted(values, _color_type(attribute.name, [values], notes))
+    return zip(names.get(attribute.kind, (attribute.name,)), values.T, strict=False)
+
+
+def _color_type(name: str, tables: Iterable[Values], notes: Notes) -> np.dtype[Any]:
+    """Return the number type of colors in the file: bytes, which all programs read, if possible."""
+    rounding = 0.0
+    for numbers in (255 * unit_colors(colors) for colors in tables):
+        if not ((numbers >= 0) & (numbers <= 255)).all():
+            text = f"colors {name!r} exceed 0..1; written as floats, which few programs read"
+            notes.changed(name, text)
+            return numbers.dtype
+        rounding = max(rounding, float(np.abs(numbers - np.rint(numbers)).max(initial=0)))
+    if rounding > 1e-3:  # more than that of float32
+        notes.changed(name, f"colors {name!r} are rounded to bytes, which all programs read")
+    return np.dtype(np.uint8)
+
+
+def _converted(values: Values, dtype: np.dtype[Any]) -> Values:
+    """Return values in the number type of the file; colors become bytes."""
+    is_rounded = dtype == np.uint8 and values.dtype.kind == "f"
+    return (np.rint(255 * values) if is_rounded else values).astype(dtype, copy=False)
 
 
 def _code(values: npt.NDArray[Any]) -> str:
@@ -192,7 +220,7 @@ class PlyTrack:
 
     def columns(self, values: Values) -> list[Column]:
         """Return the property columns of a frame, given values of shape (N, C)."""
-        columns = values.astype(self.dtype, copy=False).T
+        columns = _converted(values, self.dtype).T
         return list(zip(self.properties, columns, strict=True))
 
 
@@ -225,9 +253,12 @@ def select_tracks(
             missing.setdefault(TOO_MANY, []).append(name)
             continue
         used_keys.add((track.domain, key))
+        if track.kind is TrackKind.COLOR and track.dtype.kind == "f":
+            dtype = _color_type(name, (block for _, block in track_blocks(track)), notes)
+        else:
+            note_track_type(name, track.dtype, dtype, notes)
         ply_tracks.append(PlyTrack(name, track.domain, (key,) if is_scalar else properties, dtype))
         note_name("track", name, key, ".ply", notes)
-        note_track_type(name, track.dtype, dtype, notes)
     for reason, names in missing.items():
         note_unwritten_tracks(names, ".ply", notes, reason)
     units = {track.name: tracks[track.name].unit for track in ply_tracks}
@@ -245,7 +276,7 @@ def _properties(name: str, track: TrackSource) -> tuple[str, ...] | None:
     width, is_corner = track.shape[2], track.domain is Domain.CORNER
     can_be_color = track.dtype.kind == "f" or track.dtype == np.uint8
     if track.kind is TrackKind.COLOR and not is_corner and can_be_color:
-        return COLOR_NAMES[:width]
+        return COLOR_NAMES[0][:width]
     if track.kind is TrackKind.UV and track.domain is not Domain.FACE:
         return () if is_corner else UV_NAMES[0]
     if track.kind is TrackKind.NORMAL and track.domain is Domain.VERTEX:

@@ -14,6 +14,7 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.model.colors import RGB, colors_of_linear
 from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
@@ -36,6 +37,11 @@ DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
 
 READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 """Conversions of number types that tracks do not support, without loss."""
+
+LINEAR = "lin_rec709_scene"
+SRGB_SPACES = ("srgb_rec709_scene", "sRGB", "srgb_texture")
+LINEAR_SPACES = ("", "auto", "lin_rec709", "lin_srgb", "linear")
+"""The default color space, and names of sRGB and of the default that USD does not define."""
 
 TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
 """Keys of the custom data that meshreel writes with tracks."""
@@ -107,8 +113,11 @@ def read_attributes(
         Names of primvars that are read as tracks, and skipped here.
     """
     attributes: dict[str, Attribute] = {}
+    colors: dict[str, Any] = {}
     settings, mismatched_names = [], []
     for primvar, name, kind, domain in _primvars(prim):
+        if kind is Kind.COLOR:
+            colors[name] = primvar.GetAttr()
         if DERIVED.match(name) or name in animated:
             continue
         if domain is None:
@@ -129,6 +138,13 @@ def read_attributes(
     notes.left_out(UNCHANGING, (name for name in rate_names if name not in animated))
     notes.left_out("primvars that do not fit their faces", mismatched_names)
     _join_opacity(attributes)
+    for name, source in colors.items():
+        if name in attributes:
+            values = _srgb(attributes[name].values, source)
+            attributes[name] = replace(attributes[name], values=values)
+        space, definition = _color_space(source)
+        if definition is None and space not in (*LINEAR_SPACES, *SRGB_SPACES):
+            notes.unknown(f"color space {space!r} of {name} is unknown; read as linear Rec. 709")
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(
         sorted(
@@ -167,6 +183,26 @@ def _join_opacity(attributes: dict[str, Attribute]) -> None:
         del attributes[OPACITY]
 
 
+def _color_space(attribute: Any) -> tuple[str, Any]:
+    """Return the name and the definition of the color space of an attribute, None if unknown."""
+    api = USD.load("Usd").ColorSpaceAPI
+    space = api.ComputeColorSpace(attribute, None)
+    return str(api.ComputeColorSpaceName(attribute, None)), space if space.GetName() else None
+
+
+def _srgb(colors: Values, attribute: Any) -> Values:
+    """Return the colors of an attribute in sRGB."""
+    name, space = _color_space(attribute)
+    if name in SRGB_SPACES:
+        return colors
+    if space is not None and not space.IsData() and name != LINEAR:
+        library, colors = USD.load("Gf"), colors.copy()
+        convert, vector = library.ColorSpace(LINEAR).Convert, library.Vec3f
+        # ConvertRGBSpan of 26.11 converts in the other direction.
+        colors[:, RGB] = [convert(space, vector(row)).GetRGB() for row in colors[:, RGB].tolist()]
+    return colors_of_linear(colors)
+
+
 def quantities(prim: Any) -> Iterator[StageQuantity]:
     """Yield the quantities of a mesh: primvars, normals, velocities and accelerations.
 
@@ -203,7 +239,10 @@ def _quantity(
     """Return the quantity of an attribute, which may be that of a primvar."""
 
     def values(code: float) -> Values | None:
-        return _numbers(attribute.Get(code), 1) if primvar is None else _item_values(primvar, code)
+        if primvar is None:
+            return _numbers(attribute.Get(code), 1)
+        numbers = _item_values(primvar, code)
+        return numbers if numbers is None or kind is not Kind.COLOR else _srgb(numbers, attribute)
 
     return StageQuantity(
         name,

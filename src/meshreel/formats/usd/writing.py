@@ -37,6 +37,7 @@ from meshreel.formats.usd.quantities import (
 )
 from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import usd_errors
+from meshreel.model.colors import to_linear
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
@@ -70,7 +71,6 @@ TRACK_NAMES = {
 }
 """Standard names of tracks, which programs use by default."""
 
-BYTE_COLORS = "colors are written as float32, not bytes, since USD has no byte colors"
 NARROW_COLORS = "colors are rounded to float32"
 
 Codes = Sequence[float | None]
@@ -359,17 +359,18 @@ class MeshWriter:
         if self._shading is not None:
             normals = self._shading.of_frames(points[np.newaxis])[0]
             self._normals.Set(usd_array("float3", normals), time)
-        for name, items, columns, type_name, scale, attribute in self._tracks:
-            rows = values[name][items, columns]
-            attribute.Set(usd_array(type_name, rows / scale if scale != 1 else rows), time)
+        for name, items, columns, type_name, is_color, attribute in self._tracks:
+            rows = values[name][items]
+            rows = to_linear(rows) if is_color else rows
+            attribute.Set(usd_array(type_name, rows[:, columns]), time)
 
     def _write_attribute(self, attribute: Attribute, name: str, codes: Codes, notes: Notes) -> None:
         values, indices = attribute.values, attribute.indices
         is_color = attribute.kind is Kind.COLOR
-        if is_color and values.dtype != np.float32:
-            is_byte = values.dtype == np.uint8
-            notes.changed(BYTE_COLORS if is_byte else NARROW_COLORS)
-            values = (values / (255 if is_byte else 1)).astype(np.float32)
+        if is_color:
+            if values.dtype == np.float64:
+                notes.changed(NARROW_COLORS)
+            values = to_linear(values).astype(np.float32)
         interpolation, is_single = INTERPOLATIONS[attribute.domain], codes[0] is None
         is_vertex_color = is_color and attribute.domain is Domain.VERTEX
         if is_vertex_color and indices is not None and len(values) == 1 and is_single:
@@ -392,8 +393,8 @@ class MeshWriter:
 
     def _track_writers(
         self, name: str, track: TrackSource, used: set[str], notes: Notes
-    ) -> Iterator[tuple[str, slice, slice, str, float, Any]]:
-        """Yield name, items, columns, type, divisor and attribute of what is written of a track.
+    ) -> Iterator[tuple[str, slice, slice, str, bool, Any]]:
+        """Yield name, items, columns, type, whether to convert colors, and attribute of a track.
 
         The first vertex velocities and normals become those of the mesh; the first colors are
         called ``displayColor`` and the first UVs ``st``, unless attributes have these names.
@@ -406,7 +407,8 @@ class MeshWriter:
         else:  # programs would misinterpret other tracks with standard names
             reserved = used | {*TRACK_NAMES.values(), OPACITY}
             used.add(written_name := unique_name(prim_name(name), reserved))
-        scale = 255.0 if track.kind is TrackKind.COLOR and track.dtype == np.uint8 else 1.0
+        has_color_type = track.dtype.kind == "f" or track.dtype == np.uint8
+        is_color = track.kind is TrackKind.COLOR and has_color_type
         for primvar_name, columns in _columns(written_name, track.shape[2]):
             used.add(primvar_name)
             n_columns = len(range(track.shape[2])[columns])
@@ -418,7 +420,7 @@ class MeshWriter:
             for key, text in entries.items():
                 if text:
                     attribute.SetCustomDataByKey(key, text.encode("utf-8", "replace").decode())
-            yield name, self._part.items[track.domain], columns, type_name, scale, attribute
+            yield name, self._part.items[track.domain], columns, type_name, is_color, attribute
 
     def _track_attribute(
         self, name: str, type_name: str, track: TrackSource, n_columns: int

@@ -12,6 +12,7 @@ from meshreel.formats.gltf.morphs import BYTE, SHORT, best_weights, project
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
 from samples.gltf import SQUARE, SQUARE_FACES, TRIANGLE, Gltf, shifted
+from samples.surfaces import srgb
 
 SPLIT = [*SQUARE, SQUARE[0], SQUARE[2]]
 SPLIT_FACES = [0, 1, 2, 4, 5, 3]
@@ -99,24 +100,25 @@ def test_normalized_uvs_are_read_as_fractions(read, dtype):
 
 
 @pytest.mark.parametrize("width", [3, 4])
-def test_byte_colors_stay_bytes(read, width):
+def test_linear_byte_colors_become_srgb_of_16_bits(read, width):
     color = np.random.default_rng(0).integers(0, 256, (6, width))
     result, _ = read(split_square(COLOR_0=(color, "u1", {"normalized": True})))
     [attribute] = result.surface.attributes
     assert (attribute.name, attribute.kind, attribute.domain) == (
         "color", Kind.COLOR, Domain.CORNER,
     )  # fmt: skip
-    assert attribute.values.dtype == np.uint8
-    np.testing.assert_array_equal(attribute.per_item(), color[SPLIT_FACES])
+    assert attribute.values.dtype == np.float32
+    expected = srgb(color[SPLIT_FACES] / 255)
+    np.testing.assert_allclose(attribute.per_item(), expected, rtol=0, atol=0.51 / 0xFFFF)
 
 
-def test_short_and_float_colors_are_read_as_fractions(read):
+def test_short_and_float_colors_are_read_as_srgb(read):
     shorts = (np.full((6, 3), 13107), "u2", {"normalized": True})
     result, _ = read(split_square(COLOR_0=shorts, COLOR_1=np.full((6, 4), 0.2)))
     first, second = result.surface.attributes
     assert (first.name, second.name) == ("color", "color1")
-    np.testing.assert_array_equal(first.values, np.full((4, 3), 0.2, np.float32))
-    np.testing.assert_array_equal(second.values, np.full((4, 4), 0.2, np.float32))
+    np.testing.assert_array_equal(first.values, srgb(np.full((4, 3), 0.2)))
+    np.testing.assert_array_equal(second.values, srgb(np.full((4, 4), np.float32(0.2))))
 
 
 def test_attributes_are_ordered_by_kind_and_set(read):
@@ -198,7 +200,8 @@ def test_missing_attributes_are_filled_in_and_noted(read):
     result, notes = read(file)
     uv, color = result.surface.attributes
     np.testing.assert_array_equal(uv.per_item(), [[0, 1]] * 3 + [[0.5, 0.5]] * 3)
-    np.testing.assert_array_equal(color.per_item(), [[255] * 4] * 3 + [[0, 0, 0, 9]] * 3)
+    expected = np.array([[255] * 4] * 3 + [[0, 0, 0, 9]] * 3) / 255
+    np.testing.assert_array_equal(color.per_item(), expected.astype(np.float32))
     assert notes[:-1] == [
         "mesh 0: TEXCOORD_0 is 0 1 on primitives without it",
         "mesh 0: COLOR_0 is white on primitives without it",
@@ -206,14 +209,14 @@ def test_missing_attributes_are_filled_in_and_noted(read):
     ]
 
 
-def test_colors_of_different_types_are_read_as_fractions(read):
+def test_colors_of_different_types_are_read_as_srgb(read):
     file = two_primitives()
     first, second = (one["attributes"] for one in file.json["meshes"][0]["primitives"])
     first["COLOR_0"] = file.accessor([[51, 0, 255]] * 3, "u1", normalized=True)
     second["COLOR_0"] = file.accessor([[0, 1, 0, 0.5]] * 3)
     [color] = read(file)[0].surface.attributes
-    expected = np.array([[0.2, 0, 1, 1]] * 3 + [[0, 1, 0, 0.5]] * 3, np.float32)
-    np.testing.assert_array_equal(color.per_item(), expected)
+    expected = srgb([[0.2, 0, 1, 1]] * 3 + [[0, 1, 0, 0.5]] * 3)
+    np.testing.assert_allclose(color.per_item(), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from meshreel.model.flag import simulate_flag
 from meshreel.model.geometry.normals import vertex_normals
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from samples.meshes import octahedron_faces
-from samples.surfaces import rich_cube
+from samples.surfaces import rich_cube, srgb
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +228,9 @@ def test_vertex_attributes_split_nothing():
     colors = np.arange(24).reshape(6, 4)
     split = split_at_seams(two_quads(attribute(Kind.COLOR, Domain.VERTEX, colors, np.uint8)))
     assert split.sources.tolist() == list(range(6))
-    np.testing.assert_array_equal(split.attributes["COLOR_0"], colors)
+    written = split.attributes["COLOR_0"]
+    assert written.dtype == np.uint16
+    np.testing.assert_array_equal(np.rint(255 * srgb(written / 0xFFFF)), colors)
 
 
 def test_vertices_are_split_along_edges_where_face_colors_differ():
@@ -261,9 +263,9 @@ def test_attributes_of_the_same_kind_are_numbered():
 @pytest.mark.parametrize(
     ("values", "dtype", "expected"),
     [
-        ([-1, 0, 1.5], np.float64, np.array([0, 0, 1], np.float32)),
-        ([0, 255, 7], np.uint8, np.array([0, 255, 7], np.uint8)),
-        ([-4, 300, 7], np.int32, np.array([0, 255, 7], np.uint8)),
+        ([-1, 0.5, 1.5], np.float64, np.array([0, 0.21404114, 1], np.float32)),
+        ([0, 255, 128], np.uint8, np.array([0, 0xFFFF, 14146], np.uint16)),
+        ([-4, 300, 128], np.int32, np.array([0, 0xFFFF, 14146], np.uint16)),
     ],
 )
 def test_colors_are_clipped_to_the_valid_range(values, dtype, expected):

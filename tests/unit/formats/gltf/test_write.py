@@ -17,7 +17,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from samples.glb import Glb, largest_error_percent, stream_of, written
 from samples.meshes import irregular_sequence, waving_grid
-from samples.surfaces import rich_cube
+from samples.surfaces import rich_cube, srgb
 
 
 def grid(n_frames=30, dtype=np.float32, **changes):
@@ -227,7 +227,7 @@ def test_corner_attributes_are_stored_per_split_vertex(tmp_path):
         for primitive in result.primitives(part):
             own = result.array(primitive["attributes"]["TEXCOORD_0"])
             written_uvs |= set(map(tuple, own.tolist()))
-            bytes_ = result.array(primitive["attributes"]["COLOR_0"]) * 255
+            bytes_ = 255 * srgb(result.array(primitive["attributes"]["COLOR_0"]))
             assert set(map(tuple, bytes_.round().tolist())) <= set(map(tuple, colors.values))
     flipped = np.stack([uv.values[:, 0], np.float32(1 - uv.values[:, 1].astype("f8"))], axis=1)
     assert written_uvs == set(map(tuple, flipped.tolist()))

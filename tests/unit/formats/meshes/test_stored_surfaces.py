@@ -45,7 +45,7 @@ SURFACES = {
     "ply corners": {"attributes": [attribute(Kind.UV, "corner", 2, np.float64)]},
     "ply all": {
         "attributes": [
-            attribute(Kind.COLOR, "vertex", 3),
+            attribute(Kind.COLOR, "vertex", 3, np.uint8),
             attribute(Kind.UV, "vertex", 2, np.float64),
             attribute(Kind.OTHER, "vertex", 1, np.uint8, name="quality"),
             attribute(Kind.OTHER, "vertex", 1, np.int32, name="flags"),

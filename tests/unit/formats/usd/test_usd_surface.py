@@ -8,6 +8,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.model.surface import Domain, Kind
+from samples.surfaces import srgb
 from samples.usd import mesh
 
 # Two adjacent quads.
@@ -78,7 +79,7 @@ def test_attributes_keep_their_indices(surface_of):
 def test_constant_color_becomes_an_indexed_attribute(surface_of):
     (result,) = surface_of("color3f[] primvars:displayColor = [(0.5, 0.25, 1)]").attributes
     assert (result.name, result.kind, result.domain) == ("displayColor", Kind.COLOR, Domain.VERTEX)
-    np.testing.assert_array_equal(result.values, [[0.5, 0.25, 1]])
+    np.testing.assert_allclose(result.values, srgb([[0.5, 0.25, 1]]), rtol=1e-6)
     np.testing.assert_array_equal(result.indices, np.zeros(6))
 
 

@@ -13,6 +13,7 @@ from meshreel.formats.save import save
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet
+from samples.surfaces import srgb
 from samples.tracks import assert_same_tracks, tracked_sheet
 from samples.usd import assert_is_valid
 
@@ -84,8 +85,9 @@ def test_animated_primvars_become_tracks(
     [(found_name, track)] = result.tracks.items()
     assert (found_name, track.kind, track.domain) == (name, track_kind, DOMAINS[interpolation])
     assert track.dtype == np.dtype(dtype)
-    assert track.read(0, 4).tobytes() == values.tobytes()
-    assert track.read(2, 3).tobytes() == values[2:3].tobytes()
+    expected = srgb(values) if track_kind == "color" else values
+    np.testing.assert_allclose(track.read(0, 4), expected, rtol=1e-6 * (track_kind == "color"))
+    assert track.read(2, 3).tobytes() == track.read(0, 4)[2:3].tobytes()
     assert result.surface.attributes == ()
     assert [note for note in notes if "left out" in note] == []
 
@@ -109,7 +111,8 @@ def test_indices_of_animated_primvars_are_applied(tmp_path):
         primvar.SetIndices(Vt.IntArray(indices), code + 1)
     stage.Save()
     expected = np.stack([value[row] for value, row in zip(values, rows, strict=True)])
-    assert np.array_equal(load(tmp_path / "a.usdc").tracks["paint"].values, expected)
+    found = load(tmp_path / "a.usdc").tracks["paint"].values
+    np.testing.assert_allclose(found, srgb(expected), rtol=1e-6)
 
 
 def test_animated_constant_color_is_repeated_per_vertex(tmp_path):
@@ -117,7 +120,7 @@ def test_animated_constant_color_is_repeated_per_vertex(tmp_path):
     values = RNG.random((4, 1, 3)).astype(np.float32)
     add_primvar(mesh, "displayColor", "color3f", values, "constant")
     result = load(saved(stage)).tracks["displayColor"]
-    assert np.array_equal(result.values, np.repeat(values, 6, axis=1))
+    np.testing.assert_allclose(result.values, srgb(np.repeat(values, 6, axis=1)), rtol=1e-6)
 
 
 def test_animated_opacity_becomes_the_fourth_color_component(tmp_path):
@@ -127,7 +130,7 @@ def test_animated_opacity_becomes_the_fourth_color_component(tmp_path):
     add_primvar(mesh, "displayOpacity", "float", values[..., 3], "vertex")
     [(name, track)] = load(saved(stage)).tracks.items()
     assert (name, track.kind) == ("displayColor", "color")
-    assert np.array_equal(track.values, values)
+    np.testing.assert_allclose(track.values, srgb(values), rtol=1e-6)
 
 
 def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
@@ -136,7 +139,7 @@ def test_static_mesh_has_the_frames_of_its_animated_colors(tmp_path):
     add_primvar(mesh, "displayColor", "color3f", values, "vertex")
     loaded = load(saved(stage))
     assert (loaded.n_frames, loaded.fps, loaded.start_s) == (5, 10, 0.1)
-    assert np.array_equal(loaded.tracks["displayColor"].values, values)
+    np.testing.assert_allclose(loaded.tracks["displayColor"].values, srgb(values), rtol=1e-6)
 
 
 def test_samples_without_a_frame_are_noted(tmp_path, notes):
@@ -239,7 +242,7 @@ def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
     n_verts = sheet.n_verts
     normals = RNG.normal(size=(3, n_verts, 3))
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    colors = RNG.random((3, n_verts, 4)).astype(np.float32)
+    colors = (RNG.integers(0, 256, (3, n_verts, 4)) / 255).astype(np.float32)
     speeds = RNG.normal(size=(3, n_verts, 3)).astype(np.float32)
     uv = RNG.random((3, n_verts, 2))
     tracks = {
@@ -260,7 +263,8 @@ def test_saved_tracks_are_normals_velocities_and_primvars_in_usd(tmp_path):
     for code in range(3):
         assert np.array_equal(mesh.GetNormalsAttr().Get(code), tracks["N"][code])
         assert np.array_equal(mesh.GetVelocitiesAttr().Get(code), speeds[code])
-        assert np.array_equal(api.GetPrimvar("displayColor").Get(code), colors[code, :, :3])
+        linear = np.asarray(api.GetPrimvar("displayColor").Get(code))
+        np.testing.assert_allclose(srgb(linear), colors[code, :, :3], rtol=1e-5)
         assert np.array_equal(api.GetPrimvar("displayOpacity").Get(code), colors[code, :, 3])
         assert np.array_equal(api.GetPrimvar("st").Get(code), uv[code])
         assert np.array_equal(stress.Get(code), tracks["stress"][code][:, 0])

@@ -117,7 +117,7 @@ def test_frame_rate_and_start_round_trip(tmp_path, fps, first):
     assert (loaded.fps, loaded.start_s) == (fps, first / fps)
 
 
-def test_save_converts_byte_colors_to_floats(tmp_path, notes):
+def test_save_converts_byte_colors_to_linear_floats(tmp_path, notes):
     rgb = np.array([[0, 128, 255]] * 9, np.uint8)
     surface = Surface(SIZES, (Attribute("color", Kind.COLOR, Domain.VERTEX, rgb),))
     sheet = sheets(n_parts=1)
@@ -129,7 +129,11 @@ def test_save_converts_byte_colors_to_floats(tmp_path, notes):
     (result,) = load(tmp_path / "x.usda").surface.attributes
     assert (result.name, result.values.dtype) == ("displayColor", np.float32)
     np.testing.assert_array_equal(result.values, rgb.astype(np.float32) / np.float32(255))
-    assert notes == ["colors are written as float32, not bytes, since USD has no byte colors"]
+    stage = Usd.Stage.Open(str(tmp_path / "x.usda"))
+    [prim] = [one for one in stage.Traverse() if one.IsA(UsdGeom.Mesh)]
+    written = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor").Get()[0]
+    np.testing.assert_allclose(written, [0, 0.2158605, 1], rtol=1e-6)
+    assert notes == []
 
 
 def test_save_binds_a_single_material_to_the_mesh(tmp_path):
