@@ -2,8 +2,10 @@
 
 import assert from "node:assert/strict";
 import { createServer } from "node:http";
+import { Readable } from "node:stream";
 import { after, before, describe, test } from "node:test";
 import { fileURLToPath } from "node:url";
+import { gzipSync } from "node:zlib";
 import { build } from "esbuild";
 import { startServer } from "./server.mjs";
 
@@ -75,6 +77,11 @@ function rangeResponse(start, end, bytes, headers = {}) {
     response.writeHead(206, { ...range, ...headers }).write(bytes);
     return response;
   };
+}
+
+/** Yield a number of megabytes of zeros. */
+function* zeros(nMegabytes) {
+  for (let i = 0; i < nMegabytes; i++) yield new Uint8Array(1e6);
 }
 
 const headResponse = (...all) => rangeResponse(0, HEAD, FILE.subarray(0, HEAD))(...all).end();
@@ -354,7 +361,7 @@ describe("a server that closes connections", { concurrency: true }, () => {
       };
       const silent = { name: "silent", size: SIZE, hasRanges: true, request };
       const source = new RemoteSource(silent, { retries: 1, stallMs: 10 });
-      const message = new RegExp(`silent: received nothing for 0.01 s after byte ${end};`);
+      const message = new RegExp(`silent: received fewer than 4096 bytes in 0.01 s up to byte ${end};`);
       await rejects("bytes", source.read(0, HEAD), message);
       source.close();
     }
@@ -363,7 +370,34 @@ describe("a server that closes connections", { concurrency: true }, () => {
   test("or does not respond causes an error", async () => {
     const address = server.address({ latencyMs: 400 });
     const opening = openSource(address, { stallSeconds: 0.1, retries: 0 });
-    await rejects("the opening", opening, /^http:\S+: received nothing for 0.1 s after byte 0;/);
+    await rejects("the opening", opening, /^http:\S+: received fewer than 4096 bytes in 0.1 s up to byte 0;/);
+  });
+
+  test("that never ends is given up", { timeout: TIMEOUT_MS }, async () => {
+    const bomb = gzipSync(new Uint8Array(50e6));
+    const answers = {
+      "endlessly": (response) => Readable.from(zeros(64)).pipe(response.writeHead(200)),
+      "compressed": (response) => response.writeHead(200, { "content-encoding": "gzip" }).end(bomb),
+      "with a size": (response) => response.writeHead(200, { "content-length": 64e6 }).end(new Uint8Array(64e6)),
+    };
+    for (const [how, answer] of Object.entries(answers)) {
+      const { address } = await scripted((request, response) => {
+        assert.equal(request.headers["accept-encoding"], "identity");
+        answer(response);
+      });
+      const source = await openWithTimeout(address, { memory: 1e6, retries: 0 });
+      await rejects(`bytes ${how}`, source.read(0, 64e6), /more than 1000000 bytes would .* `memory`$/);
+      source.close();
+    }
+  });
+
+  test("or arrives in drops causes an error", { timeout: TIMEOUT_MS }, async () => {
+    const { address } = await scripted((request, response) => {
+      const drops = setInterval(() => response.write("a"), 10);
+      response.on("close", () => clearInterval(drops));
+    });
+    const source = await openWithTimeout(address, { stallSeconds: 0.3, retries: 0 });
+    await rejects("drops", source.read(0, 5000), /received fewer than 4096 bytes in 0.3 s/);
   });
 
   test("is not trusted for ranges without Content-Length", async () => {

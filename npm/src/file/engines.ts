@@ -3,12 +3,9 @@
 import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { openSource } from "../source/open.js";
-import type { SourceInput, SourceOptions } from "../source/transport.js";
+import { DEFAULT_MEMORY, type SourceInput, type SourceOptions } from "../source/transport.js";
 import type { ByteSource } from "../types.js";
 import { RemoteEngine } from "./remote_engine.js";
-
-/** Default memory limit in bytes: 2 GiB. */
-const DEFAULT_MEMORY = 2 ** 31;
 
 /** Options of opening a file. */
 export interface FileOptions extends SourceOptions {
@@ -18,11 +15,6 @@ export interface FileOptions extends SourceOptions {
    * `worker-src blob:`, the calling thread decodes; see `ReelFile.isInWorker`.
    */
   worker?: boolean;
-  /**
-   * Limit of the memory that decoding may use, in bytes: a small malicious file could exhaust it.
-   * Files that need more throw a `MemoryLimitError`. Default: 2 GiB.
-   */
-  memory?: number;
 }
 
 /** The engines of a file: of positions and surface, and of tracks, started on demand. */

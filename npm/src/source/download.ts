@@ -1,21 +1,21 @@
 // Downloads a range of bytes, and retries after failures with the bytes that are missing.
 
 import { SourceError } from "../errors.js";
-import { fileChangedError, TransientError, errorReason } from "./transport.js";
+import { fileChangedError, HEAD_BYTES, TransientError, errorReason } from "./transport.js";
 import type { FilePart, HttpTransport } from "./http_transport.js";
-import type { RetryPolicy } from "./transport.js";
+import type { DownloadPolicy } from "./transport.js";
 
 const FIRST_PAUSE_MS = 250;
 /** A lost connection does not count as a failure if it delivered at least this many bytes. */
 const PROGRESS_BYTES = 4096;
-/** Limit of the memory of a download: an endless body must not exhaust it. */
-const MAX_BUFFER_BYTES = 2 ** 30;
+/** Received bytes are kept in pages, so that they are never copied to grow. */
+const PAGE_BYTES = HEAD_BYTES;
 
 /** Consecutive bytes of a file that are being received. */
 export class Download {
   /** Number of pending reads. */
   nReaders = 0;
-  private bytes = new Uint8Array(0);
+  private readonly pages: Uint8Array[] = [];
   private nReceived = 0;
   /** Received bytes that are known to be right and may be returned. */
   private nVerified = 0;
@@ -28,7 +28,7 @@ export class Download {
     private readonly transport: Pick<HttpTransport, "name" | "request">,
     readonly start: number,
     public end: number,
-    private readonly retryPolicy: RetryPolicy,
+    private readonly policy: DownloadPolicy,
   ) {}
 
   /** The position after the last byte, once all are received; else null. */
@@ -45,7 +45,19 @@ export class Download {
         this.waiting.push((failure) => (failure ? reject(failure) : resolve()));
       });
     }
-    return this.bytes.slice(start - this.start, Math.min(end, this.end) - this.start);
+    return this.copy(start - this.start, Math.min(end, this.end) - this.start);
+  }
+
+  /** Copy received bytes, which are counted from the start of the download. */
+  private copy(start: number, end: number): Uint8Array {
+    const bytes = new Uint8Array(Math.max(0, end - start));
+    for (let position = start; position < end; ) {
+      const offset = position % PAGE_BYTES;
+      const page = this.pages[(position - offset) / PAGE_BYTES];
+      bytes.set(page.subarray(offset, Math.min(PAGE_BYTES, offset + end - position)), position - start);
+      position += PAGE_BYTES - offset;
+    }
+    return bytes;
   }
 
   /** Close the connection; pending reads throw the reason. */
@@ -68,7 +80,7 @@ export class Download {
   }
 
   private async receiveAll(): Promise<void> {
-    let [nLeft, pauseMs] = [this.retryPolicy.retries, FIRST_PAUSE_MS];
+    let [nLeft, pauseMs] = [this.policy.retries, FIRST_PAUSE_MS];
     while (this.start + this.nVerified < this.end) {
       const nBefore = this.nVerified;
       try {
@@ -76,7 +88,7 @@ export class Download {
       } catch (error) {
         if (!(error instanceof TransientError)) throw error;
         if (this.nVerified - nBefore >= PROGRESS_BYTES) {
-          [nLeft, pauseMs] = [this.retryPolicy.retries, FIRST_PAUSE_MS];
+          [nLeft, pauseMs] = [this.policy.retries, FIRST_PAUSE_MS];
           continue;
         }
         if (nLeft-- <= 0) throw error;
@@ -92,13 +104,16 @@ export class Download {
     const stop = () => attempt.abort(this.controller.signal.reason);
     this.controller.signal.addEventListener("abort", stop, { signal: attempt.signal });
     let timer: ReturnType<typeof setTimeout> | undefined;
-    const resetTimer = () => {
+    let nLeft = 0;
+    const resetTimer = (nBytes: number) => {
+      if ((nLeft -= nBytes) > 0) return;
+      nLeft = PROGRESS_BYTES;
       clearTimeout(timer);
-      timer = setTimeout(() => attempt.abort(this.stallError()), this.retryPolicy.stallMs);
+      timer = setTimeout(() => attempt.abort(this.stallError()), this.policy.stallMs);
     };
     try {
       this.controller.signal.throwIfAborted();
-      resetTimer();
+      resetTimer(0);
       const position = this.start + this.nVerified;
       const response = await this.transport.request(position, this.end, attempt.signal);
       await this.receiveBody(response, resetTimer, attempt.signal);
@@ -111,7 +126,7 @@ export class Download {
     }
   }
 
-  private async receiveBody(response: FilePart, resetTimer: () => void, signal: AbortSignal): Promise<void> {
+  private async receiveBody(response: FilePart, resetTimer: (nBytes: number) => void, signal: AbortSignal): Promise<void> {
     const { name } = this.transport;
     const reader = response.body?.getReader();
     signal.addEventListener("abort", () => void reader?.cancel().catch(() => {}));
@@ -122,7 +137,7 @@ export class Download {
       });
       signal.throwIfAborted();
       if (done) break;
-      resetTimer();
+      resetTimer(value.length);
       if (position + value.length > (response.end ?? Infinity)) {
         throw new SourceError(
           `${name}: the server sent more bytes than it announced, ${response.end! - response.start};` +
@@ -146,29 +161,27 @@ export class Download {
   /** Append received bytes; those that overlap earlier ones must be equal. */
   private append(value: Uint8Array, position: number): void {
     const offset = position - this.start;
-    const nKnown = Math.min(this.nReceived - offset, value.length);
-    for (let i = Math.max(0, -offset); i < nKnown; i++) {
-      if (value[i] !== this.bytes[offset + i]) throw fileChangedError(this.transport.name);
+    const first = Math.max(0, offset);
+    const known = this.copy(first, Math.min(this.nReceived, offset + value.length));
+    if (known.some((byte, i) => byte !== value[first - offset + i])) {
+      throw fileChangedError(this.transport.name);
     }
     const end = Math.min(offset + value.length, this.end - this.start);
-    if (end <= this.nReceived) return;
-    this.reserve(end);
-    this.bytes.set(value.subarray(this.nReceived - offset, end - offset), this.nReceived);
-    this.nReceived = end;
-  }
-
-  private reserve(nBytes: number): void {
-    if (nBytes <= this.bytes.length) return;
-    if (nBytes > MAX_BUFFER_BYTES) {
+    const { memory } = this.policy;
+    if (end > memory) {
       throw new SourceError(
-        `${this.transport.name}: more than ${MAX_BUFFER_BYTES} bytes would have to be buffered;` +
-          " serve the file with byte ranges",
+        `${this.transport.name}: more than ${memory} bytes would have to be buffered;` +
+          " serve the file with byte ranges, or allow more with `memory`",
       );
     }
-    const capacity = Math.min(2 * this.bytes.length, this.end - this.start);
-    const larger = new Uint8Array(Math.max(nBytes, capacity));
-    larger.set(this.bytes.subarray(0, this.nReceived));
-    this.bytes = larger;
+    while (this.nReceived < end) {
+      const inPage = this.nReceived % PAGE_BYTES;
+      const page = (this.pages[(this.nReceived - inPage) / PAGE_BYTES] ??= new Uint8Array(PAGE_BYTES));
+      const nBytes = Math.min(PAGE_BYTES - inPage, end - this.nReceived);
+      const from = this.nReceived - offset;
+      page.set(value.subarray(from, from + nBytes), inPage);
+      this.nReceived += nBytes;
+    }
   }
 
   private connectionLost(position: number, reason: string, cause?: unknown): TransientError {
@@ -181,8 +194,8 @@ export class Download {
 
   private stallError(): TransientError {
     return new TransientError(
-      `${this.transport.name}: received nothing for ${this.retryPolicy.stallMs / 1000} s` +
-        ` after byte ${this.start + this.nReceived}; check the network, and try again`,
+      `${this.transport.name}: received fewer than ${PROGRESS_BYTES} bytes in ${this.policy.stallMs / 1000} s` +
+        ` up to byte ${this.start + this.nReceived}; check the network, and try again`,
     );
   }
 }

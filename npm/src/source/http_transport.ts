@@ -102,7 +102,9 @@ export class HttpTransport {
     let request: Request;
     try {
       const headers = new Headers(this.init.headers);
+      // With a range, `fetch` itself asks for unencoded bytes; browsers ignore this header.
       if (range) headers.set("range", range);
+      else headers.set("accept-encoding", "identity");
       request = new Request(this.name, { ...this.init, headers, signal });
     } catch (error) {
       throw new InvalidInputError(

@@ -5,10 +5,13 @@ import type { ByteSource } from "../types.js";
 import { Download } from "./download.js";
 import { HttpTransport } from "./http_transport.js";
 import { clampRange } from "./memory.js";
-import { HEAD_BYTES, type RetryPolicy, type SourceOptions } from "./transport.js";
+import { DEFAULT_MEMORY, HEAD_BYTES, type DownloadPolicy, type SourceOptions } from "./transport.js";
 
 /** Files up to this size are downloaded entirely, without waiting for further reads. */
 const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
+
+/** Limit of the bytes of a download: an endless body must not exhaust memory. */
+const MAX_BUFFER_BYTES = 2 ** 30;
 
 /**
  * Open an address; see `openSource`.
@@ -19,7 +22,7 @@ const SMALL_FILE_BYTES = 2 * HEAD_BYTES;
 export async function openRemote(
   from: string | URL,
   init: RequestInit,
-  { signal, retries = 3, stallSeconds = 20 }: SourceOptions,
+  { signal, retries = 3, stallSeconds = 20, memory = DEFAULT_MEMORY }: SourceOptions,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
   if (!(typeof from === "string" || from instanceof URL)) {
@@ -29,7 +32,11 @@ export async function openRemote(
     );
   }
   const server = new HttpTransport(String(from), init);
-  const source = new RemoteSource(server, { retries, stallMs: 1000 * stallSeconds });
+  const source = new RemoteSource(server, {
+    retries,
+    stallMs: 1000 * stallSeconds,
+    memory: Math.min(memory, MAX_BUFFER_BYTES),
+  });
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
   try {
     // The first response tells whether the server supports ranges.
@@ -60,7 +67,7 @@ export class RemoteSource implements ByteSource {
 
   constructor(
     private readonly transport: HttpTransport,
-    private readonly retryPolicy: RetryPolicy,
+    private readonly policy: DownloadPolicy,
   ) {
     const ask: HttpTransport["request"] = async (start, end, signal) => {
       const response = await transport.request(start, end, signal);
@@ -68,7 +75,7 @@ export class RemoteSource implements ByteSource {
       this.head.end = transport.hasRanges && size > SMALL_FILE_BYTES ? HEAD_BYTES : size;
       return response;
     };
-    this.head = new Download({ name: transport.name, request: ask }, 0, HEAD_BYTES, retryPolicy);
+    this.head = new Download({ name: transport.name, request: ask }, 0, HEAD_BYTES, policy);
   }
 
   get size(): number | null {
@@ -105,7 +112,7 @@ export class RemoteSource implements ByteSource {
       let download = downloads.find((other) => other.start <= position && position < other.end);
       if (!download) {
         const starts = downloads.map((other) => other.start).filter((other) => other > position);
-        download = new Download(this.transport, position, Math.min(end, ...starts), this.retryPolicy);
+        download = new Download(this.transport, position, Math.min(end, ...starts), this.policy);
         this.downloads.add(download);
       }
       download.nReaders += 1;

@@ -22,9 +22,18 @@ export interface SourceOptions {
   cache?: RequestCache;
   /** Number of retries that receive nothing new before a read fails. Default: 3. */
   retries?: number;
-  /** Seconds without received bytes after which a connection counts as lost. Default: 20. */
+  /** Seconds with fewer than 4096 received bytes after which a connection counts as lost. Default: 20. */
   stallSeconds?: number;
+  /**
+   * Limit of the memory that decoding may use, in bytes, and, up to 1 GiB, of that for a file whose
+   * server does not support ranges. A small malicious file could exhaust it: files that need more
+   * throw a `MemoryLimitError`. Default: 2 GiB.
+   */
+  memory?: number;
 }
+
+/** Default memory limit in bytes: 2 GiB. */
+export const DEFAULT_MEMORY = 2 ** 31;
 
 /** Bytes of the first request. They are kept, since opening a file reads them in small steps. */
 export const HEAD_BYTES = 65536;
@@ -32,12 +41,14 @@ export const HEAD_BYTES = 65536;
 /** A failure that may be temporary: of the network, or of an overloaded server. */
 export class TransientError extends SourceError {}
 
-/** When to retry. */
-export interface RetryPolicy {
+/** When to retry, and how much to keep. */
+export interface DownloadPolicy {
   /** Number of retries that receive nothing new before a read fails. */
   readonly retries: number;
-  /** Milliseconds without received bytes after which a connection counts as lost. */
+  /** Milliseconds with hardly any received bytes after which a connection counts as lost. */
   readonly stallMs: number;
+  /** Largest number of bytes that a download may keep. */
+  readonly memory: number;
 }
 
 /** Return the message of a network error; Node stores it in the cause. */
