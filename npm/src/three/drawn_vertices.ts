@@ -94,7 +94,7 @@ function uvColumn(attribute: Attribute, number: number): DomainAttribute {
 /** Convert colors from sRGB to linear, as three.js expects; opacity is unchanged. */
 function colorColumn({ domain, width, values }: Attribute): DomainAttribute {
   const channels = width === 4 ? 4 : 3;
-  const maxValue = values instanceof Uint8Array ? 255 : 1;
+  const maxValue = values instanceof Uint8Array || values instanceof Int32Array ? 255 : 1;
   const colors = new Float32Array((values.length / width) * channels);
   for (let i = 0; i < colors.length; i++) {
     const channel = i % channels;
