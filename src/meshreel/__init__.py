@@ -28,7 +28,7 @@ simulate_flag     a synthetic sequence for experiments
 paper             the paper's seven methods for experiments: their streams as arrays, their steps
 MeshReelError     base class of all errors: InvalidInputError, FormatError, CorruptStreamError,
                   TruncatedStreamError, UnsupportedVersionError, SolverError, StoreError,
-                  MemoryLimitError, WorkerDiedError, ConnectivityChangeError
+                  OutputError, MemoryLimitError, WorkerDiedError, ConnectivityChangeError
 """
 
 from importlib import import_module
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         InvalidInputError,
         MemoryLimitError,
         MeshReelError,
+        OutputError,
         SolverError,
         StoreError,
         TruncatedStreamError,
@@ -92,6 +93,7 @@ __all__ = [
     "MeshFrame",
     "MeshReelError",
     "MeshSequence",
+    "OutputError",
     "Part",
     "Quality",
     "ReelFile",

@@ -113,5 +113,9 @@ class WorkerDiedError(MeshReelError):
     """Work that was abandoned because its worker processes died."""
 
 
+class OutputError(MeshReelError, OSError):
+    """A file that cannot be written any further, because of a full disk for instance."""
+
+
 class StoreError(MeshReelError):
     """A remote file that does not exist, or cannot be read or written."""

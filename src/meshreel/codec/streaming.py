@@ -130,7 +130,7 @@ class Encoder:
     StoreError
         If the path is the address of a remote file.
     OSError
-        If the file cannot be written; the message names it.
+        If the file cannot be written; the message names it. On a full disk, it is an `OutputError`.
 
     References
     ----------

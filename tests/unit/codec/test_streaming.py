@@ -183,8 +183,8 @@ FILLING = """
         with meshreel.Encoder(sequence.faces, sys.argv[1], block_frames=5) as encoder:
             for frame in sequence.vertices:
                 encoder.push(frame)
-    except OSError as error:
-        print(error.filename)
+    except meshreel.OutputError as error:
+        print(error.filename, isinstance(error, OSError))
 """
 
 
@@ -194,7 +194,7 @@ def test_error_names_a_file_that_grows_too_large(tmp_path):
     path = tmp_path / "live.reel"
     command = [sys.executable, "-c", textwrap.dedent(FILLING), str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert (done.stdout, done.stderr) == (f"{path}\n", "")
+    assert (done.stdout, done.stderr) == (f"{path} True\n", "")
 
 
 @pytest.mark.parametrize(

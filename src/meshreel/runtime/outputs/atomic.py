@@ -1,10 +1,12 @@
 """Atomic output files, which replace existing files only on request."""
 
+import errno
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from meshreel.errors import OutputError
 from meshreel.runtime.outputs.checks import check_output_paths, check_replaceable
 from meshreel.runtime.outputs.hidden_folders import hidden_folder, remove_abandoned
 
@@ -61,6 +63,10 @@ def replace_all_when_done(
                 temporary.replace(path)
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Numbers of errors of a full disk, an exhausted quota and a file of the maximum size."""
+
+
 @contextmanager
 def os_errors_naming_output(path: Path) -> Iterator[None]:
     """A context in which an OSError without a file name names `path`."""
@@ -90,6 +96,11 @@ def _errors_naming(outputs: Mapping[Path, Path]) -> Iterator[None]:
     except OSError as error:
         if error.errno is None or (output := _output_of(error, outputs)) is None:
             raise
+        if error.errno in _FULL:
+            reason = error.strerror or os.strerror(error.errno)
+            full = OutputError(f"{output} cannot be written ({reason}); free some space")
+            full.errno, full.filename = error.errno, str(output)
+            raise full from error
         raise OSError(error.errno, error.strerror or os.strerror(error.errno), str(output)) from (
             error
         )
