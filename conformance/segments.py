@@ -316,7 +316,7 @@ def refer(*numbers):
 
 def with_blocks(further, change):
     """Return segments for an index, with changed blocks."""
-    return [replace(s, places=[change(block) for block in s.places]) for s in further]
+    return [replace(s, entries=[change(block) for block in s.entries]) for s in further]
 
 
 REFUSED: dict[str, Callable[[], bytes]] = {
@@ -339,6 +339,12 @@ REFUSED: dict[str, Callable[[], bytes]] = {
         with_index,
         lambda further: with_blocks(
             further, lambda block: replace(block, sizes=(sum(block.sizes),))
+        ),
+    ),
+    "index_of_more_tracks": partial(
+        with_index,
+        lambda further: with_blocks(
+            further, lambda block: replace(block, sizes=(*block.sizes[:-1], block.sizes[-1] - 1, 1))
         ),
     ),
     "index_of_more_frames": partial(
