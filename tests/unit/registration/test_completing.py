@@ -79,15 +79,19 @@ def test_faces_of_patches_that_conflict_are_left_out():
     assert has_sides_once(completed_by(cut(away(0.3, 0, 0)), long_faces).mesh)
 
 
-@pytest.mark.parametrize(("last_angle", "is_added"), [(0, True), (np.pi, False)])
-def test_surface_that_rolls_back_over_the_key_is_not_added(last_angle, is_added):
-    """Near the boundary it is beyond the key, but most of it is above the key."""
+@pytest.mark.parametrize(
+    ("last_angle", "is_flipped", "is_added"),
+    [(0, False, True), (np.pi, False, False), (0, True, False)],
+)
+def test_only_surface_that_continues_the_key_is_added(last_angle, is_flipped, is_added):
+    """Surface that rolls back over the key is mostly not beyond it; its back side is another."""
     angles = np.r_[np.zeros(20), np.linspace(0, last_angle, 10), np.full(20, last_angle)]
     steps = 0.05 * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
     profile = np.cumsum(steps, axis=0)[:, np.newaxis]
     vertices = profile + np.linspace(0, 1, 21)[:, np.newaxis] * [0, 1, 0]
     flat = TriangleMesh(vertices[:20].reshape(-1, 3), grid_faces(20, 21))
-    rolled = TriangleMesh(vertices.reshape(-1, 3), grid_faces(50, 21))
+    faces = grid_faces(50, 21)
+    rolled = TriangleMesh(vertices.reshape(-1, 3), faces[:, ::-1] if is_flipped else faces)
     assert bool(completed_by(flat, rolled).n_added) == is_added
 
 

@@ -49,6 +49,16 @@ def test_a_missing_part_counts_in_the_other_direction():
     assert errors.patch_area == pytest.approx(0.05, rel=0.3)
 
 
+@pytest.mark.parametrize(("end", "message"), [(0.8, ""), (0.7, "it lacks 30 % of the surface")])
+def test_a_frame_may_lack_a_quarter_of_the_surface(end, message):
+    mesh = plane()
+    is_shown = mesh.centroids[:, 0] < end
+    errors = measure(mesh, TriangleMesh(mesh.vertices, mesh.faces[is_shown]), Tolerance(0.01))
+    assert errors.unsupported == pytest.approx(1 - end, abs=0.02)
+    assert errors.exceeds(Tolerance(0.01)) == message
+    assert np.isfinite(errors.in_tolerances(Tolerance(0.01))) == (not message)
+
+
 def test_separate_patches_do_not_add_up():
     vertices, faces = square(0.0, 41)
     vertices[np.abs(vertices[:, :2] - [0.25, 0.25]).max(axis=1) < 0.05, 2] = 0.1
