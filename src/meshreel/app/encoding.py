@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.displaced import motion_note
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import StreamInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
@@ -55,6 +56,8 @@ def encode_and_measure(
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
     notes += bound_notes(sequence, data)
+    error = achieved.max_error_percent / 100 * stream.diagonal
+    notes += filter(None, [motion_note(sequence, error)])
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return Encoded(data, stream, achieved, uv, sequence.n_meshes)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.codec.config import EncoderConfig
+from meshreel.codec.displaced import with_bound_of_motion
 from meshreel.codec.joining import join_streams
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import method_named
@@ -130,7 +131,7 @@ def encode_with(
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
     bounds = kept_bounds(config, segment.tracks, tracks)
-    source = Source(segment, config, surface, bounds)
+    source = Source(segment, with_bound_of_motion(config, sequence), surface, bounds)
     return next(method_named(config.method).encode([source], progress))
 
 
@@ -159,6 +160,7 @@ def encode_segments(
         )
     progress("encoding connectivity", 0.0)
     _check_names(sequence, attributes, tracks or {})
+    positions_config = with_bound_of_motion(config, sequence)
     ranges: dict[str, float] = {}
     sources = []
     surfaces = [select(part.surface, attributes, ignore_missing=True) for part in sequence.segments]
@@ -173,7 +175,7 @@ def encode_segments(
                 ranges[name] = _range_size(sequence, name)
         source = Source(
             segment,
-            config,
+            positions_config,
             surface,
             {name: _in_units(bound, ranges.get(name)) for name, bound in bounds.items()},
             whole_extent=sequence.extent,

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,14 +11,14 @@ from meshreel.formats.frames.stored_frames import Description
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackSource, track_by_name
+from meshreel.model.tracks import TrackSource, error_bound_of, track_by_name
 
 NAMES = {"displacement", "displacements", "displ", "disp", "u"}
 """Usual names of displacements, in lower case."""
 
 
 def displace(sequence: MeshSequence, choice: str, max_loaded_bytes: int | None) -> MeshSequence:
-    """Return a sequence whose vertices are moved by a track, which it no longer has.
+    """Return a sequence whose vertices are moved by a track, which it keeps.
 
     Parameters
     ----------
@@ -72,11 +73,14 @@ def _displace(segment: FrameSource, choice: str, max_loaded_bytes: int | None) -
             f" takes a track of three numbers per vertex; {name} has {track.shape[2]} per "
             f"{track.domain}, {track.dtype}",
         )
-    tracks = {other: other_track for other, other_track in segment.tracks.items() if other != name}
-    description = Description(segment.faces, segment.name, segment.timing, segment.surface)
+    surface = replace(segment.surface, displaced_by=(name, factor))
+    bound, of_track = error_bound_of(segment), error_bound_of(track)
+    if bound is not None:
+        bound = None if of_track is None else bound + abs(factor) * of_track
+    description = Description(segment.faces, segment.name, segment.timing, surface, bound)
     shape, files = (segment.n_frames, segment.n_verts), getattr(segment, "files", ())
     read = _reader(segment, track, factor)
-    return description.open(shape, segment.dtype, read, files, tracks, max_loaded_bytes)
+    return description.open(shape, segment.dtype, read, files, segment.tracks, max_loaded_bytes)
 
 
 def _reader(

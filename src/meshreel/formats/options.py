@@ -144,7 +144,7 @@ class LoadOptions:
         str | None,
         Option(
             "Move the vertices by a result of three numbers per vertex, such as displacement of a "
-            "simulation; a factor enlarges it. The result itself is not kept.",
+            "simulation; a factor enlarges it. The result is kept; a negative factor moves back.",
             metavar="NAME[:FACTOR]",
             group=READING,
             more='``"name:10"`` adds ten times its values.',

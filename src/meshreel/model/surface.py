@@ -154,6 +154,9 @@ class Surface:
         frame, so it does not matter; `meshreel.encode` then drops it by default.
     cells : Cells, optional
         Volume cells. The faces must be their surface, as `Cells.surface` returns it. Default: none.
+    displaced_by : tuple of str and float, optional
+        Track that moved the vertices, multiplied by a factor, as `displace` of `meshreel.load` sets
+        it. Streams do not store it. Default: none.
     """
 
     face_sizes: Int32s | None = None
@@ -165,6 +168,7 @@ class Surface:
     hard_edges: Int32s | None = None
     is_ordered: bool = True
     cells: Cells | None = None
+    displaced_by: tuple[str, float] | None = None
     __setstate__ = restore
 
     def __repr__(self) -> str:

@@ -1,11 +1,17 @@
 """Meshes moved by a track of displacements."""
 
+import re
+
 import numpy as np
 import pytest
 
+import meshreel
+from meshreel.app.encoding import encode_and_measure
+from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.save import save
+from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
 
@@ -27,12 +33,13 @@ def path(tmp_path):
 
 
 @pytest.mark.parametrize(("choice", "factor"), [("displacement", 1), ("displacement:-2.5", -2.5)])
-def test_a_track_moves_the_vertices_and_is_dropped(path, read, choice, factor):
+def test_a_track_moves_the_vertices_and_is_kept(path, read, choice, factor):
     rest, moved = load(path), read(path, displace=choice)
     expected = rest.vertices + factor * rest.tracks["displacement"].values
     np.testing.assert_allclose(moved.read(0, 3), expected, atol=1e-6)
     np.testing.assert_allclose(moved.extent.high, expected.max(axis=(0, 1)), atol=1e-6)
-    assert list(moved.tracks) == ["heat"]
+    assert list(moved.tracks) == ["displacement", "heat"]
+    assert moved.surface.displaced_by == ("displacement", factor)
     assert moved.dtype == rest.dtype
 
 
@@ -45,6 +52,76 @@ def test_each_segment_is_moved(tmp_path):
     moved = load(tmp_path / "a.reel", displace="u")
     np.testing.assert_array_equal(moved[2].vertices, other.vertices[0] + 1)
     assert (moved.n_segments, moved.fps) == (2, 5)
+
+
+SMALL = 5e-4
+"""Length of a displacement, as a share of that of the sheet: less than a bound of 0.1 % allows."""
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A file of a sheet with a displacement that swings in waves, which is small."""
+    grid = still(12)
+    wave = np.sin(grid.vertices[..., :1] * 3) * np.sin(np.arange(12))[:, None, None]
+    values = SMALL * (wave * [0.2, 0, 1]).astype(np.float32)
+    save(grid.replace(tracks={"u": Track(values, unit="m")}), tmp_path / "small.npz")
+    return tmp_path / "small.npz"
+
+
+@pytest.mark.parametrize("factor", [1, -20])
+@pytest.mark.parametrize("options", [{"bound": 0.1}, {"max_error": 0.1}, {}])
+@pytest.mark.filterwarnings("ignore:positions are off")
+def test_a_displacement_is_within_a_share_of_its_own_range(small, tmp_path, options, factor):
+    original = load(small)
+    values = original.tracks["u"].values
+    range_size = np.linalg.norm(np.ptp(values, axis=(0, 1)))
+    data = meshreel.encode(load(small, displace=f"u:{factor}"), **options)
+    decoded = meshreel.decode(data)
+    assert np.linalg.norm(decoded.tracks["u"].values - values, axis=2).max() <= range_size / 1000
+    if "bound" not in options:
+        return
+    # The positions show the motion, and the geometry before it comes back.
+    moved = original.vertices + np.float32(factor) * values
+    allowed = min(abs(factor) * range_size, meshreel.info(data).diagonal) / 1000
+    assert np.linalg.norm(decoded.vertices - moved, axis=2).max() <= allowed + 1e-6
+    save(decoded, tmp_path / "a.reel", lossless=True)
+    back = load(tmp_path / "a.reel", displace=f"u:{-factor}")
+    apart = np.linalg.norm(back.vertices - original.vertices, axis=2).max()
+    assert apart <= allowed + abs(factor) * range_size / 1000 + 1e-6
+    assert apart <= back.error_bound + 1e-6
+
+
+def test_segments_share_the_smallest_bound_of_their_motions(small):
+    large = load(small).tracks["u"].values * 1000
+    two = load(small, displace="u")
+    two += load(small).replace(tracks={"u": large}, start_s=two.n_frames / two.fps)
+    data = meshreel.encode(two, bound=0.1)
+    range_size = np.linalg.norm(np.ptp(two.segments[0].tracks["u"].values, axis=(0, 1)))
+    info = meshreel.info(data)
+    assert info.error_bound_percent / 100 * info.diagonal == pytest.approx(range_size / 1000)
+
+
+def test_a_note_compares_an_error_with_the_motion(small):
+    text = r"positions are off by up to 0.00.*, and u moves them by 0.00.*u:\d+.* bound of its own"
+    with pytest.warns(match=text):
+        meshreel.encode(load(small, displace="u"), max_error=0.1)
+    notes = Notes()
+    encode_and_measure(load(small, displace="u"), config_of(quality=50), None, notes)
+    assert any(re.match(text, note) for note in notes)
+    meshreel.encode(load(small, displace="u"), bound=0.1)  # without a warning
+    meshreel.encode(load(small, displace="u:1000"), max_error=0.1)
+    meshreel.encode(load(small), max_error=0.1)
+
+
+def test_a_bound_below_the_rounding_of_positions_is_met_by_the_track(tmp_path):
+    grid = still(4)
+    values = (1e-6 * np.arange(4, dtype=np.float32))[:, None, None] * np.ones_like(grid.vertices)
+    save(grid.replace(vertices=grid.vertices + 100, tracks={"u": values}), tmp_path / "a.npz")
+    with pytest.warns(match="positions are off"):
+        data = meshreel.encode(load(tmp_path / "a.npz", displace="u"), bound=0.1)
+    decoded = meshreel.decode(data)
+    apart = np.linalg.norm(decoded.tracks["u"].values - values, axis=2).max()
+    assert apart <= np.linalg.norm(np.ptp(values, axis=(0, 1))) / 1000
 
 
 def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path, notes):
