@@ -19,7 +19,7 @@ TOPOLOGY = {"v", "f", "vt", "vn", "mtllib", "usemtl", "g", "o", "#"}
 def walk_obj(path: Path) -> Iterator[Item]:
     """Yield the statements of an OBJ file, and the properties of its material libraries."""
     rows, group = defaultdict[str, list[list[str]]](list), dict[str, str]()
-    text = path.read_bytes().decode("utf-8", "replace").replace("\\\n", " ")
+    text = path.read_text("utf-8", "replace").replace("\\\n", " ")
     for words in filter(None, map(str.split, text.splitlines())):
         key = "#" if words[0].startswith("#") else words[0]
         rows[key].append(words[1:])
