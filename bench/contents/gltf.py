@@ -108,7 +108,9 @@ def walk(path: Path) -> Iterator[Item]:
         for channel in animation["channels"]:
             if (node := channel["target"].get("node", -1)) >= 0 and node not in movers:
                 yield Item(
-                    Sort.OTHER, nodes[node].get("name") or f"node {node}", words=(name,) * bool(n)
+                    Sort.OTHER,
+                    nodes[node].get("name") or f"node {node}",
+                    words=(name,) if n else (),
                 )
 
 
@@ -133,8 +135,8 @@ def _primitive(primitive: Json, *, is_skinned: bool) -> Iterator[Item]:
         if name == "NORMAL":
             yield Item(Sort.EDGES, "normals", words=("hard edge", "hard edges"))
         elif not (is_skinned and name[:6] in ("JOINTS", "WEIGHT")):
-            words = ("tangents",) if name == "TANGENT" else ("joints", "weights")
-            yield Item(SORTS.get(name.partition("_")[0], Sort.OTHER), name, words=words)
+            nouns = ("tangents", "joints", "weights")
+            yield Item(SORTS.get(name.partition("_")[0], Sort.OTHER), name, words=nouns)
     yield from _object(primitive, "primitive")
 
 

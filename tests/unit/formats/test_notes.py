@@ -377,14 +377,39 @@ def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
     ]
 
 
+def test_changing_usd_subsets_are_noted(tmp_path):
+    pytest.importorskip("pxr")
+    subset = '  def GeomSubset "s" { int[] indices.timeSamples = { 0: [0], 1: [] }\n}\n}\n'
+    text = "#usda 1.0\n" + USD[USD.index("def Mesh") : USD.index("  normal3f")] + subset
+    assert left_out(stored(tmp_path, "a.usda", text)) == [
+        "changes over time, kept as in the first frame: /m/s"
+    ]
+
+
 def test_other_alembic_objects_are_noted(tmp_path):
     from samples import alembic as sample  # skips the test if the library is not installed
 
     top = sample.archive(tmp_path / "a.abc").getTop()
-    sample.add_mesh(top, "m", [sample.POINTS])
+    group = sample.add_transform(top, "group", [])
+    mesh = sample.add_mesh(group, "m", [sample.POINTS])
+    sample.Abc.OInt32Property(group.getSchema().getUserProperties(), "shot").setValue(7)
+    kind = sample.AbcGeom.GeometryScope.kVertexScope
+    scale = sample.AbcGeom.OFloatGeomParam(
+        mesh.getSchema().getArbGeomParams(), "scale", False, kind, 1
+    )
+    sample_of_three = sample.AbcGeom.OFloatGeomParamSample()
+    sample_of_three.setVals(sample.imath.FloatArray(3))
+    sample_of_three.setScope(kind)
+    scale.set(sample_of_three)
     sample.AbcGeom.OCamera(top, "eye")
-    del top
-    assert left_out(tmp_path / "a.abc") == ["cameras (1)"]
+    sample.add_transform(top, "locator", [])
+    del top, group, mesh, scale
+    assert left_out(tmp_path / "a.abc") == [
+        "cameras: /eye",
+        "transforms without a mesh: /locator",
+        "properties that do not fit the faces: scale",
+        "user properties: shot",
+    ]
 
 
 def test_normals_of_a_topology_file_are_noted(tmp_path):

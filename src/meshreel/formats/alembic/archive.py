@@ -157,6 +157,8 @@ class Archive:
         Name and version of the program that wrote the file; may be empty.
     top : AbcObject
         Unnamed root object of the hierarchy.
+    read, unfit : set of Property
+        Properties of which a sample was read, and those whose values do not fit their mesh.
 
     Raises
     ------
@@ -169,6 +171,8 @@ class Archive:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._checksums: dict[int, int] = {}
+        self.read: set[Property] = set()
+        self.unfit: set[Property] = set()
         try:
             with path.open("rb") as stream:
                 head = stream.read(HEADER.size)
@@ -467,7 +471,16 @@ class Property:
             raise damage_error(f"{self.name} has no sample {index}")
         return int(self._samples[reference_index])
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no sample, or a single one without values."""
+        return not self.n_samples or (self.n_samples == 1 and not self._bytes(0))
+
     def _contents(self, index: int) -> bytes:
+        self.archive.read.add(self)
+        return self._bytes(index)
+
+    def _bytes(self, index: int) -> bytes:
         return self.archive.data(self.reference_of(index))[KEY_BYTES:]
 
     @cached_property

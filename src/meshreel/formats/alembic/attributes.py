@@ -18,7 +18,7 @@ from meshreel.formats.scenes.timing import blend, neighbors
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.surfaces.polygons import PolygonMesh, reversed_corners
 from meshreel.model.colors import to_srgb
-from meshreel.model.notes import UNCHANGING, Notes
+from meshreel.model.notes import Notes
 from meshreel.model.surface import (
     MAX_COMPONENTS,
     VALUE_TYPES,
@@ -36,6 +36,9 @@ VALUES, INDICES, FACES = ".vals", ".indices", ".faces"
 
 NORMALS, VELOCITIES, UVS, PARAMS = "N", ".velocities", "uv", ".arbGeomParams"
 """Names of mesh properties."""
+
+USER = ".userProperties"
+"""Name of the compound of properties that programs add."""
 
 COMPUTED = "meshreel:computed"
 """User property that marks normals computed by meshreel from faces and hard edges, not a track."""
@@ -216,7 +219,7 @@ def _animated(geometry: Properties) -> Iterator[tuple[str, Quantity]]:
             kind = declared_kind or ("" if param.kind is Kind.OTHER else str(param.kind))
             role = NORMALS_ROLE if param.interpretation == "normal" else ""
             yield param.source.name, param.quantity(param.name, kind, role)
-    user = geometry.get(".userProperties")
+    user = geometry.get(USER)
     if NORMALS in geometry and not (user is not None and COMPUTED in user.properties):
         normals = GeometryParam(geometry[NORMALS])
         if not normals.is_constant:
@@ -230,13 +233,12 @@ def read_attributes(
     geometry: Properties,
     mesh: PolygonMesh,
     time_s: float,
-    notes: Notes,
     animated: Collection[str] = (),
 ) -> Surface:
     """Return the attributes and face groups of a mesh at a time.
 
-    Numeric properties become attributes, and strings per face become groups. Strings that change
-    over time are not supported.
+    Numeric properties become attributes, and strings per face become groups. The archive marks
+    others as unfit, such as strings that change over time.
 
     Parameters
     ----------
@@ -244,38 +246,28 @@ def read_attributes(
         Properties of the mesh.
     mesh : PolygonMesh
         The mesh, with counterclockwise faces.
-    notes : Notes
-        Gains a sentence for properties that are left out.
     animated : collection of str, optional
         Names of properties that are read as tracks, and skipped here.
     """
     attributes: list[Attribute] = []
     groups: list[FaceGroups] = []
-    changing, constants, unsupported = (list[str]() for _ in range(3))
     segment_names = segment_attributes(geometry)
     for param in geometry_params(geometry):
         is_fixed = param.is_constant or param.source.name in segment_names
-        if param.source.name in animated:
+        if param.source.name in animated or _is_single(param, geometry):
             continue
-        if _is_single(param, geometry):
-            constants.append(param.name)
-        elif (attribute := _attribute(param, mesh, time_s)) is not None:
+        if (attribute := _attribute(param, mesh, time_s)) is not None:
             attributes.append(attribute)
         elif is_fixed and (face_groups := _groups(param, mesh, time_s)) is not None:
             groups.append(face_groups)
         else:
-            (unsupported if param.is_constant else changing).append(param.name)
-    notes.left_out("fields that change over time", changing)
-    if VELOCITIES in geometry and VELOCITIES not in animated:
-        notes.left_out(UNCHANGING, ["velocities"])
-    notes.left_out("values for a whole mesh", constants)
-    notes.left_out("properties that are neither numeric nor a text per face", unsupported)
+            param.values.archive.unfit.add(param.values)
     return Surface(attributes=tuple(attributes), groups=tuple(groups))
 
 
 def segment_attributes(geometry: Properties) -> frozenset[str]:
     """Return the names of properties that change only with the faces, if meshreel wrote them."""
-    user = geometry.get(".userProperties")
+    user = geometry.get(USER)
     mark = user.properties.get(SEGMENT_ATTRIBUTES) if user is not None else None
     return frozenset("".join(mark.texts()[:1]).split("/")) if mark is not None else frozenset()
 

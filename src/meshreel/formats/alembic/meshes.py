@@ -4,7 +4,7 @@ Points are row vectors, as in the file: a point is multiplied by the matrix of t
 transform first.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -23,6 +23,7 @@ from meshreel.formats.alembic.attributes import (
     read_face_sets,
     read_normals,
 )
+from meshreel.formats.alembic.unread import MISFITS, note_unread
 from meshreel.formats.frames.field_tracks import Key
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
@@ -171,8 +172,6 @@ def _polar(linear: Floats) -> tuple[Floats, Floats]:
 
 POINTS, CORNERS, COUNTS = "P", ".faceIndices", ".faceCounts"
 
-UNSUPPORTED = "properties that do not fit the mesh or are not numeric"
-
 MAX_OBJECTS, MAX_DEPTH = 100_000, 256
 """Limits, since nested instances can make a small file expand to any number of objects."""
 
@@ -256,15 +255,28 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         raise FormatError(
             f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
         )
-    if any(node.object.schema in OTHER_SCHEMAS for node in nodes):
-        options.notes.left_out(describe_contents(nodes))
-
+    _note_other_objects(nodes, meshes, options.notes)
     normals = NormalNotes(options.notes)
 
     def read(node: Node) -> SceneMesh:
         return _AnimatedMesh(node, options.notes, normals).scene_mesh()
 
     return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
+
+
+def _note_other_objects(nodes: Sequence[Node], meshes: Sequence[Node], notes: Notes) -> None:
+    """Note the objects that are neither meshes, nor above or below one, and those of the file."""
+    parents, mesh_nodes = {node.parent for node in nodes}, {*meshes}
+    names = defaultdict[str, list[str]](list)
+    for node in nodes:
+        is_part = node in mesh_nodes or node in parents or node.parent in mesh_nodes
+        if not is_part or node.object.schema in OTHER_SCHEMAS:
+            noun = "transforms" if node.object.schema == TRANSFORM else "objects"
+            subject = OTHER_SCHEMAS.get(node.object.schema, f"{noun} without a mesh")
+            names[subject].append(node.path)
+    for subject in sorted(names):
+        notes.left_out(subject, names[subject])
+    note_unread([nodes[0].object.archive.top], notes)
 
 
 class _AnimatedMesh:
@@ -307,7 +319,15 @@ class _AnimatedMesh:
         return SceneMesh(
             self._node.path, self._times_s, self._frame, self._surface, fps, self._tracks,
             visibility=self._node.visibility,
+            note_unread=partial(note_unread, self._objects, self._notes),
         )  # fmt: skip
+
+    @property
+    def _objects(self) -> list[AbcObject]:
+        """The mesh, its face sets, and the objects above it."""
+        node = self._node.object
+        face_sets = (child for child in node.children if ".faceset" in child.properties)
+        return [node, *face_sets, *self._node.ancestors]
 
     @cached_property
     def _animated(self) -> dict[str, Quantity]:
@@ -322,7 +342,7 @@ class _AnimatedMesh:
     def _surface(self, index: int) -> Surface:
         node, time_s = self._node, float(self._times_s[index])
         mesh = self._mesh_at(time_s)
-        surface = read_attributes(self._properties, mesh, time_s, self._notes, self._animated)
+        surface = read_attributes(self._properties, mesh, time_s, self._animated)
         normals, hard_edges = read_normals(self._properties, mesh, time_s), None
         if normals is not None:
             normal_edges = find_hard_edges(mesh, normals)
@@ -352,14 +372,12 @@ class _AnimatedMesh:
         quantities: dict[Key, Quantity] = {}
         for quantity in self._animated.values():
             if (domain := _fitting_domain(quantity, times, mesh)) is None:
-                notes.left_out(UNSUPPORTED, [quantity.name])
+                notes.left_out(MISFITS, [quantity.name])
             else:
                 quantities[domain, quantity.name] = quantity
         rows = {**dict.fromkeys(Domain, slice(None)), Domain.CORNER: reversed_corners(mesh.counts)}
         sizes = mesh.n_items, mesh.n_items
-        return quantity_tracks(
-            path, quantities, times, sizes, rows, self._world, notes, UNSUPPORTED
-        )
+        return quantity_tracks(path, quantities, times, sizes, rows, self._world, notes, MISFITS)
 
     def _world(self, time_s: float) -> Floats:
         return (

@@ -13,7 +13,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
 from meshreel.formats.scenes.timing import unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import Notes
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource, error_bound_of
 from meshreel.runtime.counting import counted
@@ -81,6 +81,8 @@ def meshes_in_turn(
         return None
     if n_empty := len(times_s) - len(groups):
         notes.left_out(f"{counted(n_empty, 'frame')} without a mesh")
+    names = (meshes[number].name for number in dict.fromkeys(members))
+    notes.list_names(NoteKind.CHANGED, "visible in turn, read as one sequence", names)
     frame_times_s = times_s[frames[0] : frames[-1] + 1]
     parts = {
         group: merge_meshes([meshes[number] for number in group], name, notes, frame_times_s)

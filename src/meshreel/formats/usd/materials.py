@@ -24,6 +24,9 @@ Numbers = tuple[float, ...]
 MATERIALS = "materialBind"
 """The subset family for material bindings."""
 
+CHANGES = "changes over time, kept as in the first frame"
+"""Subject of the note on subsets whose faces change."""
+
 UNNAMED = "group"
 """Name of the group of subsets without a family."""
 
@@ -168,8 +171,13 @@ def read_materials(
             continue
         family = str(subset.GetFamilyNameAttr().Get() or UNNAMED)
         material = bound_label(subset.GetPrim()) if family == MATERIALS else ""
-        faces = subset.GetIndicesAttr().Get(code)
-        if not faces and subset.GetIndicesAttr().ValueMightBeTimeVarying():
+        faces, changes = (
+            subset.GetIndicesAttr().Get(code),
+            subset.GetIndicesAttr().ValueMightBeTimeVarying(),
+        )
+        if changes and not prim.GetAttribute("faceVertexCounts").ValueMightBeTimeVarying():
+            stage.notes.left_out(CHANGES, [str(subset.GetPath())])
+        if changes and not faces:
             continue  # a label of other times
         members = families.setdefault(family, [])
         label = material or label_of(subset.GetPrim())

@@ -142,7 +142,7 @@ def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path, notes):
     assert (track[0] == 1).all()
     assert (track[2] == 2).all()
     assert notes == [
-        "left out: properties that do not fit the mesh or are not numeric: bad",
+        "left out: properties that do not fit the faces: bad",
         "'heat' is in 2 of 3 frames, and NaN in the others",
     ]
 
