@@ -9,7 +9,7 @@ and the error is raised after the library has closed the file.
 import io
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -126,8 +126,10 @@ def find_group(group: Node, name: str) -> Node | None:
     return node if isinstance(node, HDF.load().Group) else None
 
 
-def find_dataset(group: Node, name: str) -> Dataset | None:
+def find_dataset(group: Node, name: str, taken: set[str] | None = None) -> Dataset | None:
     """Return the dataset at a path below a group, checked to be in the file; None if none.
+
+    `taken` receives its path in the file, for `unread_datasets`.
 
     Raises
     ------
@@ -137,11 +139,21 @@ def find_dataset(group: Node, name: str) -> Dataset | None:
     node = find_node(group, name)
     if not isinstance(node, HDF.load().Dataset):
         return None
+    if taken is not None:
+        taken.add(node.name)
     _check_storage(node)
     return node
 
 
-def require_dataset(group: Node, name: str) -> Dataset:
+def unread_datasets(group: Node, taken: Container[str]) -> list[str]:
+    """Return the paths below a group of the datasets that are not among those taken."""
+    nodes: list[tuple[str, Node]] = []
+    group.visititems(lambda *named_node: nodes.append(named_node))
+    dataset = HDF.load().Dataset
+    return [name for name, node in nodes if isinstance(node, dataset) and node.name not in taken]
+
+
+def require_dataset(group: Node, name: str, taken: set[str] | None = None) -> Dataset:
     """Return the dataset at a path below a group; as `find_dataset`, but it must exist.
 
     Raises
@@ -149,7 +161,7 @@ def require_dataset(group: Node, name: str) -> Dataset:
     FormatError
         As `find_dataset`, or if there is none.
     """
-    if (dataset := find_dataset(group, name)) is None:
+    if (dataset := find_dataset(group, name, taken)) is None:
         raise FormatError(f"has no dataset {group.name.rstrip('/')}/{name}")
     return dataset
 

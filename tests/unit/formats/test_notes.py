@@ -146,7 +146,7 @@ def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
         file.create_group("notes of the lab")
     assert left_out(tmp_path / "a.vtkhdf") == [
         "groups: notes of the lab",
-        "arrays: heat of 99 rows; step 1 needs 99 from row 99 on",
+        "array 'heat', which has 99 rows; step 1 needs 99 from row 99 on",
         "field data: mass",
     ]
 
@@ -226,10 +226,13 @@ XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
             XML.format(
                 field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
                 f"{XML_ARRAY.format('mass', 4)}</FieldData>",
-                data='<PointData><Array type="String" Name="tag">65 0</Array>'
+                data='<PointData><Array type="String" Name="tag">65 0 0 66 0</Array>'
                 f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
             ),
-            ["field data: mass", "arrays of text: tag"],
+            [
+                "field data: TimeValue, mass",
+                "fields of text, or with more than 256 components: tag",
+            ],
         ),
     ],
 )

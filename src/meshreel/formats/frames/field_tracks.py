@@ -135,6 +135,9 @@ def _track(
         text = f"{key[1]!r} is in {sum(present)} of {len(present)} frames, and NaN in the others"
         text += "" if is_float else ", as float64"
         notes.changed(key[1], text)
+    if dtype.kind == "f" and any(field.dtype.name in ("int64", "uint64") for field in fields):
+        text = f"{key[1]!r} becomes {dtype}, which rounds integers above 2^53"
+        notes.changed(key[1], text)
     shape = len(frames), n_items, widths[0]
 
     def read_range(start: int, stop: int) -> Values:

@@ -6,7 +6,7 @@ Floating-point results are tracks, and so are other arrays that change; the rest
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -27,17 +27,30 @@ from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.stored_frames import checksum
 from meshreel.formats.surfaces.cells import Cells, CellSurface, cell_mesh
 from meshreel.formats.surfaces.polygons import PolygonMesh
-from meshreel.model.notes import Notes, listed, note_normals
+from meshreel.model.notes import NoteKind, Notes, note_normals
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind, Surface
+from meshreel.model.surface import (
+    MAX_COMPONENTS,
+    VALUE_TYPES,
+    Attribute,
+    Domain,
+    FaceGroups,
+    Int32s,
+    Kind,
+    Surface,
+)
 from meshreel.model.tracks import TrackSource
+from meshreel.runtime.counting import counted
 
 TEXTURE_COORDINATES = "TCoords"
 UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_COMPONENTS} components"
 """How notes name arrays that attributes cannot hold."""
 
-TIMES = ("TimeValue", "TIME", "CYCLE")
-"""Field data with the time of a file; not reported as left out."""
+GHOSTS, DUPLICATE = (Domain.FACE, "vtkGhostType"), 1
+"""The array that flags cells, and its flag of cells that another piece contains."""
+
+LeftOut = Sequence[tuple[str, str]]
+"""What is left out, for notes: a subject, such as "field data", and a name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +64,8 @@ class DataArray:
     """Returns the values, of shape (N,) or (N, C)."""
     identify: Callable[[], object]
     """Returns a key that is equal in two steps if the values are equal."""
-    describe: Callable[[], Field | None]
-    """Returns the description, or None if the array cannot be a track."""
+    describe: Callable[[], Field]
+    """Returns the description; raises FormatError if the array cannot be read."""
     role: str = ""
     """The active attribute of VTK that it is: "TCoords", "Normals" or another."""
     kind: str = ""
@@ -80,11 +93,12 @@ def loaded_array(
 ) -> DataArray:
     """Return a data array whose values are in memory."""
     field = Field(values.dtype, math.prod(values.shape[1:]), role, kind, unit, is_track)
+    is_text = values.dtype.kind == "O"
     return DataArray(
         domain,
         name,
         lambda: values,
-        cache(partial(checksum, values)),
+        cache(lambda: tuple(values.ravel()) if is_text else checksum(values)),
         lambda: field,
         role,
         kind,
@@ -105,8 +119,8 @@ class Step:
     """Reads the points."""
     data: Sequence[DataArray]
     """Arrays of vertices, and those of cells with the domain of faces."""
-    left_out: tuple[str, ...] = ()
-    """Descriptions of what else the file contains, for notes."""
+    left_out: LeftOut = ()
+    """What else the file contains, for notes."""
 
     @cached_property
     def arrays(self) -> list[DataArray]:
@@ -121,6 +135,11 @@ class Step:
     def mesh(self) -> PolygonMesh:
         """The surface of the cells: 2D cells, and the boundary of solid cells."""
         return self.surface.mesh(self.read_points())
+
+    def note_left_out(self, notes: Notes) -> None:
+        """Note what the file contains besides the mesh and its data."""
+        for subject, name in self.left_out:
+            notes.left_out(subject, [name])
 
     def share_data(self, previous: "Step") -> "Step":
         """Return the step with surface and arrays of another one where they are equal."""
@@ -148,16 +167,20 @@ class Step:
         return values.reshape(n_items, -1)[self.surface.source_rows[array.domain]]
 
     def attributes(self, arrays: Iterable[DataArray], notes: Notes) -> Surface:
-        """Return a surface whose attributes are the given arrays.
+        """Return a surface whose attributes are the given arrays; text of cells becomes groups.
 
-        Normals, text and arrays with too many components are left out; the notes list them.
+        Normals, other text and arrays with too many components are left out; the notes list them.
         """
-        attributes, unsupported, has_normals = [], [], False
+        attributes, groups, unsupported, has_normals = [], [], [], False
         for domain in self.sizes:
             for array in (array for array in arrays if array.domain is domain):
                 values = self.values(array)
                 if array.role == NORMALS:
                     has_normals = True
+                elif _is_text_of_cells(array.domain, values):
+                    group, cell_numbers = self._groups(array.name, array.read())
+                    groups.append(group)
+                    attributes += cell_numbers
                 elif values.dtype.kind not in "iuf" or values.shape[1] > MAX_COMPONENTS:
                     unsupported.append(array.name)
                 else:
@@ -166,7 +189,17 @@ class Step:
         if has_normals:
             note_normals(notes)
         notes.left_out(UNSUPPORTED_ARRAYS, unsupported)
-        return Surface(attributes=tuple(attributes))
+        return Surface(attributes=tuple(attributes), groups=tuple(groups))
+
+    def _groups(self, name: str, texts: npt.NDArray[Any]) -> tuple[FaceGroups, list[Attribute]]:
+        """Return the faces grouped by the text of their cells, and its numbers at kept cells."""
+        labels, rows_of_labels = np.unique(texts.ravel(), return_inverse=True)
+        numbers: Int32s = rows_of_labels.astype(np.int32) - bool(labels[0] == "")  # "" is no group
+        groups = FaceGroups(name, tuple(filter(None, labels.tolist())), numbers[self.surface.cells])
+        if self.surface.volume is None:
+            return groups, []
+        rows = self.surface.source_rows[Domain.CELL]
+        return groups, [Attribute(name, Kind.OTHER, Domain.CELL, numbers[rows, None])]
 
     def frame(self) -> Frame:
         """Return the step as the only one of its file.
@@ -179,14 +212,15 @@ class Step:
             If an array does not have one value for each point or cell.
         """
         notes = Notes()
-        for contents in self.left_out:
-            notes.left_out(contents)
+        self.note_left_out(notes)
         self.surface.note_interior(notes)
         fields: dict[Key, tuple[Values, Field]] = {}
         attributes = []
         for array in self.arrays:
             values, field = self.values(array), array.describe()
-            assert field is not None
+            if _is_text_of_cells(array.domain, values):
+                attributes.append(array)
+                continue
             kind = _attribute_kind(array, values.dtype, values.shape[1])
             is_attribute = array.is_attribute or kind is not Kind.OTHER
             if is_attribute:
@@ -199,9 +233,20 @@ class Step:
 
 def _contents(array: DataArray) -> object:
     """Return a key that is equal for arrays with the same description and values."""
-    field = array.describe()
-    field_values = None if field is None else tuple(vars(field).values())
-    return array.domain, array.name, array.identify(), field_values
+    description = tuple(vars(array.describe()).values())
+    return array.domain, array.name, array.identify(), description
+
+
+def note_unreadable(key: Key, error: FormatError, notes: Notes) -> None:
+    """Note that an array is left out because it cannot be read, once for each array."""
+    subject = f"arrays that cannot be read: {key[1]}"
+    if not any(note.subject == subject for note in notes):
+        notes.add(NoteKind.LEFT_OUT, subject, f"left out: array {key[1]!r}, which {error}")
+
+
+def _is_text_of_cells(domain: Domain, values: npt.NDArray[Any]) -> bool:
+    is_single_text = values.dtype.kind in "UO" and values[:1].size == len(values[:1])
+    return is_single_text and domain is not Domain.VERTEX
 
 
 def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -210,9 +255,13 @@ def _as_value_type(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         return values
     if values.dtype.kind == "f":
         return values.astype(np.float32 if values.dtype.itemsize < 4 else np.float64)
+    return values.astype(np.int32)
+
+
+def _exceeds_int32(values: npt.NDArray[Any]) -> bool:
     limits = np.iinfo(np.int32)
-    is_small = values.size == 0 or (limits.min <= values.min() and values.max() <= limits.max)
-    return values.astype(np.int32 if is_small else np.float64)
+    is_empty = values.dtype.kind not in "iu" or values.size == 0
+    return not is_empty and bool(values.min() < limits.min or values.max() > limits.max)
 
 
 def _attribute_kind(array: DataArray, dtype: np.dtype[Any], width: int) -> Kind:
@@ -227,10 +276,16 @@ def _attribute_kind(array: DataArray, dtype: np.dtype[Any], width: int) -> Kind:
     return Kind.OTHER
 
 
-def _is_track(array: DataArray, field: Field | None) -> bool:
-    """Whether an array is a track even if it never changes: declared as such, or real numbers."""
-    if array.is_track or array.is_attribute or field is None or array.role == NORMALS:
+def _is_track(array: DataArray, field: Field) -> bool:
+    """Whether an array is a track even if it never changes.
+
+    It is if the file declares so, or if its values are real numbers, or integers that attributes
+    cannot hold.
+    """
+    if array.is_track or array.is_attribute or array.role == NORMALS:
         return array.is_track
+    if field.dtype.kind in "iu":
+        return field.dtype.itemsize >= 4 and _exceeds_int32(array.read())
     is_other = _attribute_kind(array, field.dtype, field.n_columns) is Kind.OTHER
     return field.dtype.kind == "f" and is_other
 
@@ -249,19 +304,27 @@ class StepFrames:
         self._read, self._notes = read, notes
         self._identities: dict[int, dict[Key, list[object]]] = {}
         self._fields: dict[int, list[tuple[Key, Field]]] = {}
+        self._are_tracks: dict[object, bool] = {}
         self._track_keys: set[Key] = set()
         self._attribute_keys: set[Key] = set()
 
     def frame(self, index: int) -> PolygonMesh:
         """Return the surface of a step, whose arrays are compared with those of other frames."""
         step = self._read(index)
+        step.note_left_out(self._notes)
         identities: dict[Key, list[object]] = {}
         fields: list[tuple[Key, Field]] = []
         for array in step.arrays:
-            identities.setdefault(array.key, []).append(array.identify())
-            if (field := array.describe()) is not None:
-                fields.append((array.key, field))
-            self._track_keys |= {array.key} if _is_track(array, field) else set()
+            try:
+                field, identity = array.describe(), (array.key, array.identify())
+                if identity not in self._are_tracks:
+                    self._are_tracks[identity] = _is_track(array, field)
+            except FormatError as error:
+                note_unreadable(array.key, error, self._notes)
+                continue
+            identities.setdefault(array.key, []).append(identity)
+            fields.append((array.key, field))
+            self._track_keys |= {array.key} if self._are_tracks[identity] else set()
             self._attribute_keys |= {array.key} if array.is_attribute else set()
         self._identities[index], self._fields[index] = identities, fields
         return step.mesh
@@ -270,8 +333,8 @@ class StepFrames:
         """Return the arrays of a step that are the same in all frames read so far."""
         step = self._read(index)
         step.surface.note_interior(self._notes)
-        changing_keys = self._changing_keys()
-        constant = [array for array in step.arrays if array.key not in changing_keys]
+        constant_keys = self._identities[index].keys() - self._changing_keys()
+        constant = [array for array in step.arrays if array.key in constant_keys]
         return step.attributes(constant, self._notes)
 
     def tracks(self, frames: range) -> Mapping[str, TrackSource]:
@@ -312,7 +375,19 @@ class Piece:
     cells: Cells
     arrays: tuple[DataArray, ...] = ()
 
-    def step(self, left_out: Iterable[str] = ()) -> Step:
+    def without_ghosts(self) -> "Piece":
+        """Return the piece without the cells that other pieces contain too."""
+        flags = next((array for array in self.arrays if array.key == GHOSTS), None)
+        if flags is None:
+            return self
+        is_kept, cells = flags.read().ravel() & DUPLICATE == 0, self.cells
+        corners = cells.points[np.repeat(is_kept, cells.counts)]
+        cells = Cells(cells.types[is_kept], cells.counts[is_kept], corners)
+        rows = {Domain.VERTEX: slice(None), Domain.FACE: is_kept}
+        arrays = (_with_values(each, each.read()[rows[each.domain]]) for each in self.arrays)
+        return Piece(self.points, cells, tuple(arrays))
+
+    def step(self, left_out: LeftOut) -> Step:
         """Return the mesh with its surface; `left_out` is that of `Step`.
 
         Raises
@@ -324,27 +399,33 @@ class Piece:
         """
         fields: dict[Key, Field] = {}
         for array in self.arrays:
-            if (field := array.describe()) is not None:
-                add_field(fields, array.key, field)
+            add_field(fields, array.key, array.describe())
         points, n_cells = self.points, len(self.cells.types)
         surface = cell_mesh(self.cells, len(points))
-        return Step(len(points), n_cells, surface, lambda: points, self.arrays, tuple(left_out))
+        return Step(len(points), n_cells, surface, lambda: points, self.arrays, left_out)
 
 
-def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, tuple[str, ...]]:
-    """Join pieces; keep the arrays that all share, and describe the others for notes."""
+def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, LeftOut]:
+    """Join pieces with the arrays that all share; the others are left out."""
+    pieces = [piece for piece in pieces if len(piece.points)] or pieces[:1]
     if len(pieces) == 1:
         return pieces[0], ()
+    n_cells = sum(len(piece.cells.types) for piece in pieces)
+    pieces = [piece.without_ghosts() for piece in pieces]
     starts = np.cumsum([0] + [len(piece.points) for piece in pieces])
     cells = Cells.join(
         piece.cells.shifted(start, len(piece.points))
         for piece, start in zip(pieces, starts, strict=False)
     )
     arrays = tuple(_join_arrays(pieces))
-    missing = {array.name for piece in pieces for array in piece.arrays}
-    missing -= {array.name for array in arrays}
-    left_out = (f"arrays that differ between pieces: {listed(sorted(missing))}",) if missing else ()
-    return Piece(np.concatenate([piece.points for piece in pieces]), cells, arrays), left_out
+    missing = {array.key for piece in pieces for array in piece.arrays}
+    missing -= {array.key for array in arrays}
+    points = np.concatenate([piece.points for piece in pieces])
+    left_out = [("arrays that differ between pieces", name) for _, name in sorted(missing)]
+    if n_ghosts := n_cells - len(cells.types):
+        left_out.append(("cells", f"{counted(n_ghosts, 'ghost')} that other pieces contain"))
+        arrays = tuple(array for array in arrays if array.key != GHOSTS or array.read().any())
+    return Piece(points, cells, arrays), left_out
 
 
 def _join_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
@@ -352,9 +433,12 @@ def _join_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
         matches = [array for piece in pieces for array in piece.arrays if array.key == first.key]
         values = [array.read() for array in matches]
         if len(matches) == len(pieces) and len({value.shape[1:] for value in values}) == 1:
-            field = first.describe()
-            assert field is not None
-            joined = np.concatenate(values)
-            yield loaded_array(
-                *first.key, joined, field.role, field.kind, field.unit, is_track=field.is_track
-            )
+            yield _with_values(first, np.concatenate(values))
+
+
+def _with_values(array: DataArray, values: npt.NDArray[Any]) -> DataArray:
+    """Return a data array with other values."""
+    field = array.describe()
+    return loaded_array(
+        *array.key, values, field.role, field.kind, field.unit, is_track=field.is_track
+    )

@@ -4,7 +4,6 @@ Reads POLYDATA and UNSTRUCTURED_GRID of versions 1 to 5.1. VTK's own reader is n
 reason given in `meshreel.formats.vtk.xml_file`.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -18,7 +17,6 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.steps import (
     TEXTURE_COORDINATES,
-    TIMES,
     DataArray,
     Piece,
     Step,
@@ -34,7 +32,7 @@ from meshreel.formats.surfaces.cells import (
     VTK_POLYHEDRON,
     Cells,
 )
-from meshreel.model.notes import listed
+from meshreel.formats.vtk.xml_arrays import DERIVED
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain
 
@@ -172,8 +170,7 @@ class _LegacyReader:
         self._arrays: dict[Domain, list[DataArray]] = {domain: [] for domain in DATA.values()}
         self._domain: Domain | None = None
         self._n_values = 0
-        self._field_data: list[str] = []
-        self._tables: list[str] = []
+        self._left_out: list[tuple[str, str]] = []
 
     def read(self) -> Step:
         """Parse the whole file."""
@@ -196,14 +193,7 @@ class _LegacyReader:
             types = np.where(self._types == VTK_POLYHEDRON, POLYHEDRON, self._types)
             cells = replace(cells, types=types)
         arrays = tuple(array for arrays in self._arrays.values() for array in arrays)
-        return Piece(self._points, cells, arrays).step(self._left_out())
-
-    def _left_out(self) -> Iterator[str]:
-        """Describe what the file contains besides the mesh and its data."""
-        if field := [name for name in self._field_data if name not in TIMES]:
-            yield f"field data: {listed(field)}"
-        if self._tables:
-            yield f"color tables: {listed(self._tables)}"
+        return Piece(self._points, cells, arrays).step(self._left_out)
 
     def _section(self, keyword: str, args: list[str]) -> None:
         match keyword:
@@ -219,8 +209,7 @@ class _LegacyReader:
             case "POINT_DATA" | "CELL_DATA":
                 self._domain, self._n_values = DATA[keyword], int(args[0])
             case "METADATA":
-                while not self._tokens.is_done and self._tokens.raw_line():
-                    pass
+                self._metadata()
             case "FIELD":
                 for _ in range(int(args[1])):
                     self._field_array()
@@ -243,7 +232,7 @@ class _LegacyReader:
 
     def _values(self, keyword: str, args: list[str]) -> None:
         if keyword == "LOOKUP_TABLE":
-            self._tables.append(args[0])
+            self._left_out.append(("color tables", args[0]))
             self._tokens.numbers(
                 4 * int(args[1]), "float" if self._tokens.is_text else "unsigned_char"
             )
@@ -269,9 +258,19 @@ class _LegacyReader:
         values = self._tokens.numbers(self._n_values * width, kind).reshape(-1, width)
         if role == COLORS and self._tokens.is_text:  # ASCII files store colors as 0..1 floats
             values = (255 * np.clip(np.nan_to_num(values), 0, 1) + 0.5).astype(np.uint8)
-        if self._domain is not None:
-            array = loaded_array(self._domain, unquote(name), values, role)
-            self._arrays[self._domain].append(array)
+        if self._domain is None:
+            raise FormatError(f"has values {name[:40]!r} before {' or '.join(DATA)}")
+        array = loaded_array(self._domain, unquote(name), values, role)
+        self._arrays[self._domain].append(array)
+
+    def _metadata(self) -> None:
+        """Read the metadata of an array until a blank line; it is left out."""
+        while not self._tokens.is_done and (line := self._tokens.raw_line()):
+            words = line.split()
+            if words[0] == "NAME" and words[1] not in DERIVED:
+                self._left_out.append(("metadata", words[1]))
+            elif words[0] == "COMPONENT_NAMES":
+                self._left_out.append(("metadata", "names of components"))
 
     def _field_array(self) -> None:
         line = self._tokens.line()
@@ -284,7 +283,7 @@ class _LegacyReader:
             values = values.reshape(self._n_values, int(width))
             self._arrays[self._domain].append(loaded_array(self._domain, unquote(name), values))
         else:
-            self._field_data.append(unquote(name))
+            self._left_out.append(("field data", unquote(name)))
 
 
 def _split_lists(numbers: Integers, n_cells: int) -> tuple[Integers, Integers]:

@@ -28,7 +28,11 @@ from meshreel.model.notes import Notes, listed
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
+TIMES = ("TimeValue", "TIME")
+"""Field data with the time of a file, in place of which the collection's is used."""
+
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
+READABLE = (*READERS, ".pvtu", ".pvtp")
 
 
 def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
@@ -69,8 +73,8 @@ def _time(element: Element) -> float:
 
 def _file(path: Path, element: Element, options: ReadOptions) -> Path:
     file = resolve_reference(path, element.get("file", ""), options)
-    if file.suffix.lower() not in READERS:
-        raise FormatError(f"refers to {file.name}; {', '.join(READERS)} files are supported")
+    if file.suffix.lower() not in READABLE:
+        raise FormatError(f"refers to {file.name}; {', '.join(READABLE)} files are supported")
     return file
 
 
@@ -132,11 +136,18 @@ def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInpu
     )
 
 
-def _read_step(path: Path, time: float) -> Step:
-    data = read_bytes(path)
+def _read_step(path: Path, time: float, options: ReadOptions) -> Step:
+    data, extension = read_bytes(path), path.suffix.lower()
+
+    def read_piece(reference: str) -> bytes:
+        return read_bytes(resolve_reference(path, reference, options))
+
     with errors_naming(path):
         try:
-            return READERS[path.suffix.lower()](data)
+            reader = READERS.get(extension)
+            step = read_vtk_xml(data, read_piece) if reader is None else reader(data)
+            left_out = [item for item in step.left_out if item[1] not in TIMES]
+            return replace(step, left_out=left_out)
         except EmptyMeshError as error:
             remedy = f"; leave out the step at time {time:g}, and others without faces, with "
             raise EmptyMeshError(*error.args, remedy, Keyword("skip_bad", True)) from None
@@ -146,7 +157,7 @@ class _FileSteps:
     """Cache of steps: each file is parsed once, while all steps together are small enough."""
 
     def __init__(self, options: ReadOptions) -> None:
-        self._max_bytes, self._skips_bad = options.max_loaded_bytes, options.skip_bad
+        self._max_bytes, self._options = options.max_loaded_bytes, options
         self._cached: dict[Path, Step] = {}
         self._cached_bytes = 0
         self._last: tuple[Path, Step] | None = None
@@ -164,7 +175,7 @@ class _FileSteps:
             return last[1]
         if path in self._cached:
             return self._cached[path]
-        step = _read_step(path, time)
+        step = _read_step(path, time, self._options)
         previous_step = None if previous is None else self._cached.get(previous)
         if previous_step is not None:
             step = step.share_data(previous_step)
@@ -177,9 +188,10 @@ class _FileSteps:
         shared: Sequence[DataArray] = () if previous is None else previous.data
         new_arrays = [array for array in step.data if not any(array is known for known in shared)]
         self._cached_bytes += sum(array.read().nbytes for array in new_arrays)
-        if previous is not None and previous.surface is step.surface and not self._skips_bad:
+        if previous is not None and previous.surface is step.surface and not self._options.skip_bad:
             # Callers keep the positions that they have read.
-            step = replace(step, read_points=lambda: _read_step(path, time).read_points())
+            options = self._options
+            step = replace(step, read_points=lambda: _read_step(path, time, options).read_points())
         else:
             self._cached_bytes += step.surface.size_bytes + step.read_points().nbytes
         if self._max_bytes is None or self._cached_bytes <= self._max_bytes:

@@ -61,9 +61,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
             raise FormatError(
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
-        names = (
-            name for name, block in blocks if block is not None and _type(block) not in MESH_TYPES
-        )
+        names = (name for name, block in blocks if block is None or _type(block) not in MESH_TYPES)
         options.notes.left_out("blocks that are not meshes", names)
         return meshes
 
@@ -82,8 +80,9 @@ def _scene_mesh(group: Node, kind: str, name: str, options: ReadOptions) -> Scen
 
     @hdf_errors()
     def surface(index: int) -> Surface:
-        steps.note_field_data()
-        return frames.surface(index)
+        result = frames.surface(index)
+        steps.note_unread()
+        return result
 
     frame, tracks = hdf_errors()(frames.frame), hdf_errors()(frames.tracks)
     return SceneMesh(name, steps.times_s, frame, surface, tracks=tracks)

@@ -1,7 +1,7 @@
 """The time steps of a VTKHDF mesh, and the cells of each step."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import Field
-from meshreel.formats.frames.steps import UNSUPPORTED_ARRAYS, DataArray, Step
+from meshreel.formats.frames.steps import UNSUPPORTED_ARRAYS, DataArray, Step, note_unreadable
 from meshreel.formats.hdf import (
     Dataset,
     Node,
@@ -24,6 +24,7 @@ from meshreel.formats.hdf import (
     read_text_attribute,
     read_unit,
     require_dataset,
+    unread_datasets,
 )
 from meshreel.formats.surfaces.cells import (
     POLY_LINE,
@@ -35,6 +36,7 @@ from meshreel.formats.surfaces.cells import (
     CellSurface,
     cell_mesh,
 )
+from meshreel.formats.vtk.xml_arrays import SUBJECTS
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted
@@ -80,14 +82,17 @@ class VtkSteps:
 
     def __init__(self, group: Node, *, is_poly_data: bool, notes: Notes) -> None:
         self._group, self._notes = group, notes
+        self._taken: set[str] = set()
+        self._find = partial(find_dataset, taken=self._taken)
+        self._require = partial(require_dataset, taken=self._taken)
         self._steps = find_group(group, "Steps")
-        self._points = require_dataset(group, "Points")
+        self._points = self._require(group, "Points")
         if len(self._points.shape) != 2 or self._points.shape[1] != 3:
             raise FormatError(f"Points must have shape (N, 3); got {self._points.shape}")
         if self._points.dtype.kind != "f" or self._points.dtype.itemsize not in (4, 8):
             raise FormatError(f"Points must be float32 or float64; got {self._points.dtype}")
         self._kinds = POLY_DATA_GROUPS if is_poly_data else GRID_GROUPS
-        self._n_points = read_integers(require_dataset(group, "NumberOfPoints"))
+        self._n_points = read_integers(self._require(group, "NumberOfPoints"))
         self.times_s: npt.NDArray[np.float64] = self._read_times()
         self._first_part = self._per_step("PartOffsets")
         all_parts = len(self._n_points) if self._steps is None else 1
@@ -98,9 +103,12 @@ class VtkSteps:
         self._cells_before: dict[str, Integers] = {}
         self._cached: tuple[bytes, Cells, CellSurface] | None = None
 
-    def note_field_data(self) -> None:
-        """Add a note on field data."""
-        self._notes.left_out("field data", find_group(self._group, "FieldData") or ())
+    def note_unread(self) -> None:
+        """Note the datasets that the steps read so far do not use."""
+        for name in unread_datasets(self._group, self._taken):
+            folder, _, leaf = name.rpartition("/")
+            if not folder.startswith("Steps"):  # tables of rows
+                self._notes.left_out(SUBJECTS.get(folder, "datasets"), [leaf])
 
     def step(self, index: int) -> Step:
         """Return a step."""
@@ -120,14 +128,14 @@ class VtkSteps:
 
     @cached_property
     def _arrays(self) -> list["StoredArray"]:
-        """The numeric arrays at points and cells; the notes list the others."""
+        """The arrays at points and cells; the notes list those that cannot be read."""
         return [array for group_name in DATA for array in self._stored_arrays(group_name)]
 
     def _read_times(self) -> npt.NDArray[np.float64]:
         if self._steps is None:
             return np.zeros(1)
         times: npt.NDArray[np.float64] = (
-            read_all(require_dataset(self._steps, "Values")).ravel().astype(np.float64)
+            read_all(self._require(self._steps, "Values")).ravel().astype(np.float64)
         )
         n_steps: Any = np.ravel(self._steps.attrs.get("NSteps", len(times)))
         if len(times) == 0 or n_steps.tolist() != [len(times)]:
@@ -139,7 +147,7 @@ class VtkSteps:
     def _per_step(self, name: str, width: int = 1, default: int = 0) -> Integers:
         """Read a dataset of integers for each step, of shape (T, width)."""
         shape = len(self.times_s), width
-        dataset = find_dataset(self._steps, name) if self._steps is not None else None
+        dataset = self._find(self._steps, name) if self._steps is not None else None
         if dataset is None:
             return np.full(shape, default, np.int64)
         values = read_integers(dataset)
@@ -187,10 +195,11 @@ class VtkSteps:
             starts = int(self._cell_starts[index, column]), int(self._corner_starts[index, column])
             if group is None:
                 continue
+            require = partial(self._require, group)
             if name not in self._cells_before:
-                self._cells_before[name] = cells_before_partitions(group)
+                self._cells_before[name] = cells_before_partitions(require)
             points, cells_before = self._n_points[parts], self._cells_before[name]
-            cells.append(read_cells(group, kind, parts, points, *starts, cells_before))
+            cells.append(read_cells(require, kind, parts, points, *starts, cells_before))
         if not cells:
             raise FormatError(f"{self._group.name} has none of {', '.join(self._kinds)}")
         return self._with_polyhedra(Cells.join(cells))
@@ -202,8 +211,7 @@ class VtkSteps:
 
         def read(offsets: str, name: str) -> tuple[Integers, Integers]:
             ends, values = (
-                read_integers(require_dataset(self._group, path)).ravel()
-                for path in (offsets, name)
+                read_integers(self._require(self._group, path)).ravel() for path in (offsets, name)
             )
             counts = np.diff(ends)
             if (counts < 0).any() or ends[:1].tolist() != [0] or ends[-1] != len(values):
@@ -214,16 +222,20 @@ class VtkSteps:
         return cells.with_faces(*faces, *read("FaceOffsets", "FaceConnectivity"))
 
     def _stored_arrays(self, group_name: str) -> Iterator["StoredArray"]:
-        """Yield the numeric arrays at points or cells; the notes list the others."""
+        """Yield the arrays at points or cells that have rows for each step."""
         group = find_group(self._group, group_name)
         n_steps = len(self.times_s)
         for name in group if group is not None else ():
-            dataset = find_dataset(group, name)
+            try:
+                dataset = self._find(group, name)
+            except FormatError as error:
+                note_unreadable((DATA[group_name], name), error, self._notes)
+                continue
             if dataset is None or dataset.dtype.kind not in "iuf" or not dataset.shape:
                 self._notes.left_out(UNSUPPORTED_ARRAYS, [name])
                 continue
             offsets_name = f"Steps/{group_name}Offsets/{name}"
-            offsets = find_dataset(self._group, offsets_name)
+            offsets = self._find(self._group, offsets_name)
             is_at_points = group_name == "PointData"
             starts = self._point_starts[:, 0] if is_at_points else self._cell_starts.sum(axis=1)
             starts = starts if offsets is None else read_integers(offsets).ravel()
@@ -233,7 +245,7 @@ class VtkSteps:
                     f"arrays: {name}, with offsets for {len(starts)} of {counted(n_steps, 'step')}",
                 )
                 continue
-            yield StoredArray(name, DATA[group_name], dataset, starts[:n_steps], self._notes)
+            yield StoredArray(name, DATA[group_name], dataset, starts[:n_steps])
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,29 +255,20 @@ class StoredArray:
     name: str
     domain: Domain
     dataset: Dataset
-    """Numeric."""
     starts: Integers
     """int64 array of shape (T,). The first row of each step."""
-    notes: Notes
-    """Receives a sentence if it has too few rows for a step."""
-
-    def _fits(self, index: int, count: int) -> bool:
-        """Whether the dataset has the rows of a step."""
-        return bool(0 <= self.starts[index] <= len(self.dataset) - count)
 
     def of_step(self, index: int, count: int) -> DataArray:
         """Return the array of a step with a number of points or cells."""
         start = int(self.starts[index])
         role, kind = (read_text_attribute(self.dataset, name) for name in ("Attribute", "kind"))
 
-        def describe() -> Field | None:
-            if not self._fits(index, count):
-                if index == 0 or self._fits(index - 1, count):  # only of the first such step
-                    self.notes.left_out(
-                        f"arrays: {self.name} of {counted(len(self.dataset), 'row')}; step {index} "
-                        f"needs {count} from row {start} on",
-                    )
-                return None
+        def describe() -> Field:
+            if not 0 <= start <= len(self.dataset) - count:
+                raise FormatError(
+                    f"has {counted(len(self.dataset), 'row')}; step {index} needs {count} from row "
+                    f"{start} on"
+                )
             return Field(
                 self.dataset.dtype.newbyteorder("="),
                 math.prod(self.dataset.shape[1:]),
@@ -292,7 +295,7 @@ class StoredArray:
 
 
 def read_cells(
-    group: Node,
+    require: Callable[[str], Dataset],
     kind: int | None,
     parts: slice,
     n_points: Integers,
@@ -304,8 +307,8 @@ def read_cells(
 
     Parameters
     ----------
-    group : h5py group
-        Contains Connectivity and Offsets.
+    require : function of a name
+        Returns a dataset of the group with Connectivity and Offsets.
     kind : int or None
         Type of all cells; None if the group has a dataset Types.
     parts : slice
@@ -322,26 +325,26 @@ def read_cells(
     FormatError
         If a dataset is missing, too short, or inconsistent with the others.
     """
-    n_cells = _read_counts(require_dataset(group, "NumberOfCells"), parts)
-    n_corners = _read_counts(require_dataset(group, "NumberOfConnectivityIds"), parts)
+    n_cells = _read_counts(require("NumberOfCells"), parts)
+    n_corners = _read_counts(require("NumberOfConnectivityIds"), parts)
     first_row = first_cell + _offset_rows_before(cells_before, parts.start, first_cell)
-    counts = list(_cell_sizes(require_dataset(group, "Offsets"), first_row, n_cells))
-    connectivity = require_dataset(group, "Connectivity")
+    offsets = require("Offsets")
+    counts = list(_cell_sizes(offsets, first_row, n_cells))
+    connectivity = require("Connectivity")
     corners = read_rows(connectivity, first_corner, sum(n_corners.tolist())).astype(np.int64)
     if (corners < 0).any() or (corners >= n_points.repeat(n_corners)).any():
-        raise FormatError(f"{group.name}/Connectivity has point indices out of range")
+        raise FormatError(f"{connectivity.name} has point indices out of range")
     if [int(count.sum()) for count in counts] != n_corners.tolist():
-        raise FormatError(f"{group.name}/Offsets do not agree with NumberOfConnectivityIds")
+        raise FormatError(f"{offsets.name} do not agree with NumberOfConnectivityIds")
     total = sum(n_cells.tolist())
+    types = np.full(total, kind or 0)
     if kind is None:
-        types = read_rows(require_dataset(group, "Types"), first_cell, total)
-    else:
-        types = np.full(total, kind)
+        types = read_rows(require("Types"), first_cell, total)
     first_point = np.cumsum(n_points) - n_points
     return Cells(types, np.concatenate(counts), corners + first_point.repeat(n_corners))
 
 
-def cells_before_partitions(group: Node) -> Integers:
+def cells_before_partitions(require: Callable[[str], Dataset]) -> Integers:
     """Return the number of cells before each partition of a group, and the total.
 
     Raises
@@ -349,9 +352,10 @@ def cells_before_partitions(group: Node) -> Integers:
     FormatError
         If a count is negative, or the total is too large.
     """
-    counts = read_integers(require_dataset(group, "NumberOfCells")).ravel()
+    dataset = require("NumberOfCells")
+    counts = read_integers(dataset).ravel()
     if len(counts) and (counts.min() < 0 or sum(counts.tolist()) > MAX_CELLS):
-        raise FormatError(f"{group.name}/NumberOfCells has counts that are negative or too large")
+        raise FormatError(f"{dataset.name} has counts that are negative or too large")
     return np.concatenate([[0], np.cumsum(counts)])
 
 

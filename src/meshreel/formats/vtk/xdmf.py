@@ -19,7 +19,7 @@ from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xml_arrays import parse_xml
+from meshreel.formats.vtk.xml_arrays import local_name, parse_xml, unread
 from meshreel.runtime.extras import HDF
 
 
@@ -35,18 +35,20 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
     items = DataItems(path, root, options)
-    grids = [items.dereference(grid) for domain in root.findall("Domain") for grid in domain]
-    grids = [grid for grid in grids if grid.tag == "Grid"]
+    grids = [items.dereference(grid) for grid in root.findall("Domain/Grid")]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]
     meshes: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
     for grid in temporal or grids:
         steps = _children(grid, items) if temporal else [grid]
         if not steps:
             raise FormatError(f"has a collection {grid.get('Name', '')!r} without grids")
-        times = _times(grid, steps, items, options) if temporal else np.zeros(1)
+        is_timed = bool(temporal) or next(grid.iter("Time"), None) is not None
+        times = _times(grid, steps, items, options) if is_timed else np.zeros(1)
         meshes += _meshes(grid.get("Name", ""), times, steps, items)
     if not meshes:
         raise FormatError("has no Grid in a Domain")
+    items.taken -= {*grids} - {*temporal} if temporal else set()
+    _note_unread(root, temporal or grids, items, options)
     names = _unique_names([name for name, _, _ in meshes], path.stem)
     return [
         GridFrames(steps, items, root, options.notes).scene_mesh(name, times)
@@ -54,9 +56,29 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     ]
 
 
-def _is_collection(grid: Element, kind: str) -> bool:
+def _note_unread(
+    root: Element, grids: list[Element], items: DataItems, options: ReadOptions
+) -> None:
+    """Note what the file contains besides grids; `StepFrames` note what each grid contains."""
+    domains = root.findall("Domain")
+    references = (element for element in root.iter() if "Reference" in element.attrib)
+    paths = " ".join(f"{element.get('Reference')} {element.text}" for element in references)
+    names = (item.get("Name", "DataItem") for item in root.findall("Domain/DataItem"))
+    unused = (name for name in names if name not in paths)
+    options.notes.left_out("data to which no grid refers", unused)
+    collections = [grid for grid in grids if _is_collection(grid)]
+    if any(local_name(element) == "include" for element in root.iter()):
+        included = [grid for grid in root.iter("Grid") if grid.find("Topology") is not None][:1]
+        mesh = (part for grid in included for part in grid if part.tag in ("Topology", "Geometry"))
+        items.taken.update((*included, *mesh))
+        collections += included
+    for subject, name in unread([root, *domains, *collections], {*domains, *items.taken}):
+        options.notes.left_out(subject, [name])
+
+
+def _is_collection(grid: Element, kind: str = "") -> bool:
     is_collection = grid.get("GridType", "Uniform").lower() == "collection"
-    return is_collection and grid.get("CollectionType", "Spatial").lower() == kind
+    return is_collection and grid.get("CollectionType", "Spatial").lower().endswith(kind)
 
 
 def _children(grid: Element, items: DataItems) -> list[Element]:
@@ -83,7 +105,10 @@ def _times(
 
     Times that are not ascending are replaced by the frame rate of the options, if given.
     """
-    tags = [step.find("Time") for step in steps]
+    tags = [next(step.iter("Time"), None) for step in steps]
+    for step, tag in zip((*steps, collection), (*tags, collection.find("Time")), strict=True):
+        if tag is not None:
+            items.taken.update(time for time in step.iter("Time") if time.attrib == tag.attrib)
     if tags and all(time is not None and time.get("Value") is not None for time in tags):
         texts = [str(time.get("Value")) for time in tags if time is not None]
         times = _numbers(texts)

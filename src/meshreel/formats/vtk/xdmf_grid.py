@@ -1,7 +1,6 @@
 """The frames of a grid of an XDMF file."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -21,10 +20,10 @@ from meshreel.formats.surfaces.cells import (
     cell_mesh,
 )
 from meshreel.formats.vtk.xdmf_items import DataItems
-from meshreel.formats.vtk.xml_arrays import local_name
+from meshreel.formats.vtk.xml_arrays import local_name, unread
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Domain, Surface
+from meshreel.model.surface import Domain
 from meshreel.runtime.counting import counted
 
 CENTERS = {"node": Domain.VERTEX, "cell": Domain.FACE}
@@ -69,63 +68,48 @@ class GridFrames:
     def scene_mesh(self, name: str, times: npt.NDArray[np.float64]) -> SceneMesh:
         """Return the animated mesh."""
         frames = StepFrames(self._step, self._notes)
-
-        def surface(index: int) -> Surface:
-            self._note_left_out(index)
-            return frames.surface(index)
-
-        return SceneMesh(name, times, frames.frame, surface, tracks=frames.tracks)
+        return SceneMesh(name, times, frames.frame, frames.surface, tracks=frames.tracks)
 
     def _step(self, index: int) -> Step:
         points = self._points(index)
         cells, surface = self._surface(index, len(points))
         counts = {Domain.VERTEX: len(points), Domain.FACE: len(cells.types)}
         arrays = [
-            self._array(index, attribute, counts)
+            self._array(index, self._items.dereference(attribute), counts)
             for attribute in self._steps[index].findall("Attribute")
             if _center(attribute) in CENTERS
         ]
-        return Step(len(points), len(cells.types), surface, lambda: points, arrays)
+        parents = (child for child in self._steps[index].iter() if child in self._items.taken)
+        left_out = [*unread(parents, self._items.taken)]
+        return Step(len(points), len(cells.types), surface, lambda: points, arrays, left_out)
 
     def _array(self, index: int, attribute: Element, counts: Mapping[Domain, int]) -> DataArray:
-        name, center = attribute.get("Name", ""), _center(attribute)
-        item, n_items = self._items.item_of(attribute), counts[CENTERS[center]]
+        center = _center(attribute)
+        n_items = counts[CENTERS[center]]
 
-        def describe() -> Field | None:
-            n_numbers, dtype = self._items.describe(item)
+        def describe() -> Field:
+            n_numbers, dtype = self._items.describe(self._items.item_of(attribute))
             if n_numbers == 0 or n_numbers % n_items:
-                self._notes.left_out(
-                    f"arrays: {name} with {counted(n_numbers, 'number')} in step {index}; arrays "
-                    f"of each {center} need {n_items} or a multiple of it",
+                raise FormatError(
+                    f"has {counted(n_numbers, 'number')} in step {index}; arrays of each {center} "
+                    f"need {n_items} or a multiple of it"
                 )
-                return None
             return Field(dtype, n_numbers // n_items)
 
-        return DataArray(
-            CENTERS[center],
-            name,
-            partial(self._items.read, item),
-            partial(self._items.key, item),
-            describe,
-        )
+        def read() -> npt.NDArray[Any]:
+            return self._items.read(self._items.item_of(attribute)).reshape(n_items, -1)
 
-    def _note_left_out(self, index: int) -> None:
-        attributes = self._steps[index].findall("Attribute")
-        other_attributes = [
-            attribute for attribute in attributes if _center(attribute) not in CENTERS
-        ]
-        self._notes.left_out(
-            "data of neither nodes nor cells",
-            (other.get("Name", "") for other in other_attributes),
-        )
-        sets = (child.get("Name", "(unnamed)") for child in self._steps[index].findall("Set"))
-        self._notes.left_out("sets", sets)
+        def identify() -> object:
+            return self._items.key(self._items.item_of(attribute))
+
+        return DataArray(CENTERS[center], attribute.get("Name", ""), read, identify, describe)
 
     def _element(self, index: int, tag: str) -> Element:
         """Return the geometry or topology of a step, which it may include from another grid."""
         step = self._steps[index]
         element = step.find(tag)
         include = [child for child in step if local_name(child) == "include"]
+        self._items.taken.update(include)
         if element is None and include:
             if include[0].get("href"):
                 raise FormatError(
@@ -182,7 +166,8 @@ def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
     ----------
     name : str
         Topology type, such as "Triangle" or "Mixed".
-    values : integer array of shape (N,) or (N, C)
+    values : array of shape (N,) or (N, C)
+        Integers, possibly as real numbers.
     n_points : int
         Points of each polygon or line, if the topology declares it; otherwise 0.
 
@@ -191,21 +176,23 @@ def read_cells(name: str, values: npt.NDArray[Any], n_points: int) -> Cells:
     FormatError
         If the type is unsupported, or the numbers do not fit it.
     """
-    if values.dtype.kind not in "iu":
-        raise FormatError(f"has a Topology of {values.dtype}; expected integers")
+    with np.errstate(invalid="ignore"):
+        integers = values.astype(np.int64)
+    if (integers != values).any():  # programs store integers as real numbers
+        raise FormatError("has a Topology with numbers that are not integers")
     head, _, tail = name.lower().partition("_")
     title = SHORT_NAMES.get(head, head) + (f"_{tail}" if tail else "")
     if title == "mixed":
-        return _mixed(values.ravel().astype(np.int64))
+        return _mixed(integers.ravel())
     if title not in BY_NAME:
         raise FormatError(f"has a Topology of unsupported type {name[:40]!r}")
     kind, n_fixed = BY_NAME[title]
-    width = n_fixed or n_points or (values.shape[1] if values.ndim == 2 else 1)
+    width = n_fixed or n_points or (values.shape[-1] if values.ndim > 1 else 1)
     if values.size % width:
         raise FormatError(f"has a Topology of {values.size} numbers; cells of {title} have {width}")
     n_cells = values.size // width
     counts = np.full(n_cells, width, np.int64)
-    return Cells(np.full(n_cells, kind), counts, values.ravel().astype(np.int64))
+    return Cells(np.full(n_cells, kind), counts, integers.ravel())
 
 
 def _mixed(values: npt.NDArray[np.int64]) -> Cells:

@@ -5,7 +5,8 @@ is not used: it allocates whatever size a file declares, so a damaged file can a
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -18,8 +19,8 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.steps import (
     TEXTURE_COORDINATES,
-    TIMES,
     DataArray,
+    LeftOut,
     Piece,
     Step,
     join_pieces,
@@ -37,29 +38,47 @@ from meshreel.formats.surfaces.cells import (
 )
 from meshreel.formats.vtk.xml_arrays import (
     ATTRIBUTE_KIND,
+    NUMBERS,
+    TEXT,
     TRACK_KIND,
     UNITS,
     UNPACKERS,
     ArrayCoding,
     parse_xml,
+    unread,
 )
 from meshreel.formats.vtk.xml_writing import vtp_encoder, vtu_encoder
-from meshreel.model.notes import listed
 from meshreel.model.surface import Domain
 
 APPENDED = re.compile(rb"<AppendedData([^>]*)>\s*_")
 DATA = {"PointData": Domain.VERTEX, "CellData": Domain.FACE}
+LEAVES = "InformationKey", "DataArray", "Array"
+"""Elements with values; others contain elements."""
 GROUPS = {"Verts": POLY_VERTEX, "Lines": POLY_LINE, "Polys": POLYGON, "Strips": STRIP}
 
 
-def read_vtk_xml(data: bytes) -> Step:
-    """Parse a ``.vtu`` or ``.vtp`` file, joining its pieces.
+def read_vtk_xml(data: bytes, read_piece: Callable[[str], bytes] | None = None) -> Step:
+    """Parse a ``.vtu`` or ``.vtp`` file, joining its pieces; or a ``.pvtu`` or ``.pvtp`` file.
+
+    Parameters
+    ----------
+    read_piece : function of a reference, optional
+        Returns the contents of a file that a parallel file refers to. Default: those are errors.
 
     Raises
     ------
     FormatError
         If the data is not such a file, or is damaged.
     """
+    pieces, left_out = _read_pieces(data, read_piece)
+    piece, others = join_pieces(pieces)
+    return piece.step([*left_out, *others])
+
+
+def _read_pieces(
+    data: bytes, read_piece: Callable[[str], bytes] | None
+) -> tuple[list[Piece], LeftOut]:
+    """Return the pieces of a file, and what is left out."""
     appended, is_raw = b"", False
     if match := APPENDED.search(data):
         end = data.rfind(b"</AppendedData")
@@ -68,7 +87,8 @@ def read_vtk_xml(data: bytes) -> Step:
         data = data[: match.start()] + b"</VTKFile>"
     root = parse_xml(data)
     kind = root.get("type", "")
-    if root.tag != "VTKFile" or kind not in ("UnstructuredGrid", "PolyData"):
+    is_parallel = read_piece is not None and kind in ("PUnstructuredGrid", "PPolyData")
+    if root.tag != "VTKFile" or not (is_parallel or kind in ("UnstructuredGrid", "PolyData")):
         raise FormatError(
             f"is {root.tag} of type {kind!r}; expected a VTKFile of type UnstructuredGrid or "
             "PolyData"
@@ -77,27 +97,18 @@ def read_vtk_xml(data: bytes) -> Step:
     elements = root.findall(f"{kind}/Piece")
     if not elements:
         raise FormatError("has no Piece")
-    is_grid = kind == "UnstructuredGrid"
-    piece, left_out = join_pieces(
-        [_piece(element, coding, is_grid=is_grid) for element in elements]
-    )
-    return piece.step((*left_out, *_left_out(root.find(kind))))
-
-
-def _left_out(grid: Element | None) -> Iterator[str]:
-    """Describe field data and text arrays, which are left out."""
-    elements = [] if grid is None else [*grid.iterfind("FieldData/*")]
-    names = [element.get("Name", "") for element in elements]
-    if field := [name for name in names if name not in TIMES]:
-        yield f"field data: {listed(field)}"
-    data = [] if grid is None else [*grid.iterfind("Piece/PointData/*"),
-                                    *grid.iterfind("Piece/CellData/*")]  # fmt: skip
-    if texts := list(dict.fromkeys(array.get("Name", "") for array in data if _is_text(array))):
-        yield f"arrays of text: {listed(texts)}"
-
-
-def _is_text(element: Element) -> bool:
-    return element.tag == "Array" or element.get("type") == "String"
+    containers = {element for element in root.iter() if len(element) and element.tag not in LEAVES}
+    pieces: list[Piece] = []
+    left_out: list[tuple[str, str]] = []
+    for element in elements:
+        if is_parallel and read_piece is not None:
+            others, names = _read_pieces(read_piece(element.get("Source", "")), None)
+            pieces += others
+            left_out += names
+        else:
+            pieces.append(_piece(element, coding, is_grid=kind == "UnstructuredGrid"))
+    parents = (element for element in root.iter() if element.tag != LEAVES[0])
+    return pieces, [*left_out, *unread(parents, coding.taken | containers)]
 
 
 def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
@@ -115,28 +126,27 @@ def _coding(root: Element, appended: bytes, is_raw: bool) -> ArrayCoding:
 
 def _piece(piece: Element, coding: ArrayCoding, *, is_grid: bool) -> Piece:
     element = piece.find("Points/DataArray")
-    points = np.empty((0, 3), np.float32) if element is None else coding.read(element)
+    n_points = _count(piece, "Points", is_stored=element is not None)
+    points = np.empty((0, 3), np.float32) if element is None else coding.read(element, n_points)
     if points.size == 0:
         points = points.reshape(0, 3)
     if points.ndim != 2 or points.shape[1] != 3:
         raise FormatError(f"points must have shape (N, 3); got {points.shape}")
     if points.dtype not in (np.float32, np.float64):
         points = points.astype(np.float64)
-    _check_count(piece, "Points", len(points))
+    coding = replace(coding, max_corners=8 * len(points) + 16)  # numbers of a convex polyhedron
     cells = _grid_cells(piece, coding) if is_grid else _poly_cells(piece, coding)
-    return Piece(points, cells, tuple(_arrays(piece, coding)))
+    counts = {Domain.VERTEX: len(points), Domain.FACE: len(cells.types)}
+    return Piece(points, cells, tuple(_arrays(piece, coding, counts)))
 
 
 def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
     group = piece.find("Cells")
     if group is None:
-        _check_count(piece, "Cells", 0)
+        _count(piece, "Cells", is_stored=False)
         return Cells.join([])
-    counts, points = _connectivity(group, coding)
-    _check_count(piece, "Cells", len(counts))
-    types = _read_named(group, "types", coding)
-    if len(types) != len(counts):
-        raise FormatError(f"has {len(types)} types for {len(counts)} cells")
+    counts, points = _connectivity(group, coding, _count(piece, "Cells"))
+    types = _read_named(group, "types", coding, len(counts))
     cells = Cells(types, counts, points)
     return _with_polyhedra(cells, group, coding) if (types == VTK_POLYHEDRON).any() else cells
 
@@ -144,17 +154,17 @@ def _grid_cells(piece: Element, coding: ArrayCoding) -> Cells:
 def _with_polyhedra(cells: Cells, group: Element, coding: ArrayCoding) -> Cells:
     """Return cells with their polyhedra, whose faces have arrays of their own."""
     if group.find("DataArray[@Name='faceoffsets']") is None:  # VTK 9.4 and later
-        n_faces, faces = _connectivity(group, coding, "polyhedron_to_faces", "polyhedron_offsets")
-        sizes, nodes = _connectivity(group, coding, "face_connectivity", "face_offsets")
+        names = "polyhedron_to_faces", "polyhedron_offsets"
+        n_faces, faces = _connectivity(group, coding, len(cells.types), *names)
+        names = "face_connectivity", "face_offsets"
+        sizes, nodes = _connectivity(group, coding, len(np.unique(faces)), *names)
         return cells.with_faces(n_faces, faces, sizes, nodes)
-    points = _read_named(group, "faces", coding).astype(np.int64)
-    ends = _read_named(group, "faceoffsets", coding).astype(np.int64)
-    if len(ends) != len(cells.types):
-        raise FormatError(f"has {len(ends)} faceoffsets for {len(cells.types)} cells")
+    ends = _read_named(group, "faceoffsets", coding, len(cells.types)).astype(np.int64)
     ends = ends[cells.types == VTK_POLYHEDRON]  # others are -1
     counts = np.diff(ends, prepend=0)
-    if (counts < 1).any() or ends[-1] != len(points):
-        raise FormatError(f"faceoffsets do not fit {len(points)} numbers of faces")
+    if ((counts < 1) | (counts > coding.max_corners)).any():
+        raise FormatError(f"faceoffsets must ascend, in steps of at most {coding.max_corners}")
+    points = _read_named(group, "faces", coding, int(ends[-1])).astype(np.int64)
     return cells.with_polyhedra(Cells(np.full(len(ends), POLYHEDRON), counts, points))
 
 
@@ -163,67 +173,78 @@ def _poly_cells(piece: Element, coding: ArrayCoding) -> Cells:
     for name, kind in GROUPS.items():
         group = piece.find(name)
         if group is None or not len(group):
-            _check_count(piece, name, 0)
+            _count(piece, name, is_stored=False)
         else:
-            counts, points = _connectivity(group, coding)
-            _check_count(piece, name, len(counts))
+            counts, points = _connectivity(group, coding, _count(piece, name))
             groups.append(Cells(np.full(len(counts), kind), counts, points))
     return Cells.join(groups)
 
 
-def _check_count(piece: Element, name: str, n_found: int) -> None:
-    """Raise an error if the declared number of points or cells differs from the arrays."""
-    count = piece.get(f"NumberOf{name}", str(n_found)).strip()
-    if (count.lstrip("0") or "0") != str(n_found):
-        raise FormatError(
-            f"declares NumberOf{name}={count[:20]!r}, but its arrays have {n_found}; the file "
-            "is damaged or incomplete"
-        )
+def _count(piece: Element, name: str, *, is_stored: bool = True) -> int | None:
+    """Return the declared number of points or cells of a kind; None if it is not declared."""
+    if (count := piece.get(f"NumberOf{name}")) is None:
+        return None
+    if not (count.strip().isdecimal() and len(count) < 20 and (is_stored or int(count) == 0)):
+        expected = "a number" if is_stored else "0, as it has none"
+        raise FormatError(f"declares NumberOf{name}={count[:20]!r}; expected {expected}")
+    return int(count)
 
 
 def _connectivity(
-    group: Element, coding: ArrayCoding, name: str = "connectivity", offsets: str = "offsets"
+    group: Element,
+    coding: ArrayCoding,
+    n_cells: int | None,
+    name: str = "connectivity",
+    offsets: str = "offsets",
 ) -> tuple[Integers, Integers]:
     """Return the point count of each cell, and all point indices; or those of other arrays."""
-    points = _read_named(group, name, coding).astype(np.int64)
-    ends = _read_named(group, offsets, coding).astype(np.int64)
+    ends = _read_named(group, offsets, coding, n_cells).astype(np.int64)
     counts = np.diff(ends, prepend=0)
-    if len(ends) and ((counts < 0).any() or ends[-1] != len(points)):
-        raise FormatError(f"{offsets} of {group.tag} do not fit its {len(points)} corners")
-    return counts, points
+    if ((counts < 0) | (counts > coding.max_corners)).any():
+        raise FormatError(
+            f"{offsets} of {group.tag} must ascend from 0, in steps of at most {coding.max_corners}"
+        )
+    n_corners = int(ends[-1]) if len(ends) else 0
+    return counts, _read_named(group, name, coding, n_corners).astype(np.int64)
 
 
-def _read_named(group: Element, name: str, coding: ArrayCoding) -> npt.NDArray[Any]:
+def _read_named(
+    group: Element, name: str, coding: ArrayCoding, count: int | None
+) -> npt.NDArray[Any]:
     for element in group.findall("DataArray"):
         if element.get("Name") == name:
-            values = coding.read(element)
+            values = coding.read(element, count)
             if values.dtype.kind in "iu" and values.ndim == 1:
                 return values
             raise FormatError(f"{name} must be integers; got {values.dtype}")
     raise FormatError(f"{group.tag} has no array {name!r}")
 
 
-def _unit(element: Element) -> str:
-    unit_key = element.find(f"InformationKey[@name='{UNITS}']")
-    return "" if unit_key is None else " ".join((unit_key.text or "").split())
+def _unit(element: Element, coding: ArrayCoding) -> str:
+    if (unit_key := element.find(f"InformationKey[@name='{UNITS}']")) is None:
+        return ""
+    coding.taken.add(unit_key)
+    return " ".join((unit_key.text or "").split())
 
 
-def _arrays(piece: Element, coding: ArrayCoding) -> Iterator[DataArray]:
+def _arrays(
+    piece: Element, coding: ArrayCoding, counts: Mapping[Domain, int]
+) -> Iterator[DataArray]:
     for tag, domain in DATA.items():
         group = piece.find(tag)
         if group is None:
             continue
         roles = {group.get(role, ""): role for role in (TEXTURE_COORDINATES, NORMALS)}
-        for element in group.findall("DataArray"):
-            name = element.get("Name", "")
-            if not name.startswith("vtkGhost") and not _is_text(element):
+        for element in group:
+            if element.get("type") in (*NUMBERS, TEXT):
+                name = element.get("Name", "")
                 yield loaded_array(
                     domain,
                     name,
-                    coding.read(element),
+                    coding.read(element, counts[domain], allows_text=True),
                     roles.get(name, ""),
                     element.get(TRACK_KIND, element.get(ATTRIBUTE_KIND, "")),
-                    _unit(element),
+                    _unit(element, coding),
                     is_track=TRACK_KIND in element.attrib,
                 )
 

@@ -93,9 +93,9 @@ def test_pieces_with_polyhedra_are_joined(tmp_path):
 @pytest.mark.parametrize(
     ("faces", "ends", "message"),
     [
-        (faces_of(NODES), [30], "faceoffsets do not fit 31 numbers"),
-        (faces_of(NODES), [-1], "faceoffsets do not fit 31 numbers"),
-        (faces_of(NODES), [31, 31], "has 2 faceoffsets for 1 cells"),
+        (faces_of(NODES), [30], "it has 31 numbers; the file declares 30"),
+        (faces_of(NODES), [-1], "faceoffsets must ascend, in steps of at most 80"),
+        (faces_of(NODES), [31, 31], "it has 2 numbers; the file declares 1"),
         ([7, *faces_of(NODES)[1:]], [31], "a polyhedron has a face with fewer than three"),
         (faces_of(range(1, 9)), [31], "outside|8"),
     ],
@@ -112,8 +112,8 @@ def test_damaged_faces_are_an_error(tmp_path, faces, ends, message, n_pieces):
     [
         ({}, None),
         ({"polyhedron_to_faces": [0, 1, 2, 3, 4, 6]}, r"a polyhedron has a face outside 0\.\.5"),
-        ({"face_offsets": [4, 8, 12, 16, 20, 25]}, "face_offsets of Cells do not fit"),
-        ({"polyhedron_offsets": [6, 6]}, "faces of 2 cells do not fit"),
+        ({"face_offsets": [4, 8, 12, 16, 20, 25]}, "it has 24 numbers; the file declares 25"),
+        ({"polyhedron_offsets": [6, 6]}, "it has 2 numbers; the file declares 1"),
         ({"face_connectivity": [0, 1, 9] * 8}, "9"),
     ],
 )

@@ -115,7 +115,7 @@ def test_steps_that_an_array_is_too_short_for_are_nan_with_a_note(tmp_path, note
     assert np.isnan(values[2]).all()
     assert (values[:2] == 0).all()
     assert notes == [
-        "left out: arrays: heat of 89 rows; step 2 needs 30 from row 60 on",
+        "left out: array 'heat', which has 89 rows; step 2 needs 30 from row 60 on",
         "'heat' is in 2 of 3 frames, and NaN in the others",
     ]
 

@@ -46,7 +46,8 @@ def temporal(*grids, time="", name="walk"):
 
 def store(folder, *grids, name="a.xdmf"):
     text = f'<Xdmf Version="3.0"><Domain>{"".join(grids)}</Domain></Xdmf>'
-    doctype = '<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>'
+    entities = '<!ENTITY HeavyData "a.h5"><!ENTITY folder "/">'
+    doctype = f'<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" [{entities}]>'
     (folder / name).write_text(f'<?xml version="1.0" ?>\n{doctype}\n{text}')
     return folder / name
 
@@ -70,6 +71,7 @@ def write_hdf_steps(folder, make_points):
     with h5py.File(folder / "a.h5", "w") as file:
         file["faces"] = TRIANGLES
         file["all"] = POSITIONS
+        file["xy"] = POSITIONS[:, :, :2]
         for index, points in enumerate(POSITIONS):
             file[f"step_{index}/points"] = points
     faces = topology(item("a.h5:/faces", Dimensions="3 3", NumberType="Int", Format="HDF"))
@@ -96,10 +98,39 @@ def selection_of_step(index):
     return item(place, Dimensions=f"{N_VERTS} 3", Format="HDF")
 
 
-@pytest.mark.parametrize("make_points", [dataset_of_step, slab_of_step, selection_of_step])
+def entity_of_step(index):
+    return dataset_of_step(index).replace("a.h5:/", "&HeavyData;:&folder;")
+
+
+def columns_of_step(index):
+    """The columns of a dataset, joined; the last one is computed."""
+    xy = item("a.h5:/xy", Dimensions=f"5 {N_VERTS} 2", Format="HDF")
+    x, y = (
+        item(
+            inline(np.array([[index, 0, axis], [1, 1, 1], [1, N_VERTS, 1]])) + xy,
+            ItemType="HyperSlab",
+            Dimensions=f"{N_VERTS} 1",
+        )
+        for axis in (0, 1)
+    )
+    z = item(x + y, ItemType="Function", Function="($0 - 2.5 * -$1) / 2", Dimensions=N_VERTS)
+    return item(
+        x + y + z, ItemType="Function", Function="JOIN($0; $1, $2)", Dimensions=f"{N_VERTS} 3"
+    )
+
+
+@pytest.mark.parametrize(
+    "make_points",
+    [dataset_of_step, slab_of_step, selection_of_step, entity_of_step, columns_of_step],
+)
 def test_reading_gives_numbers_of_hdf5_files(tmp_path, make_points, read):
     result = read(write_hdf_steps(tmp_path, make_points))
-    assert positions_of(result).tobytes() == POSITIONS.tobytes()
+    if make_points is columns_of_step:
+        x, y = POSITIONS[:, :, 0], POSITIONS[:, :, 1]
+        expected = np.stack([x, y, (x + 2.5 * y) / 2], axis=2)
+        np.testing.assert_allclose(positions_of(result), expected, rtol=1e-6)
+    else:
+        assert positions_of(result).tobytes() == POSITIONS.tobytes()
     assert result.faces.tolist() == TRIANGLES.tolist()
     assert result.fps == 25
 
@@ -120,6 +151,73 @@ def test_invalid_parts_of_datasets_are_errors(tmp_path, selection, message):
     place = item(f"a.h5:/all|{selection}", Dimensions=f"{N_VERTS} 3", Format="HDF")
     with pytest.raises(FormatError, match=message):
         load(write_hdf_steps(tmp_path, lambda index: place))
+
+
+def test_data_stored_once_may_be_declared_for_each_step(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["points"], file["faces"] = POSITIONS[:1], TRIANGLES.astype(float)
+        file["heat"] = np.arange(3.0 * N_VERTS).reshape(3, N_VERTS)
+    points = item(f"a.h5:/points|0 0 0:1 1 1:1 {N_VERTS} 3:3 {N_VERTS} 3", Format="HDF")
+    faces = topology(item("a.h5:/faces", Format="HDF"))
+    rows = item("a.h5:/heat", Dimensions=f"3 {N_VERTS} 1", Format="HDF")
+    heat = [
+        item(
+            f"{inline(np.array([[index, 0, 0], [1, 1, 1], [1, N_VERTS, 1]]))}{rows}",
+            ItemType="HyperSlab",
+            Dimensions=f"1 {N_VERTS} 1",
+        )
+        for index in range(3)
+    ]
+    mesh = faces + geometry(points)
+    steps = [
+        f'<Grid><Time Value="{index}"/>{mesh}{attribute("heat", values)}</Grid>'
+        for index, values in enumerate(heat)
+    ]
+    loaded = load(store(tmp_path, temporal(*steps)))
+    assert loaded.vertices.tobytes() == POSITIONS[[0, 0, 0]].tobytes()
+    assert loaded.faces.tolist() == TRIANGLES.tolist()
+    assert loaded.tracks["heat"].values.ravel().tolist() == list(range(3 * N_VERTS))
+
+
+def test_time_of_a_single_grid_is_its_start(tmp_path, notes):
+    assert load(store(tmp_path, step(POSITIONS[0], 2.5)), notes=notes).start_s == 2.5
+    assert notes == []
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        ("", "has a Attribute with 0 DataItems; expected 1"),
+        (item("a.h5:/gone", Format="HDF"), "has no dataset /gone"),
+        (item("&#65;"), "has a DataItem that is not numbers"),
+        (item(inline([1]), ItemType="Function", Function="SIN($0)"), "only +, -, *, / and JOIN of"),
+        (item(inline([1]), ItemType="Function", Function="$0 + $1"), "cannot compute the function"),
+        (item(inline([1]), ItemType="Function", Function="(" * 190), "cannot compute the functi"),
+        (item("", ItemType="Function", Function="1" * 201), "longer than 200 characters"),
+    ],
+)
+def test_attributes_that_cannot_be_read_are_left_out(tmp_path, data, reason, notes, read):
+    path = write_hdf_steps(tmp_path, dataset_of_step)
+    text = path.read_text().replace("</Geometry>", f"</Geometry>{attribute('heat', data)}")
+    path.write_text(text)
+    assert read(path, notes=notes).tracks == {}
+    [note] = notes
+    assert note.startswith("left out: array 'heat', which ")
+    assert reason in note
+
+
+def test_other_elements_are_noted(tmp_path, notes):
+    info = '<Information Name="{}" Value="1"/>'.format
+    unused = inline(UV, Name="spare")
+    grids = [step(points, index, info("mass")) for index, points in enumerate(POSITIONS)]
+    other = step(POSITIONS[0], name="other")
+    load(store(tmp_path, info("code"), unused, temporal(*grids), other), notes=notes)
+    assert notes == [
+        "left out: data to which no grid refers: spare",
+        "left out: information: code, mass",
+        "left out: grids: other",
+    ]
 
 
 @pytest.mark.parametrize(("endian", "order"), [("Little", "<"), ("Big", ">"), ("Native", "<")])
@@ -331,7 +429,7 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         ("", "has no Grid in a Domain"),
         ("<Grid/>", "has a grid '' without Geometry"),
         (f"<Grid>{geometry(inline(POSITIONS[0]))}</Grid>", "has a grid '' without Topology"),
-        (at(""), "has a Geometry without a DataItem"),
+        (at(""), "has a Geometry with 0 DataItems"),
         (at(item("../a.h5:/x", Format="HDF")), "refers to the file '../a.h5' outside its folder"),
         (at(item("/etc/passwd", Format="Binary")), "refers to the file '/etc/passwd' outside its"),
         (
@@ -345,7 +443,7 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
             "has a compressed binary DataItem",
         ),
         (at(item("1", Format="TIFF")), "has a DataItem of format 'TIFF'"),
-        (at(item("1", ItemType="Function")), "has a DataItem of unsupported type 'function'"),
+        (at(item("1", ItemType="Tree")), "has a DataItem of unsupported type 'tree'"),
         (at(item("1 2 x")), "has a DataItem that is not numbers"),
         (at(item("1 2 3", Dimensions="999999999999999 3")), "has 3 numbers in a DataItem with"),
         (at(item("1 2 3", Dimensions="-1")), "has '-1' where a non-negative integer is expected"),
@@ -353,7 +451,7 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         (at(item("1 2", Dimensions="2")), "has a Geometry of type XYZ with 2 numbers"),
         (at(inline(POSITIONS[0, :3])), "face 1: uses vertex 3; indices must be in 0..2"),
         (at(SELF), "has circular references"),
-        (at(WITHIN), "has a HyperSlab outside its source"),
+        (at(WITHIN), "has DataItems nested deeper than 3 levels"),
         (
             at('<DataItem Reference="/Xdmf/x["/>'),
             r"refers to '/Xdmf/x\[', which is not a supported path",
@@ -391,7 +489,7 @@ WITHIN = item(SELF + "<DataItem/>", ItemType="HyperSlab", Dimensions="1")
         ),
         (
             step(POSITIONS[0], faces=topology(inline(np.array([0.5])), "Triangle")),
-            "has a Topology of float64; expected integers",
+            "has a Topology with numbers that are not integers",
         ),
         (
             f'<Grid><xi:include href="http://a/b.xdmf"/>{geometry(inline(POSITIONS[0]))}</Grid>',
