@@ -168,7 +168,7 @@ test("metadata of every stream is right", async () => {
           unit,
           kind: KINDS[kind],
           domain: DOMAINS[domain],
-          errorBound: coding === 1 || coding > 5 ? 0 : bound || null,
+          errorBound: bound || (coding === 1 || coding > 5 ? 0 : null),
         })),
         blocks: blockLengths(expected),
       },

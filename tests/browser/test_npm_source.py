@@ -106,7 +106,7 @@ def test_bytes_are_right_when_a_server_misbehaves(page, address_of, content, how
         ({"changeAfter": 1}, {"cache": "default"}, "has changed"),
         ({"cors": "none"}, {"retries": 1}, "that the server sends Access-Control-Allow-Origin"),
         ({"ranges": "no", "fault": "bodyShorter"}, {"retries": 0}, "was lost at byte 200000"),
-        ({"stall": 100}, {"retries": 0, "stallSeconds": 0.2}, "received nothing for 0.2 s"),
+        ({"stall": 100}, {"retries": 0, "stallSeconds": 0.2}, "bytes in 0.2 s up to byte 100"),
         ({"status": 404}, {}, "HTTP 404; there is no such file"),
     ],
 )

@@ -670,8 +670,9 @@ def text_of(text: Text) -> str:
 
 
 def array_at(address: int | None, count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """A copy of an array of the core."""
+    """A read-only copy of an array of the core."""
     array = np.empty(count, dtype)
     if count:
         ctypes.memmove(array.ctypes.data, address or 0, array.nbytes)
+    array.flags.writeable = False
     return array
