@@ -127,8 +127,8 @@ def _is_read(primitive: Json) -> bool:
 
 def _primitive(primitive: Json, *, is_skinned: bool) -> Iterator[Item]:
     if not _is_read(primitive):
-        words = ("points and lines", "primitives without positions")
-        yield Item(Sort.OTHER, words[primitive.get("mode", 4) >= 4])
+        is_line = primitive.get("mode", 4) < 4
+        yield Item(Sort.OTHER, "points and lines" if is_line else "primitives without positions")
         return
     yield Item(Sort.FACES, "faces")
     for name in [*primitive["attributes"], *(n for t in primitive.get("targets", ()) for n in t)]:

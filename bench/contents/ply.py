@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,11 +40,13 @@ def walk(path: Path) -> Iterator[Item]:
         if name not in ("vertex", "face"):
             yield from [Item(Sort.OTHER, name)] * (n_rows > 0)
             continue
-        columns = {words[-1]: None for words in properties if words[0] != "list"}
+        columns: dict[str, Any] = {words[-1]: None for words in properties if words[0] != "list"}
         if number == 0 and n_rows and len(columns) == len(properties):
             dtype = np.dtype([(words[1], PLY_TYPES[words[0]]) for words in properties])
             if encoding == "ascii":
-                table = np.array(body.split()[: n_rows * len(dtype)], float).reshape(n_rows, -1)
+                table = np.array(body.split()[: n_rows * len(properties)], np.float64).reshape(
+                    n_rows, -1
+                )
                 columns = dict(zip(columns, table.T, strict=True))
             else:
                 dtype = dtype.newbyteorder("<" if "little" in encoding else ">")

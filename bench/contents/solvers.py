@@ -65,7 +65,7 @@ def walk_d3plot(path: Path) -> Iterator[Item]:
 
 def walk_ensight(path: Path) -> Iterator[Item]:
     """Yield the variables and times of a case, and the parts that VTK reads."""
-    import vtk
+    from vtkmodules import all as vtk
 
     section = ""
     for line in path.read_text("latin-1").splitlines():

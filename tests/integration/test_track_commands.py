@@ -56,7 +56,9 @@ def test_unit_that_the_file_does_not_name_is_left_out_with_a_note(folder):
     said = "track 'flow' has no unit in the file; its bound 0.5m/s is read as 0.5"
     assert said in json.loads(done.stdout)["notes"]
     with meshreel.open("b.reel") as reel:
-        assert {track.name: track.bound for track in reel.info().tracks}["flow"] == pytest.approx(0.506)
+        assert {track.name: track.bound for track in reel.info().tracks}["flow"] == pytest.approx(
+            0.506
+        )
 
 
 def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):

@@ -274,7 +274,7 @@ def closed_file(folder):
         ),
         (lambda f: GRID.replace(start_s="x"), "start_s must be a number; got 'x'"),
         (lambda f: meshreel.concatenate(GRID), r"\[first, second\]\); got a MeshFrame"),
-        (lambda f: meshreel.concatenate([GRID, "a.npz"]), "got a str"),
+        (lambda f: meshreel.concatenate("ab"), "got a str"),
         (lambda f: GRID.replace(frames=3), r"no parameter 'frames'; .*sequence\[2:5\] selects"),
         (lambda f: (GRID + GRID).replace(frames=3), "no parameter 'frames'"),
         (lambda f: GRID[::2], r"no step; .* make a sequence of sequence.vertices\[::2\]"),

@@ -194,9 +194,9 @@ def test_pictures_multiply_colors_by_the_base_color_and_show_unlit_faces():
     looks = [Material("lit", (0.5, 1, 0, 1)), Material("unlit", unlit=True)]
     groups = FaceGroups("material", ("lit", "unlit"), np.array([0, 1, -1], np.int32))
     surface = replace(mesh.surface, groups=(groups,), materials=tuple(looks))
-    colors, glow = surface_paint(surface, mesh.faces)
+    colors, glow = map(np.asarray, surface_paint(surface, mesh.faces))
     red = 255 * to_srgb(np.full((1, 3), LINEAR_128 / 2))[0, 0]
     np.testing.assert_allclose(colors[:, 0], [[red, 128, 0], [128] * 3, [128] * 3], rtol=1e-5)
     assert glow.tolist() == [0, 1, 0]
-    colors, _ = surface_paint(replace(surface, attributes=()), mesh.faces)
+    colors = np.asarray(surface_paint(replace(surface, attributes=()), mesh.faces)[0])
     np.testing.assert_allclose(colors[1:, 0], [[255] * 3, [188, 198, 214]], rtol=1e-5)

@@ -104,8 +104,6 @@ def test_unmet_bounds_are_refused_with_their_remedies():
     )
     with pytest.raises(InvalidInputError, match=message):
         meshreel.rig(sequence, 2)
-    with pytest.raises(TypeError, match="force"):
-        meshreel.rig(sequence, 2, force=True)
 
 
 def test_one_frame_is_a_bone_without_motion():

@@ -8,7 +8,7 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import ReadOptions
 from samples import usd
 
-SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 TURNS = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
