@@ -177,22 +177,19 @@ def _from_pattern(pattern: str) -> SourceFiles:
 def _from_numbers(pattern: Path) -> SourceFiles:
     """Return the files whose names an output pattern such as f_%04d.obj describes, by number."""
     field = NUMBER_FIELD.search(pattern.name)
-    files: dict[int, Path] = {}
+    files: list[Path] = []
     if field is not None and pattern.parent.is_dir():
-        start, end = field.span()
-        name = re.compile(
-            f"{re.escape(pattern.name[:start])}([0-9]+){re.escape(pattern.name[end:])}"
+        name = re.compile(re.escape(pattern.name).replace(field[0], "([0-9]+)", 1))
+        matches = ((path, name.fullmatch(path.name)) for path in pattern.parent.iterdir())
+        files = natural_order(
+            path for path, match in matches if match and field[0] % int(match[1]) == match[1]
         )
-        for path in pattern.parent.iterdir():
-            match = name.fullmatch(path.name)
-            if match and field[0] % int(match[1]) == match[1]:
-                files[int(match[1])] = path
     if not files:
         raise InvalidInputError(
             f"there is no file {str(pattern)!r}, and no numbered one; to read frames use a pattern "
             "such as dir/f_%04d.obj or dir/*.obj"
         )
-    return _check_one_format([files[number] for number in sorted(files)], f"the pattern {pattern}")
+    return _check_one_format(files, f"the pattern {pattern}")
 
 
 def _check_one_format(paths: list[Path], origin: str) -> SourceFiles:
