@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar,
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
-from meshreel.codec.displaced import motion_note
 from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of, memory_limit
@@ -59,12 +58,7 @@ def _accept_files(
             order = kwargs.get("order")
             source = _source(local, kwargs.get("memory"), matches_frames=order in (None, "drop"))
             data = encode(source, *args, **kwargs)
-            notes = streams.bound_notes(source, data)
-            if any(segment.surface.displaced_by for segment in source.segments):
-                stream = streams.info(data)
-                error = (stream.error_bound_percent or 0.0) / 100 * stream.diagonal
-                notes += filter(None, [motion_note(source, error)])
-            _warn(notes, stacklevel=3)
+            _warn(streams.bound_notes(source, data), stacklevel=3)
             return data
 
     first, *others = signature.parameters.values()

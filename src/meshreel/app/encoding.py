@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.displaced import motion_note
 from meshreel.codec.encoder import encode_with
 from meshreel.codec.inspect import StreamInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
@@ -55,9 +54,7 @@ def encode_and_measure(
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
-    notes += bound_notes(sequence, data)
-    error = achieved.max_error_percent / 100 * stream.diagonal
-    notes += filter(None, [motion_note(sequence, error)])
+    notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
     return Encoded(data, stream, achieved, uv, sequence.n_meshes)

@@ -39,7 +39,7 @@ def with_bound_of_motion(config: EncoderConfig, sequence: MeshSequence) -> Encod
     return replace(config, bound=None, max_error=f"{length!r}{MODEL_UNITS}")
 
 
-def motion_note(sequence: MeshSequence, error: float) -> Note | None:
+def motion_notes(sequence: MeshSequence, error: float) -> list[Note]:
     """Return a note if an error of positions, in model units, hides the motion by a track."""
     for name, motion in _motions(sequence):
         if error > HIDDEN_SHARE * motion > 0:
@@ -51,8 +51,8 @@ def motion_note(sequence: MeshSequence, error: float) -> Note | None:
                 Keyword("bound"),
                 f", which bounds the motion too; the track {name} has an error bound of its own",
             )
-            return Note(NoteKind.RESULT, "displacement", text=text)
-    return None
+            return [Note(NoteKind.RESULT, "displacement", text=text)]
+    return []
 
 
 def _motions(sequence: MeshSequence) -> Iterator[tuple[str, float]]:

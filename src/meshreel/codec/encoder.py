@@ -131,7 +131,9 @@ def encode_with(
         check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
     bounds = kept_bounds(config, segment.tracks, tracks)
-    source = Source(segment, with_bound_of_motion(config, sequence), surface, bounds)
+    if surface.displaced_by:
+        config = with_bound_of_motion(config, sequence)
+    source = Source(segment, config, surface, bounds)
     return next(method_named(config.method).encode([source], progress))
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Section
+from meshreel.codec.displaced import motion_notes
 from meshreel.codec.memory import DEFAULT_LIMIT, MemoryLimit
 from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
@@ -231,8 +232,13 @@ def info(data: bytes, segment: int | None = None) -> StreamInfo:
     return file_info(whole_file(bytes(data)), segment)
 
 
-def bound_notes(sequence: MeshSequence, data: bytes) -> list[Note]:
-    """Return notes on the bounds of a stream, given its source, if that is lossy itself."""
+def bound_notes(
+    sequence: MeshSequence, data: bytes, error_percent: float | None = None
+) -> list[Note]:
+    """Return notes on the bounds of a stream, if its source is lossy itself or moved by a track.
+
+    `error_percent` is the measured error of positions; by default that of the bound.
+    """
     if sequence.is_original:
         return []
     sources: dict[str, list[Any]] = {"positions": [*sequence.segments]}
@@ -250,7 +256,9 @@ def bound_notes(sequence: MeshSequence, data: bytes) -> list[Note]:
         "bounds include the error of the source, which is lossy itself": added,
         "bounds are relative to the source, which is lossy itself and guarantees none": unknown,
     }
-    return [Note(NoteKind.RESULT, text, names) for text, names in texts.items() if names]
+    notes = [Note(NoteKind.RESULT, text, names) for text, names in texts.items() if names]
+    percent = stream.error_bound_percent if error_percent is None else error_percent
+    return notes + motion_notes(sequence, (percent or 0.0) / 100 * stream.diagonal)
 
 
 def file_info(

@@ -175,6 +175,7 @@ class MeshSequence(Timed):
     name: str
     starts: tuple[int, ...]
     dtype: np.dtype[np.floating]
+    error_bound: float | None
     _segments: tuple[FrameSource, ...]  # empty if the sequence consists of arrays
 
     # Set for sequences of arrays; `__getattr__` returns those of other sequences.
@@ -184,7 +185,6 @@ class MeshSequence(Timed):
     faces: Faces
     surface: Surface
     _tracks: dict[str, Track]
-    _error_bound: float | None
 
     def __init__(
         self,
@@ -281,6 +281,7 @@ class MeshSequence(Timed):
             starts=starts,
             n_frames=starts[-1],
             dtype=np.result_type(*(part.dtype for part in parts)),
+            error_bound=error_bound_of(*parts),
             _segments=tuple(parts),
         )
         return sequence
@@ -316,7 +317,7 @@ class MeshSequence(Timed):
             _tracks=dict(
                 tracks and validated_tracks(tracks, n_frames, n_verts, len(faces), surface)
             ),
-            _error_bound=error_bound,
+            error_bound=error_bound,
             _segments=(),
         )
 
@@ -384,15 +385,14 @@ class MeshSequence(Timed):
         return MeshSequence.of_finite(timing=timing, **values)
 
     @property
-    def error_bound(self) -> float | None:
-        """As the class describes."""
-        return error_bound_of(*self._segments) if self._segments else self._error_bound
-
-    @property
     def is_original(self) -> bool:
-        """Whether no positions or tracks were decoded from a lossy stream."""
-        sources = (one for part in self.segments for one in (part, *part.tracks.values()))
-        return all(getattr(source, "error_bound", 0.0) == 0.0 for source in sources)
+        """Whether nothing was decoded from a lossy stream, and no track moved the vertices."""
+        parts = self.segments
+        sources = (one for part in parts for one in (part, *part.tracks.values()))
+        is_displaced = any(part.surface.displaced_by for part in parts)
+        return not is_displaced and not any(
+            getattr(one, "error_bound", 0.0) != 0 for one in sources
+        )
 
     @property
     def shape(self) -> tuple[int, int, int]:
