@@ -727,7 +727,7 @@ describe("aborting", { concurrency: true }, () => {
     await soon();
     controller.abort();
     await isAborted("a read", read);
-    await soon();
+    for (let tries = 0; tries < 100 && !isGone; tries++) await soon(); // on a busy machine
     assert.ok(isGone);
     // Requested again: the received bytes are not cached.
     await assertReads(source, 100_000, 100_100);
