@@ -85,7 +85,7 @@ class Item:
     def _has_range_of(self, other: "Item") -> bool:
         if self.values is None or other.values is None:
             return True
-        ranges = [_range_of(values) for values in (self.values, other.values)]
+        ranges = [range_of(values) for values in (self.values, other.values)]
         scale = max(1e-30, *(abs(end) for both in ranges for end in both))
         allowed = COLOR_TOLERANCE if self.sort is Sort.COLOR else TOLERANCE * scale
         return all(abs(a - b) <= allowed for a, b in zip(*ranges, strict=True))
@@ -98,7 +98,7 @@ class Item:
         return any(re.search(pattern, text, re.IGNORECASE) for text in texts)
 
 
-def _range_of(values: npt.ArrayLike) -> tuple[float, float]:
+def range_of(values: npt.ArrayLike) -> tuple[float, float]:
     """Return the smallest and the largest finite number; zeros if there is none."""
     numbers = np.asarray(values, np.float64)
     finite = numbers[np.isfinite(numbers)]
