@@ -193,8 +193,17 @@ class CellSurface:
     unstored: tuple[str, ...] = ()
     """Types of cells that cannot be stored, if solids are reduced to their surface, for notes."""
 
+    has_points_or_lines: bool = False
+    has_middle_nodes: bool = False
+    """Whether cells without faces are ignored, and nodes in the middle of edges or flat cells."""
+
     def note_interior(self, notes: Notes) -> None:
-        """Note converted cell types, and the inside of solids if only their surface is kept."""
+        """Note converted cell types, and what is not kept, such as the inside of solids."""
+        if self.has_points_or_lines:
+            notes.left_out("cells that are points and lines")
+        if self.has_middle_nodes:
+            text = "flat cells with nodes in the middle of edges are read as their corners"
+            notes.changed("types of cells", text)
         for change in self.changes:
             notes.changed("types of cells", change)
         if self.n_solids:
@@ -423,7 +432,8 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
     faces = [_faces_of_type(cells, starts, int(kind)) for kind in np.unique(cells.types)]
     counts, corners, owners = map(np.concatenate, zip(*(faces or none), strict=True))
     is_solid_cell = np.isin(cells.types, SOLIDS)
-    is_solid = is_solid_cell[owners]
+    is_flat_cell = ~np.isin(cells.types, POINTS_AND_LINES) & ~is_solid_cell & (cells.types != STRIP)
+    is_solid, n_corners = is_solid_cell[owners], np.bincount(owners, counts, len(cells.types))
     # Building a mesh without positions validates the indices before they are used for lookups.
     polygon_mesh(np.empty((n_points, 0)), counts, corners)
     surface_faces = np.sort(
@@ -444,6 +454,8 @@ def extract_surface(cells: Cells, n_points: int) -> CellSurface:
         points,
         int(is_solid_cell.sum()),
         0 if isinstance(points, slice) else n_points - len(points),
+        has_points_or_lines=bool(np.isin(cells.types, POINTS_AND_LINES).any()),
+        has_middle_nodes=bool((is_flat_cell & (cells.counts > n_corners)).any()),
     )
 
 

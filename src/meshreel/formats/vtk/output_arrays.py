@@ -57,8 +57,8 @@ def output_arrays(
     all_groups = surface.groups if surface.cells is None else ()
     note_unwritten(surface, (*attributes, *all_groups), extension, notes)
     if all_groups:
-        names = listed(groups.name for groups in all_groups)
-        text = f"group labels left out; {extension} stores only their numbers: {names}"
+        names = listed(f"groups {groups.name!r}" for groups in all_groups)
+        text = f"labels left out: {names}; {extension} stores only their numbers"
         notes.unwritten("group labels", text)
     arrays = [
         *map(_attribute_array, attributes),

@@ -135,3 +135,12 @@ def test_quadratic_polygons_have_the_corners_that_are_first(tmp_path):
     found = load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"))
     assert found.surface.face_sizes.tolist() == [5]
     assert found.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+
+def test_cells_that_flat_meshes_cannot_hold_are_noted(tmp_path, notes):
+    mesh = grid(POINTS, [(5, [0, 1, 2]), (3, [0, 1]), (22, [0, 1, 4, 2, 5, 6])])
+    load(write_mesh(vtkXMLUnstructuredGridWriter(), mesh, tmp_path / "a.vtu"), notes=notes)
+    assert notes == [
+        "left out: cells that are points and lines",
+        "flat cells with nodes in the middle of edges are read as their corners",
+    ]

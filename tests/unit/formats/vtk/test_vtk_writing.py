@@ -147,7 +147,7 @@ def test_notes_list_what_vtk_cannot_store(tmp_path, extension, notes):
     save(sheet, tmp_path / f"a{extension}", notes=notes)
     shown = extension[-4:] if extension.endswith(("p", "u")) else extension
     assert f"tracks left out: shear: {shown} cannot store tracks of corners" in notes
-    assert f"group labels left out; {shown} stores only their numbers: material" in notes
+    assert f"labels left out: groups 'material'; {shown} stores only their numbers" in notes
     [note] = [one for one in notes if one.startswith("left out") and "frame rate" not in one]
     assert "'seam' (other) of each corner" in note
     assert "the names of 2 parts" in note

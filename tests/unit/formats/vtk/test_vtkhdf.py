@@ -67,7 +67,7 @@ def test_save_notes_what_is_left_out_and_unknown_frame_rate(tmp_path, notes):
         "the frame rate is unknown; written as 24 fps",
         "left out, as .vtkhdf files cannot store it: 'UVMap' (uv) of each corner, "
         "the names of 2 parts",
-        "group labels left out; .vtkhdf stores only their numbers: material",
+        "labels left out: groups 'material'; .vtkhdf stores only their numbers",
     ]
 
 
