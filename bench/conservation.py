@@ -75,7 +75,7 @@ def _limit_memory() -> None:
 
 
 def check_apart(path: Path) -> Balance | str:
-    """Check a file in a process of its own; returns the message of an error instead."""
+    """Check a file in a separate process; returns the message of an error instead."""
     command = [sys.executable, __file__, "--one", str(path)]
     try:
         result = subprocess.run(

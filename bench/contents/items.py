@@ -57,7 +57,7 @@ NAMELESS = {
     Sort.POSITIONS, Sort.FACES, Sort.COLOR, Sort.UV, Sort.IMAGE, Sort.TIMES, Sort.EDGES,
     Sort.VISIBILITY,
 }  # fmt: skip
-"""Sorts whose items match whatever they are called."""
+"""Sorts whose items match under any name."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -117,6 +117,14 @@ class Notes(list[Note]):
         else:
             self.list_names(NoteKind.LEFT_OUT, subject, names)
 
+    def left_out_items(self, items: Iterable[tuple[str, str]]) -> None:
+        """Note that contents of an input are left out, given the subject and name of each."""
+        names: dict[str, list[str]] = {}
+        for subject, name in items:
+            names.setdefault(subject, []).append(name)
+        for subject in names:
+            self.left_out(subject, names[subject])
+
     def list_names(self, kind: NoteKind, subject: str, names: Iterable[str]) -> None:
         """List names in the note of this kind and subject, which is added if there is none."""
         distinct = dict.fromkeys(names)

@@ -1,4 +1,4 @@
-"""Colors are sRGB in sequences, whatever the format of a file stores, and in pictures."""
+"""Colors of sequences and pictures are sRGB, also those of files with linear colors."""
 
 import json
 import struct

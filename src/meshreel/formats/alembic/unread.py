@@ -1,7 +1,7 @@
 """Notes on everything that an Alembic file holds and the reader did not read."""
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 
 from meshreel.errors import FormatError
 from meshreel.formats.alembic.archive import AbcObject, Property
@@ -27,7 +27,7 @@ Properties = Mapping[str, Property]
 
 def note_unread(objects: Sequence[AbcObject], notes: Notes) -> None:
     """Note the properties of objects that were not read, or do not fit the mesh."""
-    names = defaultdict[str, list[str]](list)
+    unread: list[tuple[str, str]] = []
     for item in objects:
         try:
             for path, values in _leaves(item.properties):
@@ -35,11 +35,10 @@ def note_unread(objects: Sequence[AbcObject], notes: Notes) -> None:
                     continue
                 if values not in item.archive.read or values in item.archive.unfit:
                     name = next(part for part in reversed(path) if part not in (VALUES, INDICES))
-                    names[_subject(path, values)].append(name.lstrip("."))
+                    unread.append((_subject(path, values), name.lstrip(".")))
         except FormatError as error:
-            names["properties that cannot be read"].append(f"{item.name} ({error})")
-    for subject in sorted(names):
-        notes.left_out(subject, names[subject])
+            unread.append(("properties that cannot be read", f"{item.name} ({error})"))
+    notes.left_out_items(sorted(unread, key=itemgetter(0)))
 
 
 def _leaves(

@@ -50,7 +50,7 @@ GHOSTS, DUPLICATE = (Domain.FACE, "vtkGhostType"), 1
 """The array that flags cells, and its flag of cells that another piece contains."""
 
 LeftOut = Sequence[tuple[str, str]]
-"""What is left out, for notes: a subject, such as "field data", and a name."""
+"""Contents that are left out, for notes: a subject, such as "field data", and a name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +138,7 @@ class Step:
 
     def note_left_out(self, notes: Notes) -> None:
         """Note what the file contains besides the mesh and its data."""
-        for subject, name in self.left_out:
-            notes.left_out(subject, [name])
+        notes.left_out_items(self.left_out)
 
     def share_data(self, previous: "Step") -> "Step":
         """Return the step with surface and arrays of another one where they are equal."""

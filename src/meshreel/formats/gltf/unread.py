@@ -1,7 +1,7 @@
 """Notes on everything that a glTF file holds and the reader did not read."""
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any
 
 from meshreel.formats.gltf.container import Json
@@ -40,8 +40,8 @@ NOUNS = {
 Items = dict[str, set[int]]
 """Numbers of items by the list of the file."""
 
-Names = dict[str, list[str]]
-"""Names of what was not read, by the subject of the note."""
+Unread = list[tuple[str, str]]
+"""The subject of the note and the name of each thing that was not read."""
 
 
 def used_items(document: Document, nodes: Nodes, meshes: Iterable[ShownMesh]) -> Items:
@@ -89,15 +89,15 @@ def note_other_items(
     used = used_items(document, nodes, meshes)
     scene = document.root.get("scene", 0)
     used["scenes"] = {scene} if isinstance(scene, int) else set()
-    names: Names = defaultdict(list)
+    unread: Unread = []
     for kind in LISTS.keys() - BOOKKEEPING.keys():
         for number, item in enumerate(document.lists[kind]):
             if number not in used[kind]:
                 keys = NOUNS.keys() & {*item.values, *_extensions(item.values)}
                 subject = NOUNS[min(keys)] if keys else f"other {kind}"
-                names[subject].append(_label(item.values, item.place))
-    _add_unread([document.root, *document.lists["scenes"]], names)
-    _note(names, notes)
+                unread.append((subject, _label(item.values, item.place)))
+    unread += _unread_keys([document.root, *document.lists["scenes"]])
+    notes.left_out_items(sorted(unread, key=itemgetter(0)))
 
 
 def note_unread(
@@ -105,17 +105,17 @@ def note_unread(
 ) -> None:
     """Note what was not read of the meshes that were read, and of the items they refer to."""
     used = used_items(document, nodes, filter(_has_been_read, meshes))
-    names: Names = defaultdict(list)
+    unread: Unread = []
     for kind in used.keys() - BOOKKEEPING.keys():
         items = [document.lists[kind][number] for number in sorted(used[kind])]
-        unread = [item for item in items if not _is_read(item)]
-        names[f"other {kind}"] += (_label(item.values, item.place) for item in unread)
-        _add_unread((item for item in items if item not in unread), names)
-    _note(names, notes)
+        labels = (_label(item.values, item.place) for item in items if not _is_read(item))
+        unread += ((f"other {kind}", label) for label in labels)
+        unread += _unread_keys(filter(_is_read, items))
+    notes.left_out_items(sorted(unread, key=itemgetter(0)))
 
 
-def _add_unread(items: Iterable[JsonObject], names: Names) -> None:
-    """Add the keys of items that were not read, with the labels of the items."""
+def _unread_keys(items: Iterable[JsonObject]) -> Iterator[tuple[str, str]]:
+    """Yield the subjects of the keys of items that were not read, with the labels of the items."""
     for item in items:
         label = _label(item.values, item.place)
         for key, value in _unread(item.values, item.read_keys):
@@ -126,7 +126,7 @@ def _add_unread(items: Iterable[JsonObject], names: Names) -> None:
                 elif item.place == ROOT and isinstance(value, list):
                     noun = name.removesuffix("s")
                     labels = [_label(entry, f"{noun} {n}") for n, entry in enumerate(value)]
-                names[NOUNS.get(name, name)] += labels
+                yield from ((NOUNS.get(name, name), text) for text in labels)
 
 
 def _has_been_read(mesh: ShownMesh) -> bool:
@@ -151,11 +151,6 @@ def _unread(values: Json, read_keys: set[tuple[int, str]]) -> Iterator[tuple[str
         for inner in value if isinstance(value, list) else [value]:
             if isinstance(inner, dict):
                 yield from _unread(inner, read_keys)
-
-
-def _note(names: Names, notes: Notes) -> None:
-    for subject in sorted(names):
-        notes.left_out(subject, names[subject])
 
 
 def _extensions(values: Json) -> Json:

@@ -337,7 +337,7 @@ class D3plotLayout:
 
     @cached_property
     def part_names(self) -> tuple[str, ...]:
-        """Titles of all parts; a part without a title of its own is called "part ID".
+        """Titles of all parts; a part without a title is called "part ID".
 
         Raises
         ------

@@ -78,7 +78,7 @@ def read_vtk_xml(data: bytes, read_piece: Callable[[str], bytes] | None = None) 
 def _read_pieces(
     data: bytes, read_piece: Callable[[str], bytes] | None
 ) -> tuple[list[Piece], LeftOut]:
-    """Return the pieces of a file, and what is left out."""
+    """Return the pieces of a file, and the contents that are left out."""
     appended, is_raw = b"", False
     if match := APPENDED.search(data):
         end = data.rfind(b"</AppendedData")
