@@ -1,11 +1,9 @@
 """Meshes that a file hides: always, or in some frames, so that others are shown in turn."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from itertools import chain
 from operator import add
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +13,7 @@ from meshreel.formats.scenes.timing import unite_times
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.surface import Surface
+from meshreel.model.surface_selection import differing_names
 from meshreel.model.tracks import TrackSource, error_bound_of
 from meshreel.runtime.counting import counted
 
@@ -107,7 +106,9 @@ def meshes_in_turn(
             return True
         if tracks(range(index - 1, index)) or tracks(range(index, index + 1)):
             return False
-        return _are_equal(surface(index - 1), surface(index))
+        before, after = surface(index - 1), surface(index)
+        looks = [(each.parts, each.materials, each.images) for each in (before, after)]
+        return looks[0] == looks[1] and not differing_names(before, after)
 
     def note_unread() -> None:
         for note in dict.fromkeys(part.note_unread for part in parts.values()):
@@ -117,15 +118,3 @@ def meshes_in_turn(
         name, frame_times_s, frame, surface, rates.pop() if len(rates) == 1 else None, tracks,
         keeps_surface=keeps_surface, note_unread=note_unread, error_bound=error_bound_of(*meshes),
     )  # fmt: skip
-
-
-def _are_equal(first: Any, second: Any) -> bool:
-    """Compare surfaces, or values in them, by their contents."""
-    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
-        return np.array_equal(first, second)
-    if is_dataclass(first) and type(first) is type(second):
-        names = [field.name for field in fields(first)]
-        return all(_are_equal(getattr(first, name), getattr(second, name)) for name in names)
-    if isinstance(first, tuple) and isinstance(second, tuple):
-        return len(first) == len(second) and all(map(_are_equal, first, second))
-    return bool(first == second)
