@@ -30,6 +30,9 @@ from meshreel.studies.study import markdown_table
 HELPERS = ("__init__", "items")
 """Modules of `contents` that read no format."""
 
+BY_VTK = (".vtu", ".vtp", ".vtk", ".pvd", ".case", ".encas")
+"""Formats whose walk reads with the library vtk."""
+
 TIMEOUT_S = 120.0
 MAX_BYTES = 8 << 30
 MAX_FILE_BYTES = 256 << 20

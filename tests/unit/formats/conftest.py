@@ -1,11 +1,12 @@
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import meshreel.formats.load
-from conservation import walks
+from conservation import BY_VTK, walks
 from contents.items import balance, items_of
 from meshreel.formats.load import load
 from meshreel.model.notes import Notes
@@ -59,4 +60,8 @@ def _keeps_or_names_everything(monkeypatch):
     monkeypatch.setattr(meshreel.formats.load, "load_any", load_and_check)
 
 
-all_walks = cache(walks)
+@cache
+def all_walks():
+    """Return the walks whose libraries are installed."""
+    has_vtk = find_spec("vtkmodules") is not None
+    return {name: walk for name, walk in walks().items() if has_vtk or name not in BY_VTK}
