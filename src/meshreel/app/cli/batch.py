@@ -91,11 +91,8 @@ def batch_command(
     Examples:
 
     - `meshreel batch captures/ streams/`
-
     - `meshreel batch captures/ streams/ --max-error 0.1 --workers 4`
-
     - `meshreel batch captures/ streams/ --scheduler tcp://10.0.0.5:8786`
-
     - `meshreel batch s3://captures streams/`
     """
     from meshreel.app.batch.encode_input import EncodeOptions

@@ -49,13 +49,9 @@ def compare_command(
     Examples:
 
     - `meshreel compare walk.npz walk.reel`
-
     - `meshreel compare shot.abc body.reel --object /root/body`
-
     - `meshreel compare frames/ decoded.npz --json`
-
     - `meshreel compare scan.abc remeshed.abc --surface --samples 200000`
-
     - `meshreel compare walk.npz - < walk.reel`
     """
     from dataclasses import replace

@@ -55,19 +55,12 @@ def convert_command(
     Examples:
 
     - `meshreel convert walk.abc -o walk.usdc`
-
     - `meshreel convert character.glb -o walk.abc --fps 30 --merge`
-
     - `meshreel convert cache.mdd --topology rest.obj -o cache.abc`
-
     - `meshreel convert walk.npz -o walk.glb --max-error 0.05`
-
     - `meshreel convert walk.abc -o walk.glb --rig 64`
-
     - `meshreel convert walk.npz -o walk.vat/ --layout openvat-unity --max-error 0.05`
-
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
-
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
     """
     from contextlib import ExitStack

@@ -54,15 +54,10 @@ def decode_command(
     Examples:
 
     - `meshreel decode walk.reel -o walk.npz`
-
     - `meshreel decode walk.reel -o walk.glb --max-error 0.05`
-
     - `meshreel decode walk.reel -o walk.glb --max-error 0.5 --rig`
-
     - `meshreel decode walk.reel -o walk.vat/`
-
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
-
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
     from contextlib import nullcontext

@@ -50,33 +50,19 @@ def encode_command(
     Examples:
 
     - `meshreel encode walk.npz`
-
     - `meshreel encode frames/ -o walk.reel --fps 25`
-
     - `meshreel encode 'sim/*.obj' -o sim.reel --max-error 0.1`
-
     - `meshreel encode scan.usdc --max-error 0.5mm --unit cm`
-
     - `meshreel encode shot.abc --object /root/body -o body.reel`
-
     - `meshreel encode shot.usdc --merge -o shot.reel`
-
     - `meshreel encode walk.npz --lossless`
-
     - `meshreel encode walk.npz --size 100kB --order drop --effort 9`
-
     - `meshreel encode character.glb --uv-bits 12`
-
     - `meshreel encode character.glb --attributes none`
-
     - `meshreel encode sim.vtkhdf --bound 0.1% --track stress=1MPa`
-
     - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
-
     - `meshreel encode capture/ --register 0.2%`
-
     - `meshreel encode huge_frames/ --memory 1GiB`
-
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
     from contextlib import ExitStack

@@ -55,11 +55,8 @@ def evaluate_command(
     Examples:
 
     - `meshreel evaluate walk.npz --quick`
-
     - `meshreel evaluate samba.npz cow.npz --out codecs --reference recorded.csv`
-
     - `meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3`
-
     - `meshreel evaluate walk.npz --peers none --json`
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report

@@ -44,13 +44,9 @@ def export_command(
     Examples:
 
     - `meshreel export walk.reel -o walk.html`
-
     - `meshreel export walk.reel -o errors.html --original walk.npz`
-
     - `meshreel export crash.reel -o crash.html --track stress --range 2%:98%`
-
     - `meshreel export walk.reel -o site/index.html --split`
-
     - `meshreel export person.reel -o person.html --texture person.mp4`
     """
     from dataclasses import replace

@@ -27,17 +27,15 @@ def write_help(
 
 def _write_description(text: str, formatter: click.HelpFormatter) -> None:
     """Write the paragraphs of a docstring, and the items of its lists, which begin with "- "."""
-    was_item = False
     for paragraph in text.split("\n\n"):
-        line = " ".join(paragraph.split())
-        is_item = line.startswith("- ")
-        if not (is_item and was_item):
-            formatter.write_paragraph()
-        if is_item:
-            line = CODE.sub(r"\1", line)
-        following = "    " if is_item else "  "
-        formatter.write(click.wrap_text(line, formatter.width, "  ", following) + "\n")
-        was_item = is_item
+        formatter.write_paragraph()
+        is_list = paragraph.startswith("- ")
+        for item in paragraph.split("\n- ") if is_list else [paragraph]:
+            line = " ".join(item.removeprefix("- ").split())
+            if is_list:
+                line = "- " + CODE.sub(r"\1", line)
+            following = "    " if is_list else "  "
+            formatter.write(click.wrap_text(line, formatter.width, "  ", following) + "\n")
 
 
 def _panels(command: click.Command, context: click.Context) -> dict[str, list[Row]]:

@@ -46,11 +46,8 @@ def info_command(
     Examples:
 
     - `meshreel info walk.reel`
-
     - `meshreel info shot.abc`
-
     - `meshreel info frames/ --json`
-
     - `meshreel info - < walk.reel`
     """
     from dataclasses import replace

@@ -73,15 +73,10 @@ def paper_command(
     Examples:
 
     - `meshreel paper --quick --frames 100`
-
     - `meshreel paper samba.npz jumping.npz --out report`
-
     - `meshreel paper walk.npz --methods v2v,pca-qp --out walk-report`
-
     - `meshreel paper samba.npz --preset printed --out printed-report`
-
     - `meshreel paper walk.npz --bits 6 --allocation constant --methods pca-q,pca-qp`
-
     - `meshreel paper walk.npz --modes 30 --bits 9 --choices anchor-values=coefficients`
     """
     from dataclasses import replace

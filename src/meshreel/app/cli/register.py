@@ -84,13 +84,9 @@ def register_command(
     Examples:
 
     - `meshreel register capture/`
-
     - `meshreel register 'scan/*.obj' -o walk.reel --tolerance 0.1% --quality 70`
-
     - `meshreel register capture/ --tolerance 1mm --unit m`
-
     - `meshreel register capture/ --size 2MB`
-
     - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
     """
     import shutil

@@ -124,15 +124,10 @@ def render_command(
     Examples:
 
     - `meshreel render walk.reel -o walk.png`
-
     - `meshreel render walk.reel -o pose.png --frames 17 --view front --size 1920x1080`
-
     - `meshreel render walk.reel -o lost.png --original walk.npz --heatmap distance`
-
     - `meshreel render walk.reel -o walk.mp4 --original walk.npz --heatmap angle`
-
     - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
-
     - `meshreel render block.reel -o inside.png --track temperature --cut y=50%`
     """
     from dataclasses import replace

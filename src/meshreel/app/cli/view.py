@@ -38,13 +38,9 @@ def view_command(
     Examples:
 
     - `meshreel view walk.reel`
-
     - `meshreel view walk.reel --original walk.npz`
-
     - `meshreel view crash.reel --track stress --range 0:500`
-
     - `meshreel view person.reel --texture person.mp4`
-
     - `meshreel view walk.reel --no-open --port 8000`
     """
     from contextlib import ExitStack, closing
