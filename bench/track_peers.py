@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError
 from meshreel.evaluation.peers import (
     Array,
-    Package,
     Shape,
     pack_frames,
     pcodec_array,
@@ -22,6 +21,7 @@ from meshreel.evaluation.peers import (
     zfp_array,
     zfp_bytes,
 )
+from meshreel.runtime.extras import Extra
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class TrackPeer:
     """
 
     name: str
-    package: Package
+    package: Extra
     encode: Callable[[Array, float], bytes]
     decode: Callable[[bytes, Shape, npt.DTypeLike], Array]
     grain: float = 1.02
@@ -130,7 +130,7 @@ TRACK_PEERS = (
     # Absolute error bound.
     TrackPeer(
         name="sz3",
-        package=Package(name="pysz"),
+        package=Extra("peers", "pysz", "pysz"),
         encode=_sz3_encode,
         decode=_sz3_decode,
         is_reversible=False,
@@ -138,20 +138,20 @@ TRACK_PEERS = (
     # Fixed accuracy or reversible; it rounds its tolerance to a power of two.
     TrackPeer(
         name="zfp",
-        package=Package(name="zfpy"),
+        package=Extra("peers", "zfpy", "zfpy"),
         encode=_zfp_encode,
         decode=_zfp_decode,
         grain=2.0,
     ),
     TrackPeer(
         name="pco",
-        package=Package(name="pcodec"),
+        package=Extra("peers", "pcodec", "pcodec"),
         encode=_pcodec_encode,
         decode=_pcodec_decode,
     ),
     TrackPeer(
         name="fpzip",
-        package=Package(name="fpzip"),
+        package=Extra("peers", "fpzip", "fpzip"),
         encode=_fpzip_encode,
         decode=_fpzip_decode,
         grain=2.0,  # one bit

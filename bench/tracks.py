@@ -227,7 +227,7 @@ def main() -> None:
     if not sequences:
         simulate = runpy.run_path(str(SIMULATION))["simulate"]
         sequences = {"sphere": simulate(arguments.vertices, arguments.frames)}
-    peers = [peer for peer in TRACK_PEERS if peer.package.is_available]
+    peers = [peer for peer in TRACK_PEERS if peer.package.is_installed]
     head = ["track", "bound", "positions", "bytes", *(peer.name for peer in peers)]
     head += ["of the best", "encoding, s", "decoding, s"]
     print_row = start_table(*head)

@@ -252,7 +252,7 @@ def peer_sizes(subject: Subject, name: str, step: float, percent: float | None) 
     _, side, diagonal = subject.box
     sizes = {}
     bits = math.log2(side / step + 1)
-    if name in MESHOPT_SETTINGS and PEERS["meshopt"].package.is_available and 1 <= bits <= 16:
+    if name in MESHOPT_SETTINGS and PEERS["meshopt"].is_available and 1 <= bits <= 16:
         sizes["meshopt"] = _size_of(subject, "meshopt", bits)
     if percent is None:
         return sizes

@@ -192,7 +192,7 @@ class Comparison:
 
     def appendix(self) -> list[Part]:
         """The methodology, and the codecs."""
-        available = [peer for peer in self.peers if peer.package.is_available]
+        available = [peer for peer in self.peers if peer.is_available]
         lines = [f"`{peer.name}`: {peer.summary}" for peer in available]
         parts: list[Part] = ["## How it was measured", bullets(METHODOLOGY)]
         return [*parts, "## Other codecs", bullets(lines)] if lines else parts
@@ -374,7 +374,7 @@ def method_run(method: str, options: dict[str, Any], measure: Measure, **context
 
 def peer_run(peer: Peer, params: str, measure: Measure, **context: Any) -> Run:
     """A run of another codec; its figures depend on `context`."""
-    codec = {"codec": peer.name, "summary": peer.summary, "version": peer.package.version}
+    codec = {"codec": peer.name, "summary": peer.summary, "version": peer.version}
     setting = {"kind": PEER, **codec, **context}
     return codec_run(peer.name, params, setting, measure, is_foreign=True)
 

@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers, n_equal_before
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.peers import Package, Peer, Shape, pack_frames, unpack_frames
+from meshreel.evaluation.peers import Peer, Shape, pack_frames, unpack_frames
 from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.runtime.extras import Extra
 
 LEVEL = 7
 Floats32 = npt.NDArray[np.float32]
@@ -138,7 +139,7 @@ def separate_equal(frame: Floats32) -> Floats32:
 DRACO = Peer(
     name="draco",
     summary=f"Draco, level {LEVEL}, each frame for itself with its connectivity",
-    package=Package(name="DracoPy"),
+    package=Extra("peers", "DracoPy", "DracoPy"),
     encode=encode,
     decode=decode,
     settings=(8, 9, 10, 11, 12),

@@ -5,8 +5,7 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
-from importlib.util import find_spec
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.sequence import MeshSequence, Vertices
+from meshreel.runtime.extras import Extra
 from meshreel.studies.study import checked_names
 
 Array = npt.NDArray[Any]
@@ -29,30 +29,6 @@ NONE = "none"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Package:
-    """The package that a codec needs, None without one, and the extra that installs it."""
-
-    name: str | None
-    extra: str = "peers"
-
-    @property
-    def is_available(self) -> bool:
-        """Whether the package can be imported."""
-        try:
-            return self.name is None or find_spec(self.name) is not None
-        except ValueError:  # the entry of sys.modules is not a module
-            return False
-
-    @property
-    def version(self) -> str:
-        """The version of the package; empty if unknown or not needed."""
-        try:
-            return version(self.name) if self.name else ""
-        except PackageNotFoundError:
-            return ""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Peer:
     """A codec of vertex positions, with a sweep of settings of one number each."""
 
@@ -60,7 +36,8 @@ class Peer:
     """Name in tables and plots."""
     summary: str
     """One-line description of its use."""
-    package: Package
+    package: Extra | None
+    """The package that it needs; None if Python and NumPy suffice."""
     encode: Callable[[MeshSequence, float], bytes]
     """Encodes a prepared sequence at a setting."""
     decode: Callable[[bytes, Shape, npt.DTypeLike], Vertices]
@@ -78,6 +55,16 @@ class Peer:
     """
     has_faces: bool = False
     """Whether its bytes contain the faces."""
+
+    @property
+    def is_available(self) -> bool:
+        """Whether its package is installed."""
+        return self.package is None or self.package.is_installed
+
+    @property
+    def version(self) -> str:
+        """The version of its package; empty without one."""
+        return version(self.package.library) if self.package else ""
 
 
 def peers_named(names: Iterable[str] | None, peers: Sequence[Peer]) -> tuple[Peer, ...]:
@@ -100,10 +87,10 @@ def peers_named(names: Iterable[str] | None, peers: Sequence[Peer]) -> tuple[Pee
 def why_missing(peers: Iterable[Peer]) -> list[str]:
     """A line for each peer whose package is missing, with the command that installs it."""
     return [
-        f"`{peer.name}` was not measured: it needs the package {peer.package.name} "
-        f"(pip install 'meshreel[{peer.package.extra}]')"
+        f"`{peer.name}` was not measured: it needs the package {peer.package.library} "
+        f"({peer.package.command})"
         for peer in peers
-        if not peer.package.is_available
+        if peer.package and not peer.is_available
     ]
 
 
@@ -303,7 +290,7 @@ ARRAY_PEERS = (
     Peer(
         name="sz3",
         summary="SZ3, absolute error bound, Lorenzo and regression, on a (T, 3 V) array",
-        package=Package(name="pysz"),
+        package=Extra("peers", "pysz", "pysz"),
         encode=lambda sequence, share: sz3_bytes(
             planar(sequence.vertices), tolerance_of(sequence, share), "LORENZO_REG"
         ),
@@ -317,7 +304,7 @@ ARRAY_PEERS = (
     Peer(
         name="zfp",
         summary="zfp, fixed accuracy, on a (T, 3 V) array; its bound is seldom reached",
-        package=Package(name="zfpy"),
+        package=Extra("peers", "zfpy", "zfpy"),
         encode=lambda sequence, share: zfp_bytes(
             planar(sequence.vertices), tolerance_of(sequence, share)
         ),
@@ -330,7 +317,7 @@ ARRAY_PEERS = (
         name="meshopt",
         summary="meshoptimizer's vertex codec and LZMA on temporal differences of quantized "
         "positions",
-        package=Package(name="meshoptimizer", extra="meshopt"),
+        package=Extra("meshopt", "meshoptimizer", "meshoptimizer"),
         encode=_meshopt_encode,
         decode=_meshopt_decode,
         settings=BITS,
@@ -340,7 +327,7 @@ ARRAY_PEERS = (
     Peer(
         name="pco",
         summary="pcodec on temporal differences of quantized positions",
-        package=Package(name="pcodec"),
+        package=Extra("peers", "pcodec", "pcodec"),
         encode=_pcodec_encode,
         decode=_pcodec_decode,
         settings=BITS,
@@ -350,7 +337,7 @@ ARRAY_PEERS = (
     Peer(
         name="blosc2",
         summary="Blosc2, byte shuffle and zstd level 9, lossless, on a (3 V, T) array",
-        package=Package(name="blosc2"),
+        package=Extra("peers", "blosc2", "blosc2"),
         encode=_blosc2_encode,
         decode=_blosc2_decode,
         settings=(9,),
@@ -360,7 +347,7 @@ ARRAY_PEERS = (
     Peer(
         name="npz",
         summary="numpy.savez_compressed (deflate), lossless",
-        package=Package(name=None),
+        package=None,
         encode=_npz_encode,
         decode=_npz_decode,
     ),

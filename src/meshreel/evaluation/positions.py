@@ -74,7 +74,7 @@ def compare_positions(
                      partial(measure_peer, sequence, arrangement, peer, value),
                      value=value)
             for peer in peers
-            if peer.package.is_available
+            if peer.is_available
             for value in (peer.quick if quick else peer.settings)
         ]  # fmt: skip
 

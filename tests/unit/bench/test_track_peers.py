@@ -7,7 +7,7 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.evaluation.peers import Package
+from meshreel.runtime.extras import Extra
 from track_peers import TRACK_PEERS, TrackPeer
 from tracks import CLOSE_ENOUGH, TrackInput, coarsest_tolerance, limit_of, peer_bytes, rows
 
@@ -28,8 +28,8 @@ def values_of(dtype):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=NAMES)
 def test_error_of_a_peer_is_within_its_tolerance(peer, dtype):
-    if not peer.package.is_available:
-        pytest.skip(f"needs {peer.package.name}")
+    if not peer.package.is_installed:
+        pytest.skip(f"needs {peer.package.library}")
     values = values_of(dtype)
     for tolerance in (0.3, 1e-2, 1e-4):
         back = peer.decode(peer.encode(values, tolerance), values.shape, dtype)
@@ -41,8 +41,8 @@ def test_error_of_a_peer_is_within_its_tolerance(peer, dtype):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
 @pytest.mark.parametrize("peer", TRACK_PEERS, ids=NAMES)
 def test_lossless_mode_of_a_peer_preserves_every_bit(peer, dtype):
-    if not peer.package.is_available:
-        pytest.skip(f"needs {peer.package.name}")
+    if not peer.package.is_installed:
+        pytest.skip(f"needs {peer.package.library}")
     if not peer.is_reversible:
         pytest.skip("it always loses something")
     values = (1000 * values_of(float)).astype(dtype)
@@ -70,7 +70,7 @@ def decode_steps(data, shape, dtype):
 
 
 STEPS = TrackPeer(
-    name="steps", package=Package(name=None), encode=encode_steps, decode=decode_steps,
+    name="steps", package=Extra("", "", ""), encode=encode_steps, decode=decode_steps,
     is_reversible=False,
 )  # fmt: skip
 """Numbers quantized by the tolerance, with an error of half of it."""

@@ -53,7 +53,7 @@ def error_bound(peer, sequence, setting):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("peer", PEERS, ids=NAMES)
 def test_round_trip_of_a_peer_is_within_its_error_bound(peer, small_flag, dtype):
-    if not peer.package.is_available:
+    if not peer.is_available:
         pytest.skip(*why_missing([peer]))
     sequence = MeshSequence(small_flag.vertices.astype(dtype), small_flag.faces)
     for setting in {*peer.quick, *peer.settings}:
@@ -67,7 +67,7 @@ def test_round_trip_of_a_peer_is_within_its_error_bound(peer, small_flag, dtype)
 
 @pytest.mark.parametrize("peer", PEERS, ids=NAMES)
 def test_peers_encode_a_single_frame(peer, small_flag):
-    if not peer.package.is_available:
+    if not peer.is_available:
         pytest.skip(*why_missing([peer]))
     sequence = MeshSequence(small_flag.vertices[:1], small_flag.faces)
     setting = peer.quick[0]

@@ -21,7 +21,7 @@ from meshreel.evaluation.comparison import (
     shown_curves,
 )
 from meshreel.evaluation.draco import DRACO
-from meshreel.evaluation.peers import ARRAY_PEERS, Package
+from meshreel.evaluation.peers import ARRAY_PEERS
 from meshreel.evaluation.positions import (
     arrange,
     compare_positions,
@@ -32,6 +32,7 @@ from meshreel.evaluation.positions import (
 from meshreel.model.flag import simulate_flag
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.sweeps import option_sweeps
+from meshreel.runtime.extras import Extra
 from meshreel.runtime.progress import silent
 from meshreel.studies.runs import Store, result_of
 from meshreel.studies.study import evaluate
@@ -39,7 +40,9 @@ from meshreel.studies.study import evaluate
 SWEEPS = {**option_sweeps(quick=True), **method_sweeps(quick=True)}
 KG, STED, _ = ERRORS
 [NPZ] = [peer for peer in ARRAY_PEERS if peer.name == "npz"]
-MISSING = replace(NPZ, name="future", package=Package(name="package_of_the_future"))
+MISSING = replace(
+    NPZ, name="future", package=Extra("peers", "package_of_the_future", "package_of_the_future")
+)
 
 
 def fail(sequence, setting):
