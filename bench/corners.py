@@ -20,12 +20,12 @@ from scipy.sparse.csgraph import connected_components
 
 import meshreel
 from measuring import start_table
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.options import config_of
 from meshreel.codec.reel.encoding.shared_corners import shared_track
 from meshreel.codec.reel.encoding.tracks import MAX_TRIALS, block_ranges, encode_track
 from meshreel.codec.source import Source
 from meshreel.codec.track_bounds import kept_bounds
+from meshreel.kernel.order import opposite_sides
 from meshreel.model.geometry.normals import face_normals
 
 Floats = npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ N_CHARTS = 12
 
 def connected_corners(faces: Integers, normals: Floats, n_verts: int, max_deg: float) -> Integers:
     """Group corners of a vertex that are connected across edges with a smaller dihedral angle."""
-    twins = twin_sides(faces, n_verts)
+    twins = opposite_sides(faces, n_verts)
     sides = np.flatnonzero(twins > np.arange(len(twins)))
     others = twins[sides]
     unit = _unit(normals)

@@ -6,10 +6,10 @@ from conformance.surface_integers import read_surface_integers
 from meshreel.codec.bitstream.container import Header, write_block_counts
 from meshreel.codec.bitstream.layout import Laplacian, Order, Section, VertexType
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.connectivity.triangles import lowest_rotation, sorted_order
 from meshreel.codec.method_names import METHOD_CODES
 from meshreel.kernel.connectivity import encode_faces
 from meshreel.kernel.files import OpenFile
+from meshreel.model.geometry.triangles import lowest_rotation, sorted_order
 from samples.streams import raw_stream
 
 ORDERS = {b"": Order.DROP, b"\1": Order.VERTICES}

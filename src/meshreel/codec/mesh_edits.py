@@ -14,9 +14,10 @@ from meshreel.arrays import Integers, n_equal_before
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.connectivity.coder import CodedConnectivity, encode_connectivity
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.connectivity.triangles import matching_corners, twin_sides
 from meshreel.codec.mesh_matching import MAX_VERTS, FaceIndex, longest_ascending, match_vertices
 from meshreel.kernel.integers import encode_integers
+from meshreel.kernel.order import opposite_sides
+from meshreel.model.geometry.triangles import matching_corners
 from meshreel.model.sequence import Faces
 
 SMALL_BYTES_PER_FACE = 1 / 16
@@ -83,7 +84,7 @@ class MeshEdit:
         stored_faces = np.sort(internal_of[self.base_faces[~is_new]])
         all_faces = np.concatenate([number[to_given[stored_faces]], faces[is_new]])
         internal = to_internal[all_faces].astype(np.int32)
-        twins = twin_sides(internal, len(order)).astype(np.int32)
+        twins = opposite_sides(internal, len(order))
         return replace(base, internal_to_given=order, internal_faces=internal, internal_twins=twins)
 
 

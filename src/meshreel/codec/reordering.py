@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.connectivity.triangles import rotate_corners
+from meshreel.model.geometry.triangles import lowest_rotation, matching_corners
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, frames_of
 from meshreel.model.surface import Attribute, Domain, Surface
@@ -185,19 +185,14 @@ def _hashed(values: Labels) -> Labels:
 
 def _matching_items(faces: Faces, others: Faces, vertices: Integers) -> _Match | None:
     """Match faces and corners too, given the vertices; None if faces differ or repeat."""
+    n_verts = len(vertices)
     renumbered = inverse_permutation(vertices)[others]  # in the vertices of the first mesh
-    lowest, lowest_of_others = faces.argmin(axis=1), renumbered.argmin(axis=1)
-    rows = rotate_corners(faces.astype(np.int64), lowest)
-    other_rows = rotate_corners(renumbered, lowest_of_others)
-    order, other_order = np.lexsort(rows.T), np.lexsort(other_rows.T)
-    is_repeated = (np.diff(rows[order], axis=0) == 0).all(axis=1).any()
-    if is_repeated or not np.array_equal(rows[order], other_rows[other_order]):
+    matches, turns = np.divmod(matching_corners(faces, renumbered, n_verts), 3)
+    corners = 3 * matches[:, np.newaxis] + (turns[:, np.newaxis] + np.arange(3)) % 3
+    n_distinct = len(np.unique(lowest_rotation(faces, n_verts)[0], axis=0))
+    if n_distinct < len(faces) or not np.array_equal(renumbered.ravel()[corners], faces):
         return None
-    matches = np.empty(len(faces), np.int64)
-    matches[order] = other_order
-    turns = lowest_of_others[matches] - lowest
-    corners = (np.arange(3) + turns[:, np.newaxis]) % 3
-    return _Match(vertices, matches, (3 * matches[:, np.newaxis] + corners).ravel())
+    return _Match(vertices, matches, corners.ravel())
 
 
 def _attribute_pairs(first: Surface, second: Surface) -> list[tuple[Attribute, Attribute]] | None:

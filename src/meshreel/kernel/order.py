@@ -18,6 +18,8 @@ MAX_FACES = 1 << 29
 def opposite_sides(faces: AnyIntegers, n_verts: int) -> Integers:
     """The opposite side of each side of faces of shape (M, 3), or itself; int32 of shape (3 M,).
 
+    More than two sides on one edge are paired in order, regardless of their direction.
+
     Raises
     ------
     InvalidInputError

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
@@ -19,6 +18,7 @@ from meshreel.metrics.position_errors import (
 from meshreel.metrics.reference import bounding_box_reference, reference_of_extent, shared_reference
 from meshreel.metrics.sted import sted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks
+from meshreel.model.geometry.triangles import lowest_rotation
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices
 from meshreel.model.tracks import describe_track
 from meshreel.runtime.counting import counted
@@ -265,23 +265,13 @@ def require_same_triangles(faces: Faces, faces_hat: Faces, n_verts: int) -> None
 
 def _first_missing_face(faces: Faces, faces_hat: Faces, n_verts: int) -> int | None:
     """Return the first face that the other list lacks, or contains less often."""
-    rotated = np.concatenate(
-        [_lowest_rotation(faces, n_verts), _lowest_rotation(faces_hat, n_verts)]
-    )
+    rotated = np.concatenate([lowest_rotation(each, n_verts)[0] for each in (faces, faces_hat)])
     _, ids = np.unique(rotated, axis=0, return_inverse=True)
     ids, ids_hat = np.split(ids.ravel(), 2)
     n_ids = len(rotated)
     surplus = np.bincount(ids, minlength=n_ids) - np.bincount(ids_hat, minlength=n_ids)
     is_missing = surplus[ids] > 0
     return int(np.argmax(is_missing)) if is_missing.any() else None
-
-
-def _lowest_rotation(faces: Faces, n_verts: int) -> npt.NDArray[np.int64]:
-    """Triangles rotated to begin with their lowest pair of corners, shape (M, 3)."""
-    corners = faces.astype(np.int64)
-    pairs = corners * n_verts + np.roll(corners, -1, axis=1)  # equal pairs: all corners equal
-    order = (pairs.argmin(axis=1)[:, None] + np.arange(3)) % 3
-    return np.take_along_axis(corners, order, axis=1)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ from conformance.cells import Cell, read_order
 from conformance.order import FaceOrder, neighbors_in_order, read_items
 from conformance.patterns import read_patterns
 from conformance.surface import AlongFaces
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.cells import cell_sizes, encode_cells, encode_cells_order
 from meshreel.kernel.integers import encode_integers
-from meshreel.kernel.order import encode_order
+from meshreel.kernel.order import encode_order, opposite_sides
 from meshreel.kernel.patterns import encode_patterns, face_predictors
 from samples.meshes import grid_faces, octahedron_faces
 
@@ -48,7 +47,7 @@ def test_plain_reader_computes_the_same_orders(name, is_mixed):
     alone = NamedBits(BitStream(encode_order(faces, None, sequence)))
     around = neighbors_in_order(n_verts, faces.tolist())
     assert read_items(alone, "vertices", n_verts, around) == sequence.tolist()
-    twins = twin_sides(faces, n_verts)
+    twins = opposite_sides(faces, n_verts)
     both = NamedBits(BitStream(encode_order(faces, corners, sequence)))
     order = FaceOrder(both, n_faces, twins.tolist()).read()
     assert order == corners.tolist()
@@ -85,7 +84,7 @@ def test_plain_reader_decodes_the_same_numbers_of_faces(name):
     values = np.cumsum(rng.integers(-300, 900, (n_rows, 2)), axis=0).astype(np.int32)
     values[::5] = values[0]
     values[3] = np.iinfo(np.int32).min, np.iinfo(np.int32).max
-    twins = twin_sides(faces, n_rows)
+    twins = opposite_sides(faces, n_rows)
     data = encode_patterns(values, face_predictors(faces, twins, n_rows))
     expected = AlongFaces(faces.tolist(), n_rows).traverse()
     decoded = b"".join(one for row in read_patterns(data, 2, "i", expected) for one in row)

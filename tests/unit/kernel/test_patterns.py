@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.entropy.exact import linear_predictors, no_predictors, previous_predictors
 from meshreel.errors import MeshReelError
+from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.patterns import Predictors, decode_patterns, encode_patterns, face_predictors
 
 TYPES = ["u1", "i4", "f4", "f8"]
@@ -106,7 +106,7 @@ def test_mean_of_parallelograms_is_rounded_down_within_range():
 def test_rows_are_predicted_from_earlier_rows_for_any_faces(case):
     n_rows, listed = case
     faces = np.array(listed, np.int32).reshape(-1, 3)
-    twins = twin_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
+    twins = opposite_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
     expected = face_predictors(faces, twins, n_rows)
     assert sorted(expected.order) == list(range(n_rows))
     place = np.argsort(expected.order)
@@ -123,7 +123,7 @@ def test_rows_of_a_grid_are_predicted_by_parallelograms():
     faces = np.concatenate(
         [np.stack([a, c, b], axis=-1).reshape(-1, 3), np.stack([b, c, d], axis=-1).reshape(-1, 3)]
     )
-    expected = face_predictors(faces, twin_sides(faces, n * n), n * n)
+    expected = face_predictors(faces, opposite_sides(faces, n * n), n * n)
     assert (expected.triples[:, 2] < 0).sum() <= 3
     rows, cols = np.divmod(np.arange(n * n, dtype=np.int32), n)
     values = np.stack([7 * rows + 100 * cols, rows - 3 * cols], axis=1).astype(np.int32)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.errors import InvalidInputError
+from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.surface_integers import MAX_COLUMNS, MAX_VALUE, encode_on_surface
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces, octahedron_faces
@@ -23,7 +23,7 @@ SMOOTH = grid_faces(40, 50)
 def coded(values, faces):
     """A table, or frames of one, and its stream, decoded."""
     frames = values.reshape(-1, *values.shape[-2:])
-    twins = twin_sides(np.asarray(faces, np.int32), frames.shape[1])
+    twins = opposite_sides(np.asarray(faces, np.int32), frames.shape[1])
     data = encode_on_surface(frames, faces, twins)
     return data, decode_on_surface(data, frames.shape, faces, twins).reshape(values.shape)
 

@@ -12,11 +12,12 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import encode_order, inverse_permutation
-from meshreel.codec.connectivity.triangles import matching_corners, twin_sides
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.cells import cell_links, encode_cells, encode_cells_order
 from meshreel.kernel.connectivity import encode_faces
+from meshreel.kernel.order import opposite_sides
 from meshreel.model.cells import Cells
+from meshreel.model.geometry.triangles import matching_corners
 from meshreel.model.sequence import Faces
 
 ORDERS = ("keep", "vertices", "drop")
@@ -157,7 +158,7 @@ def _code_cells(cells: Cells, n_verts: int, order: str, *, listed: bool) -> Code
         order_payload,
         coded.internal_to_given,
         surface.triangles,
-        twin_sides(surface.triangles, n_verts).astype(np.int32),
+        opposite_sides(surface.triangles, n_verts),
         counts,
         internal,
         inverse_permutation(coded.given_cells),

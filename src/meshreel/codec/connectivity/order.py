@@ -4,8 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.codec.connectivity.triangles import AnyFaces, matching_corners
 from meshreel.kernel import order
+from meshreel.model.geometry.triangles import AnyFaces, matching_corners
 from meshreel.model.sequence import Faces
 
 VERTICES_ONLY, VERTICES_AND_FACES = 1, 2

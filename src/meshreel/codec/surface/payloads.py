@@ -11,7 +11,6 @@ import numpy.typing as npt
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.connectivity.triangles import matching_corners
 from meshreel.codec.entropy.tables import encode_grid_table, encode_table
 from meshreel.codec.surface.codes import ALPHA_MODES, CHANNELS, DOMAINS, FILTERS, KINDS, WRAPS
 from meshreel.codec.surface.rows import (
@@ -28,6 +27,7 @@ from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.cells import Cells
 from meshreel.model.geometry.hard_edges import hard_flags, shared_edges
 from meshreel.model.geometry.polygons import join_triangles
+from meshreel.model.geometry.triangles import matching_corners
 from meshreel.model.materials import SLOTS, Image, Material, Texture
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, FaceGroups, Part, Surface

@@ -5,9 +5,9 @@ import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
 from meshreel.codec.bitstream.container import write_varint
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.kernel.corner_rows import N_CONTEXTS, corner_codes
 from meshreel.kernel.integers import encode_integers
+from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain, Surface
@@ -85,7 +85,9 @@ def encode_corner_references(
     sizes = surface.face_sizes
     items = None if sizes is None else triangle_corners(sizes, faces)
     n_verts = int(faces.max()) + 1
-    order, contexts, codes = corner_codes(faces, twin_sides(faces, n_verts), items, rows, n_verts)
+    order, contexts, codes = corner_codes(
+        faces, opposite_sides(faces, n_verts), items, rows, n_verts
+    )
     by_context = [codes[contexts == number] for number in range(N_CONTEXTS)]
     explicit = np.asarray(rows, np.int64)[order[codes == EXPLICIT]]
     counts = [*map(len, by_context[1:]), len(explicit)]

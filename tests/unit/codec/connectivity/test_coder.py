@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from meshreel.codec.connectivity.coder import encode_connectivity
-from meshreel.codec.connectivity.triangles import (
+from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
+from meshreel.kernel.connectivity import encode_faces
+from meshreel.kernel.order import opposite_sides
+from meshreel.model.geometry.triangles import (
     lowest_rotation,
     rotate_corners,
     sorted_order,
-    twin_sides,
 )
-from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
-from meshreel.kernel.connectivity import encode_faces
 from samples.coded_meshes import decode_connectivity, decode_order, sorted_triangles
 
 
@@ -170,18 +170,18 @@ def test_sorted_order_is_lexicographic_and_stable():
 
 def test_twin_sides_pair_the_sides_of_a_shared_edge_in_either_direction():
     # Side 1 of the first face runs 1 -> 2, side 0 of the second 2 -> 1.
-    assert twin_sides(np.array([[0, 1, 2], [2, 1, 3]]), 4).tolist() == [0, 3, 2, 1, 4, 5]
-    assert twin_sides(np.array([[0, 1, 2], [1, 2, 3]]), 4)[1] == 3
+    assert opposite_sides(np.array([[0, 1, 2], [2, 1, 3]]), 4).tolist() == [0, 3, 2, 1, 4, 5]
+    assert opposite_sides(np.array([[0, 1, 2], [1, 2, 3]]), 4)[1] == 3
 
 
 def test_twin_sides_of_any_mesh_share_an_edge_and_refer_to_each_other(mesh):
     faces, n_verts = mesh
-    twins = twin_sides(faces, n_verts)
+    twins = opposite_sides(faces, n_verts)
     ends = np.sort(np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], 1), axis=1)
     np.testing.assert_array_equal(twins[twins], np.arange(len(twins)))
     np.testing.assert_array_equal(ends[twins], ends)
 
 
 def test_every_side_of_a_closed_surface_has_a_twin(meshes):
-    twins = twin_sides(*meshes["torus"])
+    twins = opposite_sides(*meshes["torus"])
     assert (twins != np.arange(len(twins))).all()

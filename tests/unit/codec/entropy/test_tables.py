@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.connectivity.triangles import twin_sides
 from meshreel.codec.entropy.exact import no_predictors, previous_predictors
 from meshreel.codec.entropy.multiples import (
     GRID,
@@ -22,6 +21,7 @@ from meshreel.codec.entropy.tables import (
     encode_grid_table,
     encode_table,
 )
+from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.patterns import decode_patterns, face_predictors
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces
@@ -48,7 +48,7 @@ def integers_or_patterns(coded, coding, shape, dtype, faces):
     if coding < ALONG_FACES:
         expected = (no_predictors, previous_predictors)[coding](shape[0])
         return decode_patterns(coded, shape, dtype, expected)
-    twins = twin_sides(faces, shape[0])
+    twins = opposite_sides(faces, shape[0])
     if coding == ON_SURFACE:
         return decode_on_surface(coded, shape, faces, twins)
     return decode_patterns(coded, shape, dtype, face_predictors(faces, twins, shape[0]))

@@ -1,10 +1,9 @@
-"""Triangles up to rotation: one representative of each, sorted lists of them, shared edges."""
+"""Triangles up to rotation: one representative of each, and sorted lists of them."""
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Integers
-from meshreel.kernel.order import opposite_sides
 
 AnyFaces = npt.NDArray[np.int32] | npt.NDArray[np.int64]
 
@@ -41,19 +40,3 @@ def matching_corners(faces: AnyFaces, known: AnyFaces, n_verts: int) -> Integers
     face_order = sorted_order(lowest, n_verts)
     corners[face_order] = 3 * known_order + (known_first[known_order] - first[face_order]) % 3
     return corners
-
-
-def twin_sides(faces: AnyFaces, n_verts: int) -> Integers:
-    """The opposite side of each side of each face; a boundary side is its own opposite.
-
-    Parameters
-    ----------
-    faces : integer array of shape (M, 3)
-        Side ``3 i + k`` goes from corner k of face i to corner ``(k + 1) % 3``.
-
-    Returns
-    -------
-    int64 array of shape (3 M,), an involution. Where more than two sides lie on one edge, they
-    are paired in order, regardless of their direction.
-    """
-    return opposite_sides(faces, n_verts).astype(np.int64)
