@@ -140,6 +140,11 @@ def _primitive(primitive: Json, *, is_skinned: bool) -> Iterator[Item]:
     yield from _object(primitive, "primitive")
 
 
+def is_labels(value: Any) -> bool:
+    """Return whether extras are the labels of morph targets, which become positions."""
+    return isinstance(value, dict) and value.keys() == {"targetNames"}
+
+
 def _object(item: Json, label: str, *words: str) -> Iterator[Item]:
     """Yield the properties of a material, and extras, extensions and other keys of any object."""
     for key, value in item.items():
@@ -153,5 +158,5 @@ def _object(item: Json, label: str, *words: str) -> Iterator[Item]:
             yield from _object(value, label, key)
         elif key in ("camera", "KHR_lights_punctual"):
             yield Item(Sort.OTHER, label, words=("cameras", "lights"))
-        elif key not in STORAGE and not field:
+        elif key not in STORAGE and not field and not is_labels(value):
             yield Item(Sort.OTHER, key, words=words)

@@ -173,6 +173,8 @@ def _read_primitives(
         decoded = {} if compressed is None else _decode_draco(json, compressed, document)
         key = repr((attributes, json.values.get("targets"), json.values.get("extensions")))
         count = primitive.attributes.item("POSITION", "accessors").integer("count")
+        for target in primitive.targets[:n_targets] if "NORMAL" in attributes else ():
+            target.get("NORMAL")  # those of each frame follow from its positions
         if key not in blocks:
             values = document.read_named(primitive.attributes, kinds, decoded, count=count)
             positions = values.pop("POSITION").floats()

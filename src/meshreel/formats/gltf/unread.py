@@ -25,6 +25,9 @@ BOOKKEEPING = {
 }
 """Keys without content of their own, and why."""
 
+TARGET_NAMES = "targetNames"
+"""Key of extras with labels of morph targets, which become positions."""
+
 EXCLUDED = LISTS.keys() | BOOKKEEPING.keys()
 """Keys that are not named: items of the lists are, where meshes refer to them."""
 
@@ -122,7 +125,8 @@ def _unread_keys(items: Iterable[JsonObject]) -> Iterator[tuple[str, str]]:
             for name in _extensions({key: value}) or [key]:
                 labels = [label]
                 if name == "extras" and isinstance(value, dict):
-                    labels = [f"{label} ({listed(value)})"]
+                    extras = [name for name in value if name != TARGET_NAMES]
+                    labels = [f"{label} ({listed(extras)})"] if extras else []
                 elif item.place == ROOT and isinstance(value, list):
                     noun = name.removesuffix("s")
                     labels = [_label(entry, f"{noun} {n}") for n, entry in enumerate(value)]

@@ -254,6 +254,13 @@ def test_smooth_surface_has_normals_by_default(tmp_path, notes):
     assert notes[-1].startswith("normals are smooth, with a mean error of ")
 
 
+def test_reading_a_written_file_notes_its_normals_once(tmp_path):
+    notes = Notes()
+    write_gltf(tmp_path / "a.glb", stream_of(grid(), Notes()), WriteOptions(max_error=1.0))
+    meshreel.load(tmp_path / "a.glb", notes=notes)
+    assert notes == ["left out: normals, which programs compute"]
+
+
 def test_normals_can_be_disabled(tmp_path, notes):
     (primitive,) = written(tmp_path, grid(), notes, normals=False).primitives("grid")
     assert not any("NORMAL" in one for one in (primitive["attributes"], *primitive["targets"]))
