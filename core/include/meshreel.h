@@ -94,7 +94,7 @@ typedef struct meshreel_host {
                 uint32_t n_tasks);
     uint32_t n_threads; /* number of threads that `run` uses; 0 and 1: work is not divided */
     uint32_t reserved;
-    uint64_t memory_limit; /* limit of the bytes held by a file, and by each decoder; 0: 8 GiB */
+    uint64_t memory_limit; /* limit of the bytes held by a file, and by each decoder; 0: 2 GiB */
 } meshreel_host;
 
 typedef struct meshreel_file meshreel_file;

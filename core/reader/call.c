@@ -2,7 +2,7 @@
 
 #include "call.h"
 
-#define DEFAULT_LIMIT ((uint64_t)8 << 30)
+#define DEFAULT_LIMIT ((uint64_t)2 << 30)
 #define MIN_SHARED 8192 /* numbers that are worth waking a thread */
 
 struct reel_chunk {

@@ -550,12 +550,13 @@ static void drop_block(section_scan *s) {
 }
 
 /* Check END after a scan, which an unusable index caused: a file without an index is valid, but one
-   whose END refers to a bad index is not. */
+   whose END refers to a bad index is not, and no damage explains it. */
 static int check_end(section_scan *s, const reel_section *section) {
     if (section->end < s->call->source->size) {
         return reel_corrupt(s->call, section->end, "bytes follow the section END");
     }
-    return !s->index_at && !section->payload.length
+    s->outline->is_contradicted = s->index_at || section->payload.length;
+    return !s->outline->is_contradicted
                ? MESHREEL_OK
                : reel_corrupt(s->call, section->offset, "the index contradicts the blocks");
 }
@@ -618,7 +619,8 @@ static int read_sections(reel_call *call, reel_pool *pool, reel_outline *outline
         }
         offset = failed || s.last_id == REEL_SEGMENT ? offset : section.end;
     }
-    if (failed && failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT) {
+    if (outline->is_contradicted ||
+        (failed && failed != MESHREEL_TRUNCATED && failed != MESHREEL_CORRUPT)) {
         return failed;
     }
     outline->is_whole = !failed;
@@ -866,7 +868,8 @@ static int scan_segment(reel_call *call, reel_pool *pool, reel_outline *file, re
                                      call->source->size, &reference);
     failed = failed ? failed
                     : read_sections(call, &call->scratch, &outline, reference.end, next);
-    if (failed == MESHREEL_TRUNCATED || failed == MESHREEL_CORRUPT) {
+    if ((failed == MESHREEL_TRUNCATED || failed == MESHREEL_CORRUPT) &&
+        !outline.is_contradicted) {
         next->id = REEL_END;
         file->is_whole = false;
         file->end = offset;

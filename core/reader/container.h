@@ -60,6 +60,7 @@ typedef struct {
     uint32_t max_block_frames; /* number of frames in the longest block */
     uint64_t end;              /* end of the complete blocks */
     bool is_compact, is_whole;
+    bool is_contradicted; /* by its index, which is intact */
     meshreel_error damage; /* why the segment is not whole */
     uint64_t n_polygons, n_corners;
 } reel_outline;
