@@ -69,7 +69,7 @@ namespace Meshreel
             set { threads = value > 0 ? value : throw new ArgumentOutOfRangeException("value", value, "at least 1"); }
         }
 
-        /// <summary>Memory limit of a file and of each decoder, in bytes; 0: 8 GiB.</summary>
+        /// <summary>Memory limit of a file and of each decoder, in bytes; 0: 2 GiB.</summary>
         public long MemoryLimit
         {
             get { return memoryLimit; }

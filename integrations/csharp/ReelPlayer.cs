@@ -32,7 +32,7 @@ namespace Meshreel
         public bool loadAhead = true;
         [Tooltip("Threads that share the work of a call; 0: one for each core.")]
         public int threads;
-        [Tooltip("Largest memory of the file, and of each of two decoders, in MiB; 0: 8 GiB.")]
+        [Tooltip("Largest memory of the file, and of each of two decoders, in MiB; 0: 2 GiB.")]
         public int memoryLimit;
 
         private ReelFile file;

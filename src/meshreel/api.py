@@ -101,7 +101,7 @@ def decode(
     memory : float or str, optional
         Memory limit for frames and tracks together, for the mesh, and for a block, such as "2GiB"
         or a number of bytes: a small file may contain a long animation in which little changes, or
-        be crafted to exhaust memory. Default: 8 GiB. For a `ReelFile`, pass it to `meshreel.open`.
+        be crafted to exhaust memory. Default: 2 GiB. For a `ReelFile`, pass it to `meshreel.open`.
     progress : callable, optional
         Called with the stage and the completed fraction, 0..1.
 

@@ -219,7 +219,7 @@ class ReelDataset(Dataset[Window]):
         CorruptStreamError
             If a block is damaged.
         MemoryLimitError
-            If decoding takes more than 8 GiB.
+            If decoding takes more than 2 GiB.
         """
         n_windows = self.n_windows(self.sequences[sequence])
         if not 0 <= first < n_windows:

@@ -15,20 +15,19 @@ def stream(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("limit", "words"),
     [
-        ("decode", "{}", "-o", "{}.npz"),
-        ("compare", "{}", "{}"),
-        ("render", "{}", "-o", "{}.png"),
-        ("export", "{}", "-o", "{}.html"),
-        ("info", "{}"),
+        ("10kB", ("decode", "{}", "-o", "{}.npz")),
+        ("10kB", ("compare", "{}", "{}")),
+        ("10kB", ("render", "{}", "-o", "{}.png")),
+        ("10kB", ("export", "{}", "-o", "{}.html")),
+        ("1kB", ("info", "{}")),
     ],
-    ids=lambda words: words[0],
 )
-def test_commands_reject_a_stream_that_exceeds_the_memory_limit(stream, words):
+def test_commands_reject_a_stream_that_exceeds_the_memory_limit(stream, words, limit):
     arguments = [word.format(stream) for word in words]
-    needed = "a mesh of 20 vertices and 24 faces would take 13.3 kB of memory"
-    assert_fails(run(*arguments, "--memory", "10kB"), needed, "allow more with --memory")
+    done = run(*arguments, "--memory", limit)
+    assert_fails(done, "decoding would take ", "allow more with --memory")
 
 
 def test_stream_is_decoded_within_the_memory_limit(stream, tmp_path):

@@ -57,7 +57,6 @@ def decode(
         segments = _segments(file, selected, n_modes, limit, progress)
         return MeshSequence.of_segments(segments, timing=timing_of(file).part(selected))
     opened = OpenStream(file, limit)
-    opened.require_mesh()
     selected = frame_range(frames, opened.n_frames)
     return _Part(opened, selected, n_modes, Future(), has_new_mesh=True).decode(progress)
 
@@ -75,7 +74,6 @@ def _segments(
         starts = *(entry.first_frame for entry in file.segments), file.info.n_frames
         for number, selected in frames_by_segment(starts, requested):
             opened = OpenStream(file, limit, number)
-            opened.require_mesh()
             has_new_mesh = opened.mesh_key not in meshes
             mesh = meshes.setdefault(opened.mesh_key, Future())
             needed_bytes += opened.frames_size_bytes(selected)

@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from meshreel.errors import InvalidInputError, Keyword, MemoryLimitError
 from meshreel.runtime.counting import size_text
 
-DEFAULT_MEMORY = "8GiB"
+DEFAULT_MEMORY = "2GiB"
 """Default limit; the same on every machine, so that a stream decodes everywhere or nowhere."""
-
-BYTES_OF_VERTEX, BYTES_OF_FACE = 512, 128
-"""Memory of decoding a mesh per vertex and face: connectivity, order and vertex hierarchy."""
 
 
 UNITS = {"": 1, "B": 1}
@@ -76,11 +73,6 @@ class MemoryLimit:
                 f"{size_text(self.limit_bytes)}; if you trust the stream, allow more with ",
                 Keyword("memory"),
             )
-
-    def require_mesh(self, n_verts: int, n_faces: int) -> None:
-        """Raise MemoryLimitError if decoding a mesh of this size exceeds the limit."""
-        n_bytes = BYTES_OF_VERTEX * n_verts + BYTES_OF_FACE * n_faces
-        self.require(n_bytes, f"a mesh of {n_verts} vertices and {n_faces} faces")
 
 
 def memory_limit(memory: float | str | None) -> MemoryLimit:

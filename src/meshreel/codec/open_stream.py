@@ -124,10 +124,6 @@ class OpenStream:
         """Number of complete blocks."""
         return self.file.info.n_blocks
 
-    def require_mesh(self) -> None:
-        """Raise MemoryLimitError if decoding the mesh takes more than allowed."""
-        self.limit.require_mesh(self.n_verts, self.n_faces)
-
     def require_frames(self, frames: range) -> None:
         """Raise MemoryLimitError if some decoded frames, with tracks, exceed the memory limit."""
         tracks = ", with their tracks," if self.tracks else ""

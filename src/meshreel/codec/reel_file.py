@@ -114,7 +114,6 @@ class ReelFile(Timed):
             self._segment(0)  # raises now if n_modes is not supported or the mesh is too large
         else:
             self._only = OpenStream(self._whole, self._limit, segment)
-            self._only.require_mesh()
             self.starts = 0, self._only.n_frames
             self.timing = self._only.timing
             if n_modes is not None:  # raise now if the stream does not support it

@@ -163,7 +163,7 @@ class LoadOptions:
         Option(
             "Memory limit for decoding a .reel (its mesh, a block, or the frames needed at once), "
             "such as 500MB or 20GiB; a larger file is rejected before decoding.",
-            default_text="8GiB",
+            default_text="2GiB",
             metavar="SIZE",
             group=READING,
         ),

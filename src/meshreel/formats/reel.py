@@ -54,7 +54,7 @@ def open(
         from 0. Default: all segments.
     memory : float or str, optional
         Memory limit for decoding the mesh, a block, or the frames or values that a call returns,
-        such as "2GiB", or in bytes. Default: 8 GiB.
+        such as "2GiB", or in bytes. Default: 2 GiB.
 
     Raises
     ------
@@ -109,8 +109,6 @@ def read_info(
     limit = memory_limit(memory)
     with _open_binary(path) as file, errors_naming(path):
         reel = OpenFile(file, limit.limit_bytes)
-        for stream in reel.segments if segment is None else reel.segments[segment : segment + 1]:
-            limit.require_mesh(stream.n_verts, stream.n_triangles)
         return file_info(reel, segment, limit, is_remote=is_remote(path))
 
 

@@ -56,7 +56,7 @@ def graph_fourier_basis(
     n_modes : int
         K, in 1..V.
     memory : float or str, optional
-        Upper limit for the decomposition: bytes, or text such as "2GiB". Default: 8 GiB.
+        Upper limit for the decomposition: bytes, or text such as "2GiB". Default: 2 GiB.
     progress : callable, optional
         Called before the decomposition. The stage states its memory, and its time if that exceeds
         what decoders spend, estimated from a small decomposition.

@@ -262,7 +262,7 @@ def read(
         kept with the stream.
     memory : float or str, optional
         Upper limit for a block and for the graph Fourier basis: bytes, or text such as "2GiB".
-        Default: 8 GiB.
+        Default: 2 GiB.
 
     Returns
     -------

@@ -207,8 +207,8 @@ def test_gft_with_all_frequencies_has_only_errors_of_rounding():
 
 
 def test_gft_refuses_frequencies_beyond_the_memory_limit(monkeypatch):
-    monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 2**33 + 1)
-    with pytest.raises(InvalidInputError, match=r"8\.59 GB are allowed; allow more with memory"):
+    monkeypatch.setattr(graph_fourier, "basis_bytes", lambda *_: 2**31 + 1)
+    with pytest.raises(InvalidInputError, match=r"2\.15 GB are allowed; allow more with memory"):
         encode(waving_grid(2, 4, 4), "gft", n_modes=16)
 
 
