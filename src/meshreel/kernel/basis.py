@@ -202,13 +202,6 @@ def quantized_basis(
     return integers, vectors
 
 
-def encode_basis(
-    targets: Floats, rate_weight: float, coding: BasisCoding = BY_TIMES
-) -> npt.NDArray[np.int32]:
-    """Return the integers of `quantized_basis`."""
-    return quantized_basis(targets, rate_weight, coding)[0]
-
-
 def _options_of_times(coding: BasisCoding, n_frames: int) -> tuple[Argument, ...]:
     """Return the extra arguments of functions that code values instead of cosines."""
     if coding.has_cosines:

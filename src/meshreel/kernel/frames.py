@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.kernel.library import Argument, call, call_in_chunks, int32s, memory
+from meshreel.kernel.library import Argument, call, int32s, memory
+from meshreel.runtime.threads import in_chunks
 
 Integers = npt.NDArray[np.integer]
 
@@ -115,8 +116,7 @@ class JointFrames:
         (n_verts, n_modes), (vertex_stride, mode_stride) = values.shape, values.strides
         packed = memory("reel_packed_bytes", n_modes, n_verts, self._precision)
         order = None if self.order is None else int32s(self.order)
-        call_in_chunks(
-            "reel_pack",
+        arguments = (
             ctypes.c_void_p(values.ctypes.data),
             mode_stride // values.itemsize,
             vertex_stride // values.itemsize,
@@ -126,10 +126,12 @@ class JointFrames:
             n_modes,
             n_verts,
             packed,
-            length=n_verts,
-            size=VERTS_PER_CHUNK,
-            noun="fields",
         )
+
+        def pack(piece: slice) -> None:
+            call("reel_pack", *arguments, piece.start, piece.stop, noun="fields")
+
+        in_chunks(pack, n_verts, VERTS_PER_CHUNK)
         return packed
 
     @cached_property
@@ -174,6 +176,8 @@ def coordinate_rows(
     order: Integers | None,
     piece: slice,
     placement: Sequence[float],
+    signs: Floats | None = None,
+    out: Floats | None = None,
 ) -> Floats:
     """Normalized values of some vertices: minus the origin, divided by the scale.
 
@@ -186,38 +190,16 @@ def coordinate_rows(
         The n indices to return.
     placement : 1 + C floats
         Scale, and the origin of each column.
+    signs, out : float64 arrays of shapes (n,) and (C T, n), optional
+        Add the values times signs to `out`, instead of a new array.
 
     Returns
     -------
     float64 array of shape (C T, n): the first column at all frames, then the next
     """
-    n_frames, _, n_columns = vertices.shape
-    out = np.empty((n_columns * n_frames, piece.stop - piece.start))
-    _coordinates(vertices, order, piece, placement, None, out)
-    return out
-
-
-def add_coordinate_rows(
-    vertices: npt.NDArray[np.floating],
-    order: Integers | None,
-    piece: slice,
-    placement: Sequence[float],
-    signs: Floats,
-    out: Floats,
-) -> None:
-    """Add `coordinate_rows`, times signs of shape (n,), to contiguous rows of shape (C T, n)."""
-    _coordinates(vertices, order, piece, placement, signs, out)
-
-
-def _coordinates(
-    vertices: npt.NDArray[np.floating],
-    order: Integers | None,
-    piece: slice,
-    placement: Sequence[float],
-    signs: Floats | None,
-    out: Floats,
-) -> None:
     n_frames, n_verts, n_columns = vertices.shape
+    if out is None:
+        out = np.empty((n_columns * n_frames, piece.stop - piece.start))
     call(
         "reel_coordinates",
         vertices,
@@ -233,3 +215,4 @@ def _coordinates(
         out,
         noun="positions",
     )
+    return out

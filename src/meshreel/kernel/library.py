@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.runtime.threads import in_chunks
 
 ABI = 22
 """REEL_ABI of the `core/reel.h` that this package expects."""
@@ -93,21 +92,6 @@ def call(
             f"the {noun} cannot be encoded: number {position} exceeds the limits of the format"
         )
     raise MemoryError(f"{function} got less memory than it requires ({position})")
-
-
-def call_in_chunks(function: str, *arguments: Argument, length: int, size: int, noun: str) -> None:
-    """Call a function of the core for `chunks` of a length, on all cores; raises as `call`.
-
-    The bounds of each chunk are passed after `arguments`.
-    """
-
-    def run(piece: slice) -> None:
-        call(function, *arguments, piece.start, piece.stop, noun=noun)
-
-    if 0 < length <= size:
-        run(slice(0, length))
-    else:
-        in_chunks(run, length, size)
 
 
 def encoded(

@@ -95,8 +95,19 @@ def encode_values(
     n_verts, n_modes = target.shape
     residuals, values = np.empty((n_modes, n_verts), np.int32), np.empty((n_verts, n_modes))
     target = np.ascontiguousarray(target)
-    core_mesh = _mesh(mesh)
-    fields = _fields(mesh, n_modes, n_learned, residuals, values, key)
+    core_mesh = _Mesh(
+        n_verts,
+        len(mesh.smooth_starts),
+        mesh.stencil.shape[1],
+        _address(mesh.level_starts),
+        _address(mesh.smooth_starts),
+        _address(mesh.stencil),
+        _address(mesh.hops),
+        _address(mesh.smooth),
+    )
+    n_key = 0 if key is None else key.shape[1]
+    results_and_key = map(_address, (residuals, values, key))
+    fields = _Fields(n_verts, n_modes, n_learned, n_key, *results_and_key)
     n_joint = 0 if forms is None else math.isqrt(2 * forms.shape[1])
     counts = np.concatenate([np.zeros(2 * n_modes), np.tile(FIRST_COUNTS, n_joint)])
 
@@ -121,33 +132,6 @@ def encode_values(
         in_threads(fill, range(len(parts)))
         counts = np.sum(results, axis=0)
     return residuals, values
-
-
-def _mesh(mesh: Hierarchy) -> _Mesh:
-    n_verts, stencil_size = mesh.stencil.shape
-    return _Mesh(
-        n_verts,
-        len(mesh.smooth_starts),
-        stencil_size,
-        _address(mesh.level_starts),
-        _address(mesh.smooth_starts),
-        _address(mesh.stencil),
-        _address(mesh.hops),
-        _address(mesh.smooth),
-    )
-
-
-def _fields(
-    mesh: Hierarchy,
-    n_modes: int,
-    n_learned: int,
-    residuals: npt.NDArray[np.int32] | None,
-    values: Floats | None,
-    key: Floats | None,
-) -> _Fields:
-    n_key = 0 if key is None else key.shape[1]
-    arrays = map(_address, (residuals, values, key))
-    return _Fields(len(mesh.order), n_modes, n_learned, n_key, *arrays)
 
 
 def _address(array: npt.NDArray[Any] | None) -> int | None:

@@ -12,7 +12,7 @@ from meshreel.kernel.basis import (
     BasisCoding,
     Rests,
     basis_vectors,
-    encode_basis,
+    quantized_basis,
 )
 
 COSINES = BasisCoding(has_cosines=True)
@@ -23,6 +23,11 @@ def curves(n_modes, n_frames, size, seed):
     """Return random walks of shape (K, 3, T)."""
     steps = np.random.default_rng(seed).normal(size=(n_modes, 3, n_frames))
     return size * np.cumsum(steps, axis=2)
+
+
+def encode_basis(*arguments):
+    """Return the integers of quantized basis vectors."""
+    return quantized_basis(*arguments)[0]
 
 
 def directions(values):

@@ -11,7 +11,6 @@ from meshreel.kernel.basis import BasisCoding, basis_vectors
 from meshreel.kernel.frames import (
     FrameCorrections,
     JointFrames,
-    add_coordinate_rows,
     coordinate_rows,
 )
 
@@ -160,5 +159,5 @@ def test_coordinate_rows_are_positions_relative_to_the_origin(dtype):
     expected = np.moveaxis(placed, 2, 0).reshape(15, 6)
     np.testing.assert_allclose(rows, expected, rtol=1e-14)
     signs, added = np.array([1.0, -1, 1, -1, -1, 1]), np.ones((15, 6))
-    add_coordinate_rows(vertices, order, slice(2, 8), PLACEMENT, signs, added)
+    coordinate_rows(vertices, order, slice(2, 8), PLACEMENT, signs, added)
     np.testing.assert_allclose(added, 1 + signs * expected, rtol=1e-12)

@@ -15,7 +15,6 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import (
     BasisCoding,
     basis_vectors,
-    encode_basis,
     lengths_of,
     quantized_basis,
 )
@@ -349,7 +348,7 @@ def reuse_fields(
         return None
     scaled = scaled.T.reshape(n_reused, frames.n_columns, frames.n_frames)
     coding = choose_coding(frames, scaled, step, finer, rate_weight)
-    integers = encode_basis(scaled, rate_weight, coding)
+    integers, _ = quantized_basis(scaled, rate_weight, coding)
     used_modes = np.flatnonzero(integers.any(axis=(1, 2)))
     if not len(used_modes):
         return None

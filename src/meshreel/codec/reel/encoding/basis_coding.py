@@ -25,7 +25,6 @@ from meshreel.kernel.basis import (
     TIME_STRIDE,
     BasisCoding,
     Rests,
-    encode_basis,
     quantized_basis,
 )
 
@@ -165,8 +164,8 @@ def find_rests(
         return NO_REST
     runs = _runs_of(np.concatenate([[False], is_resting]))
     rests = Rests(runs, _rest_bits(frames.n_verts, targets, finer))
-    with_rests = encode_basis(targets, rate_weight, BasisCoding(rests))
-    plain = encode_basis(targets, rate_weight)
+    with_rests, _ = quantized_basis(targets, rate_weight, BasisCoding(rests))
+    plain, _ = quantized_basis(targets, rate_weight)
     kept_runs = _affordable(runs, _bits_of_times(with_rests), _bits_of_times(plain))
     return Rests(kept_runs, rests.bits) if kept_runs else NO_REST
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.kernel.frames import add_coordinate_rows, coordinate_rows
+from meshreel.kernel.frames import coordinate_rows
 from meshreel.runtime.threads import chunks, in_chunks
 
 Floats = npt.NDArray[np.float64]
@@ -132,7 +132,7 @@ class BlockFrames:
             count = part.stop - start
             signs = np.random.default_rng(start).integers(0, 2, count) * 2.0 - 1.0
             sums = columns if count == columns.shape[1] else np.zeros((len(columns), count))
-            add_coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
+            coordinate_rows(self.vertices, self.order, part, placement, signs, sums)
             if self.subtracted is not None:
                 vectors, fields = self.subtracted
                 sums -= vectors.reshape(len(sums), -1) @ (fields[part].T * signs)

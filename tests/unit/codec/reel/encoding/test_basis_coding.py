@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from meshreel.codec.reel.encoding import basis_coding
 from meshreel.codec.reel.encoding.basis_coding import MIN_ADAPTIVE_FRAMES, cheapest_coding
-from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, encode_basis
+from meshreel.kernel.basis import BY_TIMES, MAX_COSINES, BasisCoding, basis_vectors, quantized_basis
 from samples.meshes import waving_grid
 from samples.streams import layouts
 
@@ -116,7 +116,7 @@ def test_times_adapt_only_in_long_blocks():
 def test_modes_of_zeros_may_be_dropped_when_times_are_adaptive():
     rng, coding = np.random.default_rng(8), BasisCoding(is_adaptive=True)
     targets = rng.normal(size=(6, 3, 60)) * np.array([9, 0.01, 5, 0.01, 0.01, 3])[:, None, None]
-    coded = encode_basis(targets, RATE_WEIGHT, coding)
+    coded, _ = quantized_basis(targets, RATE_WEIGHT, coding)
     is_kept = coded.any(axis=(1, 2))
     assert is_kept.tolist() == [True, False, True, False, False, True]
     whole = basis_vectors(coded, coding, np.ones(6))
