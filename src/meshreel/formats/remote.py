@@ -8,7 +8,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import cast
@@ -125,7 +125,7 @@ def _resolve(address: str) -> list[str]:
     if extension_of(name_of(address)) in FORMATS and not _has_magic(name_of(address)):
         return [address]
     if _has_magic(address):
-        addresses = _natural_order(matches(address))
+        addresses = natural_order(matches(address), name_of)
         if not addresses:
             raise StoreError(f"the pattern {address} matches no file; check it")
         return addresses
@@ -137,12 +137,7 @@ def _resolve(address: str) -> list[str]:
             f"{address} is neither a folder of frames ({', '.join(FRAME_FORMATS)}) nor a file with "
             "a known extension"
         )
-    return _natural_order(addresses)
-
-
-def _natural_order(addresses: Iterable[str]) -> list[str]:
-    by_name = {name_of(address): address for address in addresses}
-    return [by_name[path.name] for path in natural_order(map(Path, by_name))]
+    return natural_order(addresses, name_of)
 
 
 def _has_magic(text: str) -> bool:

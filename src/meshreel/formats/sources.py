@@ -4,10 +4,11 @@ import glob
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TypeVar
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import check_input_file
@@ -17,6 +18,7 @@ from meshreel.runtime.stores.address import refuse_address
 
 AnyPath = str | os.PathLike[str]
 Source = AnyPath | Sequence[AnyPath]
+Named = TypeVar("Named", str, Path, Path | str)
 
 NUMBER_FIELD = re.compile(r"%(0?)(\d{0,2})d")
 """Number of a frame in the name of its file, as in f_%04d.obj."""
@@ -118,13 +120,14 @@ def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Pat
     return files + source_files.other_files
 
 
-def natural_order(paths: Iterable[Path]) -> list[Path]:
-    """Sort paths so that ``frame_2`` comes before ``frame_10``, ignoring case."""
+def natural_order(paths: Iterable[Named], name_of: Callable[[Named], str] = str) -> list[Named]:
+    """Sort paths or addresses so that ``frame_2`` precedes ``frame_10``, ignoring case."""
 
-    def key(path: Path) -> list[tuple[int, str]]:
-        parts = re.split(r"(\d+)", str(path).lower())
-        # Odd parts are numbers; the path itself breaks ties such as frame_1 and frame_01.
-        return [(int(p) if i % 2 else -1, p) for i, p in enumerate(parts)] + [(-1, str(path))]
+    def key(path: Named) -> list[tuple[int, str]]:
+        name = name_of(path)
+        parts = re.split(r"(\d+)", name.lower())
+        # Odd parts are numbers; the name itself breaks ties such as frame_1 and frame_01.
+        return [(int(p) if i % 2 else -1, p) for i, p in enumerate(parts)] + [(-1, name)]
 
     return sorted(paths, key=key)
 

@@ -74,10 +74,8 @@ def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":
 
     if len(inputs) == 1:
         return inputs[0]
-    if not any(map(is_remote, inputs)):
-        return natural_order(map(Path, inputs))
-    by_path = {Path(address): address for address in inputs}
-    return [by_path[path] for path in natural_order(by_path)]
+    ordered = natural_order(inputs)
+    return ordered if any(map(is_remote, inputs)) else [*map(Path, ordered)]
 
 
 def output_stem(source: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.errors import StoreError
+from meshreel.errors import InvalidInputError, StoreError
 from meshreel.runtime.stores.filesystem import files_below, files_in, matches
 from samples.captures import capture
 from samples.commands import assert_fails, run, run_json
@@ -76,6 +76,13 @@ def test_frames_of_a_folder_are_loaded_in_natural_order(memory, walk):
     for source in ("memory://bucket/frames", "memory://bucket/frames/*.obj"):
         loaded = meshreel.load(source)
         assert np.allclose(loaded.vertices, walk.vertices, atol=1e-6)
+
+
+def test_frames_of_equal_names_in_several_folders_are_an_error(memory, walk):
+    for folder in "ab":
+        put(walk, f"memory://bucket/{folder}/f_%d.obj")
+    with pytest.raises(InvalidInputError, match="two remote frames have the same file name"):
+        meshreel.load("memory://bucket/*/*.obj")
 
 
 def test_referenced_files_are_transferred_too(memory, tmp_path):
