@@ -290,7 +290,7 @@ def read_containers(data):
         "frames are missing",
     )
     set_times(containers, lengths)
-    if index[1]:
+    if index[0] is not None:
         check_index(containers, Payload(index[1]), end)
     return containers
 

@@ -353,6 +353,7 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
                 numbers = spread(numbers, n_frames, items)
             blocks.append(integers)
             values = numbers if values is None else values + numbers
+        need(track is not positions or all(map(math.isfinite, values)), "a position is not finite")
         tracks.append((track | {"domain": RETURNED[track["domain"]]}, blocks, values))
     return tracks
 
@@ -476,7 +477,6 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         offset = offsets[i % 3].get(n, 0) if offsets else 0
         if offset:
             numbers[i] = predicted.float_after(numbers[i], offset, LETTERS[placed.number_type])
-    need(all(map(math.isfinite, numbers)), "positions are not finite")
     return block, numbers * (n_frames // n_stored)
 
 

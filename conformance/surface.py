@@ -18,6 +18,8 @@ ALONG_FACES = 2
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
 MATERIAL_NUMBERS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5)
 TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
+COLORED = ("base_color", "normal", "emissive")
+CHANNELS = {slot: ("rgb", "rgba") if slot in COLORED else tuple("rgba") for slot in SLOTS}
 
 
 class Polygons:
@@ -334,13 +336,15 @@ def read_groups(payload, n_faces):
     return {"name": name, "labels": labels, "numbers": numbers}
 
 
-def read_parts(payload):
+def read_parts(payload, n_verts_of_all, n_faces_of_all):
     payload = Payload(payload)
     parts = []
     for _ in range(payload.varint()):
         n_verts, n_faces = payload.varint(), payload.varint()
         parts.append([payload.text(), n_verts, n_faces])
     payload.end()
+    need(sum(part[1] for part in parts) == n_verts_of_all, "parts do not cover the vertices")
+    need(sum(part[2] for part in parts) == n_faces_of_all, "parts do not cover the faces")
     return parts
 
 
@@ -374,12 +378,17 @@ def read_numbers(payload, defaults):
     return [payload.number("d") if present >> i & 1 else d for i, d in enumerate(defaults)]
 
 
-def read_material(payload):
+def read_material(payload, n_images):
     payload = Payload(payload)
     name, flags = payload.text(), payload.byte()
     numbers, slots = read_numbers(payload, MATERIAL_NUMBERS), payload.byte()
     textures = {slot: read_texture(payload) for i, slot in enumerate(SLOTS) if slots >> i & 1}
     payload.end()
+    for slot, texture in textures.items():
+        need(texture["image"] < n_images, "an image does not exist")
+        need(texture["channels"] in CHANNELS[slot], "a texture has other channels")
+        need(max(texture["wrap"]) < 5, "a wrap mode is unknown")
+        need(texture["filters"][0] < 3 and texture["filters"][1] < 7, "a filter is unknown")
     alpha, double_sided, unlit = flags & 3, bool(flags & 4), bool(flags & 8)
     return {
         "name": name,
@@ -394,6 +403,7 @@ def read_material(payload):
 def read_texture(payload):
     image, uv, channels = payload.varint(), payload.text(), payload.byte()
     wrap, filters = payload.byte(), payload.byte()
+    need(channels < 16, "a channel is unknown")
     return {
         "image": image,
         "uv": uv,
@@ -470,6 +480,10 @@ def read_surface(container, polygons, memory):
     """Return the surface, in output order."""
     n_verts, hard_edges = container.header.n_verts, container.all_of("HARD_EDGES")
     need(len(hard_edges) < 2)
+    n_faces, images = len(polygons.sizes), list(map(read_image, container.all_of("IMAGE")))
+    materials = [read_material(data, len(images)) for data in container.all_of("MATERIAL")]
+    names = {material["name"] for material in materials}
+    need(len(names) == len(materials), "two materials have the same name")
     return {
         "polygons": None if polygons.is_plain else polygons.sizes,
         "triangle corners": [corner for triangle in polygons.corners for corner in triangle],
@@ -477,9 +491,13 @@ def read_surface(container, polygons, memory):
             read_attribute(payload, polygons, n_verts, memory)
             for payload in container.all_of("ATTRIBUTE")
         ],
-        "groups": [read_groups(data, len(polygons.sizes)) for data in container.all_of("GROUPS")],
-        "parts": [part for data in container.all_of("PARTS") for part in read_parts(data)],
-        "materials": list(map(read_material, container.all_of("MATERIAL"))),
-        "images": list(map(read_image, container.all_of("IMAGE"))),
+        "groups": [read_groups(data, n_faces) for data in container.all_of("GROUPS")],
+        "parts": [
+            part
+            for data in container.all_of("PARTS")
+            for part in read_parts(data, n_verts, n_faces)
+        ],
+        "materials": materials,
+        "images": images,
         "hard edges": [pair for data in hard_edges for pair in read_hard_edges(data, polygons)],
     }

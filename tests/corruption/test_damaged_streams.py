@@ -171,16 +171,6 @@ def replaced(stream, changed, payload):
     return [(section, payload if section is changed else own) for section, own in parts_of(stream)]
 
 
-def test_a_missing_section_is_detected():
-    for name in ("irregular", "reel irregular", "lossless irregular", "on a grid irregular"):
-        stream = Stream(STREAMS[name])
-        for number, (section, _) in enumerate(parts_of(stream)):
-            if section is Section.ERROR_BOUND:  # optional
-                continue
-            with pytest.raises(CorruptStreamError):
-                decode(without(stream, number))
-
-
 def referring_to(stream, number, reference, stencil_size=None):
     """Return a stream of `reel` with another reference of the block of this number."""
     layout = layout_of(stream.block(number), stream.file.block(number).n_frames)
@@ -245,56 +235,6 @@ def test_corrections_and_error_bound_are_optional():
         if section in (Section.CORRECTIONS, Section.ERROR_BOUND):
             decoded = decode(without(stream, number))
             np.testing.assert_array_equal(decoded.faces, irregular_sequence(4).faces)
-
-
-def test_corrections_before_the_first_block_are_refused():
-    stream = Stream(STREAMS["reel corrected"])
-    parts = parts_of(stream)
-    (first, *_) = [part for part in parts if part[0] is Section.CORRECTIONS]
-    data = raw_stream(stream.header, [first, *parts])
-    with pytest.raises(CorruptStreamError, match="a section of a block is outside of blocks"):
-        decode(data)
-
-
-SHORT = {
-    "corrections": ("reel corrected", Section.CORRECTIONS),
-    "material": ("materials", Section.MATERIAL),
-    "attribute": ("surface", Section.ATTRIBUTE),
-    "track": ("tracks", Section.TRACK),
-    "rows of corners": ("corners in rows", Section.TRACK),
-}
-"""Short sections, which the general test rarely hits."""
-
-
-@pytest.mark.slow
-@pytest.mark.every_case
-@pytest.mark.parametrize("name", SHORT)
-def test_damaged_short_sections_with_valid_checksums_raise_our_errors_or_decode(name):
-    stream = Stream(STREAMS[SHORT[name][0]])
-    parts = parts_of(stream)
-    first = next(part for part in parts if part[0] is SHORT[name][1])
-    rng, n_refused = np.random.default_rng(4), 0
-    for _ in range(draws(750)):
-        payload = bytearray(first[1])
-        _mutate(payload, rng)
-        changed = (first[0], bytes(payload))
-        data = raw_stream(stream.header, [changed if part is first else part for part in parts])
-        try:
-            decoded = decode(data, memory=MEMORY)
-        except MeshReelError:
-            n_refused += 1
-            continue
-        assert np.isfinite(decoded.vertices).all()
-        assert len(decoded.surface.materials) == (2 if name == "material" else 0)
-    assert draws(50) < n_refused < draws(750)
-
-
-@pytest.mark.parametrize("payload", [b"", b"\0" * 8, b"\xff" * 8, b"\0" * 9])
-def test_info_refuses_invalid_error_bounds(payload):
-    stream = Stream(STREAMS["reel corrected"])
-    data = raw_stream(stream.header, replaced(stream, Section.ERROR_BOUND, payload))
-    with pytest.raises(CorruptStreamError, match="error bound"):
-        info(data)
 
 
 def test_a_wrong_number_of_corrections_allocates_nothing():
