@@ -14,7 +14,7 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
-from meshreel.model.colors import RGB, colors_of_linear
+from meshreel.model.colors import colors_of_linear
 from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
@@ -32,16 +32,16 @@ STANDARD_NAMES = {Kind.UV: UVS, Kind.COLOR: COLOR}
 """Standard names, which programs use by default."""
 
 UV_TYPE, UV_NAME = re.compile(r"(float|double|half)2\["), re.compile(r"(?i:st|uv|map|texcoord)")
+COLOR_TYPE = re.compile("color[34]")
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
 """Primvars that are read as motion, or follow from positions."""
 
 READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 """Conversions of number types that tracks do not support, without loss."""
 
-LINEAR = "lin_rec709_scene"
 SRGB_SPACES = ("srgb_rec709_scene", "sRGB", "srgb_texture")
-LINEAR_SPACES = ("", "auto", "lin_rec709", "lin_srgb", "linear")
-"""The default color space, and names of sRGB and of the default that USD does not define."""
+LINEAR_SPACES = ("lin_rec709_scene", "", "auto", "lin_rec709", "lin_srgb", "linear")
+"""Names of sRGB, and of linear Rec. 709, the default."""
 
 TRACK_KIND, TRACK_NAME, UNIT = "meshreel:kind", "meshreel:name", "meshreel:unit"
 """Keys of the custom data that meshreel writes with tracks."""
@@ -81,7 +81,7 @@ def _primvars(prim: Any) -> Iterator[tuple[Any, str, Kind, Domain | None]]:
     """
     for primvar in USD.load("UsdGeom").PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name, type_name = str(primvar.GetPrimvarName()), str(primvar.GetTypeName())
-        kind = Kind.COLOR if re.match(r"color[34]", type_name) else Kind.OTHER
+        kind = Kind.COLOR if COLOR_TYPE.match(type_name) else Kind.OTHER
         if type_name.startswith("texCoord2") or (UV_TYPE.match(type_name) and UV_NAME.match(name)):
             kind = Kind.UV
         interpolation = str(primvar.GetInterpolation())
@@ -113,11 +113,12 @@ def read_attributes(
         Names of primvars that are read as tracks, and skipped here.
     """
     attributes: dict[str, Attribute] = {}
-    colors: dict[str, Any] = {}
     settings, mismatched_names = [], []
     for primvar, name, kind, domain in _primvars(prim):
-        if kind is Kind.COLOR:
-            colors[name] = primvar.GetAttr()
+        space = _color_space(primvar) if kind is Kind.COLOR else ""
+        if space not in (*LINEAR_SPACES, *SRGB_SPACES):
+            text = f"color space {space!r} of {name} is not supported; read as linear Rec. 709"
+            notes.unknown(text)
         if DERIVED.match(name) or name in animated:
             continue
         if domain is None:
@@ -138,13 +139,6 @@ def read_attributes(
     notes.left_out(UNCHANGING, (name for name in rate_names if name not in animated))
     notes.left_out("primvars that do not fit their faces", mismatched_names)
     _join_opacity(attributes)
-    for name, source in colors.items():
-        if name in attributes:
-            values = _srgb(attributes[name].values, source)
-            attributes[name] = replace(attributes[name], values=values)
-        space, definition = _color_space(source)
-        if definition is None and space not in (*LINEAR_SPACES, *SRGB_SPACES):
-            notes.unknown(f"color space {space!r} of {name} is unknown; read as linear Rec. 709")
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(
         sorted(
@@ -183,24 +177,8 @@ def _join_opacity(attributes: dict[str, Attribute]) -> None:
         del attributes[OPACITY]
 
 
-def _color_space(attribute: Any) -> tuple[str, Any]:
-    """Return the name and the definition of the color space of an attribute, None if unknown."""
-    api = USD.load("Usd").ColorSpaceAPI
-    space = api.ComputeColorSpace(attribute, None)
-    return str(api.ComputeColorSpaceName(attribute, None)), space if space.GetName() else None
-
-
-def _srgb(colors: Values, attribute: Any) -> Values:
-    """Return the colors of an attribute in sRGB."""
-    name, space = _color_space(attribute)
-    if name in SRGB_SPACES:
-        return colors
-    if space is not None and not space.IsData() and name != LINEAR:
-        library, colors = USD.load("Gf"), colors.copy()
-        convert, vector = library.ColorSpace(LINEAR).Convert, library.Vec3f
-        # ConvertRGBSpan of 26.11 converts in the other direction.
-        colors[:, RGB] = [convert(space, vector(row)).GetRGB() for row in colors[:, RGB].tolist()]
-    return colors_of_linear(colors)
+def _color_space(primvar: Any) -> str:
+    return str(USD.load("Usd").ColorSpaceAPI.ComputeColorSpaceName(primvar.GetAttr(), None))
 
 
 def quantities(prim: Any) -> Iterator[StageQuantity]:
@@ -241,8 +219,7 @@ def _quantity(
     def values(code: float) -> Values | None:
         if primvar is None:
             return _numbers(attribute.Get(code), 1)
-        numbers = _item_values(primvar, code)
-        return numbers if numbers is None or kind is not Kind.COLOR else _srgb(numbers, attribute)
+        return _item_values(primvar, code)
 
     return StageQuantity(
         name,
@@ -265,13 +242,21 @@ def _item_values(primvar: Any, code: float) -> Values | None:
 
 
 def _table(primvar: Any, code: float) -> tuple[Values, Any] | None:
-    """Return the values of a primvar, of shape (N, C), and its indices; None if it is invalid."""
+    """Return the values of a primvar, of shape (N, C), and its indices; None if it is invalid.
+
+    Colors are in sRGB.
+    """
     vt_array = primvar.Get(code)
     if vt_array is not None and not primvar.GetTypeName().isArray:
         vt_array = np.asarray(vt_array)[np.newaxis]
     values = _numbers(vt_array, int(primvar.GetElementSize()))
-    if values is None or not primvar.IsIndexed():
-        return None if values is None else (values, None)
+    if values is None:
+        return None
+    is_color = COLOR_TYPE.match(str(primvar.GetTypeName()))
+    if is_color and _color_space(primvar) not in SRGB_SPACES:
+        values = colors_of_linear(values)
+    if not primvar.IsIndexed():
+        return values, None
     vt_array = primvar.GetIndices(code)
     indices = np.asarray([] if vt_array is None else vt_array, np.int32)
     is_valid = indices.min(initial=0) >= 0 and indices.max(initial=0) < len(values)
