@@ -39,7 +39,7 @@ from meshreel.formats.usd.sampling import snap
 from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.colors import to_linear
 from meshreel.model.geometry.hard_edges import RowNormals
-from meshreel.model.notes import Notes, written_rate
+from meshreel.model.notes import Notes, note_track_type, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource
 from meshreel.runtime.extras import USD
@@ -414,7 +414,7 @@ class MeshWriter:
             n_columns = len(range(track.shape[2])[columns])
             type_name = _type_name(track.kind, primvar_name, track.dtype, n_columns)
             if primvar_name == written_name:
-                _note_type(name, track, type_name, notes)
+                note_track_type(name, track.dtype, _array_type(type_name)[1], notes)
             attribute = self._track_attribute(primvar_name, type_name, track, n_columns)
             entries = {TRACK_KIND: str(track.kind), TRACK_NAME: name, UNIT: track.unit}
             for key, text in entries.items():
@@ -522,15 +522,3 @@ def _array_type(type_name: str) -> tuple[Any, np.dtype[Any]]:
 def usd_time(code: float | None) -> Any:
     """Return a time code of USD; None is that of the default value."""
     return USD.load("Usd").TimeCode.Default() if code is None else code
-
-
-def _note_type(name: str, track: TrackSource, type_name: str, notes: Notes) -> None:
-    """Note that USD stores another number type."""
-    is_float = type_name == "float" or type_name.endswith("f")
-    is_widened = track.dtype.str[1:] in ("i1", "i2", "u2")
-    is_scaled = track.dtype == np.uint8 and type_name.startswith("color")
-    if is_widened or is_scaled or (track.dtype == np.float64 and is_float):
-        stored_type = "int32" if is_widened else "float32"
-        notes.changed(
-            f"track {name!r} is written as {stored_type}, not {track.dtype}, a type that USD lacks"
-        )
