@@ -139,14 +139,14 @@ def test_edges_of_usd_holes_are_not_hard(read, pxr):
     assert places(result) == {e for e in places(CAKE) if all(z for _, _, z in e)}
 
 
-def test_usd_creases_are_left_out_with_a_note(read, pxr):
+def test_usd_creases_are_left_out_with_the_subdivision(read, pxr):
     creases = (
         "int[] creaseIndices = [0, 1]\nint[] creaseLengths = [2]\nfloat[] creaseSharpnesses = [10]"
     )
     for scheme, n_notes in (("catmullClark", 1), ("none", 0)):
         result, notes = read(usda(creases, scheme=scheme), ".usda")
         assert result.surface.hard_edges is None
-        assert sum("creases of subdivision surfaces" in note for note in notes) == n_notes
+        assert sum("subdivision, whose cages" in note for note in notes) == n_notes
 
 
 def test_alembic_corner_normals_give_hard_rims(tmp_path, notes):

@@ -352,7 +352,17 @@ def test_everything_in_gltf_that_is_not_read_is_noted(tmp_path):
 
 
 USD = """#usda 1.0
-def Xform "w" {
+(
+  customLayerData = { string creator = "us" }
+)
+def Xform "w" (
+  variants = { string size = "big" }
+  prepend variantSets = "size"
+) {
+double3 xformOp:translate = (0, 0, 0)
+uniform token[] xformOpOrder = ["xformOp:translate"]
+float primvars:mass = 7
+string shot = "12"
 def Mesh "m" {
   point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
   uniform token subdivisionScheme = "none"
@@ -365,18 +375,28 @@ def Mesh "m" {
 }
 def Camera "eye" { }
 def DistantLight "sun" { }
+def Mesh "off" (active = false) { }
+def Xform "pivot" {
+double3 xformOp:translate = (1, 0, 0)
 }
+variantSet "size" = { "big" { } "small" { } }
+}
+over "gone" { }
 """
 
 
 def test_unsupported_usd_prims_and_primvars_are_noted(tmp_path):
     pytest.importorskip("pxr")
     assert left_out(stored(tmp_path, "a.usda", USD)) == [
-        "1 Camera, 1 DistantLight",
-        "primvars for a whole mesh: tag",
-        "data with a single sample, which cannot be a track: velocities",
-        "primvars that do not fit their faces: part",
+        "Camera prims: /w/eye",
+        "DistantLight prims: /w/sun",
+        "inactive or undefined prims: /gone, /w/off",
+        "metadata: customLayerData",
+        "variants that are not selected: /w{size=small}",
         "normals, which programs compute",
+        "data with a single sample, which cannot be a track: velocities",
+        "other properties: shot",
+        "primvars for a whole mesh, or that do not fit its faces: mass, part, tag",
     ]
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -14,8 +15,8 @@ from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
+from meshreel.formats.usd.unread import CHANGES, StageContents
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
-from meshreel.model.notes import Notes
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 
@@ -23,9 +24,6 @@ Numbers = tuple[float, ...]
 
 MATERIALS = "materialBind"
 """The subset family for material bindings."""
-
-CHANGES = "changes over time, kept as in the first frame"
-"""Subject of the note on subsets whose faces change."""
 
 UNNAMED = "group"
 """Name of the group of subsets without a family."""
@@ -50,14 +48,6 @@ INPUTS: dict[str, tuple[str, Numbers]] = {
 }
 """Shader inputs that may have textures, and their defaults, by texture slot."""
 
-UNSUPPORTED: dict[str, Numbers] = {
-    "useSpecularWorkflow": (0.0,),
-    "specularColor": (0.0, 0.0, 0.0),
-    "clearcoat": (0.0,),
-    "clearcoatRoughness": (0.01,),
-    "ior": (1.5,),
-    "displacement": (0.0,),
-}
 NO_SCALE, NO_BIAS = (1.0,) * 4, (0.0,) * 4
 
 
@@ -68,8 +58,8 @@ class StageMaterials:
     ----------
     folder : Path or None
         Folder of the stage's file, which must contain the images; None allows any location.
-    notes : Notes
-        Gains a sentence for each kind of material property that is not read.
+    contents : StageContents
+        Records what is read.
 
     Attributes
     ----------
@@ -77,10 +67,10 @@ class StageMaterials:
         The images read so far, to which materials refer.
     """
 
-    def __init__(self, folder: Path | None, notes: Notes) -> None:
+    def __init__(self, folder: Path | None, contents: StageContents) -> None:
         self.images: list[Image] = []
         self._folder = None if folder is None else folder.resolve()
-        self.notes = notes
+        self.contents, self.notes = contents, contents.notes
         self._indices: dict[str, int] = {}
         self._looks: dict[str, Material | None] = {}
 
@@ -93,6 +83,30 @@ class StageMaterials:
         if path not in self._looks:
             self._looks[path] = self._read(material)
         return self._looks[path]
+
+    def bound_to(self, mesh: Any) -> list[Any]:
+        """Return the prims of the materials of a mesh and its subsets."""
+        api = USD.load("UsdShade").MaterialBindingAPI
+        owners = [mesh, *(subset.GetPrim() for subset in api(mesh).GetMaterialBindSubsets())]
+        return [found.GetPrim() for found in api.ComputeBoundMaterials(owners)[0] if found]
+
+    def source(self, shader: Any, name: str) -> "Source":
+        """Return the source of a shader input, through the interface inputs of materials."""
+        shading, usd = USD.load("UsdShade"), USD.load("Usd")
+        shader_input = shader.GetInput(name)
+        attribute = shader_input.GetAttr() if shader_input else None
+        while attribute and not self.contents.has(attribute):
+            self.contents.add(attribute.GetPrim(), attribute.GetName())
+            targets = attribute.GetConnections()
+            attribute = self.contents.stage.GetAttributeAtPath(targets[0]) if targets else None
+        producers = shader_input.GetValueProducingAttributes() if shader_input else []
+        if not producers:
+            return Source()
+        producer = producers[0]
+        if shading.Utils.GetType(producer.GetName()) == shading.AttributeType.Output:
+            output = shading.Utils.GetBaseNameAndType(producer.GetName())[0]
+            return Source(None, shading.Shader(producer.GetPrim()), str(output))
+        return Source(producer.Get(usd.TimeCode.EarliestTime()))
 
     def image_index(self, asset: Any) -> int:
         """Return the index of an asset path in `images`, after reading it if necessary.
@@ -129,17 +143,13 @@ class StageMaterials:
 
     def _read(self, material: Any) -> Material | None:
         name = label_of(material.GetPrim())
+        self.contents.add(material.GetPrim())
         shader, _, _ = material.ComputeSurfaceSource()
-        if not shader:
+        if _shader_id(shader) != "UsdPreviewSurface":
             if any(output.HasConnectedSource() for output in material.GetOutputs()):
                 self.notes.left_out("appearance of materials without UsdPreviewSurface", [name])
             return None
-        if shader.GetShaderId() != "UsdPreviewSurface":
-            self.notes.left_out("appearance of materials other than UsdPreviewSurface", [name])
-            return None
-        outputs = map(material.GetOutput, ("displacement", "volume"))
-        if any(output and output.HasConnectedSource() for output in outputs):
-            self.notes.left_out("displacement and volumes of materials", [name])
+        self.contents.add(shader.GetPrim())
         return _PreviewSurface(shader, name, self).material()
 
 
@@ -169,6 +179,7 @@ def read_materials(
     for subset in geometry.Subset.GetAllGeomSubsets(geometry.Imageable(prim)):
         if subset.GetElementTypeAttr().Get() != geometry.Tokens.face:
             continue
+        stage.contents.add(subset.GetPrim(), "elementType", "familyName", "indices")
         family = str(subset.GetFamilyNameAttr().Get() or UNNAMED)
         material = bound_label(subset.GetPrim()) if family == MATERIALS else ""
         faces, changes = (
@@ -195,6 +206,8 @@ def read_materials(
                 "a face belongs to the last subset that contains it"
             )
     is_double_sided = bool(geometry.Gprim(prim).GetDoubleSidedAttr().Get())
+    if any(looks.values()):
+        stage.contents.add(prim, "doubleSided")
     materials = [
         replace(look, name=label, double_sided=is_double_sided)
         for label, look in looks.items()
@@ -232,22 +245,6 @@ class Source(NamedTuple):
     value: Any = None
     shader: Any = None
     output: str = ""
-    is_animated: bool = False
-
-
-def source_of(shader: Any, name: str) -> Source:
-    """Return the source of a shader input, through the interface inputs of materials."""
-    shading = USD.load("UsdShade")
-    shader_input = shader.GetInput(name)
-    producers = shader_input.GetValueProducingAttributes() if shader_input else []
-    if not producers:
-        return Source()
-    producer = producers[0]
-    if shading.Utils.GetType(producer.GetName()) == shading.AttributeType.Output:
-        output = shading.Utils.GetBaseNameAndType(producer.GetName())[0]
-        return Source(None, shading.Shader(producer.GetPrim()), str(output))
-    earliest = USD.load("Usd").TimeCode.EarliestTime()
-    return Source(producer.Get(earliest), is_animated=producer.ValueMightBeTimeVarying())
 
 
 def read_numbers(source: Source, default: Numbers, name: str) -> Numbers:
@@ -295,35 +292,35 @@ def read_texture(source: Source, materials: StageMaterials) -> ScaledTexture:
     shader, kind = source.shader, _shader_id(source.shader)
     if kind != "UsdUVTexture" or source.output not in CHANNELS:
         raise FormatError(f"{kind or 'a shader of unknown type'} is not supported")
-    image = materials.image_index(source_of(shader, "file").value)
-    wrap_u, wrap_v = (_wrap(shader, name) for name in ("wrapS", "wrapT"))
-    texture = Texture(image, "", source.output, wrap_u, wrap_v)
+    wrap_u, wrap_v = (_wrap(shader, name, materials) for name in ("wrapS", "wrapT"))
+    texture = Texture(0, "", source.output, wrap_u, wrap_v)
+    texture = _with_coordinates(texture, materials.source(shader, "st").shader, materials)
     return ScaledTexture(
-        _with_coordinates(texture, source_of(shader, "st").shader),
-        read_numbers(source_of(shader, "scale"), NO_SCALE, "its scale"),
-        read_numbers(source_of(shader, "bias"), NO_BIAS, "its bias"),
-        str(source_of(shader, "sourceColorSpace").value or "auto"),
+        replace(texture, image=materials.image_index(materials.source(shader, "file").value)),
+        read_numbers(materials.source(shader, "scale"), NO_SCALE, "its scale"),
+        read_numbers(materials.source(shader, "bias"), NO_BIAS, "its bias"),
+        str(materials.source(shader, "sourceColorSpace").value or "auto"),
     )
 
 
-def _wrap(shader: Any, name: str) -> Wrap:
-    wrap = str(source_of(shader, name).value or "useMetadata")
+def _wrap(shader: Any, name: str, materials: StageMaterials) -> Wrap:
+    wrap = str(materials.source(shader, name).value or "useMetadata")
     if wrap not in WRAPS:
         raise FormatError(f"{name} is {wrap[:60]!r}; it must be one of {', '.join(WRAPS)}")
     return WRAPS[wrap]
 
 
-def _with_coordinates(texture: Texture, shader: Any) -> Texture:
+def _with_coordinates(texture: Texture, shader: Any, materials: StageMaterials) -> Texture:
     """Return the texture with its primvar and transform, from the shader of its coordinates."""
     if _shader_id(shader) == "UsdTransform2d":
         defaults: dict[str, Numbers] = {
             "rotation": (0.0,), "scale": (1.0, 1.0), "translation": (0.0, 0.0),
         }  # fmt: skip
         (angle,), (scale_u, scale_v), (shift_u, shift_v) = (
-            read_numbers(source_of(shader, name), default, f"its {name}")
+            read_numbers(materials.source(shader, name), default, f"its {name}")
             for name, default in defaults.items()
         )
-        shader, rotation = source_of(shader, "in").shader, math.radians(angle)
+        shader, rotation = materials.source(shader, "in").shader, math.radians(angle)
         offset = (  # v points up in USD
             shift_u - math.sin(rotation) * scale_v,
             1 - shift_v - math.cos(rotation) * scale_v,
@@ -331,7 +328,7 @@ def _with_coordinates(texture: Texture, shader: Any) -> Texture:
         texture = replace(texture, offset=offset, rotation=rotation, scale=(scale_u, scale_v))
     if (kind := _shader_id(shader)) != UV_READER:
         raise FormatError(f"its coordinates come from {kind or 'no shader'}, not {UV_READER}")
-    name = str(source_of(shader, "varname").value or "")
+    name = str(materials.source(shader, "varname").value or "")
     if not name:
         raise FormatError(f"its {UV_READER} has no primvar name")
     return replace(texture, uv=name)
@@ -349,19 +346,16 @@ class _PreviewSurface:
     """
 
     def __init__(self, shader: Any, name: str, materials: StageMaterials) -> None:
-        self._shader, self._name, self._notes = shader, name, materials.notes
+        self._name, self._materials = name, materials
+        self._source = partial(materials.source, shader)
         self._sources = {slot: self._source(name) for slot, (name, _) in INPUTS.items()}
         self._textures: dict[str, ScaledTexture] = {}
         for slot, source in self._sources.items():
             if source.shader:
-                self._read_texture(slot, source, materials)
+                self._read_texture(slot, source)
 
     def material(self) -> Material:
         """Return the material, unnamed."""
-        for name, default in UNSUPPORTED.items():
-            source = self._source(name)
-            if source.shader or not np.allclose(self._numbers(name, source, default), default):
-                self._note(f"{name} of UsdPreviewSurface")
         opacity = self._source("opacity")
         (threshold,) = self._numbers("opacityThreshold", self._source("opacityThreshold"), (0.0,))
         textures = {slot: texture.texture for slot, texture in self._textures.items()}
@@ -386,16 +380,10 @@ class _PreviewSurface:
             alpha_cutoff=threshold if threshold > 0 else 0.5,
         ).with_textures(textures)
 
-    def _source(self, name: str) -> Source:
-        source = source_of(self._shader, name)
-        if source.is_animated:
-            self._note(f"changes of {name} over time")
-        return source
-
-    def _read_texture(self, slot: str, source: Source, materials: StageMaterials) -> None:
+    def _read_texture(self, slot: str, source: Source) -> None:
         name, default = INPUTS[slot]
         try:
-            texture = read_texture(source, materials)
+            texture = read_texture(source, self._materials)
             if (texture.texture.channels == "rgb") != (len(default) == 3):
                 raise FormatError(f"it has the channels {texture.texture.channels}")
         except FormatError as error:
@@ -457,4 +445,4 @@ class _PreviewSurface:
         return strength
 
     def _note(self, subject: str) -> None:
-        self._notes.left_out(subject, [self._name])
+        self._materials.notes.left_out(subject, [self._name])

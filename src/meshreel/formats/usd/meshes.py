@@ -1,6 +1,7 @@
 """A mesh of a stage, frame by frame, in world space: points, faces, attributes and tracks."""
 
-from collections.abc import Collection, Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -24,20 +25,32 @@ from meshreel.formats.usd.quantities import (
 )
 from meshreel.formats.usd.sampling import TOLERANCE, Samples, attribute_codes, distinct_codes
 from meshreel.formats.usd.stage import usd_errors
+from meshreel.formats.usd.unread import MISFITS, StageContents
 from meshreel.model.geometry.hard_edges import remaining_edges
-from meshreel.model.notes import CAGES, Notes
+from meshreel.model.notes import CAGES
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Domain, Int32s, Surface
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import USD
 
-MISMATCHED = "primvars that do not fit their faces"
-
 FACE_ATTRIBUTES = ("faceVertexCounts", "faceVertexIndices")
 HOLES = "holeIndices"
+FACE_SETTINGS = ("orientation", "subdivisionScheme")
+SKINNING = re.compile(
+    "primvars:skel:|joint|(bind|rest)Transforms|scales|rotations|translations|blendShape|"
+    "(inbetweens:[^:]*|offsets|pointIndices)$"
+)
+"""Properties of skinned meshes, skeletons, animations and blend shapes."""
 
 Mask = npt.NDArray[np.bool_]
+
+
+def ancestors(prim: Any) -> Iterator[Any]:
+    """Yield a prim and those above it."""
+    while prim and not prim.IsPseudoRoot():
+        yield prim
+        prim = prim.GetParent()
 
 
 class Transforms:
@@ -49,13 +62,12 @@ class Transforms:
     def codes(self, prim: Any) -> list[float]:
         """Return the time codes where transforms of a prim or its ancestors have samples."""
         codes: list[float] = []
-        while prim and not prim.IsPseudoRoot():
-            if xformable := USD.load("UsdGeom").Xformable(prim):
+        for above in ancestors(prim):
+            if xformable := USD.load("UsdGeom").Xformable(above):
                 for operation in xformable.GetOrderedXformOps():
                     codes += attribute_codes(operation.GetAttr())
                 if xformable.GetResetXformStack():
                     break
-            prim = prim.GetParent()
         return codes
 
     def world(self, prim: Any, code: float) -> Floats:
@@ -154,10 +166,6 @@ class MeshShape:
             raise FormatError(f"mesh {self._path} has {n_faces} faces, and all of them are holes")
         return is_solid
 
-    def has_creases(self, code: float) -> bool:
-        """Whether it is the cage of a subdivision surface with creases."""
-        return self.is_subdivided and bool(self._mesh.GetCreaseIndicesAttr().Get(code))
-
     @cached_property
     def _mesh(self) -> Any:
         return USD.load("UsdGeom").Mesh(self.prim)
@@ -189,6 +197,14 @@ class Skin:
         """The prim in whose space the deformed points are."""
         has_joints = self.skinning.HasJointInfluences()
         return self.skeleton_prim if has_joints else self.skinning.GetPrim()
+
+    @property
+    def prims(self) -> list[Any]:
+        """The skeleton, its animation and the blend shapes."""
+        others = [self.skeleton.GetAnimQuery()]
+        if shapes := self.shapes:
+            others += map(shapes.GetBlendShape, range(shapes.GetNumBlendShapes()))
+        return [self.skeleton_prim, *(other.GetPrim() for other in others if other)]
 
     @property
     def codes(self) -> list[float]:
@@ -263,16 +279,14 @@ def find_skins(prims: Iterable[Any]) -> dict[str, Skin]:
 class StageMesh:
     """A mesh of a stage."""
 
-    stage: Any
-    """Usd.Stage. Kept alive, since its prims become invalid with it."""
+    contents: StageContents
+    """Records what is read."""
     prim: Any
     transforms: Transforms
     skin: Skin | None
     """The skinning by a skeleton."""
     materials: StageMaterials
     """Materials of the stage."""
-    notes: Notes
-    """Gains a sentence for everything that is not read."""
     normal_notes: NormalNotes
     """Collects meshes with normals."""
 
@@ -317,6 +331,7 @@ class StageMesh:
     def surface(self, code: float, animated: Collection[str] = ()) -> Surface:
         """Return attributes and groups at a time code, without properties that become tracks."""
         with usd_errors(f"USD cannot read the properties of {self.path} at time code {code:g}"):
+            self._record()
             mesh = self._file_mesh(code)
             rows = self._rows(mesh.counts, code)
             face_groups, materials, images = read_materials(
@@ -324,14 +339,14 @@ class StageMesh:
             )
             faces = rows[Domain.FACE]
             groups = [replace(group, numbers=group.numbers[faces]) for group in face_groups]
-            attributes = read_attributes(self.prim, code, mesh.n_items, rows, self.notes, animated)
+            attributes = read_attributes(
+                self.prim, code, mesh.n_items, rows, self.contents, animated
+            )
             if self._shape.is_subdivided:
-                self.notes.left_out(CAGES, [self.path])
-            if self._shape.has_creases(code):
-                self.notes.left_out("creases of subdivision surfaces", [self.path])
+                self.contents.notes.left_out(CAGES, [self.path])
             if not isinstance(faces, slice):
                 holes = f"{np.count_nonzero(~faces)} of {len(faces)} of {self.path}"
-                self.notes.left_out("faces that are holes", [holes])
+                self.contents.notes.left_out("faces that are holes", [holes])
             hard_edges = self._hard_edges(mesh, rows, code, is_track="normals" in animated)
             return Surface(None, attributes, tuple(groups), (), materials, images, hard_edges)
 
@@ -354,9 +369,11 @@ class StageMesh:
         if not animated:
             return {}
         with usd_errors(f"USD cannot read the properties of {self.path}"):
+            for quantity in animated.values():
+                self.contents.add(quantity.attribute.GetPrim(), quantity.attribute.GetName())
             is_moving = len(set(self._transform_codes)) > 1
             note_quantities(
-                self.path, animated.values(), codes, TOLERANCE, self.notes,
+                self.path, animated.values(), codes, TOLERANCE, self.contents.notes,
                 is_transform_animated=is_moving,
             )  # fmt: skip
             guarded = usd_errors(f"USD cannot read the properties of {self.path}")
@@ -369,8 +386,17 @@ class StageMesh:
             rows, times = self._rows(file_mesh.counts, first), codes[frames.start : frames.stop]
             sizes = file_mesh.n_items, self.frame(first).n_items
             return quantity_tracks(
-                self.path, tracks, times, sizes, rows, self._matrix, self.notes, MISMATCHED
+                self.path, tracks, times, sizes, rows, self._matrix, self.contents.notes, MISFITS
             )
+
+    def _record(self) -> None:
+        """Record what its frames are read from."""
+        for prim in ancestors(self.prim):
+            self.contents.add(prim)
+        self.contents.add(self.prim, "points", *FACE_ATTRIBUTES, HOLES, *FACE_SETTINGS)
+        for prim in () if self.skin is None else (self.prim, *self.skin.prims):
+            names = map(str, prim.GetAuthoredPropertyNames())
+            self.contents.add(prim, *filter(SKINNING.match, names))
 
     @cached_property
     def _shape(self) -> MeshShape:
@@ -440,8 +466,9 @@ class StageMesh:
         if quantity is None:
             return None
         normals = quantity.item_values(code, mesh.n_items[quantity.domain])
-        if normals is not None and quantity.domain is Domain.CORNER:
-            normals = normals[order]
+        if normals is not None:
+            self.contents.add(quantity.attribute.GetPrim(), quantity.attribute.GetName())
+            normals = normals[order] if quantity.domain is Domain.CORNER else normals
         corner_normals = normals_of_corners(full_mesh, quantity.domain, normals)
         hard_edges = find_hard_edges(full_mesh, corner_normals)
         self.normal_notes.add(self.path, hard_edges, is_track=is_track)

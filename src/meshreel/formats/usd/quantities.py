@@ -14,8 +14,8 @@ from meshreel.formats.frames.field_tracks import NORMALS
 from meshreel.formats.scenes.quantities import Quantity
 from meshreel.formats.scenes.transforms import transform_normals, transform_vectors
 from meshreel.formats.usd.sampling import attribute_codes
+from meshreel.formats.usd.unread import StageContents
 from meshreel.model.colors import colors_of_linear
-from meshreel.model.notes import UNCHANGING, Notes
 from meshreel.model.surface import MAX_COMPONENTS, VALUE_TYPES, Attribute, Domain, Kind
 from meshreel.model.tracks import NUMBER_TYPES, TrackKind
 from meshreel.runtime.extras import USD
@@ -94,7 +94,7 @@ def read_attributes(
     code: float,
     n_items: Mapping[Domain, int],
     rows: Mapping[Domain, Any],
-    notes: Notes,
+    contents: StageContents,
     animated: Collection[str] = (),
 ) -> tuple[Attribute, ...]:
     """Return the attributes of a mesh at a time code: UVs, colors, then others.
@@ -107,37 +107,27 @@ def read_attributes(
         Number of vertices, faces and corners in the file.
     rows : mapping of Domain to slice or array
         The items of the mesh among these.
-    notes : Notes
-        Gains a sentence for each primvar that does not fit.
+    contents : StageContents
+        Records the primvars that fit.
     animated : collection of str, optional
         Names of primvars that are read as tracks, and skipped here.
     """
     attributes: dict[str, Attribute] = {}
-    settings, mismatched_names = [], []
     for primvar, name, kind, domain in _primvars(prim):
         space = _color_space(primvar) if kind is Kind.COLOR else ""
         if space not in (*LINEAR_SPACES, *SRGB_SPACES):
             text = f"color space {space!r} of {name} is not supported; read as linear Rec. 709"
-            notes.unknown(text)
+            contents.notes.unknown(text)
         if DERIVED.match(name) or name in animated:
             continue
-        if domain is None:
-            settings.append(name)
-        elif (attribute := _attribute(primvar, code, n_items[domain])) is None:
-            mismatched_names.append(name)
-        else:
+        if domain and (attribute := _attribute(primvar, code, n_items[domain])):
+            contents.add(primvar.GetAttr().GetPrim(), primvar.GetName())
             values, indices = attribute
             if indices is None:
                 values = values[rows[domain]]
             else:
                 indices = indices[rows[domain]]
             attributes[name] = Attribute(name, kind, domain, values, indices)
-    notes.left_out("primvars for a whole mesh", settings)
-    usd_mesh = USD.load("UsdGeom").Mesh(prim)
-    rates = (usd_mesh.GetVelocitiesAttr(), usd_mesh.GetAccelerationsAttr())
-    rate_names = [str(rate.GetName()) for rate in rates if rate.HasAuthoredValue()]
-    notes.left_out(UNCHANGING, (name for name in rate_names if name not in animated))
-    notes.left_out("primvars that do not fit their faces", mismatched_names)
     _join_opacity(attributes)
     ranks, standard = list(Kind), STANDARD_NAMES.values()
     return tuple(

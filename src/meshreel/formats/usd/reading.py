@@ -22,7 +22,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.usd.materials import StageMaterials
-from meshreel.formats.usd.meshes import StageMesh, Transforms, find_skins
+from meshreel.formats.usd.meshes import StageMesh, Transforms, ancestors, find_skins
 from meshreel.formats.usd.sampling import (
     TOLERANCE,
     Samples,
@@ -32,7 +32,8 @@ from meshreel.formats.usd.sampling import (
     snap,
 )
 from meshreel.formats.usd.stage import codes_per_frame, codes_per_second, open_stage, usd_errors
-from meshreel.model.notes import NoteKind, Notes
+from meshreel.formats.usd.unread import CONTAINERS, StageContents
+from meshreel.model.notes import NoteKind
 from meshreel.model.validation import validate_fps
 from meshreel.runtime.extras import USD
 
@@ -58,24 +59,33 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        prims = readable_prims(stage, options.notes)
-        skins, transforms = find_skins(prims), Transforms()
-        materials = StageMaterials(None if options.allow_outside else path.parent, options.notes)
-        notes, normals = options.notes, NormalNotes(options.notes)
+        contents, prims = StageContents(stage, options.notes), prims_of(stage)
+        mesh_prims = readable_prims(prims)
+        skins, transforms = find_skins(mesh_prims), Transforms()
+        materials = StageMaterials(None if options.allow_outside else path.parent, contents)
+        normals = NormalNotes(options.notes)
         meshes = [
             StageMesh(
-                stage, prim, transforms, skins.get(str(prim.GetPath())), materials, notes, normals
+                contents, prim, transforms, skins.get(str(prim.GetPath())), materials, normals
             )
-            for prim in prims
+            for prim in mesh_prims
         ]
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         shown = [mesh for mesh in meshes if _visibility(mesh.prim, rate).is_shown.any()] or meshes
+        used = [*mesh_prims, *(prim for skin in skins.values() for prim in skin.prims)]
+        used += (prim for mesh in shown for prim in materials.bound_to(mesh.prim))
+        contents.note_others(prims, used)
         codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), options)
 
     def scene_mesh(mesh: StageMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
             whole = _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
-            return replace(whole, visibility=_visibility(mesh.prim, rate, grid))
+            visibility = _visibility(mesh.prim, rate, grid)
+            return replace(whole, visibility=visibility, note_unread=note_unread)
+
+    def note_unread() -> None:
+        with usd_errors("USD cannot read its properties"):
+            contents.note_unread()
 
     return [read_or_defer_error(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
@@ -134,7 +144,7 @@ def _frame_codes(
         codes = mesh.samples.frames(frame_interval, origin)
         if len(codes) != (n_samples := len(mesh.samples.all)):
             name = f"{mesh.path} ({n_samples} samples, {len(codes)} frames)"
-            mesh.notes.list_names(NoteKind.CHANGED, RESAMPLED, [name])
+            mesh.contents.notes.list_names(NoteKind.CHANGED, RESAMPLED, [name])
         if n_samples:
             _note_final_pose(mesh, codes, float(mesh.samples.all[-1]))
         return codes
@@ -146,64 +156,55 @@ def _note_final_pose(mesh: StageMesh, codes: Floats, last: float) -> None:
     """Note a mesh whose last sample is between two frames; the later frame shows it."""
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
-        mesh.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])
+        mesh.contents.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])
 
 
-def readable_prims(stage: Any, notes: Notes) -> list[Any]:
-    """Return the prims of the meshes that have points and faces, in stage order.
+def prims_of(stage: Any) -> list[Any]:
+    """Return the prims of a stage, in order.
 
-    Parameters
-    ----------
-    notes : Notes
-        Gains a sentence on other meshes, and on other geometry.
+    Prims below point instancers are skipped: they are rendered only as instances.
 
     Raises
     ------
     FormatError
-        If there are none, listing the contents; or if the stage has more than `MAX_PRIMS` prims.
+        If there are more than `MAX_PRIMS`.
     """
-    meshes, others = _geometry(stage)
-    readable = [prim for prim in meshes if _has_shape(prim)]
-    contents = ", ".join(f"{count} {kind}" for kind, count in others.items())
-    if not readable:
-        raise FormatError(f"contains no mesh, only {contents}" if contents else "contains no mesh")
-    empty = (str(prim.GetPath()) for prim in meshes if not _has_shape(prim))
-    notes.left_out("meshes without points or faces", empty)
-    if contents:
-        notes.left_out(contents)
-    return readable
-
-
-def _geometry(stage: Any) -> tuple[list[Any], Counter[str]]:
-    """Return the meshes of a stage, and counts of prims of other types, such as cameras.
-
-    Prims below point instancers are skipped: they are rendered only as instances.
-    """
-    usd, geometry, lights = USD.load("Usd"), USD.load("UsdGeom"), USD.load("UsdLux").LightAPI
-    meshes, other_counts = list[Any](), Counter[str]()
-    prims = iter(usd.PrimRange.Stage(stage, usd.TraverseInstanceProxies()))
-    for number, prim in enumerate(prims):
-        if number == MAX_PRIMS:
+    usd, instancer = USD.load("Usd"), USD.load("UsdGeom").PointInstancer
+    predicate = usd.TraverseInstanceProxies(~usd.PrimIsAbstract)
+    prims = list[Any]()
+    traversal = iter(usd.PrimRange.Stage(stage, predicate))
+    for prim in traversal:
+        if len(prims) == MAX_PRIMS:
             raise FormatError(
                 f"contains more than {MAX_PRIMS} prims; write the mesh to a separate file"
             )
-        is_instancer = prim.IsA(geometry.PointInstancer)
-        if prim.IsA(geometry.Mesh):
-            meshes.append(prim)
-        elif (
-            is_instancer
-            or prim.IsA(geometry.Gprim)
-            or prim.IsA(geometry.Camera)
-            or prim.HasAPI(lights)
-        ):
-            other_counts[prim.GetTypeName()] += 1
-        if is_instancer:
-            prims.PruneChildren()
-    return meshes, other_counts
+        prims.append(prim)
+        if prim.IsA(instancer) or not prim.IsDefined():
+            traversal.PruneChildren()
+    return prims
 
 
-def _has_shape(prim: Any) -> bool:
+def readable_prims(prims: Sequence[Any]) -> list[Any]:
+    """Return the prims that are meshes with points and faces.
+
+    Raises
+    ------
+    FormatError
+        If there are none, listing the contents.
+    """
+    readable = [prim for prim in prims if _is_readable(prim)]
+    if not readable:
+        kinds = Counter(str(prim.GetTypeName()) for prim in prims)
+        counts = (f"{kinds[kind]} {kind}" for kind in kinds if kind not in CONTAINERS)
+        contents = ", ".join(counts)
+        raise FormatError(f"contains no mesh, only {contents}" if contents else "contains no mesh")
+    return readable
+
+
+def _is_readable(prim: Any) -> bool:
     mesh = USD.load("UsdGeom").Mesh(prim)
+    if not (mesh and prim.IsActive() and prim.IsDefined()):
+        return False
     return bool(mesh.GetPointsAttr().HasValue() and mesh.GetFaceVertexCountsAttr().HasValue())
 
 
@@ -221,10 +222,9 @@ def _visibility(prim: Any, rate: float, codes: Floats | None = None) -> Visibili
     if purpose not in (geometry.Tokens.default_, geometry.Tokens.render):
         return Visibility(np.zeros(1), np.zeros(1, np.bool_), f"purpose {purpose}")
     samples = set[float]()
-    while prim and not prim.IsPseudoRoot():
-        if imageable := geometry.Imageable(prim):
+    for above in ancestors(prim):
+        if imageable := geometry.Imageable(above):
             samples |= {*attribute_codes(imageable.GetVisibilityAttr())}
-        prim = prim.GetParent()
     times = np.array(sorted(samples) or [0.0]) if codes is None or not samples else codes
     shown = [mesh.ComputeVisibility(code) == inherited for code in times.tolist()]
     return Visibility(snap(times) / rate, np.array(shown))

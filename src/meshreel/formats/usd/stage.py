@@ -13,7 +13,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.options import ReadOptions
-from meshreel.model.notes import Notes
+from meshreel.model.notes import NoteKind, Notes
 from meshreel.runtime.extras import USD
 
 NOT_UTF8 = "it contains text that is not UTF-8"
@@ -66,7 +66,7 @@ MIN_RATE, MAX_RATE = 1e-3, 1e6
 MAX_FRAME_RATE = 120.0
 """Time codes per second above which a code is not a frame, unless the stage has a frame rate."""
 
-MAX_LAYERS, MAX_LISTED = 10_000, 3
+MAX_LAYERS = 10_000
 
 DAMAGED = "USD cannot read it, so it is damaged or not a USD file"
 
@@ -234,11 +234,8 @@ def codes_per_frame(stage: Any, rate: float) -> float:
 
 
 def _note_missing(stage: Any, notes: Notes) -> None:
-    problems = [" ".join(str(error).split()) for error in stage.GetCompositionErrors()]
-    if problems:
-        suffix = f" and {len(problems) - MAX_LISTED} more" if len(problems) > MAX_LISTED else ""
-        listed = "; ".join(problem.rstrip(".") for problem in problems[:MAX_LISTED])
-        notes.unknown(f"the file refers to missing or invalid data: {listed}{suffix}")
+    problems = (" ".join(str(error).split()).rstrip(".") for error in stage.GetCompositionErrors())
+    notes.list_names(NoteKind.UNKNOWN, "the file refers to missing or invalid data", problems)
 
 
 def _note_axes(stage: Any, notes: Notes) -> None:

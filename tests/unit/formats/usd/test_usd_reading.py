@@ -262,9 +262,11 @@ def test_load_leaves_out_meshes_that_are_not_rendered(stage_file, notes):
     body += 'def BasisCurves "hair" { }\n'
     body += f'def PointInstancer "many" {{ {mesh(name="proto")} }}'
     assert load(stage_file(body), notes=notes).name == "m"
-    assert notes[:3] == [
-        "left out: meshes without points or faces: /empty",
-        "left out: 1 Sphere, 1 BasisCurves, 1 PointInstancer",
+    assert notes[:5] == [
+        "left out: BasisCurves prims: /hair",
+        "left out: Mesh prims: /empty",
+        "left out: PointInstancer prims: /many",
+        "left out: Sphere prims: /ball",
         "left out: hidden meshes: /proxy (purpose proxy), /guide (purpose guide), /unseen, "
         "/blinking",
     ]

@@ -160,7 +160,7 @@ def test_values_are_nan_in_frames_where_they_do_not_fit(tmp_path, notes):
     assert np.isnan(track[2]).all()
     assert not np.isnan(track.values[[0, 1, 3]]).any()
     assert "'heat' is in 3 of 4 frames, and NaN in the others" in notes
-    assert "left out: primvars that do not fit their faces: bad" in notes
+    assert "left out: primvars for a whole mesh, or that do not fit its faces: bad" in notes
 
 
 @pytest.mark.parametrize("as_primvar", [False, True])
