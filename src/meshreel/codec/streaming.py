@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -307,7 +307,8 @@ class Encoder:
                 self._path.unlink(missing_ok=True)
 
     def _errors_naming_output(self) -> AbstractContextManager[None]:
-        return os_errors_naming_output(self._path) if self._path else nullcontext()
+        name = self._path or Path(str(getattr(self._file, "name", "the output file")))
+        return os_errors_naming_output(name)
 
     def _times_with(self, time: float | None) -> list[float]:
         """Return the times of all frames with that of the next one."""

@@ -179,8 +179,9 @@ FILLING = """
     import meshreel
     resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
     sequence = meshreel.simulate_flag(40)
+    output = {"path": str, "file": lambda path: open(path, "wb", 0)}[sys.argv[2]](sys.argv[1])
     try:
-        with meshreel.Encoder(sequence.faces, sys.argv[1], block_frames=5) as encoder:
+        with meshreel.Encoder(sequence.faces, output, block_frames=5) as encoder:
             for frame in sequence.vertices:
                 encoder.push(frame)
     except meshreel.OutputError as error:
@@ -189,10 +190,11 @@ FILLING = """
 
 
 @pytest.mark.slow
-def test_error_names_a_file_that_grows_too_large(tmp_path):
+@pytest.mark.parametrize("output", ["path", "file"])
+def test_error_names_a_file_that_grows_too_large(tmp_path, output):
     pytest.importorskip("resource")
     path = tmp_path / "live.reel"
-    command = [sys.executable, "-c", textwrap.dedent(FILLING), str(path)]
+    command = [sys.executable, "-c", textwrap.dedent(FILLING), str(path), output]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (done.stdout, done.stderr) == (f"{path} True\n", "")
 
