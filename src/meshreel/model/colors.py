@@ -4,6 +4,8 @@ Integers are in 0..255, or 0..65535 if they are uint16. Floats may exceed 0..1: 
 follow the same function, and negative ones its mirror image, as in CSS Color 4.
 """
 
+from typing import Any
+
 import numpy as np
 
 from meshreel.arrays import Floats, Values
@@ -15,11 +17,14 @@ LINEAR_END = 0.0031306684425005523
 """Where both parts of the function meet, so that it can be inverted; the standard rounds it up."""
 
 
+def white(dtype: np.dtype[Any]) -> int:
+    """Return the number of the brightest color."""
+    return 1 if dtype.kind == "f" else 0xFFFF if dtype == np.uint16 else 0xFF
+
+
 def unit_colors(colors: Values) -> Values:
     """Return colors whose integers are divided by their maximum."""
-    if colors.dtype.kind == "f":
-        return colors
-    return colors / (0xFFFF if colors.dtype == np.uint16 else 0xFF)
+    return colors if colors.dtype.kind == "f" else colors / white(colors.dtype)
 
 
 @np.errstate(invalid="ignore")  # NaN

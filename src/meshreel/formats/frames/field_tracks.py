@@ -1,6 +1,6 @@
 """Tracks from arrays that each frame file stores, such as VTK point data, read lazily."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from meshreel.arrays import Values
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredTrack, parse_track_kind
+from meshreel.model.colors import unit_colors
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
@@ -128,7 +129,7 @@ def _track(
     ):
         notes.left_out(f"fields of text, or with more than {MAX_COLUMNS} components", [key[1]])
         return None
-    dtype = np.result_type(*(field.dtype for field in fields))
+    dtype = given = np.result_type(*(field.dtype for field in fields))
     if not all(present):
         is_float = dtype.kind == "f"
         dtype = dtype if is_float else np.dtype(np.float64)
@@ -139,15 +140,19 @@ def _track(
         text = f"{key[1]!r} becomes {dtype}, which rounds integers above 2^53"
         notes.changed(key[1], text)
     shape = len(frames), n_items, widths[0]
+    stored = (read(index, key) for index, is_present in enumerate(present) if is_present)
+    kind = _kind(key[1], fields[0], given, stored)
+    is_unit_color = kind is TrackKind.COLOR and dtype.kind == "f"
 
     def read_range(start: int, stop: int) -> Values:
         values: Values = np.full((stop - start, *shape[1:]), 0 if all(present) else np.nan, dtype)
         for index in range(start, stop):
             if present[index]:
-                values[index - start] = read(index, key).reshape(shape[1:])
+                part = read(index, key)
+                part = unit_colors(part) if is_unit_color else part
+                values[index - start] = part.reshape(shape[1:])
         return values
 
-    kind = _kind(key[1], fields[0], dtype, read_range, len(frames))
     return StoredTrack(key[0], kind, fields[0].unit, dtype, shape, read_range)
 
 
@@ -155,8 +160,7 @@ def _kind(
     name: str,
     field: Field,
     dtype: np.dtype[Any],
-    read: Callable[[int, int], Values],
-    n_frames: int,
+    frames: Iterable[Values],
 ) -> TrackKind:
     """Infer the track kind from the declared kind, the name and the values of an array."""
     width, is_float, lower_name = field.n_columns, dtype.kind == "f", name.lower()
@@ -167,12 +171,11 @@ def _kind(
     if width == 2 and is_float and lower_name in UV_NAMES:
         return TrackKind.UV
     if width == 3 and is_float and (lower_name == "normals" or field.role == NORMALS):
-        is_unit = all(_are_unit(read(index, index + 1)) for index in range(n_frames))
-        return TrackKind.NORMAL if is_unit else TrackKind.VECTOR
+        return TrackKind.NORMAL if all(map(_are_unit, frames)) else TrackKind.VECTOR
     return default_kind(width)
 
 
 def _are_unit(values: Values) -> bool:
     """Whether all vectors have length 1; missing ones (NaN) are ignored."""
-    lengths = np.linalg.norm(values.astype(np.float64), axis=-1)
+    lengths = np.linalg.norm(values.reshape(-1, 3).astype(np.float64), axis=1)
     return bool((np.isnan(lengths) | (abs(lengths - 1) <= UNIT_LENGTH)).all())

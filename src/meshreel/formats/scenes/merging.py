@@ -17,11 +17,12 @@ from meshreel.formats.scenes.timing import (
 )
 from meshreel.formats.surfaces.cells import join_cells
 from meshreel.formats.surfaces.polygons import PolygonMesh
+from meshreel.model.colors import unit_colors, white
 from meshreel.model.geometry.hard_edges import merged_edges
 from meshreel.model.materials import Image, Material, renumber_images
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import Vertices
-from meshreel.model.surface import Attribute, Domain, FaceGroups, Part, Surface
+from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
 
 BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER)
@@ -168,7 +169,9 @@ def _merge(
         if track is None:
             return np.full((sizes[part][domain], n_columns), np.nan, dtype)
         row, next_row = before[index] - starts[part], after[index] - starts[part]
-        values: Values = track.read(row, row + 1)[0].astype(dtype)
+        values = track.read(row, row + 1)[0]
+        is_unit_color = kind is TrackKind.COLOR and dtype.kind == "f"
+        values = (unit_colors(values) if is_unit_color else values).astype(dtype)
         if not is_blended or next_row == row:
             return values
         return blend(values, track.read(next_row, next_row + 1)[0], shares[index])
@@ -264,7 +267,7 @@ def _signature(attribute: Attribute) -> Signature:
 def _merge_attributes(
     surfaces: Sequence[Surface], frames: Sequence[PolygonMesh], notes: Notes
 ) -> tuple[Attribute, ...]:
-    """Merge attributes by kind, name, domain and width; zeros where a mesh lacks one."""
+    """Merge attributes by kind, name, domain and width; white or 0 where a mesh lacks one."""
     keys = {_key(attribute): attribute for surface in surfaces for attribute in surface.attributes}
     merged = []
     for key, sample in keys.items():
@@ -273,7 +276,8 @@ def _merge_attributes(
             for surface in surfaces
         ]
         if any(match_ is None for match_ in matches):
-            notes.changed(f"{sample.kind} {sample.name!r} is 0 in meshes without it")
+            fill = "white" if sample.kind is Kind.COLOR else "0"
+            notes.changed(f"{sample.kind} {sample.name!r} is {fill} in meshes without it")
         merged.append(_concatenate(sample, matches, frames))
     return tuple(merged)
 
@@ -288,18 +292,20 @@ def _concatenate(
 ) -> Attribute:
     width, start = sample.values.shape[1], 0
     is_indexed = any(match_ is not None and match_.indices is not None for match_ in matches)
+    dtype = np.result_type(*(match_.values.dtype for match_ in matches if match_ is not None))
+    is_color = sample.kind is Kind.COLOR
     tables, rows = [], []
     for match_, frame in zip(matches, frames, strict=True):
         n_items = frame.n_items[sample.domain]
         if match_ is not None:
             table, indices = match_.values, match_.indices
+            table = table * (white(dtype) // white(table.dtype)) if is_color else table
         else:  # unindexed attributes need a row per item; indexed ones share a single row
-            table = np.zeros((1 if is_indexed else n_items, width), sample.values.dtype)
+            table = np.full((1 if is_indexed else n_items, width), white(dtype) * is_color, dtype)
             indices = np.zeros(n_items, np.int32)
         tables.append(table)
         rows.append((np.arange(n_items) if indices is None else indices) + start)
         start += len(table)
-    dtype = np.result_type(*(match_.values.dtype for match_ in matches if match_ is not None))
     values = np.concatenate(tables).astype(dtype, copy=False)
     joined = np.concatenate(rows).astype(np.int32) if is_indexed else None
     return replace(sample, values=values, indices=joined)

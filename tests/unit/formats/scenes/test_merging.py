@@ -18,7 +18,10 @@ POINTS = np.eye(3)
 def mesh(name, times, **tracks):
     """A triangle mesh with vertex tracks."""
     counts, corners = np.array([3]), np.arange(3, dtype=np.int32)
-    tracks = {name: Track(values) for name, values in tracks.items()}
+    tracks = {
+        name: values if isinstance(values, Track) else Track(values)
+        for name, values in tracks.items()
+    }
     return SceneMesh(
         name,
         np.array(times, np.float64),
@@ -55,6 +58,14 @@ def test_track_is_nan_in_meshes_without_it(tmp_path):
     assert tracks["step"].values[:, 0, 0].tolist() == [1, 2]
     assert np.isnan(tracks["step"].values[:, 3:]).all()
     assert notes == ["track 'step' is in 1 of 2 meshes, and NaN in the others"]
+
+
+def test_bytes_of_a_color_become_fractions_where_a_mesh_has_none(tmp_path):
+    colors = Track(np.full((2, 3, 3), 51, np.uint8), "vertex", "color")
+    tracks, _ = merged(tmp_path, mesh("/a", [0, 1], Cd=colors), mesh("/b", [0, 1]))
+    assert tracks["Cd"].kind == "color"
+    np.testing.assert_allclose(tracks["Cd"].values[:, :3], 0.2)
+    assert np.isnan(tracks["Cd"].values[:, 3:]).all()
 
 
 def test_merged_positions_equal_those_of_frames():

@@ -167,9 +167,11 @@ def test_merging_notes_attributes_that_some_meshes_lack(notes):
     bare = bare.replace(surface=Surface(bare.surface.face_sizes))
     meshes = [scene_mesh(quad_sheet(), "/full"), scene_mesh(bare, "/bare")]
     result = opened(meshes, merge=True, notes=notes)
-    assert any("uv 'st' is 0 in meshes" in note for note in notes)
-    uv = result.surface.attributes[0].per_item()
-    assert not uv[len(uv) // 2 :].any()
+    for attribute in result.surface.attributes:
+        is_color, values = attribute.kind is Kind.COLOR, attribute.per_item()
+        fill, words = (255, "white") if is_color else (0, "0")
+        assert f"{attribute.kind} {attribute.name!r} is {words} in meshes without it" in notes
+        assert (values[len(values) // 2 :] == fill).all()
     assert result.surface.groups[0].numbers[-1] == -1
     assert result.surface.parts == (Part("/full", 30, 21), Part("/bare", 30, 21))
 

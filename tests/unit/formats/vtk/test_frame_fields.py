@@ -192,6 +192,16 @@ def test_field_of_some_frames_is_nan_in_the_others(tmp_path, make, dtype, read_a
     assert notes == [f"'damage' is in 2 of 3 frames, and NaN in the others{type_note}"]
 
 
+@ALL
+def test_bytes_of_a_color_become_fractions_where_frames_have_none(tmp_path, make):
+    frames = frames_of("Cell", "paint", np.full((3, N_CELLS, 3), 51, np.uint8))
+    frames[1] = []
+    track = load(make(tmp_path, frames)).tracks["paint"]
+    assert track.kind == "color"
+    np.testing.assert_allclose(track[[0, 2]], 0.2)
+    assert np.isnan(track[1]).all()
+
+
 @COLLECTIONS
 def test_constant_integers_of_a_collection_are_an_attribute(tmp_path, make):
     material = np.arange(N_CELLS, dtype=np.int32)
