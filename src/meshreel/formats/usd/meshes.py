@@ -94,16 +94,6 @@ class MeshShape:
         attributes = map(self.prim.GetAttribute, (*FACE_ATTRIBUTES, HOLES))
         return not any(attribute.ValueMightBeTimeVarying() for attribute in attributes)
 
-    @property
-    def is_left_handed(self) -> bool:
-        """Whether its faces are clockwise."""
-        return bool(self._mesh.GetOrientationAttr().Get() == "leftHanded")
-
-    @property
-    def is_subdivided(self) -> bool:
-        """Whether it is the cage of a subdivision surface, which is the default in USD."""
-        return bool(self._mesh.GetSubdivisionSchemeAttr().Get() != "none")
-
     def points(self, code: float) -> Vertices:
         """Return the points at a time code, of shape (V, 3).
 
@@ -165,10 +155,6 @@ class MeshShape:
         if not is_solid.any():
             raise FormatError(f"mesh {self._path} has {n_faces} faces, and all of them are holes")
         return is_solid
-
-    @cached_property
-    def _mesh(self) -> Any:
-        return USD.load("UsdGeom").Mesh(self.prim)
 
     @property
     def _path(self) -> str:
@@ -342,7 +328,7 @@ class StageMesh:
             attributes = read_attributes(
                 self.prim, code, mesh.n_items, rows, self.contents, animated
             )
-            if self._shape.is_subdivided:
+            if self.prim.GetAttribute("subdivisionScheme").Get() != "none":
                 self.contents.notes.left_out(CAGES, [self.path])
             if not isinstance(faces, slice):
                 holes = f"{np.count_nonzero(~faces)} of {len(faces)} of {self.path}"
@@ -422,7 +408,8 @@ class StageMesh:
     @cached_property
     def _is_reversed(self) -> bool:
         """Whether corners must be reversed to be counterclockwise in world space."""
-        return self._shape.is_left_handed != is_mirroring(self._matrix(self._start))
+        is_clockwise = self.prim.GetAttribute("orientation").Get() == "leftHanded"
+        return bool(is_clockwise != is_mirroring(self._matrix(self._start)))
 
     def _corner_order(self, counts: Integers) -> Any:
         """Return the order in which the corners of all faces are counterclockwise."""

@@ -41,9 +41,6 @@ RESAMPLED = "frames differ from samples; USD interpolates at each frame"
 FINAL_POSE = "the last frame shows the final pose, which is earlier"
 """Subjects of notes, which list meshes."""
 
-MAX_PRIMS = 1_000_000
-"""Limit, since nested instances can make a small file expand to any number of prims."""
-
 
 def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     """Return the meshes of a USD file.
@@ -59,8 +56,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     stage = open_stage(path, options)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        contents, prims = StageContents(stage, options.notes), prims_of(stage)
-        mesh_prims = readable_prims(prims)
+        contents = StageContents(stage, options.notes)
+        mesh_prims = readable_prims(contents.prims)
         skins, transforms = find_skins(mesh_prims), Transforms()
         materials = StageMaterials(None if options.allow_outside else path.parent, contents)
         normals = NormalNotes(options.notes)
@@ -74,18 +71,14 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         shown = [mesh for mesh in meshes if _visibility(mesh.prim, rate).is_shown.any()] or meshes
         used = [*mesh_prims, *(prim for skin in skins.values() for prim in skin.prims)]
         used += (prim for mesh in shown for prim in materials.bound_to(mesh.prim))
-        contents.note_others(prims, used)
+        contents.note_others(used)
         codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), options)
 
     def scene_mesh(mesh: StageMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
             whole = _scene_mesh(mesh, codes_of(mesh), rate, has_rate=has_rate)
             visibility = _visibility(mesh.prim, rate, grid)
-            return replace(whole, visibility=visibility, note_unread=note_unread)
-
-    def note_unread() -> None:
-        with usd_errors("USD cannot read its properties"):
-            contents.note_unread()
+            return replace(whole, visibility=visibility, note_unread=contents.note_unread)
 
     return [read_or_defer_error(mesh.path, partial(scene_mesh, mesh)) for mesh in meshes]
 
@@ -157,31 +150,6 @@ def _note_final_pose(mesh: StageMesh, codes: Floats, last: float) -> None:
     if codes[-1] > last + TOLERANCE:
         name = f"{mesh.path} (time code {last:g}, shown at {codes[-1]:g})"
         mesh.contents.notes.list_names(NoteKind.CHANGED, FINAL_POSE, [name])
-
-
-def prims_of(stage: Any) -> list[Any]:
-    """Return the prims of a stage, in order.
-
-    Prims below point instancers are skipped: they are rendered only as instances.
-
-    Raises
-    ------
-    FormatError
-        If there are more than `MAX_PRIMS`.
-    """
-    usd, instancer = USD.load("Usd"), USD.load("UsdGeom").PointInstancer
-    predicate = usd.TraverseInstanceProxies(~usd.PrimIsAbstract)
-    prims = list[Any]()
-    traversal = iter(usd.PrimRange.Stage(stage, predicate))
-    for prim in traversal:
-        if len(prims) == MAX_PRIMS:
-            raise FormatError(
-                f"contains more than {MAX_PRIMS} prims; write the mesh to a separate file"
-            )
-        prims.append(prim)
-        if prim.IsA(instancer) or not prim.IsDefined():
-            traversal.PruneChildren()
-    return prims
 
 
 def readable_prims(prims: Sequence[Any]) -> list[Any]:

@@ -177,7 +177,8 @@ def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[s
             resolved = str(resolver.Resolve(anchored))
         if folder is not None:
             missing = outer_file(name).parent / outer_file(anchored)
-            _check_within(outer_file(resolved) if resolved else missing, folder, reference)
+            if not is_within(outer_file(resolved) if resolved else missing, folder):
+                raise outside_error(reference)
         if resolved:
             check_input_file(outer_file(resolved))
             yield resolved
@@ -186,11 +187,6 @@ def _referenced_layers(layer: Any, name: str, folder: Path | None) -> Iterator[s
 def outer_file(path: str) -> Path:
     """Return the file of an asset that may be in a package, as in ``a.usdz[b.usdc]``."""
     return Path(USD.load("Ar").SplitPackageRelativePathOuter(path)[0])
-
-
-def _check_within(path: Path, folder: Path, reference: str) -> None:
-    if not is_within(path, folder):
-        raise outside_error(reference)
 
 
 def open_stage(path: Path, options: ReadOptions) -> Any:
@@ -217,7 +213,8 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
     for layer in () if options.allow_outside else stage.GetUsedLayers():
         if not layer.anonymous and layer != stage.GetRootLayer():
             name = layer.realPath or layer.identifier
-            _check_within(outer_file(name), path.absolute().parent, name)
+            if not is_within(outer_file(name), path.absolute().parent):
+                raise outside_error(name)
     return stage
 
 

@@ -5,6 +5,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator
 from typing import Any
 
+from meshreel.errors import FormatError
+from meshreel.formats.usd.stage import usd_errors
 from meshreel.model.notes import NORMALS, UNCHANGING, Notes
 from meshreel.runtime.extras import USD
 
@@ -20,6 +22,9 @@ BOOKKEEPING = {
     "crease|corner|interpolateBoundary|triangleSub|faceVaryingLinear": "part of a subdivision",
 }
 """Patterns of properties without content of their own, and why."""
+
+MAX_PRIMS = 1_000_000
+"""Limit, since nested instances can make a small file expand to any number of prims."""
 
 METADATA = ("assetInfo", "customData", "customLayerData")
 """Keys of metadata with content of its own, besides that of meshreel."""
@@ -42,8 +47,7 @@ SUBJECTS = {
 }
 """Subjects of notes on properties by pattern, of which the first counts."""
 
-Unread = tuple[str, str]
-"""The subject of the note and the name of something that was not read."""
+Unread = tuple[str, str]  # the subject of the note and a name
 
 
 class StageContents:
@@ -55,10 +59,31 @@ class StageContents:
         Kept alive, since its prims become invalid with it.
     notes : Notes
         Gains sentences on what was not read.
+
+    Attributes
+    ----------
+    prims : list of Usd.Prim
+        All prims; those below point instancers are rendered only as instances, and skipped.
+
+    Raises
+    ------
+    FormatError
+        If there are more than `MAX_PRIMS`.
     """
 
     def __init__(self, stage: Any, notes: Notes) -> None:
-        self.stage, self.notes = stage, notes
+        usd, instancer = USD.load("Usd"), USD.load("UsdGeom").PointInstancer
+        self.stage, self.notes, self.prims = stage, notes, list[Any]()
+        predicate = usd.TraverseInstanceProxies(~usd.PrimIsAbstract)
+        traversal = iter(usd.PrimRange.Stage(stage, predicate))
+        for prim in traversal:
+            if len(self.prims) == MAX_PRIMS:
+                raise FormatError(
+                    f"contains more than {MAX_PRIMS} prims; write the mesh to a separate file"
+                )
+            self.prims.append(prim)
+            if prim.IsA(instancer) or not prim.IsDefined():
+                traversal.PruneChildren()
         self._read = defaultdict[Any, set[str]](set)
         self._new: list[Any] = []
 
@@ -73,21 +98,16 @@ class StageContents:
         """Return whether a property was read."""
         return item.GetName() in self._read.get(original_path(item.GetPrim()), ())
 
-    def note_others(self, prims: Collection[Any], used: Collection[Any]) -> None:
+    def note_others(self, used: Collection[Any]) -> None:
         """Note prims that no mesh uses, variants that are not selected, and metadata.
 
-        Parameters
-        ----------
-        prims : collection of Usd.Prim
-            All prims of the stage.
-        used : collection of Usd.Prim
-            Meshes, and what they use besides prims above and below them.
+        The meshes are used, and what they use besides prims above and below them.
         """
         mesh, material = USD.load("UsdGeom").Mesh, USD.load("UsdShade").Material
         parts = {prim.GetPath() for prim in used if prim.IsA(mesh)}
         above = {path for part in parts for path in part.GetPrefixes()}
         originals, unread = set(map(original_path, used)), _metadata(self.stage.GetPseudoRoot())
-        for prim in prims:
+        for prim in self.prims:
             path, kind = prim.GetPath(), str(prim.GetTypeName())
             unread += (*_metadata(prim), *_other_variants(prim))
             is_part = path.GetParentPath() in parts
@@ -103,7 +123,9 @@ class StageContents:
     def note_unread(self) -> None:
         """Note what was not read of the prims that were read since the last call."""
         prims, self._new = self._new, []
-        self.notes.left_out_items(sorted(item for prim in prims for item in self._unread(prim)))
+        with usd_errors("USD cannot read its properties"):
+            unread = sorted(item for prim in prims for item in self._unread(prim))
+        self.notes.left_out_items(unread)
 
     def _unread(self, prim: Any) -> Iterator[Unread]:
         """Yield what was not read of a prim, and of those below a mesh or a material."""

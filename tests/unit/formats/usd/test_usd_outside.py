@@ -198,7 +198,7 @@ def test_load_terminates_for_a_file_that_refers_to_itself(tmp_path, notes):
 
 
 def test_load_rejects_too_many_nested_instances(tmp_path, monkeypatch):
-    monkeypatch.setattr("meshreel.formats.usd.reading.MAX_PRIMS", 100)
+    monkeypatch.setattr("meshreel.formats.usd.unread.MAX_PRIMS", 100)
     levels = [f'class "l0" {{\n{TRIANGLE}\n}}']
     for level in range(1, 8):
         copies = [
