@@ -70,7 +70,8 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         shown = [mesh for mesh in meshes if _visibility(mesh.prim, rate).is_shown.any()] or meshes
         used = [*mesh_prims, *(prim for skin in skins.values() for prim in skin.prims)]
-        used += (prim for mesh in shown for prim in materials.bound_to(mesh.prim))
+        read = meshes if options.object else shown
+        used += (prim for mesh in read for prim in materials.bound_to(mesh.prim))
         contents.note_others(used)
         codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), options)
 
