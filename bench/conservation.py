@@ -17,6 +17,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,9 @@ from meshreel.studies.study import markdown_table
 HELPERS = ("__init__", "items")
 """Modules of `contents` that read no format."""
 
+LIBRARIES = {"usd": "pxr"}
+"""Libraries that modules of `contents` import at once; without them, their formats are omitted."""
+
 BY_VTK = (".vtu", ".vtp", ".vtk", ".pvd", ".case", ".encas")
 """Formats whose walk reads with the library vtk."""
 
@@ -42,8 +46,9 @@ Walk = Callable[[Path], Iterator[Item]]
 
 def walks() -> Mapping[str, Walk]:
     """Return the independent readers by file extension."""
-    names = (path.stem for path in Path(contents.__file__).parent.glob("*.py"))
-    modules = [import_module(f"contents.{name}") for name in names if name not in HELPERS]
+    names = {path.stem for path in Path(contents.__file__).parent.glob("*.py")}
+    names -= {*HELPERS, *(name for name in LIBRARIES if find_spec(LIBRARIES[name]) is None)}
+    modules = [import_module(f"contents.{name}") for name in sorted(names)]
     return {extension: module.walk for module in modules for extension in module.EXTENSIONS}
 
 
