@@ -82,20 +82,22 @@ def listed_names(names: Names) -> list[str]:
 
 
 def differing_names(first: Surface, second: Surface) -> list[str]:
-    """Names of attributes and groups that differ between two surfaces, or "hard edges"."""
+    """Names of attributes, groups and materials that differ, or "hard edges"."""
     a, b = dict(_contents(first)), dict(_contents(second))
     differing = [key for key in {**a, **b} if a.get(key) != b.get(key)]
     return list(dict.fromkeys(name for _, name in differing))
 
 
 def _contents(surface: Surface) -> Iterator[tuple[tuple[str, str], tuple[object, ...]]]:
-    """Yield a key for each attribute, kind of groups and hard edges, with values to compare."""
+    """Yield a key for each attribute, groups, material and hard edges, with values to compare."""
     for attribute in surface.attributes:
         values = attribute.per_item()
         key = ("attribute", attribute.name)
         yield key, (attribute.domain, values.dtype, values.shape, values.tobytes())
     for groups in surface.groups:
         yield ("groups", groups.name), (groups.labels, groups.numbers.tobytes())
+    for material in surface.materials:
+        yield ("material", material.name), (material,)
     if surface.hard_edges is not None:
         yield ("edges", "hard edges"), (surface.hard_edges.tobytes(),)
 

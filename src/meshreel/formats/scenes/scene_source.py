@@ -19,6 +19,7 @@ from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Surface
+from meshreel.model.surface_selection import differing_names
 from meshreel.model.timing import Timing
 from meshreel.model.tracks import read_tracks, size_bytes
 from meshreel.model.validation import validate_finite
@@ -71,29 +72,37 @@ def select_frames(
         When a frame is read: as `select_mesh`, or if a file has several frames.
     """
 
+    compared: set[int] = set()
+
     @lru_cache(maxsize=2)
-    def mesh_of(index: int) -> SceneMesh:
-        mesh = select_mesh(read_meshes, paths[index], options)
-        if len(mesh.times_s) > 1:
-            raise FormatError(
-                f"{paths[index].name} has {len(mesh.times_s)} frames; files that are read together "
-                "must have one each: choose one of them"
-            )
-        return mesh
+    def read(index: int) -> tuple[PolygonMesh, Surface]:
+        path, notes = paths[index], Notes()
+        with errors_naming(path):
+            mesh = select_mesh(read_meshes, path, replace(options, notes=notes))
+            if len(mesh.times_s) > 1:
+                raise FormatError(
+                    f"{path.name} has {len(mesh.times_s)} frames; files that are read together "
+                    "must have one each: choose one of them"
+                )
+            contents = mesh.frame(0), mesh.surface(0)
+            mesh.note_unread()
+        if index not in compared:
+            options.notes.merge(notes)
+        return contents
 
     def frame(index: int) -> PolygonMesh:
-        with errors_naming(paths[index]):
-            return mesh_of(index).frame(0)
-
-    def surface(index: int) -> Surface:
-        with errors_naming(paths[index]):
-            return mesh_of(index).surface(0)
+        polygons, surface = read(index)
+        if index and index not in compared:
+            before, earlier = read(index - 1)
+            if polygons.has_faces_of(before):
+                names = differing_names(earlier, surface)
+                options.notes.left_out("changes over time, kept as in the first frame", names)
+        compared.add(index)
+        return polygons
 
     name = paths[0].resolve().parent.name
-    return SceneMesh(
-        name, np.arange(len(paths), dtype=np.float64), frame, surface, fps=0.0,
-        note_unread=lambda: mesh_of(0).note_unread(),
-    )  # fmt: skip
+    times_s = np.arange(len(paths), dtype=np.float64)
+    return SceneMesh(name, times_s, frame, lambda index: read(index)[1], fps=0.0)
 
 
 def selected_meshes(

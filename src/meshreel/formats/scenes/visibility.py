@@ -107,7 +107,7 @@ def meshes_in_turn(
         if tracks(range(index - 1, index)) or tracks(range(index, index + 1)):
             return False
         before, after = surface(index - 1), surface(index)
-        looks = [(each.parts, each.materials, each.images) for each in (before, after)]
+        looks = [(each.parts, each.images) for each in (before, after)]
         return looks[0] == looks[1] and not differing_names(before, after)
 
     def note_unread() -> None:

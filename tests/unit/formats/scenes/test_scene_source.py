@@ -16,8 +16,8 @@ from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Part, Surface
-from samples.materials import look
-from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
+from samples.materials import dressed, look
+from samples.meshes import assert_same_surface, hard_sheet, quad_sheet, two_sheets, waving_grid
 
 PATH = Path("scene.abc")
 
@@ -277,6 +277,18 @@ def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):
     assert meshreel.load(str(tmp_path / "f_*.glb")).fps == 0
     info = inspect_source(str(tmp_path / "f_*.glb"), ReadOptions())
     assert (info.n_files, [mesh.n_frames for mesh in info.meshes]) == (5, [5])
+
+
+def test_materials_of_later_files_are_noted(tmp_path, notes):
+    first = dressed(hard_sheet()[:1])
+    for number, roughness in enumerate((0.2, 0.2, 0.4)):
+        red, *others = first.surface.materials
+        materials = (replace(red, roughness=roughness), *others)
+        surface = replace(first.surface, materials=materials)
+        meshreel.save(first.replace(surface=surface), tmp_path / f"f_{number}.glb")
+    loaded = meshreel.load(str(tmp_path / "f_*.glb"), notes=notes)
+    assert loaded.surface.materials[0].roughness == 0.2
+    assert notes[-1] == "left out: changes over time, kept as in the first frame: red"
 
 
 def test_faces_may_differ_between_files(tmp_path):
