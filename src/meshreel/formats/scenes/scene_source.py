@@ -71,7 +71,6 @@ def select_frames(
     FormatError
         When a frame is read: as `select_mesh`, or if a file has several frames.
     """
-
     compared: set[int] = set()
 
     @lru_cache(maxsize=2)
