@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 MIN_COVERAGE = 0.95
 
 REGISTRATION = ("closest.c", "closest_lanes.h", "decimate.c")
-"""Kernels that no stream runs; tests/unit/kernel and fuzz/ do."""
+"""Kernels that no stream runs; tests/unit/kernel and core/fuzz do."""
 TIME_LIMIT_S = 600
 
 pytestmark = pytest.mark.slow
@@ -67,9 +67,9 @@ def check(library, *options):
 
 
 def fuzz_checksum(library, compiler, folder):
-    """Return the checksum of everything that `fuzz/` encodes and decodes, damaged or not."""
+    """Return the checksum of everything that `core/fuzz` encodes and decodes, damaged or not."""
     core, program = ROOT / "core", folder / "fuzz"
-    files = sorted(str(file) for file in (ROOT / "fuzz").glob("*.c"))
+    files = sorted(str(file) for file in (core / "fuzz").glob("*.c"))
     flags = ["-std=gnu11", "-O1", "-DREEL_FUZZ_LOOP", f"-I{core}"]
     flags += [f'-DREEL_FUZZ_STREAMS="{ROOT / "conformance"}"']
     linked = [str(library), f"-Wl,-rpath,{library.parent}"]

@@ -13,7 +13,7 @@ from meshreel.kernel import library
 
 ROOT = Path(__file__).parents[3]
 COMPILE = ROOT / "core" / "compile.py"
-FUZZ = ROOT / "fuzz" / "run.py"
+FUZZ = ROOT / "core" / "fuzz" / "run.py"
 
 
 @pytest.fixture

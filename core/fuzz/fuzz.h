@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "reel.h"
+#include "../reel.h"
 
 /* ---- choices ---- */
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "include/meshreel.h"
+#include "../include/meshreel.h"
 #include "fuzz.h"
 
 #define LIMIT ((uint64_t)1 << 22)

@@ -1,4 +1,4 @@
-"""Fuzz the core: `python fuzz/run.py --seconds 20`.
+"""Fuzz the core: `python core/fuzz/run.py --seconds 20`.
 
 Builds with clang or gcc, with address and undefined-behavior sanitizers. `--libfuzzer FOLDER` is
 for long searches: clang's libFuzzer keeps its corpus in the folder.
@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 FUZZ = Path(__file__).resolve().parent
-ROOT = FUZZ.parent
-sys.path.insert(0, str(ROOT / "core"))
+sys.path.insert(0, str(FUZZ.parent))
 
 import compile as core  # noqa: E402
 
 LOOP = ("-DREEL_FUZZ_LOOP",)
-STREAMS = f'-DREEL_FUZZ_STREAMS="{ROOT / "conformance"}"'
+STREAMS = f'-DREEL_FUZZ_STREAMS="{FUZZ.parents[1] / "conformance"}"'
 LIBFUZZER = ("-fsanitize=fuzzer",)
 # Forced inlining compiles slowly with sanitizers; without it, and at -O1, the program is nearly as
 # fast.
@@ -37,8 +36,8 @@ def build(output: Path, compiler: Sequence[str], extra: Sequence[str] = LOOP) ->
     flags = [flag for flag in core.FLAGS if not flag.startswith("-std")]
     folders = (core.CORE, core.READER, FUZZ)
     files = [str(file) for folder in folders for file in sorted(folder.glob("*.c"))]
-    flags += [f"-I{core.CORE}", STREAMS, *extra]
-    subprocess.run([*compiler, "-std=gnu11", *flags, *files, "-o", str(output)], check=True)
+    command = [*compiler, "-std=gnu11", *flags, STREAMS, *extra, *files, "-o", str(output)]
+    subprocess.run(command, check=True)
     return output
 
 

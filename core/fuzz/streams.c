@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "reader/source.h"
+#include "../reader/source.h"
 #include "fuzz.h"
 
 #define CAPACITY (1 << 18)
