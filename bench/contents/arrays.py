@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from contents import vtkhdf
 from contents.items import Item, Sort
 
 EXTENSIONS = (".npz", ".h5", ".hdf5", ".hdf")
@@ -23,6 +24,11 @@ def walk(path: Path) -> Iterator[Item]:
         return
     import h5py
 
+    with h5py.File(path, "r") as file:
+        is_vtkhdf = "VTKHDF" in file
+    if is_vtkhdf:
+        yield from vtkhdf.walk(path)
+        return
     arrays: dict[str, Any] = {}
     attributes: dict[str, dict[str, Any]] = {}
 
@@ -35,10 +41,25 @@ def walk(path: Path) -> Iterator[Item]:
     with h5py.File(path, "r") as file:
         attributes[""] = dict(file.attrs)
         file.visititems(visit)
+        linked = {name for name in arrays if "vertices" in file and file["vertices"] == file[name]}
+    positions = linked or {name for name, values in arrays.items() if _are_positions(name, values)}
     for name, values in attributes.items():
-        for attribute in values.keys() - (DESCRIBED if name in arrays else set()):
+        for attribute in values.keys() - (
+            DESCRIBED if name in arrays.keys() - positions else set()
+        ):
             yield Item(Sort.OTHER, attribute)
-    yield from _items(arrays, attributes)
+    folder = min(positions).rpartition("/")[0]
+    shortened = {min(positions): "vertices"}
+    for name in arrays.keys() - positions:
+        above, _, leaf = name.rpartition("/")
+        is_faces = leaf == "faces" and f"{folder}/".startswith(f"{above}/")
+        shortened[name] = leaf if above == folder or is_faces else name
+    yield from _items({new: arrays[old] for old, new in shortened.items()}, attributes)
+
+
+def _are_positions(name: str, values: Any) -> bool:
+    is_float, is_track = values.dtype.kind == "f", "tracks/" in name
+    return is_float and not is_track and values.ndim == 3 and 3 in values.shape[1:]
 
 
 def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator[Item]:
@@ -47,12 +68,13 @@ def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator
 
     described = {*SHAPES, "vertices", "hard_edges", "part_names", "part_sizes"}
     yield Item(Sort.POSITIONS, "vertices", arrays.get("vertices"))
-    n_frames = len(arrays.get("vertices", ()))
+    shape = np.shape(arrays["vertices"])
+    n_frames = shape[0] if shape[-1] == 3 else shape[-1]
     times = arrays.get("times")
     if times is None and arrays.get("fps", 0):
         times = arrays.get("start_s", 0) + np.arange(n_frames) / arrays["fps"]
     if times is not None:
-        yield Item(Sort.TIMES, "times", times)
+        yield from [Item(Sort.TIMES, "times", times)] * bool(len(times) > 1 or times[0])
     if "cells" in arrays:
         n_cells = max(
             np.size(arrays["cell_types"]), len(arrays["cells"]) * (arrays["cells"].ndim > 1)
@@ -69,7 +91,9 @@ def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator
         described |= {f"group_{index}_labels", f"group_{index}_numbers"}
     for index, name in enumerate(texts("attribute_names")):
         kind = OF_KIND.get(texts("attribute_kinds")[index], Sort.DATA)
-        yield Item(kind, name, None if kind is Sort.COLOR else arrays[f"attribute_{index}_values"])
+        values = arrays[f"attribute_{index}_values"]
+        values = values[arrays.get(f"attribute_{index}_indices", slice(None))]
+        yield Item(kind, name, None if kind is Sort.COLOR else values)
         described |= {f"attribute_{index}_values", f"attribute_{index}_indices"}
     columns = [texts(f"track_{column}") for column in ("names", "kinds", "units")]
     tracks = {row[0].replace("/", "_"): row for row in zip(*columns, strict=True)}

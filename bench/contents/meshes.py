@@ -1,6 +1,5 @@
-"""Contents of OBJ with MTL, STL, OFF and point caches, from their headers and keywords."""
+"""Contents of OBJ with MTL, STL and OFF, from their headers and keywords."""
 
-import struct
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,13 +18,17 @@ TOPOLOGY = {"v", "f", "vt", "vn", "mtllib", "usemtl", "g", "o", "#"}
 def walk_obj(path: Path) -> Iterator[Item]:
     """Yield the statements of an OBJ file, and the properties of its material libraries."""
     rows, group = defaultdict[str, list[list[str]]](list), dict[str, str]()
+    smoothing, smooth_groups = list[str](), set[tuple[str, ...]]()
     text = path.read_text("utf-8", "replace").replace("\\\n", " ")
     for words in filter(None, map(str.split, text.splitlines())):
         key = "#" if words[0].startswith("#") else words[0]
         rows[key].append(words[1:])
         if key in ("usemtl", "g", "o"):
             group[key] = " ".join(words[1:])
+        elif key == "s":
+            smoothing = words[1:]
         elif key == "f":
+            smooth_groups.add(tuple(smoothing))
             yield from (Item(Sort.GROUP, name) for name in filter(None, group.values()))
             group.clear()
     vertices = rows["v"]
@@ -37,7 +40,7 @@ def walk_obj(path: Path) -> Iterator[Item]:
         yield Item(Sort.UV, "vt", words=("texture coordinates",))
     if rows["vn"]:
         yield Item(Sort.EDGES, "vn", words=("normals",))
-    if len({*map(tuple, rows["s"])}) < 2:  # one smoothing group has no edges
+    if len(smooth_groups) < 2:  # one smoothing group has no edges
         rows.pop("s", None)
     for key in rows.keys() - TOPOLOGY:
         yield Item(Sort.EDGES if key == "s" else Sort.OTHER, key, words=OBJ_WORDS.get(key, ()))
@@ -45,7 +48,7 @@ def walk_obj(path: Path) -> Iterator[Item]:
         library = path.with_name(" ".join(words))
         lines = library.read_text("latin-1").splitlines() if library.is_file() else ["newmtl"]
         for line in filter(None, map(str.strip, lines)):
-            yield Item(Sort.MATERIAL, line.split()[0], words=("the material library",))
+            yield Item(Sort.MATERIAL, line.split()[0], words=(library.name,))
 
 
 def walk_stl(path: Path) -> Iterator[Item]:
@@ -87,20 +90,7 @@ def walk_off(path: Path) -> Iterator[Item]:
         yield Item(Sort.COLOR, "face colors")
 
 
-def walk_mdd(path: Path) -> Iterator[Item]:
-    """Yield the positions and times of an MDD file, and the contents of its mesh."""
-    if (mesh := path.with_suffix(".obj")).is_file():
-        yield from (item for item in walk_obj(mesh) if item.sort is not Sort.POSITIONS)
-    data = path.read_bytes()
-    n_frames, _ = struct.unpack_from(">ii", data)
-    numbers = np.frombuffer(data, ">f4", offset=8)
-    yield Item(Sort.TIMES, "times", numbers[:n_frames], ("frame rate",))
-    yield Item(Sort.POSITIONS, "points", numbers[n_frames:])
-
-
-WALKS = {
-    ".obj": walk_obj, ".stl": walk_stl, ".off": walk_off, ".mdd": walk_mdd
-}  # fmt: skip
+WALKS = {".obj": walk_obj, ".stl": walk_stl, ".off": walk_off}
 EXTENSIONS = tuple(WALKS)
 
 

@@ -35,6 +35,9 @@ Dataset = Any
 
 UNIT_NAMES = ("unit", "units")
 
+TRACK_ATTRIBUTES = {"name", "domain", "kind", *UNIT_NAMES}
+"""Attributes of a dataset that are read if it is a track."""
+
 HEAP_START = b"GCOL\1\0\0\0"
 """Signature and version of a global heap, which stores text of any length (HDF5 format, III.E)."""
 

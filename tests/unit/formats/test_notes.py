@@ -133,8 +133,9 @@ def test_other_hdf_datasets_are_noted(tmp_path):
         file["scans/one"] = waving_grid().vertices
         file["scans/two"] = waving_grid().vertices
         file["weights"] = np.zeros(4)
+        file.attrs["author"], file["scans/one"].attrs["unit"] = "lab", "mm"
     said = left_out(tmp_path / "a.h5", dataset="scans/one")
-    assert said == ["datasets: weights"]
+    assert said == ["attributes: author of the file, unit of scans/one", "datasets: weights"]
 
 
 def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
@@ -165,7 +166,7 @@ XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
         (
             "a.obj",
             f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
-            [NORMALS, "the material library", "points"],
+            [NORMALS, "points", "material libraries: a.mtl"],
         ),
         (
             "a.obj",
@@ -175,6 +176,11 @@ XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
                 "weights, or colors of some vertices",
                 "third texture coordinates",
             ],
+        ),
+        (
+            "a.obj",
+            f"s 1\n{PLAIN_OBJ}s 2\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
+            ["smoothing groups, which share no edges"],
         ),
         (
             "a.obj",

@@ -5,6 +5,7 @@ Files of other programs are supported too: positions in any dataset of shape (T,
 """
 
 from collections.abc import Callable, Collection, Iterator
+from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -26,6 +27,7 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import CheckedReader, changed_error
 from meshreel.formats.hdf import (
+    TRACK_ATTRIBUTES,
     Dataset,
     HdfOutput,
     Node,
@@ -230,15 +232,23 @@ def _note_left_out(
     candidates: Collection[str],
     notes: Notes,
 ) -> None:
-    """Add a note on datasets that belong to neither the sequence nor its tracks."""
+    """Note datasets that belong to neither the sequence nor its tracks, and unread attributes."""
     parent = positions.name.rpartition("/")[0]
     known = {positions.name, *(f"{parent}/{name}" for name in arrays)}
     known |= {f"/{path}" for path in candidates}
     if "faces" not in (find_group(root, parent or "/") or ()):
         faces_paths = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
         known |= {next((path for path in faces_paths if find_dataset(root, path) is not None), "")}
-    unread_names = [name for name in _datasets(root, lambda _: True) if f"/{name}" not in known]
-    notes.left_out("datasets", unread_names)
+    unread = [("attributes", f"{key} of the file") for key in root.attrs]
+
+    def visit(name: str, node: Node) -> None:
+        if isinstance(node, HDF.load().Dataset) and f"/{name}" not in known:
+            unread.append(("datasets", name))
+        read_keys = TRACK_ATTRIBUTES if name in candidates else ()
+        unread.extend(("attributes", f"{key} of {name}") for key in node.attrs.keys() - read_keys)
+
+    _visit(root, visit)
+    notes.left_out_items(sorted(unread))
 
 
 def _folders(dataset: Dataset) -> list[str]:
@@ -248,25 +258,26 @@ def _folders(dataset: Dataset) -> list[str]:
 
 def _candidates(root: Node) -> list[str]:
     """Paths of all datasets outside the track group that can be positions."""
-    names = _datasets(root, lambda node: node.dtype.kind == "f" and has_positions(node.shape))
-    return [name for name in names if PurePosixPath(name).parent.name != TRACKS_FOLDER]
-
-
-def _datasets(root: Node, is_wanted: Callable[[Dataset], bool]) -> list[str]:
-    """Paths of all datasets that satisfy a predicate; links are not followed."""
-    h5py = HDF.load()
     names: list[str] = []
-    n_visited = 0
 
-    def visit(name: str, node: Node) -> bool | None:
-        nonlocal n_visited
-        n_visited += 1
-        if isinstance(node, h5py.Dataset) and is_wanted(node):
-            names.append(name)
-        return True if n_visited >= MAX_VISITED else None
+    def visit(name: str, node: Node) -> None:
+        is_track = PurePosixPath(name).parent.name == TRACKS_FOLDER
+        if isinstance(node, HDF.load().Dataset) and node.dtype.kind == "f" and not is_track:
+            names.extend([name] if has_positions(node.shape) else [])
 
-    root.visititems(visit)
+    _visit(root, visit)
     return names
+
+
+def _visit(root: Node, visit: Callable[[str, Node], None]) -> None:
+    """Call a function with the path of each group and dataset; links are not followed."""
+    numbers = count(1)
+
+    def visit_next(name: str, node: Node) -> bool | None:
+        visit(name, node)
+        return True if next(numbers) >= MAX_VISITED else None
+
+    root.visititems(visit_next)
 
 
 def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]:

@@ -49,7 +49,8 @@ def read_drc(data: bytes) -> Frame:
     notes, left_out = Notes(), list[str]()
     for attribute in draco_mesh.attributes:
         kind, values = attribute["attribute_type"], attribute["data"]
-        if values is None or not _is_supported(kind, values):
+        is_second = kind in (POSITION, NORMAL) and kind in by_type
+        if values is None or is_second or not _is_supported(kind, values):
             left_out.append(_describe(attribute))
         else:
             by_type.setdefault(kind, []).append(values + values.dtype.type(0))  # -0.0 becomes 0.0

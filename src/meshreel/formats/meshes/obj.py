@@ -33,9 +33,8 @@ N_COLORED = 6
 """Numbers of a vertex with a color."""
 
 LEFT_OUT = {
-    "l": "lines", "p": "points", "mtllib": "the material library", "curv": "curves",
-    "curv2": "curves", "surf": "free-form surfaces", "vt": "texture coordinates of no face",
-    "s": "smoothing groups, as there are normals",
+    "l": "lines", "p": "points", "curv": "curves", "curv2": "curves", "surf": "free-form surfaces",
+    "vt": "texture coordinates of no face", "s": "smoothing groups, as there are normals",
 }  # fmt: skip
 """What notes call the contents of statements that are not read; others are listed."""
 
@@ -102,11 +101,13 @@ def read_obj(data: bytes) -> Frame:
 def _note_left_out(lines: _Lines, surface: Surface, notes: Notes, *, has_normals: bool) -> None:
     """Name all statements and numbers that are not read."""
     kinds = {attribute.kind for attribute in surface.attributes}
-    read = [b"#", b"v", b"vn", b"f", *STATEMENTS.values()]  # comments are for people
+    read = [b"#", b"v", b"vn", b"f", b"mtllib", *STATEMENTS.values()]  # comments are for people
     read += [b"vt"] * (Kind.UV in kinds) + [b"s"] * (not has_normals)
     others = lines.all.other_first_words(read)
     for contents in dict.fromkeys(LEFT_OUT[word] for word in others if word in LEFT_OUT):
         notes.left_out(contents)
+    libraries = lines.all.beginning_with(b"mtllib").tolist()
+    notes.left_out("material libraries", map(lines.all.words_after_first, libraries))
     notes.left_out("statements", (word for word in others if word not in LEFT_OUT))
     for word, n_read, contents in (
         (b"v", N_COLORED if Kind.COLOR in kinds else 3, "weights, or colors of some vertices"),
@@ -150,8 +151,9 @@ def _hard_edges(
     ]
     last_statements = _last_above(statements, lines.face_lines)
     # The format turns smoothing off above the first statement.
-    hard_edges = edges_between_groups(mesh, np.array([*statement_labels, 0])[last_statements])
-    return None if hard_edges.edges is None else hard_edges
+    groups = np.array([*statement_labels, 0])[last_statements]
+    hard_edges = edges_between_groups(mesh, groups)
+    return None if hard_edges.edges is None and (groups == groups[0]).all() else hard_edges
 
 
 def _normals(lines: _Lines, mesh: PolygonMesh) -> tuple[Domain, npt.NDArray[np.float32]] | None:

@@ -36,6 +36,8 @@ class HardEdges:
     n_far: int
     n_corners: int
     """Number of corners whose normal error exceeds `NEAR_DEG`, and of all corners with a normal."""
+    source: str = NORMALS
+    """What notes call the contents from which edges follow, if none do."""
 
 
 def find_hard_edges(mesh: PolygonMesh, normals: npt.NDArray[np.floating]) -> HardEdges:
@@ -113,7 +115,7 @@ def edges_between_groups(mesh: PolygonMesh, groups: npt.NDArray[np.integer]) -> 
     is_hard = np.zeros(len(shared.ends), bool)
     is_hard[edges[(of_side == 0) | (of_side != of_side[first][edges])]] = True
     hard_edges = shared.ends[is_hard].astype(np.int32) if is_hard.any() else None
-    return HardEdges(hard_edges, len(shared.ends), 0, 0)
+    return HardEdges(hard_edges, len(shared.ends), 0, 0, "smoothing groups, which share no edges")
 
 
 class NormalNotes:
@@ -156,7 +158,7 @@ def _notes_on(meshes: Collection[HardEdges]) -> Iterator[Note]:
         )
         yield Note(NoteKind.CHANGED, "hard edges", text=text)
     else:
-        yield Note(NoteKind.LEFT_OUT, NORMALS)
+        yield from (Note(NoteKind.LEFT_OUT, source) for source in {mesh.source for mesh in meshes})
     if n_far := sum(mesh.n_far for mesh in meshes):
         n_corners = sum(mesh.n_corners for mesh in meshes)
         text = (

@@ -122,6 +122,17 @@ def test_generic_attributes_are_listed_in_a_note(tmp_path, notes):
     assert "left out: attributes of Draco: weights, generic 7" in notes
 
 
+def test_second_normals_are_listed_in_a_note(tmp_path, notes, monkeypatch):
+    path = split_tube(tmp_path / "a.drc")
+    decoded = DracoPy.decode(path.read_bytes())
+    [points] = [one for one in decoded.attributes if one["attribute_type"] == 0]
+    normals = {**points, "attribute_type": 1, "name": "bent"}
+    decoded.attributes.extend([normals, normals])
+    monkeypatch.setattr(DracoPy, "decode", lambda data: decoded)
+    load(path, notes=notes)
+    assert "left out: attributes of Draco: bent" in notes
+
+
 def test_equal_positions_without_a_common_edge_stay_apart(tmp_path):
     """Two triangles touch in a point, and a third has two coinciding corners."""
     points = np.array(
