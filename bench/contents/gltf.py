@@ -3,6 +3,8 @@
 import json
 import struct
 from collections.abc import Iterator
+from itertools import compress
+from operator import not_
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -59,6 +61,12 @@ def walk(path: Path) -> Iterator[Item]:
     roots = lists["scenes"][scene].get("nodes", []) if lists["scenes"] else range(len(nodes))
     with_mesh = [n for n, node in enumerate(nodes) if "mesh" in node and {*roots} & _up(n, above)]
     shown = [n for n in with_mesh if any(map(_is_read, meshes[nodes[n]["mesh"]]["primitives"]))]
+    hidden = list[int]()
+    is_hidden = [any(map(_is_hidden, (nodes[m] for m in _up(n, above)))) for n in shown]
+    if not (all(is_hidden) or lists["animations"]):
+        hidden = [*compress(shown, is_hidden)]
+        yield from (Item(Sort.OTHER, _name(nodes, meshes, n)) for n in hidden)
+        shown = [*compress(shown, map(not_, is_hidden))]
     skins = [lists["skins"][nodes[n]["skin"]] for n in shown if "skin" in nodes[n]]
     movers = {m for n in (*shown, *(j for s in skins for j in s["joints"])) for m in _up(n, above)}
     used = {nodes[n]["mesh"] for n in shown}
@@ -67,14 +75,13 @@ def walk(path: Path) -> Iterator[Item]:
     keep = {
         "scenes": {scene},
         "nodes": movers,
-        "meshes": used,
+        "meshes": used | {nodes[n]["mesh"] for n in hidden},
         "materials": materials,
         "cameras": (),
     }
     for n in shown:
         if len(shown) > 1:
-            label = nodes[n].get("name") or meshes[nodes[n]["mesh"]].get("name") or f"node_{n}"
-            yield Item(Sort.GROUP, label.replace("/", "_"), words=("parts",))
+            yield Item(Sort.GROUP, _name(nodes, meshes, n), words=("parts",))
         for primitive in meshes[nodes[n]["mesh"]]["primitives"]:
             yield from _primitive(primitive, is_skinned="skin" in nodes[n])
     for kind in LISTS:
@@ -85,9 +92,12 @@ def walk(path: Path) -> Iterator[Item]:
             elif kind == "materials" and item != PLAIN:
                 if item.get("name"):
                     yield Item(Sort.GROUP, item["name"])
-                yield from _object(item, item.get("name") or f"material_{n}")
+                earlier = [other.get("name", "") for other in lists[kind][:n]]
+                name = item.get("name") or f"material_{n}"
+                repeated = earlier.count(name)
+                yield from _object(item, f"{name}_{repeated}" if repeated else name)
             elif kind == "images":
-                file = unquote(item.get("uri", "-"))[:100]
+                file = unquote(str(item.get("uri", "-")))[:100]
                 size = (
                     (path.parent / file).stat().st_size if (path.parent / file).is_file() else None
                 )
@@ -121,6 +131,15 @@ def _up(node: int, above: dict[int, int]) -> set[int]:
     return found
 
 
+def _name(nodes: list[Json], meshes: list[Json], n: int) -> str:
+    label = nodes[n].get("name") or meshes[nodes[n]["mesh"]].get("name") or f"node_{n}"
+    return str(label).replace("/", "_")
+
+
+def _is_hidden(node: Json) -> bool:
+    return node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible") is False
+
+
 def _is_read(primitive: Json) -> bool:
     return primitive.get("mode", 4) >= 4 and "POSITION" in primitive["attributes"]
 
@@ -141,8 +160,9 @@ def _primitive(primitive: Json, *, is_skinned: bool) -> Iterator[Item]:
 
 
 def is_labels(value: Any) -> bool:
-    """Return whether extras are the labels of morph targets, which become positions."""
-    return isinstance(value, dict) and value.keys() == {"targetNames"}
+    """Return whether extras are marks of our writer, or labels of morph targets."""
+    keys = value.keys() if isinstance(value, dict) else {""}
+    return all(key == "targetNames" or key.startswith("meshreel") for key in keys)
 
 
 def _object(item: Json, label: str, *words: str) -> Iterator[Item]:
@@ -154,9 +174,9 @@ def _object(item: Json, label: str, *words: str) -> Iterator[Item]:
             yield Item(Sort.MATERIAL, f"{label}.{field}", words=nouns)
         if key == "metallicRoughnessTexture":
             yield Item(Sort.MATERIAL, f"{label}.roughness_texture", words=nouns)
-        if key in CONTAINERS:
+        if key in CONTAINERS and isinstance(value, dict):
             yield from _object(value, label, key)
         elif key in ("camera", "KHR_lights_punctual"):
             yield Item(Sort.OTHER, label, words=("cameras", "lights"))
-        elif key not in STORAGE and not field and not is_labels(value):
+        elif key not in STORAGE and not field and not (key == "extras" and is_labels(value)):
             yield Item(Sort.OTHER, key, words=words)

@@ -1,6 +1,7 @@
 """Items of files and sequences, and the law that each is kept or named."""
 
 import re
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -105,6 +106,17 @@ def range_of(values: npt.ArrayLike) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
+def merged(items: Iterable[Item]) -> Iterator[Item]:
+    """Yield an item for all of a sort and name, as of several frames, with their joint range."""
+    groups: dict[tuple[Sort, str], list[Item]] = defaultdict(list)
+    for item in items:
+        groups[item.sort, item.name].append(item)
+    for (sort, name), same in groups.items():
+        ranges = [range_of(item.values) for item in same if item.values is not None]
+        is_known = len(ranges) == len(same) and (sort is not Sort.FACES or len(same) == 1)
+        yield Item(sort, name, ranges if is_known else None, same[0].words)
+
+
 @dataclass(frozen=True)
 class Balance:
     """How many items of an input are in an output, and which are neither there nor named."""
@@ -142,8 +154,8 @@ def items_of(sequence: MeshSequence) -> Iterator[Item]:
         yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
     if sequence.n_segments > 1:
         yield Item(Sort.VISIBILITY, "segments")
-    for segment in sequence.segments:
-        yield from _items_of(segment)
+    items = [item for segment in sequence.segments for item in _items_of(segment)]
+    yield from items if sequence.n_segments == 1 else merged(items)
 
 
 def _items_of(segment: FrameSource) -> Iterator[Item]:

@@ -1,15 +1,15 @@
 """Contents of VTK files: arrays that VTK reads, and further elements of XML."""
 
 import re
-from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
-from contents.items import Item, Sort, range_of
+from contents.items import Item, Sort, merged
 
 EXTENSIONS = (".vtu", ".vtp", ".vtk", ".pvd")
 POLYGONS, LINES = (5, 6, 7, 8, 9, 22, 23, 28, 34, 36), (1, 2, 3, 4, 21)
@@ -35,17 +35,13 @@ def walk(path: Path) -> Iterator[Item]:
         times = sorted({float(entry.get("timestep", 0)) for entry in entries})
         if len(times) > 1 or times[0]:
             yield Item(Sort.TIMES, "times", times, ("frame rate",))
-    values: dict[tuple[Sort, str], list[Any]] = defaultdict(list)
-    for file in dict.fromkeys(files):
-        for item in walk_file(file):
-            is_time = is_collection and item.name in ("TimeValue", "TIME")
-            if not is_time:
-                values[item.sort, item.name].append(item)
-    for (sort, name), items in values.items():
-        is_known = all(item.values is not None for item in items)
-        is_known &= sort is not Sort.FACES or len(items) == 1
-        ranges = [range_of(item.values) for item in items] if is_known else None
-        yield Item(sort, name, ranges, items[0].words)
+    for file in [file for file in files if file.suffix.lower() in (".pvtu", ".pvtp")]:
+        pieces = ElementTree.parse(file).getroot().iter("Piece")
+        files += [file.parent / piece.get("Source", "") for piece in pieces]
+        files.remove(file)
+    items = (item for file in dict.fromkeys(files) for item in walk_file(file))
+    clocks = ("TimeValue", "TIME") if is_collection else ()
+    yield from merged(item for item in items if item.name not in clocks)
 
 
 def walk_file(path: Path) -> Iterator[Item]:
@@ -53,12 +49,15 @@ def walk_file(path: Path) -> Iterator[Item]:
     from vtkmodules import all as vtk
 
     names = {".vtk": "GenericDataObjectReader", ".vtu": "XMLUnstructuredGridReader",
-             ".vtp": "XMLPolyDataReader", ".pvtu": "XMLPUnstructuredGridReader",
-             ".pvtp": "XMLPPolyDataReader"}  # fmt: skip
+             ".vtp": "XMLPolyDataReader"}  # fmt: skip
     reader = getattr(vtk, f"vtk{names[path.suffix.lower()]}")()
     reader.SetFileName(str(path))
     reader.Update()
-    mesh = reader.GetOutput()
+    mesh, elements = reader.GetOutput(), _elements(path)
+    declared = {
+        element.get("Name"): element.get("track_kind", element.get("attribute_kind"))
+        for element in elements
+    }
     points = to_numpy(mesh.GetPoints().GetData())
     yield Item(Sort.POSITIONS, "points", points, ("node", "nodes"))
     kinds = [mesh.GetCellType(index) for index in range(mesh.GetNumberOfCells())]
@@ -71,20 +70,40 @@ def walk_file(path: Path) -> Iterator[Item]:
     for data in (mesh.GetPointData(), mesh.GetCellData()):
         for index in range(data.GetNumberOfArrays()):
             array = data.GetAbstractArray(index)
-            yield from _items(array, data.GetNormals() is array, data.GetTCoords() is array)
+            for item in _items(array, data.GetNormals() is array, data.GetTCoords() is array):
+                is_color = item.sort is Sort.COLOR or declared.get(item.name) == "color"
+                are_kept = data is mesh.GetPointData() or not {*kinds} & {*LINES}
+                values = item.values if are_kept and is_color == (item.sort is Sort.COLOR) else None
+                yield replace(item, sort=Sort.COLOR if is_color else item.sort, values=values)
     for index in range(mesh.GetFieldData().GetNumberOfArrays()):
         yield Item(Sort.OTHER, mesh.GetFieldData().GetAbstractArray(index).GetName())
-    if path.suffix.lower() == ".vtk":
-        return
-    parser: Any = ElementTree.XMLPullParser(["end"])
-    parser.feed(re.split(rb"<AppendedData", path.read_bytes())[0])
-    for _, element in parser.read_events():
+    for element in elements:
         for key in element.findall("InformationKey"):
             if key.get("name") == "UNITS_LABEL":
                 name = f"{element.get('Name')}:{(key.text or '').strip()}"
                 yield Item(Sort.UNIT, name, words=("units",))
             elif "RANGE" not in key.get("name", ""):
                 yield Item(Sort.OTHER, key.get("name", ""))
+
+
+def _elements(path: Path) -> list[ElementTree.Element]:
+    """Return the XML elements of a file before appended data; none of a legacy file."""
+    if path.suffix.lower() == ".vtk":
+        return []
+    parser: Any = ElementTree.XMLPullParser(["end"])
+    parser.feed(re.split(rb"<AppendedData", path.read_bytes())[0])
+    return [element for _, element in parser.read_events()]
+
+
+def item_of(
+    name: str, values: Any, width: int, words: tuple[str, ...], *, is_uv: bool = False
+) -> Item:
+    """Return the item of a numeric array, of colors and texture coordinates by name and type."""
+    is_color = width in (3, 4) and (values.dtype == np.uint8 or name.lower() in COLOR_NAMES)
+    is_uv = width == 2 and values.dtype.kind == "f" and (is_uv or name.lower() in UV_NAMES)
+    sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
+    is_plain = not is_color or values.dtype == np.uint8
+    return Item(sort, name, (values / 255 if is_color else values) if is_plain else None, words)
 
 
 def _items(array: Any, is_normals: bool, is_uv: bool) -> Iterator[Item]:
@@ -96,12 +115,7 @@ def _items(array: Any, is_normals: bool, is_uv: bool) -> Iterator[Item]:
         labels = {array.GetValue(index) for index in range(array.GetNumberOfValues())}
         yield from (Item(Sort.GROUP, label, words=(name,)) for label in labels if label)
     else:
-        values, is_float = to_numpy(array), array.GetDataType() in (10, 11)
-        is_color = width in (3, 4) and (values.dtype == np.uint8 or name.lower() in COLOR_NAMES)
-        is_uv = width == 2 and is_float and (is_uv or name.lower() in UV_NAMES)
-        sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
         words = ("normals",) if is_normals else ("inside",)
-        is_plain = not is_color or values.dtype == np.uint8
-        yield Item(sort, name, (values / 255 if is_color else values) if is_plain else None, words)
+        yield item_of(name, to_numpy(array), width, words, is_uv=is_uv)
     if array.HasAComponentName():
         yield Item(Sort.OTHER, f"{name}:names of components", words=(name,))

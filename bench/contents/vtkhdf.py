@@ -24,6 +24,7 @@ def walk(path: Path) -> Iterator[Item]:
     nodes: list[tuple[str, Any]] = []
     with h5py.File(path, "r") as file:
         file.visititems(lambda *named_node: nodes.append(named_node))
+        is_single = sum(name.endswith("/Points") for name, _ in nodes) == 1
         for name, node in nodes:
             *_, folder, leaf = ["", *name.split("/")]
             if not isinstance(node, h5py.Dataset):
@@ -31,7 +32,7 @@ def walk(path: Path) -> Iterator[Item]:
             if leaf == "Values" and folder == "Steps":
                 yield from [Item(Sort.TIMES, "times", node[()], ("frame rate",))] * (len(node) > 1)
             elif leaf == "NumberOfCells" and np.sum(node[()]):
-                is_flat = folder == "Polygons" and len(node) == 1
+                is_flat = folder == "Polygons" and len(node) == 1 and is_single
                 yield Item(Sort.FACES, name, int(node[0]) if is_flat else None)
             elif leaf == "Points":
                 yield Item(Sort.POSITIONS, name, node[()])

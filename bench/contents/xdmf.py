@@ -1,15 +1,16 @@
 """Contents of XDMF files: elements of the XML, and the numbers that they hold or refer to."""
 
 import math
-from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
-from xml.etree.ElementTree import Element, parse
+from typing import Any, cast
+from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
-from contents.items import Item, Sort, range_of
+from contents.items import Item, Sort, merged
+from contents.vtk import item_of
 
 EXTENSIONS = (".xdmf", ".xmf")
 CENTERS = ("node", "cell")
@@ -17,39 +18,45 @@ CENTERS = ("node", "cell")
 
 def walk(path: Path) -> Iterator[Item]:
     """Yield the geometry, attributes, times and other elements of all grids."""
-    root = parse(path).getroot()
+    root = fromstring(path.read_bytes().replace(b"<xi:include", b"<include"))  # often undeclared
     grids = [grid for grid in root.iter("Grid") if grid.find("Topology") is not None]
     includes = any(element.tag.endswith("include") for element in root.iter())
     temporal = [grid for grid in root.iter("Grid") if grid.get("CollectionType") == "Temporal"]
     animated = [grid for one in temporal for grid in one.iter("Grid")]
-    values: dict[tuple[Sort, str], list[Any]] = defaultdict(list)
     for grid in root.iter("Grid"):
         is_used = grid in animated or grid in temporal or (includes and grid is grids[0])
         if temporal and not is_used:
-            values[Sort.OTHER, grid.get("Name", "")].append(None)
-    for grid in animated or root.iter("Grid"):
-        for element in grid:
-            if element.tag == "Attribute":
-                is_data = element.get("Center", "Node").lower() in CENTERS
-                sort = Sort.DATA if is_data else Sort.OTHER
-                values[sort, element.get("Name", "")].append(numbers(path, root, element))
-            elif element.tag in ("Set", "Information"):
-                values[Sort.OTHER, element.get("Name", element.tag)].append(None)
-            elif element.tag == "Geometry":
-                values[Sort.POSITIONS, "geometry"].append(numbers(path, root, element))
-    for name in (element.get("Name", "") for element in root.iterfind("Domain/Information")):
-        values[Sort.OTHER, name].append(None)
-    for (sort, name), arrays in values.items():
-        is_known = sort is not Sort.OTHER and all(array is not None for array in arrays)
-        ranges = [range_of(array) for array in arrays] if is_known else None
-        if sort is Sort.POSITIONS and any(grid_type(grid) == "XY" for grid in grids) and ranges:
-            ranges.append((0.0, 0.0))
-        yield Item(sort, name, ranges, ("inside",))
+            yield Item(Sort.OTHER, grid.get("Name", ""))
+    yield from merged(
+        item for grid in animated or root.iter("Grid") for item in items_of_grid(path, root, grid)
+    )
+    for information in root.iterfind("Domain/Information"):
+        yield Item(Sort.OTHER, information.get("Name", ""))
     times = {float(time.get("Value", "nan")) for grid in animated or root.iter("Grid")
              for time in grid.findall("Time")} - {math.nan}  # fmt: skip
     known_times = sorted(time for time in times if math.isfinite(time))
     if known_times and (len(known_times) > 1 or known_times[0]):
         yield Item(Sort.TIMES, "times", known_times, ("frame rate",))
+
+
+def items_of_grid(path: Path, root: Element, grid: Element) -> Iterator[Item]:
+    """Yield the attributes, geometry and other elements of a grid."""
+    for element in grid:
+        name, values = element.get("Name", ""), cast(Any, None)
+        if element.tag in ("Attribute", "Geometry"):
+            values = numbers(path, root, element)
+        if element.tag == "Attribute" and element.get("Center", "Node").lower() not in CENTERS:
+            yield Item(Sort.OTHER, name)
+        elif element.tag == "Attribute" and values is None:
+            yield Item(Sort.DATA, name, words=("inside",))
+        elif element.tag == "Attribute":
+            width = values.shape[-1] if values.ndim > 1 else 1
+            yield item_of(name, values, width, ("inside",))
+        elif element.tag in ("Set", "Information"):
+            yield Item(Sort.OTHER, name or element.tag)
+        elif element.tag == "Geometry":
+            is_flat = values is not None and grid_type(grid) == "XY"
+            yield Item(Sort.POSITIONS, "geometry", np.append(values, 0) if is_flat else values)
 
 
 def grid_type(grid: Element) -> str:
@@ -69,7 +76,11 @@ def numbers(path: Path, root: Element, element: Element) -> Any:
         return None
     text = (item.text or "").strip()
     if item.get("Format", "XML") == "XML":
-        return np.array(text.split(), float)
+        shape = [int(size) for size in item.get("Dimensions", "-1").split()]
+        kind = item.get("NumberType", item.get("DataType", "")).lower()
+        is_byte = kind == "uchar" or (kind == "uint" and item.get("Precision") == "1")
+        with suppress(ValueError):
+            return np.array(text.split(), np.uint8 if is_byte else float).reshape(shape)
     if item.get("Format") != "HDF":
         return None
     import h5py

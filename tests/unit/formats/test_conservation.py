@@ -63,6 +63,14 @@ def test_value_is_silent_unless_it_is_kept_or_named(other, note, is_silent):
     assert balance([item], [other], [note]).silent == (("data Mesh:heat",) if is_silent else ())
 
 
+@pytest.mark.slow
+def test_full_runs_check_every_file_that_a_test_loads(tmp_path, monkeypatch):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nl 1 2\n")
+    monkeypatch.setattr(Item, "is_named_in", lambda *_: False)
+    with pytest.raises(AssertionError, match="other l"):
+        load(tmp_path / "a.obj")
+
+
 @pytest.mark.parametrize("make", SEQUENCES.values(), ids=SEQUENCES)
 @pytest.mark.parametrize("extension", WRITTEN)
 def test_contents_of_a_sequence_are_written_or_named(extension, make, tmp_path):

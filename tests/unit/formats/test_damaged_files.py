@@ -11,6 +11,8 @@ from samples.datasets import positions_of, read_damaged, surfaced_sequence
 from samples.meshes import waving_grid
 from samples.opening import open_source
 
+pytestmark = pytest.mark.damaged
+
 MIXED_FACES = "4 0 1 2 3\n3 3 1 2\n"
 SQUARE = "0 0 0\n1 0 0\n1 1 0\n0 1 0.5\n"
 TEXTS = {

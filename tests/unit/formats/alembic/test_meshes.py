@@ -319,6 +319,7 @@ def test_load_describes_the_damage_of_a_truncated_file(tmp_path, whole, keep):
         load(tmp_path / "a.abc", merge=True)
 
 
+@pytest.mark.damaged
 @pytest.mark.slow
 def test_load_raises_only_our_errors_for_changed_bytes(tmp_path, whole):
     (tmp_path / "a.abc").write_bytes(whole)

@@ -17,6 +17,8 @@ from samples.gltf import Gltf, glb, moving_triangle, rich_gltf
 from samples.json import DELETED, ODD, changed, places
 from samples.opening import open_source
 
+pytestmark = pytest.mark.damaged
+
 N_CHANGED = draws(500)
 
 

@@ -316,6 +316,7 @@ def test_unsupported_geometries_are_named(tmp_path, data, words):
         load(store(tmp_path, case("g"), g=data))
 
 
+@pytest.mark.damaged
 @pytest.mark.parametrize("form", FORMATS)
 def test_damaged_files_are_an_error_or_readable(tmp_path, form):
     solid = block(form, "nfaced", FACES, sizes=([6], [4] * 6))

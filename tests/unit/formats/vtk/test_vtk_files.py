@@ -588,6 +588,7 @@ FILES = {
 }
 
 
+@pytest.mark.damaged
 @pytest.mark.parametrize("name", FILES)
 def test_damaged_files_raise_only_meshreel_errors(tmp_path, name, capfd):
     path = write_mesh(*FILES[name](), tmp_path / name)

@@ -522,6 +522,7 @@ def test_load_reads_xdmf_of_vtk(tmp_path):
     np.testing.assert_array_equal(paint.values, COLORS)
 
 
+@pytest.mark.damaged
 def test_damaged_files_raise_only_meshreel_errors(tmp_path):
     path = write_hdf_steps(tmp_path, slab_of_step)
     read_damaged(path, 300, n_header=3000)
