@@ -81,8 +81,10 @@ def walk(path: Path) -> Iterator[Item]:
             if subset.GetIndicesAttr().ValueMightBeTimeVarying():
                 yield Item(Sort.VISIBILITY, str(prim_path))
         elif prim_path in carriers or parent in parts:
+            is_flat = prim.IsA(UsdGeom.Mesh) and _scheme(prim) == "none"  # without a cage
             for prop in _contents(prim):
-                if not STORAGE.match(prop.GetName()) and prop.GetPath() not in used:
+                is_structure = STORAGE.match(prop.GetName()) or prop.GetPath() in used
+                if not (is_structure or (is_flat and CAGE.match(prop.GetName()))):
                     words = ("subdivision",) if CAGE.match(prop.GetName()) else ()
                     yield Item(Sort.OTHER, prop.GetName().removeprefix("inputs:"), words=words)
         else:
@@ -91,6 +93,10 @@ def walk(path: Path) -> Iterator[Item]:
             for prop in _contents(prim):
                 if not LINKS.match(prop.GetName()):
                     yield Item(Sort.OTHER, str(prop.GetPath()), words=tuple(map(str, words)))
+
+
+def _scheme(prim: Usd.Prim) -> str:
+    return str(UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get())
 
 
 def _is_off(prim: Usd.Prim) -> bool:
@@ -122,7 +128,17 @@ def _visibility(prim: Usd.Prim) -> set[str]:
 def _samples(prim: Usd.Prim, *starts: str) -> list[Any]:
     """Return the time codes where properties of a prim, or above it, have samples."""
     attributes = [attr for attr in _attributes(prim) if attr.GetName().startswith(starts)]
+    resets = [attr.GetPrim() for attr in attributes if _resets(attr.GetPrim())]
+    above = resets[-1].GetPath().GetParentPath().GetPrefixes() if resets else []
+    attributes = [
+        attr for attr in attributes
+        if not (attr.GetName().startswith("xformOp") and attr.GetPrim().GetPath() in above)
+    ]  # fmt: skip
     return sorted({code for attr in attributes for code in attr.GetTimeSamples()}) or [START]
+
+
+def _resets(prim: Usd.Prim) -> bool:
+    return bool(UsdGeom.Xformable(prim)) and UsdGeom.Xformable(prim).GetResetXformStack()
 
 
 def _attributes(prim: Usd.Prim) -> list[Usd.Attribute]:
@@ -201,11 +217,11 @@ def _mesh(prim: Usd.Prim, *, is_alone: bool) -> Iterator[Item]:
         names = [f"{_label(look)}.double_sided" for look in _materials(prim) if _surface(look)]
         yield Item(Sort.MATERIAL if names else Sort.OTHER, [*names, "doubleSided"][0])
     if mesh.GetNormalsAttr().HasAuthoredValue():
-        yield Item(Sort.EDGES, "normals")
+        yield from _normals(mesh.GetNormalsAttr())
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name, kind = primvar.GetPrimvarName(), str(primvar.GetTypeName())
         if name == "normals":
-            yield Item(Sort.EDGES, name)
+            yield from _normals(primvar.GetAttr())
         elif not name.startswith("skel:"):
             is_color, is_uv = kind.startswith("color") or name == "displayOpacity", UVS.match(kind)
             sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
@@ -216,6 +232,12 @@ def _mesh(prim: Usd.Prim, *, is_alone: bool) -> Iterator[Item]:
     for attr in (mesh.GetVelocitiesAttr(), mesh.GetAccelerationsAttr()):
         if attr.HasAuthoredValue():
             yield from _values(attr, attr.GetName(), Sort.DATA)
+
+
+def _normals(attr: Usd.Attribute) -> Iterator[Item]:
+    """Yield normals: hard edges follow from them unless they change and are not computed."""
+    is_track = attr.ValueMightBeTimeVarying() and not attr.GetCustomDataByKey("meshreel:computed")
+    yield from _values(attr, "normals", Sort.DATA if is_track else Sort.EDGES)
 
 
 def _values(attr: Usd.Attribute, name: str, sort: Sort, values: Any = None) -> Iterator[Item]:
