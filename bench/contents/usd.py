@@ -263,8 +263,12 @@ def _look(material: UsdShade.Material, used: set[Sdf.Path]) -> Iterator[Item]:
         default = getattr(DEFAULTS, field, None)
         is_number = not any(attr.GetName().startswith("outputs:") for attr in sources)
         if values and is_number and field in ("metallic", "roughness", "emissive"):
-            is_default = np.array_equal(np.float32(values[-1]), np.float32(default))
-            yield from [] if is_default else [Item(Sort.MATERIAL, f"{label}.{field}", values[-1])]
+            value = values[-1] if np.asarray(values[-1]).dtype.kind in "fiu" else None
+            is_default = value is not None and np.array_equal(
+                np.float32(value), np.float32(default)
+            )
+            item = Item(Sort.MATERIAL, f"{label}.{field}", value, (f"{name} must be",))
+            yield from [] if is_default else [item]
 
 
 def _trace(attr: Usd.Attribute, used: set[Sdf.Path]) -> Iterator[Usd.Attribute]:
