@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from meshreel.arrays import Integers, Values
-from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import require_same_triangles
@@ -78,18 +78,17 @@ def _require_same_counts(source: FrameSource, reel: ReelFile) -> None:
 
 
 def _original_items(source: FrameSource, reel: ReelFile) -> Mapping[Domain, Integers]:
-    """The original vertex and face of each decoded one; empty if the order is the same."""
+    """The original number of each decoded item; empty if the order is the same."""
     if reel.order != "drop":
         require_same_triangles(source.faces, reel.faces, reel.n_verts)
         return {}
-    connectivity = encode_connectivity(source.faces, source.n_verts, order="drop")
-    vertices = connectivity.internal_to_given
-    decoded_vertices = np.argsort(vertices).astype(np.int32)
+    numbers = internal_numbers(source)
     try:
-        require_same_triangles(decoded_vertices[source.faces], reel.faces, reel.n_verts)
+        faces = numbers[Domain.VERTEX].astype(np.int32)[source.faces]
+        require_same_triangles(faces, reel.faces, reel.n_verts)
     except InvalidInputError:
         raise InvalidInputError(
             "the original has other faces than the file, or lists them in another order; the file "
             "does not store the vertex order, so give exactly the input that was encoded"
         ) from None
-    return {Domain.VERTEX: vertices, Domain.FACE: connectivity.given_faces(source.faces)}
+    return {domain: np.argsort(items) for domain, items in numbers.items()}

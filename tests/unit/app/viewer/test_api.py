@@ -6,6 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
+from conformance.sources import boxes, of_type, shuffled_cells, waving
 from meshreel.app.viewer import playable
 from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import PAGE_HEATS, Comparison, Measuring
@@ -190,6 +191,21 @@ def test_tracks_of_the_original_have_the_decoded_vertex_order_when_the_order_is_
         errors = np.abs(original - api.reel.track("height")[3].ravel())
         bound = api.reel.track("height").error_bound
     assert 0 < errors.max() <= bound
+
+
+def test_original_of_cells_has_their_decoded_order_when_the_order_is_dropped(opened):
+    points, hexahedra = shuffled_cells(*boxes(4, 3, 3))
+    vertices = waving(points)
+    stress = Track(vertices[:, hexahedra].mean(axis=2)[..., 0], "cell")
+    given = MeshSequence(vertices, cells=of_type(12, hexahedra), tracks={"stress": stress})
+    reel = opened(encode(given, order="drop", max_error="0.1%"))
+    original = Original(given, reel)
+    for number in range(given.n_frames):
+        decoded = reel[number].vertices
+        assert np.abs(original.frame(number) - decoded).max() <= 0.001 * reel.frame.scale
+        [values] = reel.tracks["stress"].read(number, number + 1)
+        errors = np.abs(original.values("stress", number) - values)
+        assert errors.max() <= reel.tracks["stress"].error_bound
 
 
 def test_tracks_are_not_compared_when_their_kinds_differ():
