@@ -3,6 +3,9 @@
 Independent readers in `bench/contents` list what files hold.
 """
 
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
 from conformance.sources import boxes, of_type, waving
@@ -15,6 +18,7 @@ from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.model.notes import Note, NoteKind
+from meshreel.model.surface import Surface
 from samples.materials import dressed, dressed_sheets
 from samples.meshes import cake, hard_sheet
 from samples.tracks import tracked_sheet
@@ -33,12 +37,24 @@ def volume():
     return MeshSequence(vertices, cells=cells, times=times, tracks={"heat": heat, "stress": stress})
 
 
+def disk():
+    """Return polygons of 3, 255 and 256 corners."""
+    angles = np.linspace(0, 2 * np.pi, 256, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    vertices = np.concatenate([ring, ring + np.eye(3)[2]])[None] * [[[1]], [[2]]]
+    rings = [range(256), range(511, 256, -1), (0, 256, 1)]
+    faces = [(ring[0], *side) for ring in rings for side in pairwise(ring[1:])]
+    sizes = np.array([len(ring) for ring in rings], np.int32)
+    return MeshSequence(vertices, np.array(faces), fps=25, surface=Surface(sizes))
+
+
 SEQUENCES = {
     "surface": lambda: dressed(hard_sheet()),
     "parts": dressed_sheets,
     "tracks": tracked_sheet,
     "edges": cake,
     "cells": volume,
+    "polygons": disk,
 }
 
 

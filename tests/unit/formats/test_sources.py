@@ -35,6 +35,12 @@ def test_pattern_means_its_matches(tmp_path):
     assert (names(result), result.name) == (["f_2.obj", "f_10.obj"], tmp_path.name)
 
 
+@pytest.mark.parametrize(("field", "found"), [("%04d", "f_0002.obj"), ("%d", "f_2.obj")])
+def test_numbered_pattern_means_numbers_of_its_width(tmp_path, field, found):
+    touch(tmp_path, "f_2.obj", "f_02.obj", "f_0002.obj", "g_2.obj", "f_x.obj")
+    assert names(find_files(f"{tmp_path}/f_{field}.obj")) == [found]
+
+
 def test_existing_file_takes_precedence_over_a_pattern(tmp_path):
     touch(tmp_path, "a[1].obj", "a1.obj")
     result = find_files(str(tmp_path / "a[1].obj"))

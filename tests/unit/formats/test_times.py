@@ -5,8 +5,11 @@ import re
 import numpy as np
 import pytest
 
+from meshreel.errors import FormatError
 from meshreel.formats.load import load
+from meshreel.formats.options import ReadOptions
 from meshreel.formats.save import save
+from meshreel.formats.scenes.timing import ascending_times
 from samples.meshes import quad_sheet, waving_grid
 
 TIMES = [0, 0.005, 0.01, 0.015, 0.0175]
@@ -61,6 +64,16 @@ def test_times_that_do_not_fit_the_frames_are_refused(tmp_path):
     np.savez(tmp_path / "a.npz", vertices=grid.vertices, faces=grid.faces, times=[0.0, 1.0])
     with pytest.raises(ValueError, match=r"times must have shape \(3,\)"):
         load(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("times", [[0, 2, 1], [0, 1, 1]])
+def test_times_that_do_not_ascend_need_a_rate(times, notes):
+    times_s = np.array(times, float)
+    with pytest.raises(FormatError, match=f"step 1 at time {times[1]} and step 2 at 1; .* fps"):
+        ascending_times(times_s, "step", ReadOptions())
+    options = ReadOptions(fps=10, notes=notes)
+    np.testing.assert_allclose(ascending_times(times_s, "step", options), [0, 0.1, 0.2])
+    assert notes == ["frame times are not ascending; read in file order at 10 frames per second"]
 
 
 def test_times_cross_changes_of_faces(tmp_path):

@@ -19,10 +19,9 @@ def test_links_are_edges_of_nodes_or_pairs_of_cells_that_share_a_side(of_cells, 
     assert links.tolist() == [[low, high, high] for low, high in sorted(pairs)]
 
 
-@pytest.mark.parametrize("node", [-1, 7])
-def test_nodes_beyond_the_vertices_are_refused(node):
+@pytest.mark.parametrize("last", [[-1], [7], [], [6, 6]])
+def test_nodes_that_are_no_vertices_or_of_no_cell_are_refused(last):
     types, nodes = np.full(3, 10, np.uint8), np.array(TETRAHEDRA, np.int32).ravel()
     assert len(cell_surface(types, nodes, 7).sizes) == 10
-    nodes[-1] = node
     with pytest.raises(InvalidInputError):
-        cell_surface(types, nodes, 7)
+        cell_surface(types, np.append(nodes[:-1], np.int32(last)), 7)

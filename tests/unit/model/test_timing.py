@@ -67,6 +67,7 @@ def test_uneven_times_are_kept_and_even_ones_become_a_rate():
         (np.cumsum(np.full(1000, 0.1)), 10),
         (10 + 0.1 * np.arange(200), 10),
         ([0, 1, 2.0009, 3], None),
+        ([float(f"{i / 1500:.4f}") for i in range(50)], None),  # rounded to a seventh of 1/1500
         (0.04 * np.arange(500) + np.where(np.arange(500) == 77, 1e-9, 0), None),
         (1e-6 * np.cumsum(1 + 1e-4 * np.sin(np.arange(50))), None),
     ],
@@ -101,26 +102,37 @@ def test_times_and_a_rate_exclude_each_other():
         MeshSequence(grid.vertices, grid.faces, fps=25, times=UNEVEN)
     with pytest.raises(InvalidInputError, match="either times, or fps and start_s"):
         sheet(times=UNEVEN, fps=25)
-    timed = sheet(times=UNEVEN)
-    assert timed.replace(fps=10).times.tolist() == [0, 0.1, 0.2, 0.3, 0.4]
-    assert timed.replace(start_s=1).times.tolist() == [1 + time for time in UNEVEN]
+    assert sheet(times=UNEVEN).replace(fps=10).times.tolist() == [0, 0.1, 0.2, 0.3, 0.4]
 
 
-def test_parts_and_concatenations_keep_times():
+@pytest.mark.parametrize("seed", range(8))
+def test_times_of_parts_shifts_and_concatenations_are_those_of_a_list(seed):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.random(7)) - 1
+    timed = sheet(7, times=times)
+    for _ in range(8):
+        change, number = rng.integers(3), int(rng.integers(2))
+        if change == 0 and len(times) > 4:
+            times, timed = times[number : 4 + number], timed[number : 4 + number]
+        elif change == 1:
+            times, timed = times - times[0] + number, timed.replace(start_s=number)
+        else:
+            later = times[-1] + np.cumsum(rng.random(3))
+            times, timed = np.append(times, later), timed + sheet(3, times=later)
+        np.testing.assert_allclose(timed.times, times, rtol=0, atol=1e-12)
+        for time in (*timed.times, *(times + 1e-9), times[0] - 1):
+            assert timed.frame_at(time) == max(0, np.searchsorted(timed.times, time, "right") - 1)
+
+
+def test_times_that_do_not_continue_are_refused():
     timed = sheet(times=UNEVEN)
-    assert timed[1:4].times.tolist() == UNEVEN[1:4]
-    assert timed[4:].times.tolist() == UNEVEN[4:]
-    assert (timed[:2] + timed[2:]).times.tolist() == UNEVEN
     with pytest.raises(InvalidInputError, match="must ascend"):
         timed + timed
     with pytest.raises(InvalidInputError, match="some frames have times and others no frame rate"):
         timed + sheet(fps=0)
 
 
-def test_the_frame_at_a_time_is_the_last_one_due():
-    timing = Timing.of_times(UNEVEN)
-    times = [-1, 0, 0.0049, 0.005, 0.016, 0.0175, 9]
-    assert [timing.frame_at(time, 5) for time in times] == [0, 0, 0, 1, 3, 4, 4]
+def test_the_frame_at_a_time_is_the_last_one_due_at_a_rate():
     assert [Timing(10, 1.0).frame_at(time, 5) for time in (0, 1.0, 1.1, 1.39, 9)] == [0, 0, 1, 3, 4]
 
 

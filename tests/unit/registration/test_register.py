@@ -10,10 +10,13 @@ from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, S
 from meshreel.codec.error_bounds import ErrorBound
 from meshreel.codec.options import config_of
 from meshreel.model.notes import Notes
+from meshreel.registration.cleaning import clean
 from meshreel.registration.register import register
+from meshreel.registration.transfer import RawFrame, transferred_tracks
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 from samples.captures import as_frames, bent, capsule, capture, unbent
+from samples.shapes import square
 
 TOLERANCE = ErrorBound(0.5)
 N_FRAMES, LAST_ANGLE = 4, 0.3
@@ -228,6 +231,26 @@ def with_values(segment):
     return MeshSequence(
         segment.vertices, segment.faces, segment.fps, surface=surface, tracks=tracks
     )
+
+
+def test_values_at_points_are_interpolated_or_those_of_the_nearest_corner():
+    vertices, faces = square(n=2)
+    x, y, _ = vertices.T
+    normals = np.stack([1 + x, 2 * y, 1 - x], axis=1)
+    values = {"heat": 1 + x + 2 * y, "byte": np.uint8(100 * x), "label": np.arange(4, dtype="i4")}
+    tracks = {name: Track(one[None]) for name, one in values.items()}
+    tracks["up"] = Track(normals[None], kind="normal")
+    frame = MeshSequence(np.float32(vertices)[None], faces, tracks=tracks)
+    raw = RawFrame(frame, clean(frame[0]), TriangleMesh(vertices, faces))
+    points = np.random.default_rng(0).random((50, 3)) * [0.3, 0.3, 0] + [0.7, 0, 0]
+    found = transferred_tracks([raw], [points])
+    x, y, _ = points.T
+    np.testing.assert_allclose(found["heat"].values[0, :, 0], 1 + x + 2 * y)
+    np.testing.assert_array_equal(found["byte"].values[0, :, 0], np.rint(100 * x))
+    assert (found["label"].values == 2).all()
+    up = np.stack([1 + x, 2 * y, 1 - x], axis=1)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    np.testing.assert_allclose(found["up"].values[0], up)
 
 
 @pytest.mark.slow

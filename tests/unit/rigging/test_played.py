@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.formats.gltf.read import ERROR_BOUND
 from meshreel.model.surface import Part, Surface
 from samples.glb import Glb, largest_error_percent, nearest_trajectories
 from samples.rigs import bending_tube, boxes, turn
@@ -46,6 +47,18 @@ def kg_error_percent(sequence, positions):
     return 100 * np.linalg.norm(positions - vertices) / np.linalg.norm(deviations)
 
 
+def mean_normal_angle_deg(sequence, positions):
+    """Return the mean angle between normals of faces, by its definition."""
+    normals = []
+    for vertices in (sequence.vertices.astype(np.float64), positions):
+        corners = vertices[:, sequence.faces]
+        sides = np.diff(corners, axis=2)
+        normals.append(np.cross(sides[:, :, 0], sides[:, :, 1]))
+    lengths = np.linalg.norm(normals, axis=-1).prod(axis=0)
+    cosines = np.einsum("tmc,tmc->tm", *normals) / lengths
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).mean()
+
+
 CASES = {
     "KG error": (TUBE, {"kg": 0.03, "max_error": 50}),
     "largest error": (TUBE, {"kg": 5, "max_error": 0.05}),
@@ -69,5 +82,8 @@ def test_played_rig_meets_its_bounds(tmp_path, name, compression):
     kg, largest = kg_error_percent(sequence, found), largest_error_percent(sequence, found)
     assert kg <= options["kg"]
     assert largest <= options["max_error"]
-    text = f"KG error {kg:.3g} %, largest error {largest:.3g} % of the diagonal"
-    assert any(text in note for note in notes)
+    angle = mean_normal_angle_deg(sequence, found)
+    text = f"KG error {kg:.3g} %, largest error {largest:.3g} % of the diagonal, mean error of "
+    assert any(f"{text}face normals {angle:.2g} degrees" in note for note in notes)
+    stated = Glb.read(path.read_bytes()).document["asset"]["extras"][ERROR_BOUND]
+    assert np.linalg.norm(found - sequence.vertices, axis=2).max() <= stated

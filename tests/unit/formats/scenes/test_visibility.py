@@ -57,10 +57,13 @@ WRITERS = [
 ]
 
 
+@pytest.mark.parametrize("n_empty", [0, 2])
 @pytest.mark.parametrize(("write", "place"), WRITERS)
-def test_meshes_shown_in_turn_are_frames_of_one_mesh(write, place, tmp_path):
-    path = write(tmp_path, TURNS, place)
-    loaded = meshreel.load(path)
+def test_meshes_shown_in_turn_are_frames_of_one_mesh(write, place, n_empty, tmp_path, notes):
+    path = write(tmp_path, [[0] * n_empty + row for row in TURNS], place)
+    loaded = meshreel.load(path, notes=notes)
+    np.testing.assert_allclose(loaded.times, (n_empty + np.arange(3)) / 24, atol=1e-12)
+    assert ("left out: 2 frames without a mesh" in notes) == (n_empty == 2)
     assert (loaded.n_segments, loaded.fps, loaded.name) == (1, 24.0, "m_0")
     expected = [SQUARE + np.float32([0, 0, z]) for z in range(3)]
     np.testing.assert_array_equal(loaded.vertices, expected)

@@ -1,6 +1,7 @@
 """Files and folders of stores: listed, read and written."""
 
 import sys
+from io import BytesIO
 
 import fsspec
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import meshreel
 from meshreel.errors import InvalidInputError, StoreError
 from meshreel.runtime.stores.filesystem import files_below, files_in, matches
+from meshreel.runtime.stores.transfer import read_whole
 from samples.captures import capture
 from samples.commands import assert_fails, run, run_json
 from samples.materials import dressed_sheet
@@ -48,6 +50,17 @@ def test_sequence_is_downloaded_from_a_store(memory, walk, monkeypatch, tmp_path
     assert np.array_equal(loaded.vertices, walk.vertices)
     assert any("downloaded memory://bucket/walk.npz" in note for note in notes)
     assert left_files() == []
+
+
+@pytest.mark.parametrize(("size", "message"), [(9, "cut short: 5 of 9"), (4, "more than 4 B")])
+def test_files_of_another_size_than_announced_are_refused(memory, monkeypatch, size, message):
+    class File(BytesIO):
+        pass
+
+    File.size = size
+    monkeypatch.setattr(type(memory), "open", lambda *_, **__: File(b"12345"))
+    with pytest.raises(StoreError, match=message):
+        read_whole("memory://a", 100)
 
 
 def test_encode_and_compare_accept_addresses(memory, walk):
