@@ -464,10 +464,7 @@ ERRORS = {
     'src="/missing.reel"': ("SourceError", "HTTP 404"),
     'src="/page.css"': ("CorruptStreamError", ""),
     'src="/flag.reel" speed="fast"': ("InvalidInputError", 'got speed="fast"'),
-    'src="/flag.reel" background="no color"': (
-        "InvalidInputError",
-        "must be a CSS color",
-    ),
+    'src="/flag.reel" background="no color"': ("InvalidInputError", "must be a CSS color"),
     'src="/flag.reel" texture="/walk.webm"': ("InvalidInputError", "no UVs"),
     'src="/stress.reel" track="strain"': (
         "InvalidInputError",

@@ -150,10 +150,7 @@ def test_error_names_a_folder_that_cannot_be_written(folder, arguments):
             ["$F3 is not a number field", "use f.%03d.ply"],
         ),
         (["convert", "walk.npz", "-o", "<frame>.ply"], ["<frame> is not", "use %04d.ply"]),
-        (
-            ["encode", "walk.npz", "--tolerance", "1"],
-            ["Did you mean '--max-error'?"],
-        ),
+        (["encode", "walk.npz", "--tolerance", "1"], ["Did you mean '--max-error'?"]),
         (["register", "frames", "--eb=1"], ["Did you mean '--max-error'?"]),
         (["encode", "walk.npz", "--register"], ["(meshreel encode --help lists the options)"]),
         (["encode", "walk.npz", "--quality", "150"], ["must be 1..100; got 150\n"]),

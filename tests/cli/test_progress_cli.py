@@ -63,9 +63,7 @@ def lines_of(tmp_path, monkeypatch, capsys):
     [
         ("encode walk.npz -o a.reel --kg 0.5", ["encoding, try"]),
         pytest.param(
-            PAPER,
-            ["drawing", r"modes, \d+ bits, \w+.*: \d+ of \d+ runs"],
-            marks=pytest.mark.slow,
+            PAPER, ["drawing", r"modes, \d+ bits, \w+.*: \d+ of \d+ runs"], marks=pytest.mark.slow
         ),
         pytest.param(EVALUATE, [r"reel .*: \d+ of \d+ runs", ": drawing"], marks=pytest.mark.slow),
         (

@@ -69,10 +69,7 @@ def test_render_prints_a_table_by_default(flag, tmp_path):
         (["-o", "a.jpg"], [".png, .mp4, .gif", "got .jpg"]),
         (["-o", "a"], ["got no extension"]),
         (["-o", "a.png", "--heatmap", "angle"], ["--original"]),
-        (
-            ["-o", "a.png", "--original", "flag.npz", "--heatmap", "heat"],
-            ["'distance', 'angle'"],
-        ),
+        (["-o", "a.png", "--original", "flag.npz", "--heatmap", "heat"], ["'distance', 'angle'"]),
         (
             ["-o", "a.png", "--original", "grid.npz", "--heatmap", "sted"],
             ["vertex counts differ", "distance compares any surfaces"],
@@ -153,10 +150,7 @@ def test_render_shows_the_error_of_a_track_with_an_original(warm, tmp_path):
         (["--colormap", "diverging"], "--colormap applies to a track; name it with"),
         (["--track", "height", "--colormap", "jet"], "is sequential or diverging; got 'jet'"),
         (["--track", "height", "--range", "1:0"], "a range is LOW:HIGH, low first"),
-        (
-            ["--track", "speed", "--component", "w"],
-            "--component is 0 to 2, x, y, z, magnitude",
-        ),
+        (["--track", "speed", "--component", "w"], "--component is 0 to 2, x, y, z, magnitude"),
         (["--track", "height", "--heatmap", "track"], "give that with --original"),
         (["--original", "warm.npz", "--heatmap", "track"], "shows the error of a track; name it"),
     ],

@@ -91,11 +91,7 @@ def default_checksum(tmp_path_factory):
 # tests/browser decodes all streams with narrow vectors by clang, as WebAssembly.
 @pytest.mark.parametrize(
     ("compiler", "flags"),
-    [
-        ("gcc", ["-O0", "-DREEL_NARROW"]),
-        ("clang", ["-O0"]),
-        ("clang", ["-O3"]),
-    ],
+    [("gcc", ["-O0", "-DREEL_NARROW"]), ("clang", ["-O0"]), ("clang", ["-O3"])],
 )
 def test_other_builds_decode_the_same_bits(compiler, flags, tmp_path, default_checksum):
     library = built(tmp_path, compiler, *flags)

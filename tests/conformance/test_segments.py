@@ -101,12 +101,7 @@ EDITS = {
         "new": [0, 2, 2],
         "corners": [0, 7, -1, 0, -6, 1, 0, 1, 5, 0, -7, 1],
     },
-    "all faces anew": {
-        "kept": [0],
-        "dropped": [12],
-        "new": [12],
-        "corners": [7, -7, 1, *33 * [0]],
-    },
+    "all faces anew": {"kept": [0], "dropped": [12], "new": [12], "corners": [7, -7, 1, *33 * [0]]},
     "as many steps as allowed": {
         **{name: 16 * [0] for name in VERTEX_ROWS},
         **{name: 24 * [0] for name in FACE_ROWS},

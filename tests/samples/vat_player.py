@@ -122,7 +122,4 @@ def mirrored(vectors):
     return vectors * np.array([-1, 1, 1], F)
 
 
-PLAYERS: dict[str, Any] = {
-    "openvat": OpenVatPlayer,
-    "openvat-unity": OpenVatUnityPlayer,
-}
+PLAYERS: dict[str, Any] = {"openvat": OpenVatPlayer, "openvat-unity": OpenVatUnityPlayer}

@@ -9,22 +9,13 @@ from meshreel.codec.options import config_of
 from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
 
-TARGETS = {
-    "quality": 80,
-    "step": 0.001,
-    "max_error": 0.1,
-    "kg": 0.5,
-    "size": 900,
-}
+TARGETS = {"quality": 80, "step": 0.001, "max_error": 0.1, "kg": 0.5, "size": 900}
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            {"method": "zip"},
-            "method 'zip' is unknown; choose pca-qp, pca, pca-q, v2v, pca-qs,",
-        ),
+        ({"method": "zip"}, "method 'zip' is unknown; choose pca-qp, pca, pca-q, v2v, pca-qs,"),
         ({"method": "pca-qp", "n_modes": 5, "energy": 0.9}, "exclude each other"),
         ({"n_modes": 0}, "n_modes must be a whole number of at least 1; got 0"),
         ({"n_modes": 2.5}, "n_modes must be a whole number"),

@@ -190,10 +190,7 @@ def test_name_start_and_rate_are_those_of_the_sequence():
 
 def test_ranges_of_frames_are_decoded_across_segments(sequence):
     data = meshreel.encode(sequence)
-    whole, part = (
-        meshreel.decode(data),
-        meshreel.decode(data, frames=slice(10, 14)),
-    )
+    whole, part = (meshreel.decode(data), meshreel.decode(data, frames=slice(10, 14)))
     assert part.starts == (0, 2, 4)
     for number in range(4):
         np.testing.assert_array_equal(part[number].vertices, whole[10 + number].vertices)

@@ -59,10 +59,7 @@ def test_frames_in_any_order_equal_decode(reel, method):
         assert_nearly_equal(reel[number].vertices, WHOLE[method].vertices[number])
 
 
-@pytest.mark.parametrize(
-    "part",
-    [slice(3, 14), slice(None), slice(20, None)],
-)
+@pytest.mark.parametrize("part", [slice(3, 14), slice(None), slice(20, None)])
 def test_ranges_across_blocks_equal_decode(reel, method, part):
     assert_nearly_equal(reel[part].vertices, WHOLE[method].vertices[part])
     assert reel[part].vertices.dtype == WHOLE[method].vertices.dtype

@@ -28,10 +28,7 @@ SEQUENCES = {
     ),
 }
 
-ERRORS = {
-    "kg": [0.01, 0.3, 5.0, 90.0],
-    "max_error": [0.002, 0.05, 1.0, 20.0],
-}
+ERRORS = {"kg": [0.01, 0.3, 5.0, 90.0], "max_error": [0.002, 0.05, 1.0, 20.0]}
 SHARES = [0.5, 1.0, 1.7]
 """Shares of the size of a stream of the default quality."""
 

@@ -81,8 +81,7 @@ def loaded_modules(path):
 @pytest.mark.parametrize(
     ("extension", "own"),
     slow_but(
-        [(".pc2", {"meshes"})],
-        [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"meshes"})],
+        [(".pc2", {"meshes"})], [(".npz", {"arrays"}), (".stl", {"meshes"}), (".pc2", {"meshes"})]
     ),
 )
 def test_load_imports_only_what_a_format_needs(tmp_path, extension, own):

@@ -145,12 +145,7 @@ def test_lossless_option_writes_a_lossless_stream(tmp_path, notes):
     assert path.read_bytes() == meshreel.encode(waving_grid(), lossless=True)
     assert notes == ["encoded losslessly"]
     with pytest.raises(InvalidInputError, match="max_error has no effect with lossless"):
-        save(
-            waving_grid(),
-            path,
-            overwrite=True,
-            options=WriteOptions(lossless=True, max_error=1),
-        )
+        save(waving_grid(), path, overwrite=True, options=WriteOptions(lossless=True, max_error=1))
 
 
 @pytest.mark.parametrize("name", ["a.npz", "a.h5", "f_%d.ply"])

@@ -99,11 +99,7 @@ def test_error_names_a_missing_file_of_a_list(tmp_path):
         (["a.txt"], "a.txt", r"unknown file extension \.txt; known are \.obj, \.ply, .*\.npz"),
         (["a.txt"], "*.txt", r"unknown file extension \.txt"),
         (["a.fbx"], "a.fbx", r"\.fbx files are neither read nor written; .* as Alembic \(\.abc"),
-        (
-            ["a.Blend"],
-            "*.Blend",
-            r"\.blend files .* exchange animations with Blender as",
-        ),
+        (["a.Blend"], "*.Blend", r"\.blend files .* exchange animations with Blender as"),
         (["README"], "README", r"unknown file extension \(none\)"),
         (["a.obj", "b.obj", "a.ply"], ".", r"\(2 \.obj and 1 \.ply\); choose one with a pattern"),
         (["a.obj", "a.ply"], "*", r"\(1 \.obj and 1 \.ply\)"),

@@ -187,11 +187,7 @@ STORED = {
 
 @pytest.mark.parametrize(
     ("name", "passes", "fields"),
-    [
-        ("passes", line_passes(8), SMALL),
-        ("alone", None, SMALL),
-        ("long", line_passes(8), LONG),
-    ],
+    [("passes", line_passes(8), SMALL), ("alone", None, SMALL), ("long", line_passes(8), LONG)],
 )
 def test_bytes_equal_the_stored_ones(name, passes, fields):
     """The decoded values depend on every rule of the contexts."""

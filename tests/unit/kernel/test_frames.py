@@ -8,11 +8,7 @@ from hypothesis import given
 from conformance.timeline import basis_vectors as plain_basis_vectors
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.basis import BasisCoding, basis_vectors
-from meshreel.kernel.frames import (
-    FrameCorrections,
-    JointFrames,
-    coordinate_rows,
-)
+from meshreel.kernel.frames import FrameCorrections, JointFrames, coordinate_rows
 
 PLACEMENT = (3.7, 0.1, -2.0, 5e3)
 

@@ -11,9 +11,7 @@ INTEGERS = st.one_of(
 )
 
 
-@given(
-    st.lists(st.tuples(st.lists(INTEGERS, max_size=40), st.integers(0, 3)), max_size=6),
-)
+@given(st.lists(st.tuples(st.lists(INTEGERS, max_size=40), st.integers(0, 3)), max_size=6))
 def test_rows_round_trip(rows_and_tables):
     rows = [np.array(row, np.int64) for row, _ in rows_and_tables]
     tables = [table for _, table in rows_and_tables]

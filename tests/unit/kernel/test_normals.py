@@ -68,10 +68,7 @@ def test_rotations_reach_the_target_normals():
 def test_error_of_normals_is_at_most_that_of_rotations():
     normals, targets = unit(1000), unit(1000)
     reachable = np.einsum("ij,ij->i", normals, targets) > -0.99
-    normals, turns = (
-        normals[reachable],
-        find_rotations(normals[reachable], targets[reachable]),
-    )
+    normals, turns = (normals[reachable], find_rotations(normals[reachable], targets[reachable]))
     error = 0.01 * RNG.normal(size=turns.shape)
     exact, moved = turned(normals, turns), turned(normals, turns + error)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(exact - moved, axis=1) / 2, 0, 1))

@@ -116,10 +116,7 @@ def test_figures_of_samples_equal_those_of_brute_force():
 
 @pytest.mark.parametrize(
     ("decoded", "n_lines", "d1", "d2"),
-    [
-        (torus(19, 37), 256, 61.9986, 63.6256),
-        (torus(30, 40, bend=0.01), 256, 58.8898, 60.2460),
-    ],
+    [(torus(19, 37), 256, 61.9986, 63.6256), (torus(30, 40, bend=0.01), 256, 58.8898, 60.2460)],
 )
 def test_d1_and_d2_equal_those_of_the_mpeg_software(monkeypatch, decoded, n_lines, d1, d2):
     """Points by mpeg-pcc-mmetric 1.1.7 (grid, `useNormal`), PSNR by mpeg-pcc-dmetric 0.14.2.

@@ -28,10 +28,7 @@ def test_validated_drops_face_sizes_when_all_are_triangles():
         (Surface(attributes=(replace(UV, values=UV.values[:5]),)), "5 values; vertex needs 99"),
         (Surface(attributes=(replace(UV, values=UV.values[:, 0]),)), "shape (N, 1..16)"),
         (Surface(attributes=(replace(UV, values=UV.values.astype(np.int64)),)), "int64"),
-        (
-            Surface(attributes=(replace(UV, indices=np.full(99, 99)),)),
-            "indices outside 0..98",
-        ),
+        (Surface(attributes=(replace(UV, indices=np.full(99, 99)),)), "indices outside 0..98"),
         (Surface(attributes=(replace(UV, indices=np.zeros(5, int)),)), "5 indices"),
         (Surface(groups=(FaceGroups("m", ("a",), np.zeros(3, int)),)), "3 numbers"),
         (Surface(groups=(FaceGroups("m", ("a",), np.ones(160, int)),)), "outside -1..0"),

@@ -37,9 +37,7 @@ def test_package_has_scripts_and_types_when_built(built):
 
 
 @pytest.mark.parametrize(
-    "check",
-    [("publint", "--strict"), ("attw", "--profile", "esm-only")],
-    ids=["publint", "attw"],
+    "check", [("publint", "--strict"), ("attw", "--profile", "esm-only")], ids=["publint", "attw"]
 )
 def test_published_package_resolves_when_bundlers_and_node_import_it(tarball, check):
     tool, *options = check

@@ -31,10 +31,7 @@ def test_d1_and_d2_are_those_of_compare(registered, monkeypatch):
     monkeypatch.setattr(report_of, "MIN_POINT_FRAMES", 3)
     decoded = with_noise(registered)
     report = Report.measured(registered, decoded)
-    given = {
-        report.registered_points: registered.sequence,
-        report.decoded_points: decoded,
-    }
+    given = {report.registered_points: registered.sequence, report.decoded_points: decoded}
     for points, sequence in given.items():
         expected = compare_surfaces(registered.raw, sequence, n_samples=100)
         assert points.frames == (0, 1, 2)

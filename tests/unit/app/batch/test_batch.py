@@ -407,10 +407,7 @@ class TightExecutor(InlineExecutor):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "shares"),
-    [
-        (MemoryError(), [1 / 4, 1 / 16]),
-        (WorkerDiedError("died during this call"), [1 / 16]),
-    ],
+    [(MemoryError(), [1 / 4, 1 / 16]), (WorkerDiedError("died during this call"), [1 / 16])],
 )
 def test_input_is_retried_in_smaller_blocks_without_memory(inputs, out, error, shares):
     meshreel.save(waving_grid(40), inputs / "walk.npz", overwrite=True)

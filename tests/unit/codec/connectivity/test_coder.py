@@ -10,11 +10,7 @@ from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.errors import CorruptStreamError, InvalidInputError, MeshReelError
 from meshreel.kernel.connectivity import encode_faces
 from meshreel.kernel.order import opposite_sides
-from meshreel.model.geometry.triangles import (
-    lowest_rotation,
-    rotate_corners,
-    sorted_order,
-)
+from meshreel.model.geometry.triangles import lowest_rotation, rotate_corners, sorted_order
 from samples.coded_meshes import decode_connectivity, decode_order, sorted_triangles
 
 

@@ -198,10 +198,7 @@ def test_blocks_are_short_enough_for_random_access():
         ({"step": 1e-5}, "step"),
         ({"size": "1MB"}, "size"),
         ({"uv_bits": 12}, "uv_bits"),
-        (
-            {"effort": 3, "n_modes": 4},
-            "has no effect with lossless; omit it",
-        ),
+        ({"effort": 3, "n_modes": 4}, "has no effect with lossless; omit it"),
         ({"tune": "visual"}, "tune"),
     ],
 )

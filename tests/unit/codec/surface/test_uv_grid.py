@@ -13,7 +13,7 @@ def grid_with_uvs(values):
     """A grid of 99 vertices with texture coordinates."""
     given = np.asarray(values)
     return waving_grid().replace(
-        surface=Surface(None, (Attribute("uv", Kind.UV, Domain.VERTEX, given),)),
+        surface=Surface(None, (Attribute("uv", Kind.UV, Domain.VERTEX, given),))
     )
 
 

@@ -88,11 +88,7 @@ def test_sparse_index_out_of_range_is_rejected(read):
 @pytest.mark.parametrize(
     ("kind", "change", "message"),
     [
-        (
-            "accessors",
-            {"count": 4},
-            r"accessor 0: 4 elements of 12 bytes with stride 12, from",
-        ),
+        ("accessors", {"count": 4}, r"accessor 0: 4 elements of 12 bytes with stride 12, from"),
         ("accessors", {"byteOffset": 4}, r"exceed the 36 bytes"),
         ("accessors", {"count": 0}, "'count' must be at least 1"),
         ("accessors", {"count": -1}, "'count' must be an integer from 0 to 2.53; got -1"),

@@ -293,10 +293,7 @@ def sources_of(sequence):
     return split_at_seams(part).along_edges().sources
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{}, {"normals": False}, {"max_error": 0.02}],
-)
+@pytest.mark.parametrize("options", [{}, {"normals": False}, {"max_error": 0.02}])
 @pytest.mark.parametrize("make", [lambda: waving_grid(20, 15, 17), irregular_sequence])
 def test_compressed_file_has_the_positions_and_triangles_of_the_sequence(tmp_path, make, options):
     sequence, notes = make(), Notes()

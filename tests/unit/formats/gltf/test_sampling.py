@@ -193,11 +193,7 @@ def test_rotation_curve_has_unit_quaternions(interpolation):
 VISIBILITY, POINTER = "KHR_node_visibility", "KHR_animation_pointer"
 SWITCH_TIMES = [0.0, 0.25, 0.5, 0.75, 1.0]
 CORNERS = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-FACES = {
-    "tri": [[0, 1, 2]],
-    "quad": [[0, 1, 2], [0, 2, 3]],
-    "back": [[0, 2, 1], [0, 3, 2]],
-}
+FACES = {"tri": [[0, 1, 2]], "quad": [[0, 1, 2], [0, 2, 3]], "back": [[0, 2, 1], [0, 3, 2]]}
 
 
 def pointer_target(node, end=f"extensions/{VISIBILITY}/visible"):

@@ -10,10 +10,7 @@ from meshreel.formats.surfaces.polygons import describe_triangles, polygon_mesh,
     [
         ([3, 3], ""),
         ([3, 4, 4], "triangulated 2 quads, the same way in every frame"),
-        (
-            [5, 4],
-            "triangulated 2 polygons, the same way in every frame",
-        ),
+        ([5, 4], "triangulated 2 polygons, the same way in every frame"),
     ],
 )
 def test_describe_triangles_counts_triangulated_faces(counts, expected):

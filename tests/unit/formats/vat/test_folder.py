@@ -61,11 +61,7 @@ def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
 @pytest.mark.parametrize(
     ("output", "options", "message"),
     [
-        (
-            "a.vat",
-            {"layout": "opengl"},
-            r"layout .* openvat, openvat-unity; got 'opengl'",
-        ),
+        ("a.vat", {"layout": "opengl"}, r"layout .* openvat, openvat-unity; got 'opengl'"),
         ("a.vat", {"textures": "tga"}, r"textures .* exr, png; got 'tga'"),
         ("a.vat", {"compression": False}, r"compression .* no effect on a \.vat folder"),
         ("a.vat", {"lossless": True}, r"lossless .* no effect on a \.vat folder"),
@@ -185,8 +181,7 @@ def test_sheet_is_played_within_the_error_bounds_of_positions_and_normals(
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize(
-    ("n_verts", "n_frames"),
-    [(1, 3), (2, 1), (3, 300), (8192, 2), (8193, 1), (8193, 3), BIG],
+    ("n_verts", "n_frames"), [(1, 3), (2, 1), (3, 300), (8192, 2), (8193, 1), (8193, 3), BIG]
 )
 def test_vertices_find_their_texels_for_all_counts(tmp_path, layout, n_verts, n_frames):
     sequence = strip(n_verts, n_frames)

@@ -162,11 +162,7 @@ def test_whole_stream_is_decoded_without_range_support(web, reel):
     ("fault", "error", "words"),
     [
         ("gzip", meshreel.StoreError, "gzip-encoded"),
-        (
-            "endless",
-            meshreel.StoreError,
-            "more than 1 MB, the limit without an announced size",
-        ),
+        ("endless", meshreel.StoreError, "more than 1 MB, the limit without an announced size"),
         ("cut", meshreel.StoreError, "was cut short"),
         ("understated", meshreel.MeshReelError, "ends too early|failed: Client"),
         ("drip", meshreel.StoreError, "fewer than 4096 bytes"),

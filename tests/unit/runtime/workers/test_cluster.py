@@ -104,10 +104,7 @@ def test_calls_wait_when_workers_start_later():
 
 
 def test_calls_fail_when_the_scheduler_stops():
-    with (
-        local_cluster(1) as cluster,
-        cluster_executor(cluster.scheduler_address) as (executor, _),
-    ):
+    with local_cluster(1) as cluster, cluster_executor(cluster.scheduler_address) as (executor, _):
         assert executor.submit(square, 2).result(60) == 4
         outcome = executor.submit(slow_square, 2, 600)
         cluster.close()
