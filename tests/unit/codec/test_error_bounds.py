@@ -29,17 +29,19 @@ from meshreel.model.tracks import Track
 from samples.meshes import waving_grid
 
 
-@pytest.mark.parametrize("given", [0.1, "0.1", "0.1%", " .1 % ", "1e-1"])
-def test_bound_without_a_unit_is_percent_of_the_diagonal(given):
-    assert bound_of(given) == ErrorBound(0.1)
-    assert bound_of(given).percent(7.0) == 0.1
-    assert bound_of(given).share(7.0) == 0.1 / 100
-
-
-def test_bound_in_model_units_is_converted_to_percent_of_the_diagonal():
-    assert bound_of("0.5u") == ErrorBound(0.5, is_length=True)
-    assert bound_of("0.5u").share(10.0) == 0.05
-    assert bound_of("0.5 U").percent(10.0) == 5.0
+@pytest.mark.parametrize(
+    ("given", "diagonal", "bound", "percent"),
+    [
+        *((given, 7, ErrorBound(0.1), 0.1) for given in (0.1, "0.1", "0.1%", " .1 % ", "1e-1")),
+        ("0.5u", 10, ErrorBound(0.5, is_length=True), 5),
+        ("0.5 U", 10, ErrorBound(0.5, is_length=True), 5),
+        ("3e-7u", 1, ErrorBound(3e-7, is_length=True), 3e-5),
+    ],
+)
+def test_bounds_are_percent_of_the_diagonal_or_model_units(given, diagonal, bound, percent):
+    assert bound_of(given) == bound_of(bound.plain) == bound
+    assert bound.percent(diagonal) == pytest.approx(percent, rel=1e-15)
+    assert bound.share(diagonal) == pytest.approx(percent / 100, rel=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -59,11 +61,6 @@ def test_length_is_converted_for_a_model_with_a_known_unit(given, unit, in_units
     bound = bound_of(given, unit)
     assert bound.is_length
     assert bound.amount == pytest.approx(in_units, rel=1e-15)
-
-
-@pytest.mark.parametrize("given", [0.1, "0.1%", "0.5u", "3e-7u"])
-def test_canonical_form_is_parsed_to_the_same_bound(given):
-    assert bound_of(bound_of(given).plain) == bound_of(given)
 
 
 @pytest.mark.parametrize(
@@ -214,40 +211,25 @@ def test_any_track_can_be_exact_or_dropped(track, given, bound):
     assert bound_of_track(given, "x", track) == bound
 
 
+IN_PASCALS = "500Pa in its unit or one that converts to it, exact or drop"
+
+
 @pytest.mark.parametrize(
     ("track", "given", "message"),
     [
-        (
-            PRESSURE,
-            "500K",
-            "500Pa in its unit or one that converts to it, exact or drop; got '500K'",
-        ),
+        *((PRESSURE, given, f"{IN_PASCALS}; got '{given}'") for given in ("500K", "much", "-1")),
+        *((PRESSURE, given, f"0.1% of its range, {IN_PASCALS}") for given in ("0.5deg", "8bit")),
+        *((PRESSURE, given, "must be above 0") for given in ("0", "1e999")),
         (PLAIN, "500Pa", r"a number such as 500 \(the track has no unit\), exact or drop"),
-        (PRESSURE, "0", "must be above 0"),
-        (PRESSURE, "1e999", "must be above 0"),
-        (
-            PRESSURE,
-            "0.5deg",
-            "0.1% of its range, 500Pa in its unit or one that converts to it, exact or drop",
+        *(
+            (COLOR, given, f"take 1bit to 52bit, or exact; got '{given}'")
+            for given in ("0.9bit", "53bit", "2000bit", "1e-30bit")
         ),
-        (
-            PRESSURE,
-            "8bit",
-            "0.1% of its range, 500Pa in its unit or one that converts to it, exact or drop",
-        ),
-        (
-            PRESSURE,
-            "much",
-            "500Pa in its unit or one that converts to it, exact or drop; got 'much'",
-        ),
-        (PRESSURE, "-1", "500Pa in its unit or one that converts to it, exact or drop; got '-1'"),
-        (COLOR, "0.9bit", "take 1bit to 52bit, or exact; got '0.9bit'"),
-        (COLOR, "53bit", "take 1bit to 52bit, or exact; got '53bit'"),
-        (COLOR, "2000bit", "take 1bit to 52bit, or exact; got '2000bit'"),
-        (COLOR, "1e-30bit", "take 1bit to 52bit, or exact; got '1e-30bit'"),
         (COLOR, "0.5deg", r"\(the track has no unit\), 8bit, exact or drop"),
-        (NORMAL, "0.1%", "a bound is an angle such as 0.5deg, exact or drop"),
-        (NORMAL, "0.1", "a bound is an angle such as 0.5deg, exact or drop"),
+        *(
+            (NORMAL, given, "is an angle such as 0.5deg, exact or drop")
+            for given in ("0.1%", "0.1")
+        ),
         (NORMAL, "30.1deg", "at most 30deg; got '30.1deg'"),
         (COUNTS, "1%", "has integers, which are lossless"),
     ],
@@ -258,46 +240,31 @@ def test_bound_that_does_not_suit_the_track_is_refused(track, given, message):
 
 
 @pytest.mark.parametrize(
-    ("track", "bound"),
+    ("track", "percent", "bound"),
     [
-        (PRESSURE, TrackBound(Measure.SHARE, 0.1)),
-        (NORMAL, TrackBound(Measure.ANGLE, 0.5)),
-        (COLOR, TrackBound(Measure.NUMBER, 0.5 / 255)),
-        (UV, TrackBound(Measure.UNITS, 0.5 / 4096)),
-        (COUNTS, EXACT),
-        (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), EXACT),
+        (PRESSURE, None, TrackBound(Measure.SHARE, 0.1)),
+        (NORMAL, None, TrackBound(Measure.ANGLE, 0.5)),
+        (COLOR, None, TrackBound(Measure.NUMBER, 0.5 / 255)),
+        (UV, None, TrackBound(Measure.UNITS, 0.5 / 4096)),
+        (COUNTS, None, EXACT),
+        (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), None, EXACT),
+        (PRESSURE, 0.2, TrackBound(Measure.SHARE, 0.2)),
+        (COLOR, 0.2, TrackBound(Measure.SHARE, 0.2)),
+        (NORMAL, 0.2, TrackBound(Measure.ANGLE, pytest.approx(0.22918, abs=1e-5))),
+        (NORMAL, 400.0, TrackBound(Measure.ANGLE, 30.0)),
+        (COUNTS, 0.2, EXACT),
     ],
 )
-def test_default_bound_depends_on_the_kind(track, bound):
-    assert default_bound(track) == bound
-
-
-@pytest.mark.parametrize(
-    ("track", "bound"),
-    [
-        (PRESSURE, TrackBound(Measure.SHARE, 0.2)),
-        (COLOR, TrackBound(Measure.SHARE, 0.2)),
-        (NORMAL, TrackBound(Measure.ANGLE, pytest.approx(0.22918, abs=1e-5))),
-        (COUNTS, EXACT),
-    ],
-)
-def test_one_bound_applies_to_all_tracks_of_floats(track, bound):
-    assert default_bound(track, 0.2) == bound
-
-
-def test_angle_of_normals_has_a_limit():
-    assert default_bound(NORMAL, 400.0) == TrackBound(Measure.ANGLE, 30.0)
+def test_default_bound_depends_on_the_kind_or_is_one_percentage(track, percent, bound):
+    assert default_bound(track, percent) == bound
 
 
 def test_bounds_are_the_requested_ones_or_the_default():
     tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
     result = track_bounds(tracks, {"a": "2Pa"}, default_bound)
     assert result == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
-    assert track_bounds(tracks, {"b": "drop"}, lambda _: EXACT) == {
-        "a": EXACT,
-        "b": DROP,
-        "c": EXACT,
-    }
+    dropped = track_bounds(tracks, {"b": "drop"}, lambda _: EXACT)
+    assert dropped == {"a": EXACT, "b": DROP, "c": EXACT}
     with pytest.raises(InvalidInputError, match="there is no track 'd'"):
         track_bounds(tracks, {"d": "exact"}, default_bound)
 

@@ -171,11 +171,6 @@ def test_blocks_are_written_to_the_file_immediately(tmp_path):
         assert Stream((tmp_path / "live.reel").read_bytes()).file.info.is_whole
 
 
-def test_section_of_a_block_outside_of_blocks_is_refused():
-    with pytest.raises(CorruptStreamError, match="outside of blocks"):
-        Stream(raw_stream(UNCOUNTED, [(Section.BASIS, b"")]))
-
-
 @pytest.mark.parametrize("header", [HEADER, UNCOUNTED])
 def test_stream_without_blocks_is_refused(header):
     with pytest.raises(CorruptStreamError, match="no block of frames"):
@@ -202,11 +197,6 @@ def test_unknown_required_section_is_refused():
     start = len(write_header(HEADER))
     with pytest.raises(UnsupportedVersionError, match=f"newer version.*byte {start}"):
         Stream(behind_header(unknown_section(77)))
-
-
-def test_stream_with_bytes_after_its_end_is_incomplete():
-    info = Stream(DATA + b"\0").file.info
-    assert (info.n_frames, info.is_whole) == (2, False)
 
 
 @pytest.mark.parametrize("counts", [{"n_verts": 2**26}, {"n_faces": 2**26}, {}])
@@ -252,13 +242,6 @@ def test_long_name_is_truncated_between_characters(start):
     long = replace(FULL_HEADER, name=start + "ä" * MAX_NAME_BYTES)
     kept = "ä" * ((MAX_NAME_BYTES - len(start)) // 2)
     assert Stream(stream_of(long)).header.name == start + kept
-
-
-def test_truncated_header_is_refused():
-    data = write_header(FULL_HEADER)
-    for size in range(len(data)):
-        with pytest.raises(TruncatedStreamError):
-            Stream(data[:size])
 
 
 OLDER = "older than the first release; encode the original again"

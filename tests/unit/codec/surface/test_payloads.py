@@ -209,82 +209,11 @@ def test_size_target_includes_the_surface():
     assert 1500 < len(data) <= 3000
 
 
-@pytest.mark.parametrize(
-    ("section", "payload"),
-    [
-        (Section.POLYGONS, b""),
-        (Section.POLYGONS, b"\xff\xff\xff\xff\x7f"),
-        (Section.ATTRIBUTE, b"\x00\x00"),
-        (Section.ATTRIBUTE, b"\x09\x00\x00\x02\x00\x01\x00"),
-        (Section.ATTRIBUTE, b"\x00\x00\x02\x02\x00\xff\xff\xff\xff\xff\xff\xff\x7f\x00"),
-        (Section.GROUPS, b"\x01"),
-        (Section.GROUPS, b"\x01a\xff\xff\xff\x7f"),
-        (Section.PARTS, b"\x02\x01\x01"),
-        (Section.PARTS, b"\x01\x05\x05\x01a"),
-        (Section.PARTS, b"\x00\x00"),  # one byte too many
-        (Section.MATERIAL, b""),
-        (Section.MATERIAL, b"\x01a"),
-        (Section.MATERIAL, b"\x01a\x00\x00"),
-        (Section.MATERIAL, b"\x01a\x03\x00\x00"),  # alpha mode 3
-        (Section.MATERIAL, b"\x01a\x10\x00\x00"),  # an unknown flag
-        (Section.MATERIAL, b"\x01a\x00\x80\x20\x00"),  # number 12
-        (Section.MATERIAL, b"\x01a\x00\x01\x00\x00"),  # cut inside a number
-        (Section.MATERIAL, b"\x01a\x00\x01" + np.float64(np.inf).tobytes() + b"\x00"),
-        (Section.MATERIAL, b"\x01a\x00\x00\x40"),  # slot 6
-        (Section.MATERIAL, b"\x01a\x00\x00\x00\x00"),  # one byte too many
-        (Section.MATERIAL, b"\x01a\x00\x00\x01\x00\x00\x07\x00\x00\x00"),  # image 0 without images
-        (Section.IMAGE, b""),
-        (Section.IMAGE, b"\x05a"),
-        (Section.IMAGE, b"\x01\xff\x00"),
-        (Section.START, b"\x00" * 7),
-        (Section.START, np.float64(np.nan).tobytes()),
-    ],
-)
-def test_damaged_sections_with_valid_checksums_are_refused(section, payload):
-    stream = Stream(meshreel.encode(waving_grid()))
-    with pytest.raises(meshreel.MeshReelError):
-        meshreel.decode(raw_stream(stream.header, [(section, payload), *parts_of(stream)]))
-
-
-@pytest.mark.parametrize(
-    ("make", "section"), [(quad_sheet, Section.POLYGONS), (hard_box, Section.HARD_EDGES)]
-)
-def test_stream_with_two_sections_of_a_kind_is_refused(make, section):
-    stream = Stream(meshreel.encode(make()))
-    parts = parts_of(stream)
-    repeated = next(part for part in parts if part[0] is section)
-    with pytest.raises(CorruptStreamError, match="stored twice that occurs at most once"):
-        meshreel.decode(raw_stream(stream.header, [repeated, *parts]))
-
-
 def damaged_material(payload):
     """A stream with an image, and a material of these bytes."""
     stream = Stream(meshreel.encode(waving_grid()))
     sections = [(Section.MATERIAL, payload), (Section.IMAGE, b"\x00\x09image/png...")]
     return raw_stream(stream.header, [*sections, *parts_of(stream)])
-
-
-@pytest.mark.parametrize(
-    ("texture", "message"),
-    [
-        (b"\x00\x00\x00\x00\x00\x00", "channels that its slot does not allow"),
-        (b"\x00\x00\x01\x00\x00\x00", "channels that its slot does not allow"),
-        (b"\x00\x00\x10\x00\x00\x00", "channels"),
-        (b"\x00\x00\x07\x05\x00\x00", "the wrap mode of a texture is unknown"),
-        (b"\x00\x00\x07\x50\x00\x00", "the wrap mode of a texture is unknown"),
-        (b"\x00\x00\x07\x00\x03\x00", "the filter of a texture"),
-        (b"\x00\x00\x07\x00\x70\x00", "the filter of a texture is unknown"),
-        (b"\x00\x00\x07\x00\x00\x20", "sets unknown numbers"),
-        (b"\x01\x00\x07\x00\x00\x00", "refers to an image that does not exist"),
-        (
-            b"\xff\xff\xff\xff\xff\xff\x7f\x00\x07\x00\x00\x00",
-            "refers to an image that does not exist",
-        ),
-    ],
-)
-def test_invalid_texture_is_refused(texture, message):
-    with pytest.raises(CorruptStreamError, match=message):
-        meshreel.decode(damaged_material(b"\x01a\x00\x00\x01" + texture))
 
 
 def test_texture_of_the_format_is_read():
