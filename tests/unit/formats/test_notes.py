@@ -102,22 +102,27 @@ def stored(folder, name, text):
     return folder / name
 
 
-def changing_frames(folder, extension, texts):
-    for number, text in enumerate(texts):
-        stored(folder, f"f_{number}{extension}", text)
-    return folder
+TRACKS = "tracks are numbers of shape (2, N) or (2, N, C), C up to 256, for 99 vertices, 160 faces"
 
 
-@pytest.mark.parametrize("stretched", [False, True])
-def test_other_npz_arrays_are_noted(tmp_path, stretched):
-    grid = waving_grid()
-    arrays = {"vertices": grid.vertices, "faces": grid.faces, "fps": 24.0}
-    write = np.savez_compressed if stretched else np.savez
-    write(tmp_path / "a.npz", **arrays, pressure=np.zeros(9), labels=np.zeros(3))
-    assert left_out(tmp_path / "a.npz") == [
-        "arrays: pressure, labels; tracks are numbers of shape (12, N) or (12, N, C), C up to 256, "
-        "for 99 vertices, 160 faces and 480 corners"
-    ]
+@pytest.mark.parametrize("write", [np.savez, np.savez_compressed])
+@pytest.mark.parametrize(
+    ("arrays", "noted"),
+    [
+        (
+            {"fps": 24.0, "pressure": np.zeros(9), "labels": np.zeros(3)},
+            f"arrays: pressure, labels; {TRACKS} and 480 corners",
+        ),
+        (
+            {"cell_types": 10, "group_0_labels": ["a"]},
+            "arrays that no other refers to: cell_types, group_0_labels",
+        ),
+    ],
+)
+def test_other_npz_arrays_are_noted(tmp_path, write, arrays, noted):
+    grid = waving_grid(2)
+    write(tmp_path / "a.npz", vertices=grid.vertices, faces=grid.faces, **arrays)
+    assert left_out(tmp_path / "a.npz") == [noted]
 
 
 def test_files_of_meshreel_leave_nothing_out(tmp_path):
@@ -155,115 +160,135 @@ def test_vtkhdf_groups_and_field_data_are_noted(tmp_path):
 PLAIN_OBJ = OBJ.format(a="", u=0)
 NORMALS = "normals, which programs compute"
 XML_ARRAY = '<DataArray type="Float32" Name="{}">{}</DataArray>'
+HEAT = f"<PointData>{XML_ARRAY.format('heat', '1 2 3')}</PointData>"
+PIECE = XML[XML.index("<Piece") : XML.index("</Piece>") + 8].format(data="")
+XDMF = """<Xdmf><Domain><Grid>
+<Topology TopologyType="Triangle" NumberOfElements="1"><DataItem Dimensions="1 3"
+NumberType="Int">0 1 2</DataItem></Topology>
+<Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">0 0 0 1 0 0 0 1 0</DataItem></Geometry>
+<Attribute Name="total" Center="Grid"><DataItem Dimensions="1">4</DataItem></Attribute>
+<Set Name="wall"/></Grid></Domain></Xdmf>"""
+
+
+def ply(elements, face_properties="", values="", header=""):
+    """Return a PLY file of a triangle with normals, and further elements, lines and values."""
+    text = PLY.format(
+        properties=f"property float nx\n{header}",
+        face_properties=face_properties,
+        elements=f"element {elements}\n",
+    )
+    return f"{text}0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2{values}\n"
+
+
+OTHERS = {
+    "plain": ("a.obj", PLAIN_OBJ, []),
+    "lines": ("a.obj", f"{PLAIN_OBJ}l 0 1\n", ["lines"]),
+    "normals and points": (
+        "a.obj",
+        f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
+        [NORMALS, "points", "material libraries: a.mtl"],
+    ),
+    "statements": (
+        "a.obj",
+        f"# made by hand\nvt 0 0 0.5\nvp 0.1 1\nlod 3\n{PLAIN_OBJ}v 5 0 0 0.5\nf 1/1 2/1 3/1\n",
+        [
+            "statements: vp, lod",
+            "weights, or colors of some vertices",
+            "third texture coordinates",
+        ],
+    ),
+    "smoothing": (
+        "a.obj",
+        f"s 1\n{PLAIN_OBJ}s 2\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
+        ["smoothing groups, which share no edges"],
+    ),
+    "unused uv": (
+        "a.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\n",
+        ["texture coordinates of no face"],
+    ),
+    "header": (
+        "a.ply",
+        ply("edge 0", header="obj_info 3\ncomment TextureFile a.png\n"),
+        ["lines of the header: line 8 'obj_info 3'", "texture images: a.png", NORMALS],
+    ),
+    "elements": (
+        "a.ply",
+        ply("edge 1\nproperty int a", "property list uchar int flags\n", " 1 7\n5"),
+        [NORMALS, "lists: face.flags", "elements: edge"],
+    ),
+    "solid": (
+        "a.stl",
+        "solid a part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+        "vertex 0 1 0\nendloop\nendfacet\nendsolid\n",
+        ["names of solids: a part"],
+    ),
+    "numbers": (
+        "a.off",
+        "OFF\n3 1 0\n0 0 0 7\n1 0 0\n0 1 0\n3 0 1 2\n",
+        ["further numbers of vertices"],
+    ),
+    "color": (
+        "a.off",
+        "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n",
+        [NORMALS, "face colors, which not all faces have as three or four numbers"],
+    ),
+    "color tables": (
+        "a.vtk",
+        LEGACY.format(
+            data="FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
+            "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
+        ),
+        ["field data: mass", "color tables: jet"],
+    ),
+    "field data and text": (
+        "a.vtp",
+        XML.format(
+            field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
+            f"{XML_ARRAY.format('mass', 4)}</FieldData>",
+            data='<PointData><Array type="String" Name="tag">65 0 0 66 0</Array>'
+            f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
+        ),
+        ["field data: TimeValue, mass", "fields of text, or with more than 256 components: tag"],
+    ),
+    "another piece": (
+        "a.vtp",
+        XML.format(field="", data=HEAT).replace("</Piece>", f"</Piece>{PIECE}"),
+        ["arrays that differ between pieces: heat"],
+    ),
+    "sets": ("a.xdmf", XDMF, ["data of neither nodes nor cells: total", "sets: wall"]),
+}
 
 
 @pytest.mark.every_case
-@pytest.mark.parametrize(
-    ("name", "text", "noted"),
-    [
-        ("a.obj", PLAIN_OBJ, []),
-        ("a.obj", f"{PLAIN_OBJ}l 0 1\n", ["lines"]),
-        (
-            "a.obj",
-            f"mtllib a.mtl\nvn 0 0 1\nvn 0 0 1\ns 1\n{PLAIN_OBJ}s off\np 1\np 2\n",
-            [NORMALS, "points", "material libraries: a.mtl"],
-        ),
-        (
-            "a.obj",
-            f"# made by hand\nvt 0 0 0.5\nvp 0.1 1\nlod 3\n{PLAIN_OBJ}v 5 0 0 0.5\nf 1/1 2/1 3/1\n",
-            [
-                "statements: vp, lod",
-                "weights, or colors of some vertices",
-                "third texture coordinates",
-            ],
-        ),
-        (
-            "a.obj",
-            f"s 1\n{PLAIN_OBJ}s 2\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
-            ["smoothing groups, which share no edges"],
-        ),
-        (
-            "a.obj",
-            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1 2 3\n",
-            ["texture coordinates of no face"],
-        ),
-        (
-            "a.ply",
-            PLY.format(
-                properties="property float nx\nobj_info 3\ncomment TextureFile a.png\n",
-                face_properties="",
-                elements="element edge 0\n",
-            )
-            + "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n",
-            ["lines of the header: line 8 'obj_info 3'", "texture images: a.png", NORMALS],
-        ),
-        (
-            "a.stl",
-            "solid a part\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
-            "vertex 0 1 0\nendloop\nendfacet\nendsolid\n",
-            ["names of solids: a part"],
-        ),
-        ("a.off", "OFF\n3 1 0\n0 0 0 7\n1 0 0\n0 1 0\n3 0 1 2\n", ["further numbers of vertices"]),
-        (
-            "a.ply",
-            PLY.format(
-                properties="property float nx\n",
-                face_properties="property list uchar int flags\n",
-                elements="element edge 1\nproperty int a\n",
-            )
-            + "0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2 1 7\n5\n",
-            [NORMALS, "lists: face.flags", "elements: edge"],
-        ),
-        (
-            "a.off",
-            "NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 4\n",
-            [NORMALS, "face colors, which not all faces have as three or four numbers"],
-        ),
-        (
-            "a.vtk",
-            LEGACY.format(
-                data="FIELD all 1\nmass 1 1 float\n4\nPOINT_DATA 3\nSCALARS heat float 1\n"
-                "LOOKUP_TABLE jet\n0 1 2\nLOOKUP_TABLE jet 1\n0 0 0 1\n"
-            ),
-            ["field data: mass", "color tables: jet"],
-        ),
-        (
-            "a.vtp",
-            XML.format(
-                field='<FieldData><DataArray type="Float64" Name="TimeValue">1</DataArray>'
-                f"{XML_ARRAY.format('mass', 4)}</FieldData>",
-                data='<PointData><Array type="String" Name="tag">65 0 0 66 0</Array>'
-                f"{XML_ARRAY.format('heat', '1 2 3')}</PointData>",
-            ),
-            [
-                "field data: TimeValue, mass",
-                "fields of text, or with more than 256 components: tag",
-            ],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("name", "text", "noted"), OTHERS.values(), ids=OTHERS)
 def test_other_contents_of_text_files_are_noted(tmp_path, name, text, noted):
+    if name.endswith(".xdmf"):
+        pytest.importorskip("h5py")
     assert left_out(stored(tmp_path, name, text)) == noted
 
 
-def test_contents_of_later_frames_are_noted(tmp_path):
-    for number, names in enumerate([["p 1"], ["p 1", "vp 0 1"], ["deg 3"]]):
-        stored(tmp_path, f"f_{number}.obj", "\n".join([PLAIN_OBJ, *names]))
-    assert left_out(tmp_path) == ["points", "statements: vp, deg"]
+COFF = "COFF\n3 1 0\n0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
+CHANGES = "changes over time, kept as in the first frame"
 
 
-def test_arrays_that_belong_to_nothing_are_noted(tmp_path):
-    grid = waving_grid(2)
-    np.savez(
-        tmp_path / "a.npz",
-        vertices=grid.vertices,
-        faces=grid.faces,
-        cell_types=10,
-        group_0_labels=["a"],
-    )
-    assert left_out(tmp_path / "a.npz") == [
-        "arrays that no other refers to: cell_types, group_0_labels"
-    ]
+@pytest.mark.parametrize(
+    ("extension", "texts", "noted"),
+    [
+        ("obj", [f"{PLAIN_OBJ}\np 1", f"{PLAIN_OBJ}\np 1\nvp 0 1"], ["points", "statements: vp"]),
+        (
+            "obj",
+            [PLAIN_OBJ.replace("f 1/1", f"usemtl m{number}\nf 1/1") for number in range(3)],
+            [f"{CHANGES}: material"],
+        ),
+        ("off", [COFF.format(f"{red} 0 0 255") for red in range(3)], [f"{CHANGES}: color"]),
+        ("obj", [OBJ.format(a=" 0 0 1", u=0)] * 4, []),
+    ],
+)
+def test_contents_of_later_frames_are_noted(tmp_path, extension, texts, noted):
+    for number, text in enumerate(texts):
+        stored(tmp_path, f"f_{number}.{extension}", text)
+    assert left_out(tmp_path) == noted
 
 
 def test_stl_spare_bytes_are_noted(tmp_path):
@@ -274,24 +299,6 @@ def test_stl_spare_bytes_are_noted(tmp_path):
     assert left_out(tmp_path / "a.stl") == ["spare bytes of triangles, such as colors"]
 
 
-def test_changing_materials_are_noted(tmp_path):
-    texts = [OBJ.format(a="", u=0).replace("f 1/1", f"usemtl m{i}\nf 1/1") for i in range(3)]
-    changing_frames(tmp_path, ".obj", texts)
-    assert left_out(tmp_path) == ["changes over time, kept as in the first frame: material"]
-
-
-def test_changing_off_colors_are_noted(tmp_path):
-    rows = "0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"
-    texts = ["COFF\n3 1 0\n" + rows.format(f"{i} 0 0 255") for i in range(3)]
-    changing_frames(tmp_path, ".off", texts)
-    assert left_out(tmp_path) == ["changes over time, kept as in the first frame: color"]
-
-
-def test_constant_attributes_are_not_noted(tmp_path):
-    changing_frames(tmp_path, ".obj", [OBJ.format(a=" 0 0 1", u=0)] * 4)
-    assert left_out(tmp_path) == []
-
-
 def test_wide_arrays_of_a_collection_are_noted(tmp_path):
     wide = " ".join(["1"] * 51)
     data = f'<PointData><DataArray type="Int32" Name="wide" NumberOfComponents="17">{wide}'
@@ -299,27 +306,6 @@ def test_wide_arrays_of_a_collection_are_noted(tmp_path):
     stored(tmp_path, "a.vtp", XML.format(field="", data=data))
     said = left_out(write_pvd(tmp_path, ['timestep="0" file="a.vtp"']))
     assert said == ["arrays of text, or with more than 16 components: wide"]
-
-
-def test_arrays_of_only_some_pieces_are_noted(tmp_path):
-    data = '<PointData><DataArray type="Float32" Name="heat">1 2 3</DataArray></PointData>'
-    one = XML.format(field="", data=data)
-    piece = one[one.index("<Piece") : one.index("</Piece>") + 8].replace(data, "")
-    text = one.replace("</Piece>", f"</Piece>{piece}")
-    said = left_out(stored(tmp_path, "a.vtp", text))
-    assert said == ["arrays that differ between pieces: heat"]
-
-
-def test_xdmf_grid_data_and_sets_are_noted(tmp_path):
-    pytest.importorskip("h5py")
-    text = """<Xdmf><Domain><Grid>
-    <Topology TopologyType="Triangle" NumberOfElements="1"><DataItem Dimensions="1 3"
-    NumberType="Int">0 1 2</DataItem></Topology>
-    <Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">0 0 0 1 0 0 0 1 0</DataItem></Geometry>
-    <Attribute Name="total" Center="Grid"><DataItem Dimensions="1">4</DataItem></Attribute>
-    <Set Name="wall"/></Grid></Domain></Xdmf>"""
-    said = left_out(stored(tmp_path, "a.xdmf", text))
-    assert said == ["data of neither nodes nor cells: total", "sets: wall"]
 
 
 def test_everything_in_gltf_that_is_not_read_is_noted(tmp_path):
