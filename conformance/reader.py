@@ -344,7 +344,7 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
                 numbers = predicted.predicted_values(
                     track, numbers, points, mesh, polygons, letter, items.vertices
                 )
-            elif track.get("kind") == NORMALS:
+            elif track.get("kind") == NORMALS and coding != EXACT:
                 numbers = normalized(numbers)
             if "MISSING" in block[number]:
                 shape = (n_frames, items.n, len(numbers) // (n_frames * items.n))

@@ -19,6 +19,7 @@ from conformance.sources import attribute, boxes, moving, of_type, waving
 from meshreel.codec.bitstream.container import write_varint
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.joining import join_streams
+from meshreel.kernel.normals import surface_normals
 from meshreel.model.materials import Material, Texture
 from meshreel.model.surface import FaceGroups, Part, Surface
 from meshreel.model.timing import Timing
@@ -26,11 +27,11 @@ from samples.c_reader import File, in_memory, refusal
 from samples.materials import png
 from samples.streams import not_compact
 
-ENTROPY_CODED = (Section.BASIS, Section.COEFFICIENTS, Section.VALUES, Section.CORRECTIONS)
-"""Sections in which almost all bytes are valid."""
-
-N_BYTES = 24
+N_BYTES = 32
 """Number of bytes of a section that are changed, from its begin."""
+
+N_CODED = {Section.BASIS: 0, Section.COEFFICIENTS: 0, Section.CORRECTIONS: 0, Section.VALUES: 6}
+"""The same for sections in which almost all bytes are valid."""
 
 
 def segments():
@@ -53,6 +54,19 @@ def volume():
     return meshreel.MeshSequence(waving(points, 1), cells=cells, tracks=tracks)
 
 
+def tracks():
+    """Return a tetrahedron with velocities, normals and other values, predicted or not."""
+    mesh = moving(TETRAHEDRON, 2, fps=25.0, start_s=0.1)
+    velocities = np.gradient(mesh.vertices, axis=0) * 25
+    normals = surface_normals(mesh.vertices, mesh.faces)
+    values = {
+        "v": meshreel.Track(velocities, kind="velocity"),
+        "n": meshreel.Track(normals, kind="normal"),
+        "x": meshreel.Track(mesh.vertices[..., 0], unit="m"),
+    }
+    return mesh.replace(tracks=values)
+
+
 def surface():
     """Return a quad and a triangle with everything that a surface has."""
     values = np.float32([[0, 0], [1, 0], [1, 1]])
@@ -70,7 +84,8 @@ def surface():
 STREAMS = {
     "segments": segments,
     "volume": lambda: meshreel.encode(volume(), lossless=True),
-    "lossy": lambda: meshreel.encode(moving(TETRAHEDRON, 2, fps=25.0, start_s=0.1), bound=1),
+    "tracks": lambda: meshreel.encode(tracks(), bound=1),
+    "grid": lambda: meshreel.encode(moving(TETRAHEDRON, 1), "grid", max_error=1),
     "surface": lambda: meshreel.encode(surface(), lossless=True),
     "edit": lambda: with_edit(8, 12, 0, 1, 1, kept=[3], dropped=[1], new=[1], corners=[0, 1, 1]),
 }
@@ -96,10 +111,10 @@ def assembled(head, parts):
     return b"".join(piece + zlib.crc32(piece).to_bytes(4, "little") for piece in pieces)
 
 
-def changed(payload):
+def changed(payload, n_bytes=N_BYTES):
     """Yield bytes that differ in one, have one for eight, or are longer, shorter or missing."""
-    for at in {*range(min(N_BYTES, len(payload))), len(payload) - 1} - {-1}:
-        for byte in {0, 255, (payload[at] + 1) % 256, (payload[at] - 1) % 256} - {payload[at]}:
+    for at in {*range(min(n_bytes, len(payload))), len(payload) - 1} - {-1}:
+        for byte in {255, (payload[at] + 1) % 256, (payload[at] - 1) % 256} - {payload[at]}:
             yield payload[:at] + bytes([byte]) + payload[at + 1 :]
         yield payload[:at] + b"\1" + payload[at + 9 :]  # a varint for a double
     yield from (payload + b"\0", payload[:-1], b"")
@@ -121,7 +136,7 @@ def changes(parts):
         yield f"without section {at}", before + after
         yield f"section {at} twice", before + own + own + after
         yield f"section {at} later", before + after[:1] + own + after[1:]
-        for other in changed(payload) if number not in ENTROPY_CODED else ():
+        for other in changed(payload, N_CODED.get(number, N_BYTES)):
             yield f"section {at}: {payload!r} became {other!r}", [*before, (number, other), *after]
 
 
