@@ -38,6 +38,7 @@ def test_frames_of_a_rate_start_at_zero_unless_a_start_is_given():
 def test_single_frame_has_no_frame_rate():
     result = Timing.of_times(np.array([4.25]))
     assert result == Timing(0.0, 4.25)
+    assert (result.seconds(1).tolist(), result.seconds(2)) == ([4.25], None)
 
 
 def test_uneven_times_give_the_mean_frame_rate():

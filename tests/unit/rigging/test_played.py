@@ -85,5 +85,10 @@ def test_played_rig_meets_its_bounds(tmp_path, name, compression):
     angle = mean_normal_angle_deg(sequence, found)
     text = f"KG error {kg:.3g} %, largest error {largest:.3g} % of the diagonal, mean error of "
     assert any(f"{text}face normals {angle:.2g} degrees" in note for note in notes)
-    stated = Glb.read(path.read_bytes()).document["asset"]["extras"][ERROR_BOUND]
+    glb = Glb.read(path.read_bytes())
+    stated = glb.document["asset"]["extras"][ERROR_BOUND]
     assert np.linalg.norm(found - sequence.vertices, axis=2).max() <= stated
+    for node in glb.document["nodes"]:  # what a viewer shows while nothing plays
+        if "skin" in node and (keys := glb.weights(node["name"])) is not None:
+            weights = glb.document["meshes"][node["mesh"]]["weights"]
+            np.testing.assert_array_equal(np.float32(weights), keys[1][0])

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.bitstream.container import write_varints
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.stored_grid import coarse_grid
-from meshreel.codec.reel.normative.grid import ON_SURFACE, PositionGrid, write_form
+from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
-from meshreel.kernel.integers import encode_integers
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.model.extent import extent_of
 from samples.meshes import irregular_sequence, waving_grid
 from samples.shapes import torus
-from samples.streams import Stream, parts_of, raw_stream, recorded
+from samples.streams import Stream, parts_of, recorded
 
 DOUBLE = np.float64
 SEQUENCES = {
@@ -159,26 +157,6 @@ def test_grid_has_no_modes():
         meshreel.ReelFile(BytesIO(data), n_modes=3)
 
 
-@pytest.mark.every_case
-@pytest.mark.parametrize("step", [-0.1, 0.0, 1.5, np.nan, np.inf, None])
-def test_values_with_an_invalid_or_no_step_are_refused(step):
-    changed = with_values(
-        lambda own: own[:4] if step is None else write_form(ON_SURFACE, step) + own[5:]
-    )
-    with pytest.raises((CorruptStreamError, TruncatedStreamError)):
-        meshreel.decode(changed)
-
-
-def with_values(change):
-    """A stream on a grid with replaced payloads."""
-    stream = Stream(meshreel.encode(waving_grid(2), "grid", max_error=0.1))
-    parts = [
-        (section, change(own) if section is Section.VALUES else own)
-        for section, own in parts_of(stream)
-    ]
-    return raw_stream(stream.header, parts)
-
-
 def test_positions_beyond_the_number_type_are_refused():
     far = PositionGrid(1.0, BoundingFrame((0.0, 0.0, 0.0), 1e35))
     with pytest.raises(CorruptStreamError, match="go beyond the numbers of type float32"):
@@ -265,32 +243,6 @@ def test_values_that_share_a_coordinate_are_stored_without_the_grid():
 def test_doubles_that_text_rounded_are_exact_when_lossless():
     sequence = quantized(7, np.float64)
     assert_exact(sequence, meshreel.encode(sequence, lossless=True, order="keep"))
-
-
-NONE, ZERO = np.zeros(0, np.int64), [np.zeros(1, np.int64)] * 3
-TO_INFINITY = np.full(9, 2**30)
-"""For values from 1."""
-
-
-@pytest.mark.every_case
-@pytest.mark.parametrize(
-    ("payload", "message"),
-    [
-        (
-            write_varints(3601, 0, 0) + encode_integers([*ZERO, NONE, NONE, NONE]),
-            "more rounded coordinates than positions",
-        ),
-        (write_varints(9, 0, 0) + encode_integers([*ZERO, TO_INFINITY, NONE, NONE]), "not finite"),
-    ],
-)
-def test_invalid_rounding_is_refused(payload, message):
-    stream = Stream(meshreel.encode(quantized(7), lossless=True, order="keep"))
-    parts = [
-        (section, payload if section is Section.ROUNDING else own)
-        for section, own in parts_of(stream)
-    ]
-    with pytest.raises(CorruptStreamError, match=message):
-        meshreel.decode(raw_stream(stream.header, parts))
 
 
 def on_coarse_grid(noise, n_more=0):

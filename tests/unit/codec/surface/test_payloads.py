@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import meshreel
-from conformance.bits import DamagedError
-from conformance.surface import CornerReferences, Polygons, read_hard_edges, read_references
+from conformance.surface import CornerReferences, Polygons, read_references
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Order, Section
 from meshreel.codec.connectivity.coder import encode_connectivity
@@ -19,7 +18,7 @@ from meshreel.codec.surface.payloads import (
     write_material,
 )
 from meshreel.codec.surface.rows import encode_corner_references, encode_references
-from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
+from meshreel.errors import CorruptStreamError, InvalidInputError
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.polygons import triangle_corners, triangulate
 from meshreel.model.cells import Cells
@@ -112,43 +111,6 @@ def test_values_along_the_faces_are_lossless_in_every_order(order, uv_bits):
         coded = encode_connectivity(given.faces, given.n_verts, order="drop")
         expected = expected[coded.internal_to_given]
     np.testing.assert_array_equal(decoded.surface.attributes[0].values, expected)
-
-
-def sheet_with_uvs(n=30, *, is_shared):
-    """Triangles of a grid with a seam: exact UVs of two charts at corners."""
-    grid = waving_grid(2, n, n)
-    rows, cols = np.divmod(np.arange(n * n), n)
-    inside = np.stack([cols / n + 0.02 * np.sin(rows / 3), rows / n], axis=1)
-    is_right = cols[grid.faces].min(axis=1) >= n // 2
-    values = inside[grid.faces] + np.where(is_right, 3.0, 0.0)[:, None, None]
-    values = values.reshape(-1, 2).astype(np.float32)
-    if is_shared:
-        values, indices = np.unique(values, axis=0, return_inverse=True)
-        uv = Attribute("uv", Kind.UV, Domain.CORNER, values, indices.ravel().astype(np.int32))
-    else:
-        uv = Attribute("uv", Kind.UV, Domain.CORNER, values)
-    return meshreel.MeshSequence(grid.vertices, grid.faces, 24, surface=Surface(attributes=(uv,)))
-
-
-@pytest.mark.parametrize("is_shared", [False, True])
-@pytest.mark.parametrize("bits", [None, 12])
-def test_smooth_uvs_take_few_bytes(is_shared, bits):
-    given = sheet_with_uvs(is_shared=is_shared)
-    ((_, payload),) = surface_sections(given.surface, given.faces, bits)
-    # 930 different values of two numbers; a plain table takes 3 to 5 kB of 12 bits.
-    assert len(payload) < {None: 3900, 12: 1100}[bits]
-    decoded = meshreel.decode(meshreel.encode(given, uv_bits=bits))
-    back, was = decoded.surface.attributes[0], given.surface.attributes[0]
-    assert (back.indices is None) == (was.indices is None)
-    scale = 1 if bits is None else 1 << bits
-    exact = was.per_item() if bits is None else np.rint(was.per_item() * scale) / scale
-    np.testing.assert_array_equal(back.per_item(), exact.astype(np.float32))
-
-
-def with_parts(stream, payloads):
-    """A stream with replaced payloads of some sections."""
-    parts = [(section, payloads.get(section, own)) for section, own in parts_of(stream)]
-    return raw_stream(stream.header, parts)
 
 
 @pytest.mark.parametrize("order", ["vertices", "drop"])
@@ -274,31 +236,6 @@ def test_hard_edge_without_two_faces_is_refused(edge):
         meshreel.encode(given)
 
 
-@pytest.mark.parametrize(
-    "payload",
-    [
-        b"",
-        write_varint(0),
-        write_varint(13) + encode_integers([np.zeros(13, int)]),
-        write_varint(2) + encode_integers([np.array([1, 11])]),
-        write_varint(2) + encode_integers([np.array([3, -2])]),
-        write_varint(2**40) + encode_integers([np.zeros(13, int)]),
-        write_varint(2) + encode_integers([np.array([3, 4])]) + b"more",
-    ],
-    ids=["empty", "none", "too many", "beyond", "backwards", "huge", "longer"],
-)
-def test_both_readers_refuse_hard_edges_that_do_not_fit(payload):
-    box = hard_box()
-    sizes = Surface(box.surface.face_sizes)
-    polygons = next(payload for _, payload in surface_sections(sizes, box.faces))
-    stream = Stream(meshreel.encode(box))
-    assert dict(parts_of(stream))[Section.POLYGONS] == polygons
-    with pytest.raises((CorruptStreamError, TruncatedStreamError)):
-        meshreel.decode(with_parts(stream, {Section.HARD_EDGES: payload}))
-    with pytest.raises(DamagedError):
-        read_hard_edges(payload, Polygons(polygons, [tuple(face) for face in box.faces.tolist()]))
-
-
 def unordered(sequence):
     return sequence.replace(surface=replace(sequence.surface, is_ordered=False))
 
@@ -358,22 +295,6 @@ def test_references_of_corners_of_any_polygons_round_trip(case):
     polygons.sizes = sizes.tolist()
     coded = encode_corner_references(rows, surface, faces)
     assert CornerReferences(coded, polygons).read() == rows.tolist()
-
-
-def test_corners_that_share_the_row_of_their_vertex_take_few_bytes():
-    faces = waving_grid(1, 40, 40).faces
-    assert len(encode_corner_references(faces.ravel(), PLAIN, faces)) < 200
-
-
-def test_a_seam_costs_little_more_than_its_vertices():
-    sheet = waving_grid(1, 40, 40)
-    is_right = sheet.vertices[0][sheet.faces].mean(axis=1)[:, 0] > sheet.vertices[0][:, 0].mean()
-    keys = (2 * sheet.faces + is_right[:, None]).ravel()
-    _, first, number = np.unique(keys, return_index=True, return_inverse=True)
-    rows = np.argsort(np.argsort(first))[number]  # numbered by first use
-    n_split = len(first) - sheet.n_verts
-    assert n_split > 40
-    assert len(encode_corner_references(rows, PLAIN, sheet.faces)) < 100 + 2 * n_split
 
 
 def test_negative_rows_are_refused():

@@ -55,6 +55,15 @@ def test_faces_and_solids_are_those_of_vtk(kind):
         extract_surface(cells_of([kind], [range(n_used - 1)]), n_points)
 
 
+@pytest.mark.parametrize("n_faces", [[1, 4], [4], [4, 0, 0]])
+def test_faces_of_cells_that_are_no_polyhedra_are_refused(n_faces):
+    cells = cells_of([42, 10], [range(4), range(4)])
+    faces = np.arange(4), np.full(4, 3), np.array([0, 1, 3, 1, 2, 3, 2, 0, 3, 0, 2, 1])
+    assert cells.with_faces(np.array([4, 0]), *faces).counts.tolist() == [17, 4]
+    with pytest.raises(FormatError, match=f"faces of {len(n_faces)} cells do not fit"):
+        cells.with_faces(np.array(n_faces), *faces)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_surface_of_random_cells_is_that_of_a_search(seed):
     rng = np.random.default_rng(seed)
