@@ -227,16 +227,6 @@ def test_convert_prints_error_and_bound_of_a_stream(folder):
     assert re.search(r"positions 0\.1 %, [0-9.]+ u 0\.0[0-9]+ %, [0-9.]+ u [0-9]+ [0-9.]+ %", shown)
 
 
-def test_convert_encodes_the_selected_frames(folder):
-    figures = run_json("convert", "walk.npz", "-o", "b.reel", "--frames", "2:7", cwd=folder)
-    sequence = meshreel.load(folder / "b.reel")
-    assert (figures["n_frames"], sequence.n_frames, sequence.start_s) == (5, 5, 2 / 25)
-    expected = meshreel.MeshSequence(waving_grid().vertices[2:7], waving_grid().faces)
-    assert meshreel.compare(expected, sequence).max_error_percent == pytest.approx(
-        figures["max_error_percent"], rel=1e-3
-    )
-
-
 @pytest.mark.parametrize(("command", "source"), [("decode", "walk.reel"), ("convert", "walk.npz")])
 @pytest.mark.parametrize(
     ("options", "numbers"),

@@ -114,7 +114,8 @@ def assembled(head, parts):
 def changed(payload, n_bytes=N_BYTES):
     """Yield bytes that differ in one, have one for eight, or are longer, shorter or missing."""
     for at in {*range(min(n_bytes, len(payload))), len(payload) - 1} - {-1}:
-        for byte in {255, (payload[at] + 1) % 256, (payload[at] - 1) % 256} - {payload[at]}:
+        own = payload[at]
+        for byte in {255, (own + 1) % 256, (own - 1) % 256, own ^ 16} - {own}:
             yield payload[:at] + bytes([byte]) + payload[at + 1 :]
         yield payload[:at] + b"\1" + payload[at + 9 :]  # a varint for a double
     yield from (payload + b"\0", payload[:-1], b"")

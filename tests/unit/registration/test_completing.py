@@ -107,10 +107,11 @@ def test_several_frames_complete_a_key():
     both = lambda points: away(0.3, 0, 0.3)(points) & away(-0.3, 0, -0.3)(points)  # noqa: E731
     key = cut(both)
     one, other = cut(away(0.3, 0, 0.3), 45, 40), cut(away(-0.3, 0, -0.3), 46, 39)
-    n_open = [
-        len(boundary_edges(completed_by(key, *targets).mesh.faces))
-        for targets in [(), (one,), (one, other), (one, other, one)]
+    found = [completed_by(key, *all_) for all_ in [(), (one,), (one, other), (one, other, one)]]
+    assert [each.n_added for each in found] == [
+        len(each.mesh.faces) - len(key.faces) for each in found
     ]
+    n_open = [len(boundary_edges(each.mesh.faces)) for each in found]
     assert n_open[1] < 0.6 * n_open[0]
     assert n_open[2] < 0.3 * n_open[0]
     assert n_open[3] == n_open[2]

@@ -12,7 +12,7 @@ from meshreel.codec.options import config_of
 from meshreel.model.notes import Notes
 from meshreel.registration.cleaning import clean
 from meshreel.registration.register import register
-from meshreel.registration.transfer import RawFrame, transferred_tracks
+from meshreel.registration.transfer import RawFrame, items_at_corners, transferred_tracks
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
 from samples.captures import as_frames, bent, capsule, capture, unbent
@@ -251,6 +251,8 @@ def test_values_at_points_are_interpolated_or_those_of_the_nearest_corner():
     up = np.stack([1 + x, 2 * y, 1 - x], axis=1)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     np.testing.assert_allclose(found["up"].values[0], up)
+    quad = frame.replace(surface=Surface(np.array([4], np.int32)), tracks={})
+    assert items_at_corners(quad, Domain.FACE).tolist() == [[0, 0, 0]] * 2
 
 
 @pytest.mark.slow

@@ -152,16 +152,6 @@ def test_static_mesh_can_be_merged_with_a_moving_one():
     np.testing.assert_array_equal(result.vertices[:, :30], np.repeat(still.vertices, 4, axis=0))
 
 
-def test_merging_interpolates_positions_between_frames():
-    slow = scene_mesh(quad_sheet(2), "/slow", np.array([0.0, 1.0]))
-    fast = scene_mesh(quad_sheet(5), "/fast", np.arange(5) / 4)
-    result = opened([slow, fast], merge=True)
-    vertices = quad_sheet(2).vertices.astype(np.float64)
-    expected = 0.75 * vertices[0] + 0.25 * vertices[1]
-    np.testing.assert_allclose(result.vertices[1, :30], expected, atol=1e-6)
-    assert result.fps == 4.0
-
-
 def test_merging_notes_attributes_that_some_meshes_lack(notes):
     bare = quad_sheet()
     bare = bare.replace(surface=Surface(bare.surface.face_sizes))
@@ -226,19 +216,6 @@ def test_changing_faces_begin_another_segment(n_together, monkeypatch):
         (2, mesh.frame(0).vertices.shape[0]),
         (2, 9),
     ]
-
-
-def test_error_for_a_non_finite_position_names_the_frame():
-    sequence = quad_sheet(4)
-    vertices = sequence.vertices.copy()
-    vertices[3, 5, 1] = np.nan
-    mesh = scene_mesh(sequence, "/a")
-    corners = mesh.frame(0)
-    broken = replace(
-        mesh, frame=lambda index: PolygonMesh(vertices[index], corners.counts, corners.corners)
-    )
-    with pytest.raises(InvalidInputError, match="vertex 5 of frame 3 has y = nan"):
-        opened([broken])
 
 
 @pytest.mark.parametrize("block_bytes", [1, 1 << 20])
