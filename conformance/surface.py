@@ -384,6 +384,7 @@ def read_material(payload, n_images):
     numbers, slots = read_numbers(payload, MATERIAL_NUMBERS), payload.byte()
     textures = {slot: read_texture(payload) for i, slot in enumerate(SLOTS) if slots >> i & 1}
     payload.end()
+    need(flags < 16 and slots < 1 << len(SLOTS), "a material has unknown flags or slots")
     for slot, texture in textures.items():
         need(texture["image"] < n_images, "an image does not exist")
         need(texture["channels"] in CHANNELS[slot], "a texture has other channels")
