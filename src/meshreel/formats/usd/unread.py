@@ -176,7 +176,8 @@ def _contents(prim: Any) -> Iterator[Any]:
 
 def _metadata(item: Any) -> list[Unread]:
     values = item.GetAllAuthoredMetadata()
-    return [("metadata", key) for key in METADATA if {*values.get(key, ())} - {"meshreel"}]
+    known = [key for key in METADATA if isinstance(values.get(key), dict)]
+    return [("metadata", key) for key in known if values[key].keys() - {"meshreel"}]
 
 
 def _other_variants(prim: Any) -> Iterator[Unread]:
