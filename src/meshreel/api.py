@@ -445,8 +445,6 @@ def _with_stream(
 
 def _local(source: Any) -> AbstractContextManager[Any]:
     """Context manager for local copies of remote files; other sources stay as they are."""
-    if isinstance(source, MeshSequence):
-        return nullcontext(source)
     return local_copy(source) if is_path(source) else nullcontext(source)
 
 

@@ -9,7 +9,7 @@ from meshreel.arrays import Integers, Values
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.compare import require_same_triangles
+from meshreel.metrics.compare import has_same_triangles, require_same_triangles
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Domain
@@ -83,12 +83,10 @@ def _original_items(source: FrameSource, reel: ReelFile) -> Mapping[Domain, Inte
         require_same_triangles(source.faces, reel.faces, reel.n_verts)
         return {}
     numbers = internal_numbers(source)
-    try:
-        faces = numbers[Domain.VERTEX].astype(np.int32)[source.faces]
-        require_same_triangles(faces, reel.faces, reel.n_verts)
-    except InvalidInputError:
+    faces = numbers[Domain.VERTEX].astype(np.int32)[source.faces]
+    if not has_same_triangles(faces, reel.faces, reel.n_verts):
         raise InvalidInputError(
             "the original has other faces than the file, or lists them in another order; the file "
             "does not store the vertex order, so give exactly the input that was encoded"
-        ) from None
+        )
     return {domain: np.argsort(items) for domain, items in numbers.items()}

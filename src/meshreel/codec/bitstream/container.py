@@ -313,18 +313,15 @@ def _digests(counts: tuple[int, int], sections: Sections) -> list[bytes]:
     """Return a digest of the first 1, 2, ... sections of a mesh."""
     state = blake2b(_COUNTS.pack(*counts), digest_size=16)
     digests = []
-    for section, payload in sections:
-        state.update(bytes([section]) + write_varint(len(payload)) + payload)
+    for section in sections:
+        state.update(_without_checksum(*section))
         digests.append(state.digest())
     return digests
 
 
 def _digest_of(sections: Sections) -> bytes:
     """Return a digest of sections that fit any mesh."""
-    state = blake2b(digest_size=16)
-    for section, payload in sections:
-        state.update(bytes([section]) + write_varint(len(payload)) + payload)
-    return state.digest()
+    return blake2b(b"".join(starmap(_without_checksum, sections)), digest_size=16).digest()
 
 
 @dataclass(frozen=True)
