@@ -22,10 +22,14 @@ def walk(path: Path) -> Iterator[Item]:
     grids = [grid for grid in root.iter("Grid") if grid.find("Topology") is not None]
     includes = any(element.tag.endswith("include") for element in root.iter())
     temporal = [grid for grid in root.iter("Grid") if grid.get("CollectionType") == "Temporal"]
+    of_points = [one for one in temporal if all(map(is_points, one.findall("Grid")))]
+    yield from [Item(Sort.OTHER, "grids of points")] * bool(of_points)
+    temporal = [one for one in temporal if one not in of_points]
     animated = [grid for one in temporal for grid in one.iter("Grid")]
+    other_grids = [grid for one in of_points for grid in one.iter("Grid")]
     for grid in root.iter("Grid"):
         is_used = grid in animated or grid in temporal or (includes and grid is grids[0])
-        if temporal and not is_used:
+        if temporal and not is_used and grid not in other_grids:
             yield Item(Sort.OTHER, grid.get("Name", ""))
     yield from merged(
         item for grid in animated or root.iter("Grid") for item in items_of_grid(path, root, grid)
@@ -37,6 +41,12 @@ def walk(path: Path) -> Iterator[Item]:
     known_times = sorted(time for time in times if math.isfinite(time))
     if known_times and (len(known_times) > 1 or known_times[0]):
         yield Item(Sort.TIMES, "times", known_times, ("frame rate",))
+
+
+def is_points(grid: Element) -> bool:
+    """Return whether a grid has only points."""
+    topology = grid.find("Topology")
+    return topology is not None and topology.get("TopologyType", "").lower() == "polyvertex"
 
 
 def items_of_grid(path: Path, root: Element, grid: Element) -> Iterator[Item]:

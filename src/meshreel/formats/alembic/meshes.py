@@ -475,7 +475,7 @@ def describe_contents(nodes: Sequence[Node]) -> str:
     schemas = (node.object.schema for node in nodes)
     counts = Counter(OTHER_SCHEMAS[schema] for schema in schemas if schema in OTHER_SCHEMAS)
     contents = [f"{noun} ({count})" for noun, count in sorted(counts.items())]
-    return ", ".join(contents) or ("only transforms" if nodes else "no objects")
+    return ", ".join(contents) or ("transforms" if nodes else "no objects")
 
 
 def _source(archive: Archive, instance: AbcObject, path: str) -> AbcObject:

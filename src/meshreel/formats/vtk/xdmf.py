@@ -5,6 +5,7 @@ each grid of a spatial collection is a mesh. Referenced files must be in the fol
 """
 
 from collections.abc import Sequence
+from itertools import compress
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -45,14 +46,16 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         is_timed = bool(temporal) or next(grid.iter("Time"), None) is not None
         times = _times(grid, steps, items, options) if is_timed else np.zeros(1)
         meshes += _meshes(grid.get("Name", ""), times, steps, items)
-    if not meshes:
-        raise FormatError("has no Grid in a Domain")
+    if all(are_points := [all(map(_is_points, steps)) for _, _, steps in meshes]):
+        raise FormatError("has only grids of points" if meshes else "has no Grid in a Domain")
     items.taken -= {*grids} - {*temporal} if temporal else set()
     _note_unread(root, temporal or grids, items, options)
     names = _unique_names([name for name, _, _ in meshes], path.stem)
+    options.notes.left_out("grids of points", compress(names, are_points))
     return [
         GridFrames(steps, items, root, options.notes).scene_mesh(name, times)
-        for name, (_, times, steps) in zip(names, meshes, strict=True)
+        for name, (_, times, steps), is_left_out in zip(names, meshes, are_points, strict=True)
+        if not is_left_out
     ]
 
 
@@ -74,6 +77,11 @@ def _note_unread(
         collections += included
     for subject, name in unread([root, *domains, *collections], {*domains, *items.taken}):
         options.notes.left_out(subject, [name])
+
+
+def _is_points(grid: Element) -> bool:
+    topology = grid.find("Topology")
+    return topology is not None and topology.get("TopologyType", "").lower() == "polyvertex"
 
 
 def _is_collection(grid: Element, kind: str = "") -> bool:

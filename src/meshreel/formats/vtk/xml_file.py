@@ -80,6 +80,8 @@ def _read_pieces(
 ) -> tuple[list[Piece], LeftOut]:
     """Return the pieces of a file, and the contents that are left out."""
     appended, is_raw = b"", False
+    if data.startswith(b"# vtk"):
+        raise FormatError("is a legacy file of VTK; give it the extension .vtk")
     if match := APPENDED.search(data):
         end = data.rfind(b"</AppendedData")
         appended = data[match.end() : end if end > 0 else len(data)]

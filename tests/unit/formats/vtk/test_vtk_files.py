@@ -531,6 +531,7 @@ def test_load_rejects_deep_nesting(tmp_path):
     ("old", "new", "message"),
     [
         (b"VTKFile type", b"File type", "is not XML, or is damaged"),
+        (b"<VTKFile", b"# vtk", "is a legacy file of VTK; give it the extension .vtk"),
         (b'type="UnstructuredGrid"', b'type="ImageData"', "is VTKFile of type 'ImageData'"),
         (b'Name="types"', b'Name="tips"', "Cells has no array 'types'"),
         (

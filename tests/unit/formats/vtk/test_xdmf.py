@@ -354,6 +354,15 @@ def test_frame_rate_keeps_the_start_of_ascending_times(tmp_path, notes):
     assert (loaded.fps, loaded.start_s, notes) == (12, 2, [])
 
 
+def test_grids_of_points_are_left_out_with_a_note(tmp_path, notes):
+    points = '<Topology TopologyType="Polyvertex" NodesPerElement="9"/>'
+    swarm = temporal(step(POSITIONS[0], 0.0, faces=points), name="swarm")
+    loaded = load(store(tmp_path, temporal(step(POSITIONS[0], 0.0)), swarm), notes=notes)
+    assert (loaded.name, notes) == ("walk", ["left out: grids of points: /swarm"])
+    with pytest.raises(FormatError, match="has only grids of points"):
+        load(store(tmp_path, swarm))
+
+
 def test_constant_data_are_attributes_and_changing_data_tracks(tmp_path, notes):
     same = attribute("uv", inline(UV)) + attribute("heat", inline(np.arange(3)), "Cell")
     same += attribute("total", inline(np.arange(1)), "Grid")
