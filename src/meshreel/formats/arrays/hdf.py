@@ -4,7 +4,7 @@ Files of other programs are supported too: positions in any dataset of shape (T,
 (V, 3, T) as in registered body scans, with ``faces`` in the same group or in a group above.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Set
 from itertools import count
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -80,10 +80,11 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
             raise InvalidInputError(
                 f"{positions.name} must be float32 or float64; got {positions.dtype}"
             )
-        arrays = _named_arrays(root, positions)
-        candidates = list(_candidates_next_to(root, positions))
-        candidate_paths = [candidate.path for candidate in candidates]
-        _note_left_out(root, positions, arrays, candidate_paths, options.notes)
+        datasets = _named_datasets(root, positions)
+        arrays = {name: read_all(dataset) for name, dataset in datasets.items()}
+        candidates = {track.path: track for track in _candidates_next_to(root, positions)}
+        read_paths = {dataset.name.strip("/") for dataset in (positions, *datasets.values())}
+        _note_left_out(root, read_paths, candidates.keys(), options.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
             positions.shape, vertex_numbers(arrays), positions.name, is_documented=name == POSITIONS
@@ -100,7 +101,7 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 CheckedReader(path, _reader(path, require_dataset(root, track.path)))
             )
             for name, track in named_tracks(
-                candidates, n_frames, n_verts, description, options.notes
+                candidates.values(), n_frames, n_verts, description, options.notes
             ).items()
         }
     shape, max_bytes = (n_frames, n_verts), options.max_loaded_bytes
@@ -225,26 +226,14 @@ def _find_positions(root: Node, options: ReadOptions) -> Dataset:
     )
 
 
-def _note_left_out(
-    root: Node,
-    positions: Dataset,
-    arrays: Collection[str],
-    candidates: Collection[str],
-    notes: Notes,
-) -> None:
+def _note_left_out(root: Node, read: Set[str], tracks: Set[str], notes: Notes) -> None:
     """Note datasets that belong to neither the sequence nor its tracks, and unread attributes."""
-    parent = positions.name.rpartition("/")[0]
-    known = {positions.name, *(f"{parent}/{name}" for name in arrays)}
-    known |= {f"/{path}" for path in candidates}
-    if "faces" not in (find_group(root, parent or "/") or ()):
-        faces_paths = [f"{folder}/faces".replace("//", "/") for folder in _folders(positions)]
-        known |= {next((path for path in faces_paths if find_dataset(root, path) is not None), "")}
     unread = [("attributes", f"{key} of the file") for key in root.attrs]
 
     def visit(name: str, node: Node) -> None:
-        if isinstance(node, HDF.load().Dataset) and f"/{name}" not in known:
+        if isinstance(node, HDF.load().Dataset) and name not in read | tracks:
             unread.append(("datasets", name))
-        read_keys = TRACK_ATTRIBUTES if name in candidates else ()
+        read_keys = TRACK_ATTRIBUTES if name in tracks else ()
         unread.extend(("attributes", f"{key} of {name}") for key in node.attrs.keys() - read_keys)
 
     _visit(root, visit)
@@ -280,22 +269,21 @@ def _visit(root: Node, visit: Callable[[str, Node], None]) -> None:
     root.visititems(visit_next)
 
 
-def _named_arrays(root: Node, positions: Dataset) -> dict[str, npt.NDArray[Any]]:
-    """Read the named arrays next to the positions; faces may also be in a group above."""
-    folders = _folders(positions)
-    arrays = {}
+def _named_datasets(root: Node, positions: Dataset) -> dict[str, Dataset]:
+    """Return the named arrays next to the positions; faces may also be in a group above."""
+    folders, datasets = _folders(positions), dict[str, Dataset]()
     for name in filter(RESERVED_NAMES.fullmatch, find_group(root, folders[0]) or ()):
         if (dataset := find_dataset(root, f"{folders[0]}/{name}")) is not None:
-            arrays[name] = read_all(dataset)
-    for folder in folders if "cells" not in arrays else ():
+            datasets[name] = dataset
+    for folder in folders if "cells" not in datasets else ():
         if (dataset := find_dataset(root, f"{folder}/faces")) is not None:
-            arrays.setdefault("faces", read_all(dataset))
-    if not {"faces", "cells"} & arrays.keys():
+            datasets.setdefault("faces", dataset)
+    if not {"faces", "cells"} & datasets.keys():
         raise FormatError(
             f"has no dataset 'faces' of shape (M, 3) next to {positions.name}, and no 'cells'; "
             "store one there"
         )
-    return arrays
+    return datasets
 
 
 FORMATS = tuple(

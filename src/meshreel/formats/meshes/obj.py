@@ -104,11 +104,10 @@ def _note_left_out(lines: _Lines, surface: Surface, notes: Notes, *, has_normals
     read = [b"#", b"v", b"vn", b"f", b"mtllib", *STATEMENTS.values()]  # comments are for people
     read += [b"vt"] * (Kind.UV in kinds) + [b"s"] * (not has_normals)
     others = lines.all.other_first_words(read)
-    for contents in dict.fromkeys(LEFT_OUT[word] for word in others if word in LEFT_OUT):
-        notes.left_out(contents)
+    for name in others:
+        notes.left_out(LEFT_OUT.get(name, "statements"), None if name in LEFT_OUT else [name])
     libraries = lines.all.beginning_with(b"mtllib").tolist()
     notes.left_out("material libraries", map(lines.all.words_after_first, libraries))
-    notes.left_out("statements", (word for word in others if word not in LEFT_OUT))
     for word, n_read, contents in (
         (b"v", N_COLORED if Kind.COLOR in kinds else 3, "weights, or colors of some vertices"),
         (b"vt", 2, "third texture coordinates"),
