@@ -3,9 +3,7 @@
 import json
 import re
 import sys
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 import meshreel
@@ -51,12 +49,6 @@ def test_encode_split_keeps_existing_files(changing, tmp_path):
         run("encode", changing, "-o", tmp_path / "a.reel", "--split"), "a_3-4.reel already exists"
     )
     assert not (tmp_path / "a_0-2.reel").exists()
-
-
-def test_encode_split_writes_one_stream_when_faces_are_constant(tmp_path):
-    meshreel.save(waving_grid(3), tmp_path / "a_%02d.ply")
-    run_json("encode", tmp_path / "a_*.ply", "-o", tmp_path / "a.reel", "--split")
-    assert meshreel.load(tmp_path / "a.reel").n_frames == 3
 
 
 @pytest.mark.parametrize("option", ["--object", "--topology", "--dataset"])
@@ -120,18 +112,6 @@ def test_convert_prints_the_frame_folder_of_a_collection(tmp_path):
     done = run_ok("convert", "walk.npz", "-o", "walk.pvd", cwd=tmp_path)
     assert "walk.pvd, frames in walk_frames" in " ".join(done.stdout.split())
     assert len(list((tmp_path / "walk_frames").iterdir())) == 3
-
-
-def test_convert_splits_the_segments_of_a_stream(changing, tmp_path):
-    run_json("encode", changing, "-o", tmp_path / "a.reel", "--fps", 10, "--lossless")
-    figures = run_json("convert", tmp_path / "a.reel", "-o", tmp_path / "b.npz", "--split")
-    names = [Path(name).name for one in figures["outputs"] for name in one["outputs"]]
-    assert names == ["b_0-2.npz", "b_3-4.npz"]
-    whole = meshreel.load(changing)
-    for name, segment in zip(names, whole.segments, strict=True):
-        np.testing.assert_array_equal(
-            meshreel.load(tmp_path / name).vertices, segment.read(0, segment.n_frames)
-        )
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import meshreel
 from meshreel.formats.save import save
 from meshreel.model.tracks import Track
 from samples.commands import assert_fails, run, run_json, run_ok
-from samples.gltf import TRIANGLE, Gltf
 from samples.materials import dressed_sheet
 from samples.meshes import quad_sheet, two_sheets, waving_grid
 
@@ -199,26 +198,12 @@ def test_report_notes_ignored_tracks(tmp_path):
     assert "drop the tracks" not in (tmp_path / "report" / "report.md").read_text()
 
 
-def camera_gltf(path):
-    file = Gltf.of_mesh(TRIANGLE)
-    file.node(camera=file.add("cameras", type="perspective"))
-    file.save(path)
-
-
-def curved_obj(path):
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\ncurv 0 1 1 2\n")
-
-
-def static_npz(path):
-    grid = waving_grid(2)
-    np.savez(path, vertices=grid.vertices, faces=grid.faces, labels=np.zeros(3))
-
-
-@pytest.mark.parametrize(
-    ("name", "write"), [("a.glb", camera_gltf), ("a.obj", curved_obj), ("a.npz", static_npz)]
-)
-def test_all_commands_name_the_same_contents(name, write, tmp_path):
-    write(source := tmp_path / name)
+@pytest.mark.parametrize("name", ["a.obj", "a.npz"])
+def test_all_commands_name_the_same_contents(name, tmp_path):
+    source, grid = tmp_path / name, waving_grid(2)
+    source.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\ncurv 0 1 1 2\n")
+    if name == "a.npz":
+        np.savez(source, vertices=grid.vertices, faces=grid.faces, labels=np.zeros(3))
     meshreel.load(source, notes=(notes := []))
     assert notes
     commands = (

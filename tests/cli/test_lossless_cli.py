@@ -71,23 +71,6 @@ def test_info_shows_a_lossless_stream():
     assert "heat: scalar of each vertex, float32 in K, exact" in output
 
 
-def test_tracks_keep_their_error_bounds():
-    bound = ["--track", "heat=0.5K"]
-    output = output_of("encode", "walk.npz", "-o", "bound.reel", "--lossless", *bound)
-    assert "track heat 0.5 K 0." in output
-    decoded = meshreel.decode("bound.reel")
-    assert_same_positions(decoded)
-    assert 0 < np.abs(decoded.tracks["heat"].values[..., 0] - HEAT).max() <= 0.5
-    run("encode", "walk.npz", "-o", "drop.reel", "--lossless", "--track", "heat=drop")
-    assert meshreel.decode("drop.reel").tracks == {}
-
-
-def test_lossless_stream_is_decoded_to_files():
-    run_ok("decode", "walk.reel", "-o", "back.npz")
-    assert_same_positions(meshreel.load("back.npz"))
-    run_ok("decode", "walk.reel", "-o", "back.glb", "--max-error", "0.1")
-
-
 @pytest.mark.slow
 def test_batch_encodes_losslessly():
     Path("in").mkdir()
@@ -99,14 +82,10 @@ def test_batch_encodes_losslessly():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["encode", "walk.npz", "--lossless", "--quality", "80"], "--quality has no effect"),
-        (["encode", "walk.npz", "--lossless", "--modes", "3"], "--modes has no effect"),
-        (["encode", "walk.npz", "--lossless", "--uv-bits", "12"], "--uv-bits has no effect"),
         (
             ["convert", "walk.npz", "-o", "a.reel", "--lossless", "--max-error", "1mm", "--unit=m"],
             "--max-error has no effect with --lossless; omit it",
         ),
-        (["encode", "walk.npz", "--lossless", "--method", "v2v"], "v2v does not take --lossless"),
         (
             ["convert", "walk.npz", "-o", "a.glb", "--lossless"],
             "--lossless applies to .reel outputs",

@@ -4,6 +4,7 @@ Each variant of a small stream has valid checksums, and lacks, repeats or swaps 
 another byte in one. So it breaks at most one rule, and only the check of that rule refuses it.
 """
 
+import struct
 import zlib
 from dataclasses import replace
 from functools import cache
@@ -32,6 +33,8 @@ N_BYTES = 32
 
 N_CODED = {Section.BASIS: 0, Section.COEFFICIENTS: 0, Section.CORRECTIONS: 0, Section.VALUES: 6}
 """The same for sections in which almost all bytes are valid."""
+
+OTHER_DOUBLES = struct.pack("<d", -1.0), struct.pack("<d", np.inf)
 
 
 def segments():
@@ -118,6 +121,7 @@ def changed(payload, n_bytes=N_BYTES):
         for byte in {255, (own + 1) % 256, (own - 1) % 256, own ^ 16} - {own}:
             yield payload[:at] + bytes([byte]) + payload[at + 1 :]
         yield payload[:at] + b"\1" + payload[at + 9 :]  # a varint for a double
+        yield from (payload[:at] + other + payload[at + 8 :] for other in OTHER_DOUBLES)
     yield from (payload + b"\0", payload[:-1], b"")
 
 

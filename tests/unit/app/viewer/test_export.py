@@ -165,13 +165,6 @@ def test_exported_player_includes_the_texture(tmp_path, is_split):
     assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
 
 
-def test_stream_is_named_after_the_page_when_it_is_a_separate_file(tmp_path):
-    with opened_api(waving_grid(2).replace(name="")) as api:
-        export_page(api, tmp_path / "index.html", page=PAGE, split=True)
-    names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == sorted(["index.html", "index.reel", "player.js"])
-
-
 ROOT = Path(__file__).parents[4]
 PAGE_FOLDER = "src/meshreel/app/viewer/page"
 

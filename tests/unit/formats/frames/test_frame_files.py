@@ -145,34 +145,21 @@ def moving(dtype=np.float64):
     return np.random.default_rng(0).standard_normal((3, 50, 3)).astype(dtype)
 
 
-def test_decimal_text_near_the_origin_is_float32():
-    assert survey_of(moving()).dtype == np.float32
-
-
-def test_decimal_text_with_one_distant_frame_is_float64():
-    vertices = moving()
-    vertices[2] += 1e4
-    assert survey_of(vertices).dtype == np.float64
-
-
-def test_decimal_text_with_one_collapsed_frame_is_float32():
-    vertices = moving()
-    vertices[1] = 0.1
-    assert survey_of(vertices).dtype == np.float32
-
-
-@pytest.mark.parametrize("largest", [1e39, 1.7e308])
-def test_decimal_text_beyond_float32_is_float64(largest):
-    assert survey_of(np.array([[[-largest, 0, 0], [largest, 0, 0]]])).dtype == np.float64
-
-
-@pytest.mark.parametrize("order", [(np.float32, np.float64), (np.float64, np.float32)])
-def test_mixed_declared_types_are_float64(order):
-    assert survey_of(*map(moving, order), is_decimal=False).dtype == np.float64
-
-
-def test_declared_float32_stays_float32():
-    assert survey_of(moving(np.float32), is_decimal=False).dtype == np.float32
+@pytest.mark.parametrize(
+    ("blocks", "is_decimal", "expected"),
+    [
+        ([moving()], True, "f4"),
+        ([np.add(moving(), [[[0]], [[0]], [[1e4]]])], True, "f8"),
+        ([moving() * [[[1]], [[0]], [[1]]] + 0.1], True, "f4"),  # one frame is a point
+        ([np.array([[[-1e39, 0, 0], [1e39, 0, 0]]])], True, "f8"),
+        ([np.array([[[-1.7e308, 0, 0], [1.7e308, 0, 0]]])], True, "f8"),
+        ([moving("f4"), moving("f8")], False, "f8"),
+        ([moving("f8"), moving("f4")], False, "f8"),
+        ([moving("f4")], False, "f4"),
+    ],
+)
+def test_type_is_the_declared_one_or_precise_enough_for_decimal_text(blocks, is_decimal, expected):
+    assert survey_of(*blocks, is_decimal=is_decimal).dtype == expected
 
 
 @pytest.mark.parametrize("is_decimal", [False, True])
