@@ -70,7 +70,7 @@ def compare_positions(
             for method, sweep in methods.items()
             for options in sweep(sequence.n_frames, sequence.n_verts)
         ] + [
-            peer_run(peer, params_of(peer, value),
+            peer_run(peer, peer.params.format(value),
                      partial(measure_peer, sequence, arrangement, peer, value),
                      value=value)
             for peer in peers
@@ -79,11 +79,6 @@ def compare_positions(
         ]  # fmt: skip
 
     return Comparison(runs, peers, recorded)
-
-
-def params_of(peer: Peer, value: float) -> str:
-    """A setting of a peer as text; empty for codecs without settings."""
-    return peer.params.format(value)
 
 
 @dataclass(frozen=True, eq=False)
