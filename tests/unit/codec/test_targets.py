@@ -175,7 +175,7 @@ def test_maximum_error_below_the_precision_of_float64_is_refused():
 
 
 OPTIONS = [
-    *({"tune": tune.value} for tune in Tune),
+    *({"tune": tune} for tune in ("visual", "geometry")),
     *({"effort": effort} for effort in EFFORTS),
     *({"order": order} for order in ("drop", "vertices")),
     {"block_frames": 5},
