@@ -5,6 +5,7 @@ import pytest
 
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, largest_patch, measure
+from samples.captures import capsule
 from samples.shapes import square
 
 
@@ -57,6 +58,16 @@ def test_a_frame_may_lack_a_quarter_of_the_surface(end, message):
     assert errors.unsupported == pytest.approx(1 - end, abs=0.02)
     assert errors.exceeds(Tolerance(0.01)) == message
     assert np.isfinite(errors.in_tolerances(Tolerance(0.01))) == (not message)
+
+
+@pytest.mark.parametrize(("size", "unsupported"), [(0.5, 0.2), (1.2, 0)])
+def test_only_what_is_below_a_closed_surface_is_hidden(size, unsupported):
+    vertices, faces = capsule(30, 20)
+    both = np.concatenate([vertices, size * vertices])
+    mesh = TriangleMesh(both, np.concatenate([faces, faces + len(vertices)]))
+    errors = measure(mesh, TriangleMesh(vertices, faces), Tolerance(0.01))
+    assert errors.unsupported == pytest.approx(unsupported)
+    assert bool(errors.exceeds(Tolerance(0.01))) == (unsupported == 0)
 
 
 def test_separate_patches_do_not_add_up():
