@@ -9,7 +9,6 @@ import meshreel.formats.load
 from conservation import BY_VTK, walks
 from contents.items import balance, items_of
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from samples.costs import does_everything
@@ -41,25 +40,22 @@ def notes():
     return Notes()
 
 
-SELECTING = (
-    "fps", "object", "topology", "dataset", "attributes", "skip_bad", "animation", "displace",
-)  # fmt: skip
-"""Options of reading that leave out or change contents."""
-
-
 @pytest.fixture(autouse=True)
 def _keeps_or_names_everything(request, monkeypatch):
     """In runs of all tests, assert that each file that a test loads is kept or named."""
     if not does_everything() or request.node.get_closest_marker("damaged"):
         return
-    defaults = ReadOptions()
     load_any = meshreel.formats.load.load_any
 
     def load_and_check(source, options):
         sequence = load_any(source, options)
         walk = None if isinstance(source, (list, tuple)) else all_walks().get(Path(source).suffix)
-        selects = any(getattr(options, name) != getattr(defaults, name) for name in SELECTING)
-        if walk is not None and not selects and Path(source).is_file():
+        chosen = (
+            options.fps, options.object, options.topology, options.dataset, options.animation,
+            options.displace, options.skip_bad or None,
+        )  # fmt: skip
+        takes_all = options.attributes == "all" and not any(one is not None for one in chosen)
+        if walk is not None and takes_all and Path(source).is_file():
             found = balance(list(walk(Path(source))), list(items_of(sequence)), options.notes)
             assert [*found.silent] == []
         return sequence

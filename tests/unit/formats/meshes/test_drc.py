@@ -125,9 +125,8 @@ def test_generic_attributes_are_listed_in_a_note(tmp_path, notes):
 def test_second_normals_are_listed_in_a_note(tmp_path, notes, monkeypatch):
     path = split_tube(tmp_path / "a.drc")
     decoded = DracoPy.decode(path.read_bytes())
-    [points] = [one for one in decoded.attributes if one["attribute_type"] == 0]
-    normals = {**points, "attribute_type": 1, "name": "bent"}
-    decoded.attributes.extend([normals, normals])
+    points = next(one for one in decoded.attributes if one["attribute_type"] == 0)
+    decoded.attributes.extend([{**points, "attribute_type": 1, "name": "bent"}] * 2)
     monkeypatch.setattr(DracoPy, "decode", lambda data: decoded)
     load(path, notes=notes)
     assert "left out: attributes of Draco: bent" in notes
