@@ -73,15 +73,11 @@ def test_globs_and_lists_give_the_same_stream_as_the_folder(tmp_path):
     frames = tmp_path / "frames"
     frames.mkdir()
     paths = meshreel.save(waving_grid(), frames / "f_%d.obj")
-    run_json("encode", frames, "-o", tmp_path / "folder.reel")
-    run_json("encode", frames / "*.obj", "-o", tmp_path / "glob.reel")
-    run_json("encode", *paths, "-o", tmp_path / "list.reel")
-    decoded = [
-        meshreel.decode((tmp_path / name).read_bytes()).vertices
-        for name in ("folder.reel", "glob.reel", "list.reel")
-    ]
-    np.testing.assert_array_equal(decoded[0], decoded[1])
-    np.testing.assert_array_equal(decoded[0], decoded[2])
+    decoded = []
+    for number, given in enumerate(([frames], [frames / "*.obj"], paths)):
+        run_json("encode", *given, "-o", tmp_path / f"{number}.reel")
+        decoded.append(meshreel.decode(tmp_path / f"{number}.reel").vertices)
+    np.testing.assert_array_equal(decoded[1:], [decoded[0]] * 2)
 
 
 @pytest.mark.parametrize(("text", "frames"), [("2:5", slice(2, 5)), ("9:", slice(9, None)),
@@ -90,18 +86,6 @@ def test_decode_writes_the_selected_frames(reel, tmp_path, text, frames):
     run_json("decode", reel, "-o", tmp_path / "part.npz", "--frames", text)
     expected = meshreel.decode(reel.read_bytes(), frames=frames)
     np.testing.assert_array_equal(meshreel.load(tmp_path / "part.npz").vertices, expected.vertices)
-
-
-def test_info_prints_the_bytes_by_section_as_json(reel):
-    figures = run_json("info", reel)
-    assert sum(figures["budget_bytes"].values()) == reel.stat().st_size
-    assert figures["method"] == "reel"
-
-
-def test_info_prints_every_section_by_default(reel):
-    done = run_ok("info", reel)
-    for word in ("connectivity", "fields", "basis", "coefficients", "25 fps", "%"):
-        assert word in done.stdout
 
 
 def test_compare_accepts_a_reel_as_either_input(grid, reel):
@@ -128,19 +112,15 @@ def test_demo_writes_stream_and_picture(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["encode", "missing.npz", "-o", "a.reel"], ["missing.npz"]),
         (["encode", "{grid}", "--max-error", "0.5mm"], ["has no length unit", "--unit", "0.5u"]),
         (["encode", "{grid}", "--max-error", "500%"], ["at most 100%", "got 500%", "5u is"]),
         (["encode", "{grid}", "--unit", "mm"], ["--unit", "--max-error", "give both"]),
         (["decode", "{reel}", "-o", "a.glb", "--unit", "mm"], ["--unit", "--max-error"]),
         (["encode", "{grid}", "-o", "no/such/a.reel"], ["no/such", "does not exist"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "9"], ["reel", "bits", "pca-qp"]),
-        (["encode", "{grid}", "--method", "pca", "--bits", "99"], ["bits must be 2..24", "99"]),
         (["encode", "{grid}", "-o", "a.reel", "--bits", "x"], ["--bits", "8,8,6", "x"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "x"], ["--modes", "whole number"]),
-        (["encode", "{grid}", "--method", "pca", "--bits", "8,1"], ["row 1", "2..24"]),
         (["encode", "{grid}", "-o", "a.reel", "--modes", "0"], ["--modes", "0"]),
-        (["encode", "{grid}", "-o", "a.reel", "--fps", "-3"], ["fps", "-3"]),
         (["demo", "--frames", "0"], ["--frames", "0"]),
         (
             ["encode", "{grid}", "--method", "pca", "--modes", "3", "--energy", "0.9"],
@@ -152,17 +132,11 @@ def test_demo_writes_stream_and_picture(tmp_path):
             ["size 9 cannot be met", "smallest file", "order drop"],
         ),
         (["encode", "{grid}", "--method", "pca-qp", "--kg", "1"], ["pca-qp", "kg", "reel"]),
-        (["encode", "{grid}", "--effort", "11"], ["effort must be 1..9", "11"]),
-        (["encode", "{grid}", "--tune", "loud"], ["loud", "visual, geometry"]),
-        (["encode", "{grid}", "-o", "a.reel", "--method", "zip"], ["zip", "pca-qp"]),
         (["encode"], ["INPUT"]),
-        (["decode", "missing.reel", "-o", "a.npz"], ["missing.reel"]),
-        (["decode", "{grid}", "-o", "a.npz"], ["not a .reel file", "meshreel convert"]),
         (["decode", "{reel}", "-o", "no/such/a.npz"], ["no/such"]),
         (["decode", "{reel}", "-o", "a.xyz"], [".xyz", ".npz"]),
         (["decode", "{reel}", "-o", "a.npz", "--frames", "90:99"], ["frames 0:12"]),
         (["decode", "{reel}", "-o", "a.npz", "--frames", "x"], ["A:B"]),
-        (["info", "missing.npz"], ["there is no file or folder 'missing.npz'"]),
         (["compare", "{grid}", "missing.npz"], ["missing.npz"]),
         (["unknown"], ["unknown"]),
         (["inof", "a.npz"], ["No such command 'inof'", "Did you mean 'info'?"]),

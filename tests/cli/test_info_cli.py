@@ -46,6 +46,7 @@ def test_info_skips_bad_meshes_with_skip_bad(tmp_path):
 def test_info_detects_a_stream_with_another_extension(tmp_path):
     (tmp_path / "a.bin").write_bytes(meshreel.encode(waving_grid()))
     sizes = run_json("info", tmp_path / "a.bin")["budget_bytes"]
+    assert sum(sizes.values()) == (tmp_path / "a.bin").stat().st_size
     shown = run("info", tmp_path / "a.bin").stdout.split("share\n")[1].splitlines()
     rows = [line.rsplit(maxsplit=3) for line in shown]
     assert {name.strip(): int(size) for name, size, *_ in rows} == sizes

@@ -114,23 +114,17 @@ def test_completion_script_is_printed_when_the_variable_of_click_asks_for_it(she
     assert f"_MESHREEL_COMPLETE={shell}_complete" in run_ok().stdout
 
 
-def test_completion_offers_all_commands(offered):
-    assert offered("meshreel ") == list(COMMANDS)
-
-
-def test_completion_offers_options(offered):
-    assert offered("meshreel encode walk.npz --max") == ["--max-error"]
-
-
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
+        ("meshreel ", list(COMMANDS)),
         ("meshreel encode wa", []),  # the shell completes files
+        ("meshreel encode walk.npz --max", ["--max-error"]),
         ("meshreel encode walk.npz --method pca-", ["pca-qp", "pca-q", "pca-qs"]),
         ("meshreel render walk.reel --heatmap a", ["angle"]),
     ],
 )
-def test_completion_offers_names(offered, line, expected):
+def test_completion_offers_commands_options_and_names(offered, line, expected):
     assert offered(line) == expected
 
 

@@ -142,9 +142,6 @@ def test_wrap_text_keeps_every_word_and_the_width():
 
 def test_wrap_text_puts_too_wide_words_on_separate_lines():
     assert wrap_text("a incomprehensibilities b", FONT, 30) == ["a", "incomprehensibilities", "b"]
-
-
-def test_wrap_text_of_empty_text_has_no_lines():
     assert wrap_text("", FONT, 90) == []
 
 
