@@ -55,7 +55,7 @@ def test_sequence_is_downloaded_from_a_store(memory, walk, monkeypatch, tmp_path
 @pytest.mark.parametrize(("size", "message"), [(9, "cut short: 5 of 9"), (4, "more than 4 B")])
 def test_files_of_another_size_than_announced_are_refused(memory, monkeypatch, size, message):
     class File(BytesIO):
-        pass
+        size: int
 
     File.size = size
     monkeypatch.setattr(type(memory), "open", lambda *_, **__: File(b"12345"))
