@@ -112,11 +112,6 @@ def test_blocks_within_memory_are_of_equal_length(n_frames):
     assert n_blocks == -(-n_frames * n_verts // MAX_BLOCK_POSITIONS)
 
 
-def test_one_block_is_used_if_memory_allows():
-    assert config_of().frames_in_block(5000, 100, 4) == 5000
-    assert config_of(block_frames=30).frames_in_block(5000, 100, 4) == 30
-
-
 @pytest.mark.parametrize("number_bytes", [4, 8])
 @pytest.mark.parametrize("method", ["reel", "lossless", "pca-qp"])
 def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
@@ -128,26 +123,27 @@ def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
         assert (needed <= 500e6) == is_enough
 
 
-def test_a_million_vertices_and_200_frames_are_one_block_in_6_gigabytes():
-    assert config_of(memory="6GB").frames_in_block(200, 10**6, 4) == 200
-    assert config_of(memory="6GB").frames_in_block(201, 10**6, 8) < 200
-
-
 @pytest.mark.parametrize("n_verts", [100, 10**6])
 def test_memory_for_blocks_of_100_frames_gives_such_blocks(n_verts):
     config = config_of().with_blocks_of(100, n_verts, 4)
     assert config.frames_in_block(200, n_verts, 4) == 100
 
 
-def test_abundant_memory_does_not_change_blocks():
-    assert config_of(memory="1TB").frames_in_block(10_000, 10_000, 4) == 500
-
-
-def test_long_sequences_of_many_vertices_have_blocks_of_equal_length():
-    assert config_of().frames_in_block(10_000, 10_000, 4) == 500
-    assert config_of().frames_in_block(1024, 10_000, 4) == 1024
-    assert config_of().frames_in_block(1025, 10_000, 4) == 342
-    assert config_of().frames_in_block(1025, 1 << 12, 4) == 1025
+@pytest.mark.parametrize(
+    ("options", "n_frames", "n_verts", "expected"),
+    [
+        ({}, 5000, 100, 5000),
+        ({"block_frames": 30}, 5000, 100, 30),
+        ({"memory": "6GB"}, 200, 10**6, 200),
+        ({"memory": "1TB"}, 10_000, 10_000, 500),
+        ({}, 10_000, 10_000, 500),
+        ({}, 1024, 10_000, 1024),
+        ({}, 1025, 10_000, 342),
+        ({}, 1025, 1 << 12, 1025),
+    ],
+)
+def test_blocks_of_many_vertices_are_of_equal_length(options, n_frames, n_verts, expected):
+    assert config_of(**options).frames_in_block(n_frames, n_verts, 4) == expected
 
 
 @pytest.mark.parametrize(

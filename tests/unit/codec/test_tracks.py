@@ -12,9 +12,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import whole_stream
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.tracks import Coding, Sharing, TrackHeader, write_track
-from meshreel.errors import (
-    MemoryLimitError,
-)
+from meshreel.errors import MemoryLimitError
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from samples.meshes import waving_grid

@@ -261,16 +261,16 @@ def test_load_has_a_frame_at_every_sample_of_points_and_transforms(tmp_path):
     np.testing.assert_array_equal(loaded.vertices, expected.astype(np.float32))
 
 
-def test_load_interpolates_rotations_spherically(tmp_path):
+def test_load_interpolates_rotations_spherically_and_stretches_linearly(tmp_path):
     turning = [
-        ([("kMatrixOperation", sample.matrix(np.diag([2, 3, 1, 1]) @ rotation_z(angle)))], True)
-        for angle in (0, 90)
+        ([("kMatrixOperation", sample.matrix(np.diag([x, 3, 1, 1]) @ rotation_z(angle)))], True)
+        for x, angle in ((2, 0), (6, 90))
     ]
-    frames = [sample.POINTS, sample.POINTS + 1, sample.POINTS]
-    chain = [(turning, sample.uniform(2.0, 0.0))]
+    frames = [sample.POINTS, sample.POINTS + 1, *[sample.POINTS] * 3]
+    chain = [(turning, sample.uniform(4.0, 0.0))]
     path = write_below_transforms(tmp_path / "a.abc", chain, frames, sample.uniform(1.0, 0.0))
-    halfway = (sample.POINTS + 1.0) @ (np.diag([2, 3, 1, 1]) @ rotation_z(45))[:3, :3]
-    assert_close(load(path).vertices[1], halfway)
+    quarter = (sample.POINTS + 1.0) @ (np.diag([3, 3, 1, 1]) @ rotation_z(22.5))[:3, :3]
+    assert_close(load(path).vertices[1], quarter)
 
 
 def test_load_returns_float64_for_a_mesh_moved_far_from_the_origin(tmp_path):

@@ -150,24 +150,18 @@ def test_binary_header_may_begin_with_solid(make_sequence):
     assert len(read_stl(b"solid " + data[6:]).mesh.counts) == sequence.n_faces
 
 
-def test_parse_stl_reads_ascii():
+def test_parse_stl_reads_ascii_and_replaces_negative_zeros():
+    vertices = read_stl(ASCII).mesh.vertices
     expected = [[0, 0, 0], [1, 0, 0], [0, 1.5, 0], [0, 0, 0], [1, 0, 0], [0, 0, 2]]
-    assert read_stl(ASCII).mesh.vertices.tolist() == expected
+    assert vertices.tolist() == expected
+    assert not np.signbit(vertices).any()
 
 
-def test_parse_stl_replaces_negative_zeros():
-    assert not np.signbit(read_stl(ASCII).mesh.vertices).any()
-
-
-def test_stl_encoder_writes_unit_normals():
-    vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32)
-    data = encoded(stl_encoder, vertices, [[0, 1, 2]])
-    assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 1]
-
-
-def test_degenerate_triangles_get_zero_normals():
-    data = encoded(stl_encoder, np.eye(3, dtype=np.float64), [[0, 1, 1]])
-    assert np.frombuffer(data, "<f4", 3, 84).tolist() == [0, 0, 0]
+@pytest.mark.parametrize(("face", "normal"), [([0, 1, 2], [0, 0, 1]), ([0, 1, 1], [0, 0, 0])])
+def test_stl_encoder_writes_unit_normals_or_zeros(face, normal):
+    vertices = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float64)
+    data = encoded(stl_encoder, vertices, [face])
+    assert np.frombuffer(data, "<f4", 3, 84).tolist() == normal
 
 
 def test_stl_encoder_rejects_positions_beyond_float32():

@@ -429,70 +429,54 @@ def test_even_interval_tolerates_rounding_errors():
     assert even_interval(np.array([5.0])) == 0
 
 
-@pytest.mark.parametrize("samples", [[], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75]])
-def test_even_codes_return_even_samples_unchanged(samples):
-    samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
-
-
-def test_even_codes_drop_samples_for_motion_blur():
-    samples = (np.arange(1, 5)[:, None] + [-0.25, 0, 0.25]).ravel()
-    np.testing.assert_array_equal(even_codes(samples, 0.0), [1, 2, 3, 4])
-
-
-def test_even_codes_keep_a_final_sample_between_integer_codes():
-    np.testing.assert_array_equal(even_codes(np.array([0.0, 1, 2, 2.5]), 0.0), np.arange(6) / 2)
-    samples = np.array([0.0, 1, 2, 3.3])
-    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
-
-
-def test_even_codes_fill_gaps_that_are_multiples_of_the_smallest():
-    np.testing.assert_array_equal(even_codes(np.array([2.0, 4, 6, 12]), 1.0), [2, 4, 6, 8, 10, 12])
-
-
-@pytest.mark.parametrize("samples", [[0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1]])
-def test_even_codes_return_irregular_samples_unchanged(samples):
-    samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(even_codes(samples, 0.0), samples)
-
-
-def test_sampled_codes_are_all_frames_between_sparse_keys():
-    result = sampled_codes(np.array([1.0, 5]), 1.0, 1.0)
-    np.testing.assert_array_equal(result, [1, 2, 3, 4, 5])
-    result = sampled_codes(np.array([0.0, 7, 10]), 2.5, 0.0)
-    np.testing.assert_array_equal(result, [0, 2.5, 5, 7.5, 10])
-
-
-def test_sampled_codes_are_aligned_to_the_origin():
-    result = sampled_codes(np.array([6.0, 12]), 2.5, 0.0)
-    np.testing.assert_array_equal(result, [5, 7.5, 10, 12.5])
-
-
-@pytest.mark.parametrize("samples", [[3], [1, 2, 3], [0, 0.5, 1]])
-def test_sampled_codes_are_the_samples_if_dense(samples):
-    samples = np.array(samples, np.float64)
-    np.testing.assert_array_equal(sampled_codes(samples, 1.0, samples[0]), samples)
+@pytest.mark.parametrize(
+    ("samples", "frame_interval", "expected"),
+    [
+        *((even, 0, even) for even in ([], [4], [1, 2, 3], [0, 2.5, 5], [10.25, 10.5, 10.75])),
+        *((uneven, 0, uneven) for uneven in ([0, 33, 67, 100], [0, 1, 1000], [0.1, 0.4, 1.1])),
+        ([0.75, 1, 1.25, 1.75, 2, 2.25, 2.75, 3, 3.25], 0, [1, 2, 3]),  # for motion blur
+        ([0, 1, 2, 2.5], 0, [0, 0.5, 1, 1.5, 2, 2.5]),
+        ([0, 1, 2, 3.3], 0, [0, 1, 2, 3.3]),
+        ([2, 4, 6, 12], 1, [2, 4, 6, 8, 10, 12]),  # with a gap
+    ],
+)
+def test_even_codes_are_all_or_the_main_samples_with_gaps_filled(samples, frame_interval, expected):
+    np.testing.assert_array_equal(
+        even_codes(np.array(samples, np.float64), frame_interval), expected
+    )
 
 
 @pytest.mark.parametrize(
-    ("stored", "keys"), [([], [0, 30, 60]), ([5], [0, 60]), ([0, 60], [0, 60]), ([0, 40], [20, 60])]
+    ("samples", "frame_interval", "origin", "expected"),
+    [
+        ([1, 5], 1, 1, [1, 2, 3, 4, 5]),
+        ([0, 7, 10], 2.5, 0, [0, 2.5, 5, 7.5, 10]),
+        ([6, 12], 2.5, 0, [5, 7.5, 10, 12.5]),  # aligned to the origin
+        *((dense, 1, dense[0], dense) for dense in ([3], [1, 2, 3], [0, 0.5, 1])),
+    ],
 )
-def test_frames_are_those_of_the_stage_for_sparse_keys(stored, keys):
-    np.testing.assert_array_equal(frames(stored, keys), np.arange(61))
+def test_sampled_codes_are_all_frames_between_sparse_keys(
+    samples, frame_interval, origin, expected
+):
+    result = sampled_codes(np.array(samples, np.float64), frame_interval, origin)
+    np.testing.assert_array_equal(result, expected)
 
 
-@pytest.mark.parametrize("stored", [[0, 60], [0, 10, 20], [3, 33, 66], [0, 2, 4]])
-def test_frames_are_the_samples_of_points_without_keys(stored):
-    np.testing.assert_array_equal(frames(stored, []), stored)
+SPARSE = ([], [0, 30, 60]), ([5], [0, 60]), ([0, 60], [0, 60]), ([0, 40], [20, 60])
+CACHE = np.arange(0, 41, 2)
 
 
-@pytest.mark.parametrize("keys", [[0, 40], [10, 30], [0, 1, 2], [1, 39], [8, 12.5, 40]])
-def test_frames_of_a_cache_ignore_keys_between_them(keys):
-    np.testing.assert_array_equal(frames(np.arange(0, 41, 2), keys), np.arange(0, 41, 2))
-
-
-def test_frames_of_a_cache_extend_to_the_range_of_keys():
-    np.testing.assert_array_equal(frames(np.arange(10, 21, 2), [5, 27]), np.arange(4, 29, 2))
+@pytest.mark.parametrize(
+    ("stored", "keys", "expected"),
+    [
+        *((stored, keys, np.arange(61)) for stored, keys in SPARSE),
+        *((stored, [], stored) for stored in ([0, 60], [0, 10, 20], [3, 33, 66], [0, 2, 4])),
+        *((CACHE, keys, CACHE) for keys in ([0, 40], [10, 30], [0, 1, 2], [1, 39], [8, 12.5, 40])),
+        (np.arange(10, 21, 2), [5, 27], np.arange(4, 29, 2)),  # in the range of keys
+    ],
+)
+def test_frames_are_the_samples_of_points_or_those_of_the_stage(stored, keys, expected):
+    np.testing.assert_array_equal(frames(stored, keys), expected)
 
 
 @pytest.mark.parametrize("last", [3.3, 3 + 1e-5, 4 - 1e-9, 4.0])

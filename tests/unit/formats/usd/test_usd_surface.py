@@ -274,8 +274,7 @@ def test_faces_change_where_holes_do(stage_file):
 
 
 @pytest.mark.parametrize(
-    ("scheme", "is_noted"),
-    [("catmullClark", True), ("loop", True), ("none", False), (None, True)],
+    ("scheme", "is_noted"), [("catmullClark", True), ("loop", True), ("none", False), (None, True)]
 )
 def test_load_notes_that_it_reads_the_cage_of_a_subdivision_surface(stage_file, scheme, is_noted):
     notes = []

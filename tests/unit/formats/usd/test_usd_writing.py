@@ -62,12 +62,7 @@ def sheets(n_frames=4, dtype=np.float32, *, fps=24.0, start_s=0.0, n_parts=2, of
         (Part("/root/a", 9, 3), Part("/root/b/c", 9, 3))[:n_parts] if n_parts > 1 else (),
     )
     return MeshSequence(
-        vertices,
-        triangulate(sizes, corners, vertices[0])[0],
-        fps,
-        "sheets",
-        start_s,
-        surface,
+        vertices, triangulate(sizes, corners, vertices[0])[0], fps, "sheets", start_s, surface
     )
 
 
@@ -234,12 +229,8 @@ def test_prim_name_replaces_forbidden_characters(name, expected):
 
 def test_unique_name_appends_numbers():
     used = set()
-    assert [unique_name(name, used) for name in ("a", "a", "a_2", "a")] == [
-        "a",
-        "a_2",
-        "a_2_2",
-        "a_3",
-    ]
+    names = [unique_name(name, used) for name in ("a", "a", "a_2", "a")]
+    assert names == ["a", "a_2", "a_2_2", "a_3"]
 
 
 @pytest.mark.parametrize(
