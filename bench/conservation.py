@@ -9,15 +9,14 @@ processes of their own, with limits of time and memory; `--list` prints each sil
 """
 
 import argparse
-import json
+import multiprocessing
 import resource
-import subprocess
-import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from importlib import import_module
 from importlib.util import find_spec
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +35,9 @@ LIBRARIES = {"usd": "pxr"}
 
 BY_VTK = (".vtu", ".vtp", ".vtk", ".pvd", ".case", ".encas")
 """Formats whose walk reads with the library vtk."""
+
+FORK = multiprocessing.get_context("fork")
+"""Starts processes that have imported all libraries already."""
 
 TIMEOUT_S = 120.0
 MAX_BYTES = 8 << 30
@@ -78,22 +80,30 @@ def merges(path: Path) -> bool:
     return isinstance(kind, SequenceFormat) and kind.read_meshes is not None
 
 
-def _limit_memory() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (MAX_BYTES, MAX_BYTES))
-
-
-def check_apart(path: Path) -> Balance | str:
-    """Check a file in a separate process; returns the message of an error instead."""
-    command = [sys.executable, __file__, "--one", str(path)]
+def check_apart(path: Path, walk: Walk) -> Balance | str:
+    """Check a file in a process of its own; returns the message of an error instead."""
+    receiver, sender = FORK.Pipe(duplex=False)
+    process = FORK.Process(target=_send_balance, args=(path, walk, sender))
+    process.start()
+    sender.close()
+    result: Balance | str = f"timed out after {TIMEOUT_S:g} s"
     try:
-        result = subprocess.run(
-            command, capture_output=True, text=True, timeout=TIMEOUT_S, preexec_fn=_limit_memory
-        )
-    except subprocess.TimeoutExpired:
-        return f"timed out after {TIMEOUT_S:g} s"
-    if result.returncode:
-        return result.stderr.strip().rpartition("\n")[2][:200] or f"ended with {result.returncode}"
-    return Balance(**json.loads(result.stdout))
+        if receiver.poll(TIMEOUT_S):
+            result = receiver.recv()
+    except EOFError:
+        process.join()
+        result = f"ended with {process.exitcode}"
+    process.kill()
+    process.join()
+    return result
+
+
+def _send_balance(path: Path, walk: Walk, sender: Connection) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_BYTES, MAX_BYTES))
+    try:
+        sender.send(balance_of_reading(path, walk))
+    except Exception as error:
+        sender.send(f"{type(error).__name__}: {error}"[:200])
 
 
 def main() -> None:
@@ -101,13 +111,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("paths", nargs="+", type=Path, help="files, or folders of files")
     parser.add_argument("--list", action="store_true", help="print silent values and failures")
-    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     readers = walks()
-    if arguments.one:
-        [path] = arguments.paths
-        print(json.dumps(asdict(balance_of_reading(path, readers[extension_of(path)]))))
-        return
     found = [
         path
         for start in arguments.paths
@@ -117,7 +122,7 @@ def main() -> None:
     ]  # fmt: skip
     totals: dict[str, Counter[str]] = defaultdict(Counter)
     for path in found:
-        result = check_apart(path)
+        result = check_apart(path, readers[extension_of(path)])
         counts = totals[extension_of(path)]
         counts["files"] += 1
         if isinstance(result, str):
