@@ -165,6 +165,12 @@ REFUSED = {
         lambda: indexed(whole(1)[0], numbers(4, 4, 1, 24, 1) + b"\xff" * 10),
         NO_INDEX,
     ),
+    "three ranges": (
+        lambda: scanned(
+            beginning((Section.REFERENCE, numbers(1, 0, 1, 1, 1, 1, 1, 2, 1))) + parts()[2]
+        ),
+        "a reference has more than two ranges",
+    ),
     "truncated": (lambda: scanned(whole()[0], b""), "the file ends too early"),
 }  # fmt: skip
 KINDS = {
