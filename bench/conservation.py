@@ -81,7 +81,7 @@ def merges(path: Path) -> bool:
 
 
 def check_apart(path: Path, walk: Walk) -> Balance | str:
-    """Check a file in a process of its own; returns the message of an error instead."""
+    """Check a file in a separate process; returns the message of an error instead."""
     receiver, sender = FORK.Pipe(duplex=False)
     process = FORK.Process(target=_send_balance, args=(path, walk, sender))
     process.start()
