@@ -91,9 +91,14 @@ class Item:
         allowed = COLOR_TOLERANCE if self.sort is Sort.COLOR else TOLERANCE * scale
         return all(abs(a - b) <= allowed for a, b in zip(*ranges, strict=True))
 
-    def is_named_in(self, notes: Iterable[str]) -> bool:
-        """Return whether a note contains its name or one of its words, as whole words."""
+    def is_named_in(self, notes: Iterable[str], listed: Collection[str] = ()) -> bool:
+        """Return whether a note contains its name or one of its words, as whole words.
+
+        `listed` are names of the notes in lower case, which are found faster.
+        """
         names = [name for name in {self.name, self.leaf, *self.words} if name]
+        if any(name.lower() in listed for name in names):
+            return True
         pattern = "|".join(rf"(?<!\w){re.escape(name)}(?!\w)" for name in names)
         texts = (" ".join([note, *getattr(note, "names", ())]) for note in notes)
         return any(re.search(pattern, text, re.IGNORECASE) for text in texts)
@@ -139,7 +144,9 @@ def balance(items: Collection[Item], others: Collection[Item], notes: Collection
         What reading or writing said.
     """
     missing = [item for item in items if not any(map(item.matches, others))]
-    silent = [f"{item.sort} {item.name}" for item in missing if not item.is_named_in(notes)]
+    listed = {name.lower() for note in notes for name in getattr(note, "names", ())}
+    unnamed = [item for item in missing if not item.is_named_in(notes, listed)]
+    silent = [f"{item.sort} {item.name}" for item in unnamed]
     named = len(missing) - len(silent)
     return Balance(len(items), len(items) - len(missing), named, tuple(silent))
 

@@ -119,7 +119,7 @@ def test_announced_sizes_are_refused_before_allocation(name):
     tracemalloc.start()
     try:
         refusals = (
-            r"may take 8\.59 GB; .* allow more with memory|2\^26|than this build reads|values"
+            r"may take 2\.15 GB; .* allow more with memory|2\^26|than this build reads|values"
         )
         with pytest.raises(MeshReelError, match=refusals):
             decode(data)

@@ -100,8 +100,11 @@ def test_one_frame_is_a_bone_without_motion():
     assert (rig.n_bones, rig.errors.largest_percent) == (1, pytest.approx(0, abs=0.05))
 
 
-NOISE = np.random.default_rng(6).normal(size=(150, 60, 3))
-NOISE = MeshSequence(NOISE, np.arange(60, dtype=np.int32).reshape(-1, 3), 25.0)
+NOISE = MeshSequence(
+    np.random.default_rng(6).normal(size=(150, 60, 3)),
+    np.arange(60, dtype=np.int32).reshape(-1, 3),
+    25.0,
+)
 CHANGING = meshreel.concatenate([bending_tube(), boxes([lambda t: np.eye(3)])])
 UNMET = r"2 bones and 64 corrective targets reach a KG er.*\(max_error, kg\) or up to 256 bones"
 
