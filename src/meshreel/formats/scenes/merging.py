@@ -293,15 +293,14 @@ def _concatenate(
     width, start = sample.values.shape[1], 0
     is_indexed = any(match_ is not None and match_.indices is not None for match_ in matches)
     dtype = np.result_type(*(match_.values.dtype for match_ in matches if match_ is not None))
-    is_color = sample.kind is Kind.COLOR
+    fill = white(dtype) if sample.kind is Kind.COLOR else 0
     tables, rows = [], []
     for match_, frame in zip(matches, frames, strict=True):
         n_items = frame.n_items[sample.domain]
         if match_ is not None:
             table, indices = match_.values, match_.indices
-            table = table * (white(dtype) // white(table.dtype)) if is_color else table
         else:  # unindexed attributes need a row per item; indexed ones share a single row
-            table = np.full((1 if is_indexed else n_items, width), white(dtype) * is_color, dtype)
+            table = np.full((1 if is_indexed else n_items, width), fill, dtype)
             indices = np.zeros(n_items, np.int32)
         tables.append(table)
         rows.append((np.arange(n_items) if indices is None else indices) + start)
