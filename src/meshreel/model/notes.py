@@ -22,6 +22,9 @@ NORMALS = "normals, which programs compute"
 CAGES = "subdivision, whose cages are read"
 """Subject of notes on subdivision surfaces, which name the meshes."""
 
+CHANGES = "changes over time, kept as in the first frame"
+"""Subject of notes on contents that change in a way that a sequence cannot store."""
+
 UNCHANGING = "data with a single sample, which cannot be a track"
 """Subject of notes on velocities and the like that have only one sample."""
 

@@ -18,8 +18,8 @@ from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
+from meshreel.model.notes import CHANGES, Note, NoteKind, Notes
 from meshreel.model.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
@@ -205,7 +205,7 @@ class _Run:
             for key in changing_keys & {*self.first.fields}
         ):
             notes.discard(NORMALS_SUBJECT)
-        notes.left_out("changes over time, kept as in the first frame", self._differing_names)
+        notes.left_out(CHANGES, self._differing_names)
         return replace(surface, attributes=tuple(attributes))
 
     def _stack_positions(self, rows: slice | npt.NDArray[np.int64]) -> Vertices:

@@ -15,8 +15,9 @@ from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
 from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
-from meshreel.formats.usd.unread import CHANGES, StageContents
+from meshreel.formats.usd.unread import StageContents
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
+from meshreel.model.notes import CHANGES
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 

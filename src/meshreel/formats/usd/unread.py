@@ -7,7 +7,7 @@ from typing import Any
 
 from meshreel.errors import FormatError
 from meshreel.formats.usd.stage import usd_errors
-from meshreel.model.notes import NORMALS, UNCHANGING, Notes
+from meshreel.model.notes import CHANGES, NORMALS, UNCHANGING, Notes
 from meshreel.runtime.extras import USD
 
 BOOKKEEPING = {
@@ -27,13 +27,10 @@ MAX_PRIMS = 1_000_000
 """Limit, since nested instances can make a small file expand to any number of prims."""
 
 METADATA = ("assetInfo", "customData", "customLayerData")
-"""Keys of metadata with content of its own, besides that of meshreel."""
+"""Keys of metadata that has contents, besides those of meshreel."""
 
 CONTAINERS = ("", "Xform", "Scope", "SkelRoot", "NodeGraph")
 """Types of prims without content unless they have properties."""
-
-CHANGES = "changes over time, kept as in the first frame"
-"""Subject of the note on inputs of materials, and subsets of faces, that change."""
 
 MISFITS = "primvars for a whole mesh, or that do not fit its faces"
 
