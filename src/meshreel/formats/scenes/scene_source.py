@@ -16,7 +16,7 @@ from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.scenes.visibility import meshes_in_turn, note_changes, without_hidden
 from meshreel.formats.surfaces.polygons import PolygonMesh, triangulated
-from meshreel.model.notes import Notes, listed
+from meshreel.model.notes import CHANGES, Notes, listed
 from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
@@ -74,34 +74,40 @@ def select_frames(
     compared: set[int] = set()
 
     @lru_cache(maxsize=2)
-    def read(index: int) -> tuple[PolygonMesh, Surface]:
+    def mesh_of(index: int) -> tuple[SceneMesh, Notes]:
         path, notes = paths[index], Notes()
-        with errors_naming(path):
-            mesh = select_mesh(read_meshes, path, replace(options, notes=notes))
-            if len(mesh.times_s) > 1:
-                raise FormatError(
-                    f"{path.name} has {len(mesh.times_s)} frames; files that are read together "
-                    "must have one each: choose one of them"
-                )
-            contents = mesh.frame(0), mesh.surface(0)
+        mesh = select_mesh(read_meshes, path, replace(options, notes=notes))
+        if len(mesh.times_s) > 1:
+            raise FormatError(
+                f"{path.name} has {len(mesh.times_s)} frames; files that are read together "
+                "must have one each: choose one of them"
+            )
+        return mesh, notes
+
+    @lru_cache(maxsize=2)
+    def contents(index: int) -> tuple[PolygonMesh, Surface]:
+        with errors_naming(paths[index]):
+            mesh, notes = mesh_of(index)
+            polygons, surface = mesh.frame(0), mesh.surface(0)
             mesh.note_unread()
-        if index not in compared:
-            options.notes.merge(notes)
-        return contents
+        options.notes.merge(notes)
+        return polygons, surface
 
     def frame(index: int) -> PolygonMesh:
-        polygons, surface = read(index)
-        if index and index not in compared:
-            before, earlier = read(index - 1)
+        if index in compared:  # only the positions are read again
+            with errors_naming(paths[index]):
+                return mesh_of(index)[0].frame(0)
+        polygons, surface = contents(index)
+        if index:
+            before, earlier = contents(index - 1)
             if polygons.has_faces_of(before):
-                names = differing_names(earlier, surface)
-                options.notes.left_out("changes over time, kept as in the first frame", names)
+                options.notes.left_out(CHANGES, differing_names(earlier, surface))
         compared.add(index)
         return polygons
 
     name = paths[0].resolve().parent.name
     times_s = np.arange(len(paths), dtype=np.float64)
-    return SceneMesh(name, times_s, frame, lambda index: read(index)[1], fps=0.0)
+    return SceneMesh(name, times_s, frame, lambda index: contents(index)[1], fps=0.0)
 
 
 def selected_meshes(
