@@ -111,7 +111,7 @@ class ReelFile(Timed):
             first_frames = (entry.first_frame for entry in self._whole.segments)
             self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
             self.timing = timing_of(self._whole)
-            self._segment(0)  # raises now if n_modes is not supported or the mesh is too large
+            self._segment(0)  # raises now if n_modes is not supported
         else:
             self._only = OpenStream(self._whole, self._limit, segment)
             self.starts = 0, self._only.n_frames

@@ -64,7 +64,7 @@ def open(
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a stream that this version supports, or its first block is incomplete.
     MemoryLimitError
-        If the mesh exceeds the memory limit; reading raises it for blocks and frames.
+        If the index exceeds the memory limit; reading raises it for the mesh, blocks and frames.
     OSError
         If the file cannot be read.
     StoreError

@@ -131,7 +131,7 @@ class JointFrames:
         def pack(piece: slice) -> None:
             call("reel_pack", *arguments, piece.start, piece.stop, noun="fields")
 
-        if n_verts <= VERTS_PER_CHUNK:
+        if 0 < n_verts <= VERTS_PER_CHUNK:
             pack(slice(0, n_verts))
         else:
             in_chunks(pack, n_verts, VERTS_PER_CHUNK)
