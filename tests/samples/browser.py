@@ -22,6 +22,7 @@ DRAWN_BY_SOFTWARE = (  # so that no graphics card is needed
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--disable-gpu-compositing",  # in software rendering, it costs more than it saves
+    "--js-flags=--expose-gc",
 )
 
 
