@@ -49,7 +49,7 @@ class Source:
     Attributes
     ----------
     name : str
-        Unique name: the end of the path, and the animation.
+        Unique name; default: the end of the path, or the folder of frames, and the animation.
     repo, commit : str
         Owner and name on GitHub, and a commit.
     licence : str
@@ -57,9 +57,10 @@ class Source:
     kind : str
         One of `KINDS`.
     path : str
-        Path of its file, or a pattern of its frames.
+        Path of its file, or a pattern of its frames; in the manifest below `root`, and followed by
+        "#" and the animation, if one is chosen.
     needs : tuple of str
-        Patterns of other files that the file refers to.
+        Patterns of other files that it refers to; default of .gltf: the .bin of the same name.
     options : dict
         Further options of `meshreel.load`.
     """
@@ -85,29 +86,31 @@ class Source:
 
 def read_manifest(path: Path = MANIFEST) -> list[Source]:
     """All sequences of the manifest."""
-    sources = []
-    for repository in tomllib.loads(path.read_text(encoding="utf-8"))["repositories"]:
-        shared = {key: repository[key] for key in ("repo", "commit", "licence")}
-        root = repository.get("root", "")
-        for entry in repository["sequences"]:
-            options = dict(entry)
-            kind, path_in_root = options.pop("kind"), options.pop("path")
-            name = options.pop("name", "") or _name(path_in_root, options)
-            needs = tuple(root + pattern for pattern in options.pop("needs", ()))
-            sources.append(
-                Source(
-                    name=name, kind=kind, path=root + path_in_root, needs=needs, options=options,
-                    **shared,
-                )
-            )  # fmt: skip
-    return sources
+    repositories = tomllib.loads(path.read_text(encoding="utf-8")).items()
+    return [
+        _source(repo, kind, dict(shared["source"]), entry)
+        for repo, shared in repositories
+        for kind, entries in shared.items()
+        if kind != "source"
+        for entry in entries
+    ]
 
 
-def _name(path: str, options: dict[str, Any]) -> str:
-    """The stem of the path, or the folder of frames, and the animation."""
-    end = PurePosixPath(path)
+def _source(repo: str, kind: str, options: dict[str, Any], entry: Any) -> Source:
+    """A sequence, from the fields of its repository and of its own, which may be a path alone."""
+    options |= {"path": entry} if isinstance(entry, str) else entry
+    commit, licence, root = options.pop("commit"), options.pop("licence"), options.pop("root", "")
+    file, _, animation = options.pop("path").partition("#")
+    if animation:
+        options["animation"] = int(animation) if animation.isdigit() else animation
+    end = PurePosixPath(file)
     stem = end.parent.name if "*" in end.name else end.stem
-    return f"{stem} {options['animation']}" if "animation" in options else stem
+    name = options.pop("name", f"{stem} {animation}".strip())
+    needs = options.pop("needs", [str(end.with_suffix(".bin"))] * (end.suffix == ".gltf"))
+    return Source(
+        name=name, repo=repo, commit=commit, licence=licence, kind=kind, path=root + file,
+        needs=tuple(root + pattern for pattern in needs), options=options,
+    )  # fmt: skip
 
 
 def first_frames(sequence: MeshSequence) -> MeshSequence:
