@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from contents import vtkhdf
-from contents.items import Item, Sort
+from contents.items import Item, Sort, timed, valued
 
 EXTENSIONS = (".npz", ".h5", ".hdf5", ".hdf")
-OF_KIND = {"color": Sort.COLOR, "uv": Sort.UV}
 SHAPES = {"times", "fps", "start_s", "face_sizes", "faces", "cells", "cell_types", "name"}
 DESCRIBED = {"name", "domain", "kind", "unit", "units"}
 """Attributes of tracks."""
@@ -73,8 +72,7 @@ def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator
     times = arrays.get("times")
     if times is None and arrays.get("fps", 0):
         times = arrays.get("start_s", 0) + np.arange(n_frames) / arrays["fps"]
-    if times is not None:
-        yield from [Item(Sort.TIMES, "times", times)] * bool(len(times) > 1 or times[0])
+    yield from timed(() if times is None else times)
     if "cells" in arrays:
         n_cells = max(
             np.size(arrays["cell_types"]), len(arrays["cells"]) * (arrays["cells"].ndim > 1)
@@ -90,10 +88,9 @@ def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator
         yield from (Item(Sort.GROUP, label) for label in texts(f"group_{index}_labels"))
         described |= {f"group_{index}_labels", f"group_{index}_numbers"}
     for index, name in enumerate(texts("attribute_names")):
-        kind = OF_KIND.get(texts("attribute_kinds")[index], Sort.DATA)
-        values = arrays[f"attribute_{index}_values"]
+        kind, values = texts("attribute_kinds")[index], arrays[f"attribute_{index}_values"]
         values = values[arrays.get(f"attribute_{index}_indices", slice(None))]
-        yield Item(kind, name, None if kind is Sort.COLOR else values)
+        yield from valued(name, None if kind == "color" else values, kind)
         described |= {f"attribute_{index}_values", f"attribute_{index}_indices"}
     columns = [texts(f"track_{column}") for column in ("names", "kinds", "units")]
     tracks = {row[0].replace("/", "_"): row for row in zip(*columns, strict=True)}
@@ -104,11 +101,7 @@ def _items(arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> Iterator
             continue
         own = attributes.get(path, {})
         default = path.removeprefix("tracks/")
-        name, kind_name, unit = tracks.get(default, (default, "", ""))
-        name = str(own.get("name", name))
-        kind = OF_KIND.get(str(own.get("kind", kind_name)), Sort.DATA)
-        is_number = np.asarray(values).dtype.kind in "iuf"
-        yield Item(kind, name, values if is_number and kind is not Sort.COLOR else None)
-        unit = next((str(own[key]) for key in ("unit", "units") if key in own), unit)
-        if unit:
-            yield Item(Sort.UNIT, f"{name}:{unit}", words=(name,))
+        name, kind, unit = tracks.get(default, (default, "", ""))
+        kind, unit = str(own.get("kind", kind)), str(own.get("unit", own.get("units", unit)))
+        is_known = np.asarray(values).dtype.kind in "iuf" and kind != "color"
+        yield from valued(str(own.get("name", name)), values if is_known else None, kind, unit)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from contents import meshes
-from contents.items import Item, Sort
+from contents.items import Item, Sort, timed
 
 EXTENSIONS = (".pc2", ".mdd", ".drc")
 DRACO_SORTS = (Sort.POSITIONS, Sort.EDGES, Sort.COLOR, Sort.UV)
@@ -26,9 +26,7 @@ def walk(path: Path) -> Iterator[Item]:
     if path.suffix.lower() == ".mdd":
         n_frames, n_verts = struct.unpack_from(">ii", data)
         numbers = np.frombuffer(data, ">f4", n_frames * (1 + 3 * n_verts), 8)
-        times = numbers[:n_frames].astype(np.float64)
-        if n_frames > 1 or times[0]:
-            yield Item(Sort.TIMES, "times", times, ("frame times", "frame rate", "start"))
+        yield from timed(numbers[:n_frames].astype(np.float64))
         yield Item(Sort.POSITIONS, "points", numbers[n_frames:])
         return
     _, _, n_verts, start, interval, n_frames = struct.unpack_from("<12siiffi", data)

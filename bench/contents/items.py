@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
@@ -104,6 +104,22 @@ class Item:
         return any(re.search(pattern, text, re.IGNORECASE) for text in texts)
 
 
+def valued(
+    name: str, values: Any, kind: str = "", unit: str = "", words: tuple[str, ...] = ()
+) -> Iterator[Item]:
+    """Yield the item of named values, by their kind, and that of their unit if they have one."""
+    sort = {"color": Sort.COLOR, "uv": Sort.UV}.get(kind, Sort.DATA)
+    yield Item(sort, name, values, words)
+    if unit:
+        yield Item(Sort.UNIT, f"{name}:{unit}", words=("units", name))
+
+
+def timed(times: Sequence[float] | Floats) -> Iterator[Item]:
+    """Yield the times of frames in seconds, unless there is one frame at time 0."""
+    if len(times) > 1 or (len(times) and times[0]):
+        yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
+
+
 def range_of(values: npt.ArrayLike) -> tuple[float, float]:
     """Return the smallest and the largest finite number; zeros if there is none."""
     numbers = np.asarray(values, np.float64)
@@ -157,8 +173,7 @@ DEFAULTS = Material("")
 def items_of(sequence: MeshSequence) -> Iterator[Item]:
     """Yield what a sequence holds."""
     times = sequence.timing.seconds(sequence.n_frames)
-    if times is not None and (len(times) > 1 or times[0]):
-        yield Item(Sort.TIMES, "times", times, ("frame rate", "frame times", "start"))
+    yield from timed(() if times is None else times)
     if sequence.n_segments > 1:
         yield Item(Sort.VISIBILITY, "segments")
     items = [item for segment in sequence.segments for item in _items_of(segment)]
@@ -174,16 +189,12 @@ def _items_of(segment: FrameSource) -> Iterator[Item]:
         yield Item(Sort.FACES, "cells", surface.cells.n_cells)
     for name, track in segment.tracks.items():
         values = np.stack([track.read(frame, frame + 1) for frame in range(segment.n_frames)])
-        is_color, is_uv = track.kind is TrackKind.COLOR, track.kind is TrackKind.UV
-        sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
-        yield Item(sort, name, _colors(values) if is_color else values)
-        if track.unit:
-            yield Item(Sort.UNIT, f"{name}:{track.unit}", words=("units", name))
+        values = _colors(values) if track.kind is TrackKind.COLOR else values
+        yield from valued(name, values, track.kind.value, track.unit)
     for attribute in surface.attributes:
-        is_color, is_uv = attribute.kind is Kind.COLOR, attribute.kind is Kind.UV
-        sort = Sort.COLOR if is_color else Sort.UV if is_uv else Sort.DATA
         values = attribute.per_item()
-        yield Item(sort, attribute.name, _colors(values) if is_color else values)
+        values = _colors(values) if attribute.kind is Kind.COLOR else values
+        yield from valued(attribute.name, values, attribute.kind.value)
     for groups in surface.groups:
         for label in groups.labels:
             yield Item(Sort.GROUP, label, words=(f"groups {groups.name!r}",))

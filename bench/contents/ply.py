@@ -44,10 +44,8 @@ def walk(path: Path) -> Iterator[Item]:
         if number == 0 and n_rows and len(columns) == len(properties):
             dtype = np.dtype([(words[1], PLY_TYPES[words[0]]) for words in properties])
             if encoding == "ascii":
-                table = np.array(body.split()[: n_rows * len(properties)], np.float64).reshape(
-                    n_rows, -1
-                )
-                columns = dict(zip(columns, table.T, strict=True))
+                numbers = np.array(body.split()[: n_rows * len(properties)], np.float64)
+                columns = dict(zip(columns, numbers.reshape(n_rows, -1).T, strict=True))
             else:
                 dtype = dtype.newbyteorder("<" if "little" in encoding else ">")
                 rows = np.frombuffer(body, dtype, n_rows)

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from contents.items import Item, Sort, merged
+from contents.items import Item, Sort, merged, timed
 
 EXTENSIONS = (".vtu", ".vtp", ".vtk", ".pvd")
 POLYGONS, LINES = (5, 6, 7, 8, 9, 22, 23, 28, 34, 36), (1, 2, 3, 4, 21)
@@ -32,9 +32,7 @@ def walk(path: Path) -> Iterator[Item]:
     if is_collection := path.suffix.lower() == ".pvd":
         entries = ElementTree.parse(path).getroot().findall("Collection/DataSet")
         files = [path.parent / entry.get("file", "") for entry in entries]
-        times = sorted({float(entry.get("timestep", 0)) for entry in entries})
-        if len(times) > 1 or times[0]:
-            yield Item(Sort.TIMES, "times", times, ("frame rate",))
+        yield from timed(sorted({float(entry.get("timestep", 0)) for entry in entries}))
     for file in [file for file in files if file.suffix.lower() in (".pvtu", ".pvtp")]:
         pieces = ElementTree.parse(file).getroot().iter("Piece")
         files += [file.parent / piece.get("Source", "") for piece in pieces]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from contents.items import Item, Sort
+from contents.items import Item, Sort, timed, valued
 
 EXTENSIONS = (".vtkhdf",)
 STRUCTURE = {
@@ -30,7 +30,7 @@ def walk(path: Path) -> Iterator[Item]:
             if not isinstance(node, h5py.Dataset):
                 continue
             if leaf == "Values" and folder == "Steps":
-                yield from [Item(Sort.TIMES, "times", node[()], ("frame rate",))] * (len(node) > 1)
+                yield from timed(node[()])
             elif leaf == "NumberOfCells" and np.sum(node[()]):
                 is_flat = folder == "Polygons" and len(node) == 1 and is_single
                 yield Item(Sort.FACES, name, int(node[0]) if is_flat else None)
@@ -39,8 +39,7 @@ def walk(path: Path) -> Iterator[Item]:
             elif folder in ("PointData", "CellData"):
                 title, kind = node.attrs.get("name", leaf), node.attrs.get("kind", "")
                 unit = node.attrs.get("unit", node.attrs.get("units", ""))
-                sort = {"color": Sort.COLOR, "uv": Sort.UV}.get(kind, Sort.DATA)
-                yield Item(sort, title, node[()] if sort is Sort.DATA else None, ("inside",))
-                yield from [Item(Sort.UNIT, f"{title}:{unit}", words=("units",))] * bool(unit)
+                values = None if kind in ("color", "uv") else node[()]
+                yield from valued(title, values, kind, unit, ("inside",))
             elif leaf not in STRUCTURE and "Steps" not in name:
                 yield Item(Sort.OTHER, name)

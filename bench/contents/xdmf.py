@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
-from contents.items import Item, Sort, merged
+from contents.items import Item, Sort, merged, timed
 from contents.vtk import item_of
 
 EXTENSIONS = (".xdmf", ".xmf")
@@ -38,9 +38,7 @@ def walk(path: Path) -> Iterator[Item]:
         yield Item(Sort.OTHER, information.get("Name", ""))
     times = {float(time.get("Value", "nan")) for grid in animated or root.iter("Grid")
              for time in grid.findall("Time")} - {math.nan}  # fmt: skip
-    known_times = sorted(time for time in times if math.isfinite(time))
-    if known_times and (len(known_times) > 1 or known_times[0]):
-        yield Item(Sort.TIMES, "times", known_times, ("frame rate",))
+    yield from timed(sorted(filter(math.isfinite, times)))
 
 
 def is_points(grid: Element) -> bool:
