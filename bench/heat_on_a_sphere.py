@@ -1,16 +1,10 @@
-"""Simulate heat diffusion on a pulsating, rotating sphere, with a known solution.
+"""Heat diffusion on a pulsating, rotating sphere, with a known solution.
 
-    python bench/heat_on_a_sphere.py
-    python bench/heat_on_a_sphere.py --vertices 50000 --frames 500
-
-Vertices have temperature and velocity, faces a heat flow. Prints the bytes of each track within its
-bound, and the errors of decoded values.
+Vertices have temperature and velocity, faces a heat flow.
 
 Spots of heat on a sphere of radius r(t) are sums of heat kernels: each spherical harmonic of
 degree l decays by exp(-l (l + 1) s), where s grows by k dt / r^2.
 """
-
-import argparse
 
 import numpy as np
 import numpy.typing as npt
@@ -107,30 +101,3 @@ def simulate(n_verts: int = 10_000, n_frames: int = 150) -> meshreel.MeshSequenc
         "heat flow": meshreel.Track(flow, "face", unit="K m/s"),
     }
     return meshreel.MeshSequence(positions, faces, fps=FPS, name="sphere", tracks=tracks)
-
-
-def main() -> None:
-    """Simulate, encode within bounds, and print sizes and errors."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vertices", type=int, default=10_000)
-    parser.add_argument("--frames", type=int, default=150)
-    parser.add_argument("--out", help="a .reel to write")
-    arguments = parser.parse_args()
-    simulated = simulate(arguments.vertices, arguments.frames)
-    print(simulated)
-    bounds = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}
-    data = meshreel.encode(simulated, tracks=bounds)
-    if arguments.out:
-        with open(arguments.out, "xb") as file:
-            file.write(data)
-    stream, quality = meshreel.info(data), meshreel.compare(simulated, data)
-    rest = stream.size_bytes - sum(track.size_bytes for track in stream.tracks)
-    print(f"positions and faces: {rest / 1000:.1f} kB")
-    for track in stream.tracks:
-        ratio = track.raw_size_bytes / track.size_bytes
-        print(f"{track}: {track.size_bytes / 1000:.1f} kB, {ratio:.0f} x smaller")
-        print(f"    {quality.tracks[track.name]}")
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,7 @@ Each source is a function that returns the sequence, so that only one is in memo
 
 import argparse
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +22,6 @@ WAVE_VECTORS = np.array([[3.0, 1.0, 0.0], [0.0, 4.0, 2.0], [-2.0, 0.0, 6.0], [5.
 WAVE_HEIGHTS = np.array([0.08, 0.05, 0.03, 0.015])
 WAVES_PER_S = np.array([0.5, 0.8, 1.1, 1.7])
 FPS = 30.0
-
-LONGEST_FLAG = 5000
-LARGE_SPHERE = (7, 100)
-"""Subdivisions (163,842 vertices) and frames."""
 
 
 def add_inputs(parser: argparse.ArgumentParser) -> None:
@@ -47,30 +43,10 @@ def sources(options: argparse.Namespace) -> list[Source]:
     return requested or [meshreel.simulate_flag]
 
 
-def standard_sources(data: Path) -> list[Source]:
-    """Sequences of `--all`: captured, subdivided, large and long."""
-    return [
-        partial(meshreel.load, data / "samba.npz"),
-        partial(subdivided_once, data / "horse_gallop.npz"),
-        partial(waving_sphere, *LARGE_SPHERE),
-        partial(long_flag, LONGEST_FLAG),
-    ]
-
-
 def first_frames(sequence: meshreel.MeshSequence, n_frames: int) -> meshreel.MeshSequence:
     """The first frames of a sequence, at most this many."""
     vertices = sequence.vertices[:n_frames]
     return meshreel.MeshSequence(vertices, sequence.faces, sequence.fps, sequence.name)
-
-
-def long_flag(n_frames: int) -> meshreel.MeshSequence:
-    """The embedded flag with up to `LONGEST_FLAG` frames, simulated once."""
-    return first_frames(_longest_flag(), n_frames)
-
-
-@lru_cache(maxsize=1)
-def _longest_flag() -> meshreel.MeshSequence:
-    return meshreel.simulate_flag(LONGEST_FLAG)
 
 
 def subdivided_once(path: str | Path) -> meshreel.MeshSequence:

@@ -9,7 +9,6 @@ VTK's reader, the package vtk. Needs about 3 GB on disk at full size.
 """
 
 import argparse
-import runpy
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib import import_module
@@ -19,17 +18,16 @@ from typing import Any
 import numpy as np
 
 import meshreel
+from heat_on_a_sphere import simulate
 from measuring import peak_mib, start_table
 from meshreel.runtime.counting import counted
 from meshreel.studies.timing import timed_once
 
-SIMULATION = Path(__file__).with_name("heat_on_a_sphere.py")
 BOUNDS: dict[str, float | str] = {"temperature": "0.1K", "velocity": "0.1%", "heat flow": "0.1%"}
 
 
 def simulate_to_file(measure: Callable[..., Any], size: tuple[int, int], path: Path) -> int:
     """Simulate, write the file, and return the raw size of the arrays."""
-    simulate = runpy.run_path(str(SIMULATION))["simulate"]
     simulated = measure("simulating", lambda: simulate(*size))
     measure(f"writing {path.name}", lambda: meshreel.save(simulated, path, overwrite=True))
     return int(simulated.raw_size_bytes)

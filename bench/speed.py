@@ -1,9 +1,7 @@
 """Seconds of encoding and decoding, relative to Draco and to lower bounds of the work.
 
-    python bench/speed.py --all --data FOLDER --out speed.json     # everything, some 15 minutes
     python bench/speed.py samba.npz cow.npz --efforts 1,5,9
     python bench/speed.py --subdivided horse_gallop.npz --sphere 6 100 --memory --serial
-    python bench/speed.py --growth frames
     python bench/speed.py            # the embedded flag
 
 Draco codes every frame independently. The floors are the minimal work of a modal encoder or
@@ -16,8 +14,7 @@ middle frame of a newly opened stream; next frame: the frame after it.
 
 import argparse
 import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -28,15 +25,7 @@ from typing import Any
 import numpy as np
 
 import meshreel
-from inputs import (
-    Source,
-    add_inputs,
-    first_frames,
-    long_flag,
-    sources,
-    standard_sources,
-    waving_sphere,
-)
+from inputs import add_inputs, first_frames, sources
 from measuring import is_unsteady, machine_text, medians, peak_mib, print_table, rounds, store
 from meshreel.codec.subspace.pca import autocorrelation
 from meshreel.codec.subspace.trajectories import bounding_frame, from_matrices, to_matrices
@@ -54,11 +43,6 @@ SERIAL_FRAMES = 250
 """Limit of frames for the serial method, whose eigen-decomposition takes minutes beyond."""
 
 TASKS = ("encode", "decode", "first frame", "random frame", "next frame")
-
-SERIES: dict[str, list[Source]] = {
-    "vertices": [partial(waving_sphere, n, 48) for n in (5, 6, 7)],
-    "frames": [partial(long_flag, n) for n in (250, 1000, 5000)],
-}
 
 Tasks = dict[tuple[str, str], Callable[[], Any]]
 """By the name of a coder and of the task."""
@@ -286,50 +270,12 @@ def print_case(result: dict[str, Any]) -> None:
         print(f"Unsteady, not to be relied on: {', '.join(result['unsteady'])}.\n", flush=True)
 
 
-def growth(of: str, options: argparse.Namespace) -> dict[str, Any]:
-    """Medians of encoding and decoding by size, and the exponents of their growth.
-
-    The steepest exponent is that from one size to the next, which a global fit may hide.
-    """
-    coder, tasks, sizes = ours("reel", "reel", effort=options.efforts[0]), Tasks(), []
-    with TemporaryDirectory() as folder:
-        for sequence in (source() for source in SERIES[of]):
-            trial = Trial(coder, sequence, Path(folder) / "stream")
-            sizes.append(sequence.n_verts if of == "vertices" else sequence.n_frames)
-            for (_, task), work in list(trial.tasks().items())[:2]:
-                tasks[str(sizes[-1]), task] = work
-        seconds = nested(medians(rounds(tasks, options.repeats, budget_s=options.seconds)))
-    logs = {task: np.log([own[task] for own in seconds.values()]) for task in TASKS[:2]}
-    slopes = {task: np.diff(values) / np.diff(np.log(sizes)) for task, values in logs.items()}
-    return {
-        "of": of,
-        "seconds": seconds,
-        "exponents": {
-            task: float(np.polyfit(np.log(sizes), values, 1)[0]) for task, values in logs.items()
-        },
-        "steepest_exponents": {task: float(steps.max()) for task, steps in slopes.items()},
-    }
-
-
-def growth_rows(result: dict[str, Any]) -> Iterator[list[str]]:
-    """Seconds by size, and exponents."""
-    rows = {**result["seconds"], "exponent": result["exponents"]}
-    for name, own in {**rows, "steepest exponent": result["steepest_exponents"]}.items():
-        yield [name, *(f"{own[task]:.4f}" for task in TASKS[:2])]
-
-
-def parse_options() -> argparse.Namespace:
-    """Parse the command line and expand `--all`."""
+def main() -> None:
+    """Measure as requested; print tables, and write JSON if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_inputs(parser)
-    parser.add_argument("--all", action="store_true", help="samba, horse_gallop subdivided, a "
-                        "large sphere and a long flag; also growth, memory and the serial method; "
-                        "reel only at effort 5 by default")  # fmt: skip
-    parser.add_argument("--data", type=Path, default=os.environ.get("MESHREEL_DATA"),
-                        help="folder of samba.npz and horse_gallop.npz for --all; default: "
-                        "$MESHREEL_DATA")  # fmt: skip
     parser.add_argument("--efforts", type=lambda text: [int(part) for part in text.split(",")],
-                        help="of reel; default 1,5,9")  # fmt: skip
+                        default=[1, 5, 9], help="of reel; default 1,5,9")  # fmt: skip
     parser.add_argument("--modes", type=int, default=20, help="of the floors and of pca-qp, pca-qs")
     parser.add_argument("--without-paper", action="store_true", help="skip pca-qp")
     parser.add_argument("--repeats", type=int, default=5, help="maximum rounds per case")
@@ -337,34 +283,14 @@ def parse_options() -> argparse.Namespace:
                         help="time limit per case, after at least three rounds")  # fmt: skip
     parser.add_argument("--memory", action="store_true", help="also measure peak memory")
     parser.add_argument("--serial", action="store_true", help="also time pca-qs")
-    parser.add_argument("--growth", action="append", choices=list(SERIES), default=[],
-                        help="fit the growth of seconds; alone, nothing else")  # fmt: skip
     parser.add_argument("--out", type=Path, help="write the figures here as JSON")
     options = parser.parse_args()
-    if options.all:
-        if options.data is None:
-            parser.error("--all needs --data FOLDER, or the variable MESHREEL_DATA")
-        options.memory = options.serial = options.without_paper = True
-        options.growth = list(SERIES)
-    options.efforts = options.efforts or ([5] if options.all else [1, 5, 9])
-    return options
-
-
-def main() -> None:
-    """Measure as requested; print tables, and write JSON if requested."""
-    options = parse_options()
     print(f"# Speed\n\n{machine_text()}\n", flush=True)
-    has_inputs = options.inputs or options.subdivided or options.flag or options.sphere
-    cases = standard_sources(options.data) if options.all else sources(options)
-    results, growths = [], []
-    for source in cases if options.all or has_inputs or not options.growth else []:
+    results = []
+    for source in sources(options):
         results.append(measure(source(), coders_of(options), options))
         print_case(results[-1])
-    for of in options.growth:
-        growths.append(growth(of, options))
-        title = f"## Growth with {of}: reel, effort {options.efforts[0]}"
-        print_table(title, [of, "encode s", "decode s"], growth_rows(growths[-1]))
-    store(options.out, results=results, growth=growths)
+    store(options.out, results=results)
 
 
 if __name__ == "__main__":

@@ -1,27 +1,15 @@
-"""The simulated sequences of bench/ are as described."""
-
-import runpy
-import sys
+"""The simulated sequence of bench/ is as described."""
 
 import numpy as np
 
 import meshreel
-from samples.pages import ROOT
+from heat_on_a_sphere import simulate
 
 
-def run_script(name, monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", [name, *map(str, arguments)])
-    runpy.run_path(str(ROOT / "bench" / name), run_name="__main__")
-
-
-def test_heat_spreads_and_decodes_within_its_bounds(tmp_path, monkeypatch, capsys):
-    path = tmp_path / "sphere.reel"
-    shape = ["--vertices", "400", "--frames", "20"]
-    run_script("heat_on_a_sphere.py", monkeypatch, *shape, "--out", path)
-    assert (
-        "temperature: scalar of each vertex, float32 in K, within 0.1 K" in capsys.readouterr().out
-    )
-    with meshreel.open(path) as reel:
-        heat = reel.track("temperature")
-        assert np.ptp(heat[0]) > 1.4 * np.ptp(heat[-1])
-        assert reel.track("heat flow").shape == (20, reel.n_faces, 3)
+def test_heat_spreads_and_decodes_within_its_bounds():
+    sphere = simulate(400, 20)
+    decoded = meshreel.decode(meshreel.encode(sphere, tracks={"temperature": "0.1K"}))
+    heat, heat_hat = (each.tracks["temperature"].values for each in (sphere, decoded))
+    assert np.ptp(heat[0]) > 1.4 * np.ptp(heat[-1])
+    assert np.abs(heat_hat - heat).max() <= 0.1
+    assert decoded.tracks["heat flow"].shape == (20, len(sphere.faces), 3)
