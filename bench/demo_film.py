@@ -14,15 +14,19 @@ import hashlib
 import io
 import json
 import math
+import shutil
 import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from urllib.parse import urlsplit
 
 from PIL import Image, ImageDraw
+from playwright.sync_api import Page, Route, sync_playwright
 
 import meshreel
 from meshreel.rendering.lettering import INK, font_of_size
-from web_browser import PACKAGE, MeasuredPage, opened, served
 
 FAINT_INK = (92, 99, 112)
 REPOSITORY = "KayKit-Game-Assets/KayKit-Character-Pack-Adventures-1.0"
@@ -36,7 +40,9 @@ UNUSED = {"1H_Sword", "1H_Sword_Offhand"} | {
 }
 """Nodes of the weapons that this animation does not use: the file shows all at once."""
 
-OUTPUT = Path(__file__).parents[1] / "docs" / "images" / "demo.webp"
+ROOT = Path(__file__).parents[1]
+PLAYER_SCRIPT = ROOT / "npm" / "dist" / "player.js"
+OUTPUT = ROOT / "docs" / "images" / "demo.webp"
 WIDTH, HEIGHT, FOOT = 640, 400, 64
 WIPE_SWING = 0.2
 """Amplitude of the dividing line, as a fraction of the width."""
@@ -95,10 +101,32 @@ def load_knight(path: Path | None) -> meshreel.MeshSequence:
         return meshreel.load(copy, animation=ANIMATION, merge=True)
 
 
-def draw(page: MeasuredPage, frame: int) -> list[Image.Image]:
+@contextmanager
+def opened(files: dict[str, bytes]) -> Iterator[Page]:
+    """Open the page in Chromium, which draws by software; the files answer all requests."""
+
+    def answer(route: Route) -> None:
+        name = urlsplit(route.request.url).path
+        kind = {".js": "text/javascript", ".html": "text/html"}.get(Path(name).suffix, "")
+        route.fulfill(body=files[name], content_type=kind or "application/octet-stream")
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=shutil.which("chromium"),
+            args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+        )
+        page = browser.new_page(viewport={"width": WIDTH, "height": 2 * HEIGHT})
+        page.route("**", answer)
+        page.goto("http://localhost/index.html")
+        page.wait_for_function("window.bench", timeout=10_000)
+        yield page
+        browser.close()
+
+
+def draw(page: Page, frame: int) -> list[Image.Image]:
     """Draw a frame in all players."""
-    page.ask("show", frame)
-    players = page.page.locator("reel-player").all()
+    page.evaluate("frame => bench.show(frame)", frame)
+    players = page.locator("reel-player").all()
     return [Image.open(io.BytesIO(player.screenshot())).convert("RGB") for player in players]
 
 
@@ -138,11 +166,11 @@ def main() -> None:
     page = PAGE.format(
         width=WIDTH, height=HEIGHT, players="".join(PLAYER.format(name=name) for name in streams)
     )
-    files = {"/index.html": page.encode(), "/player.js": (PACKAGE / "dist/player.js").read_bytes()}
+    files = {"/index.html": page.encode(), "/player.js": PLAYER_SCRIPT.read_bytes()}
     files |= {f"/{name}.reel": data for name, data in streams.items()}
     n_frames = knight.n_frames - 1  # the last repeats the first
     pictures = []
-    with served(files) as url, opened(f"{url}/index.html", WIDTH, 2 * HEIGHT) as browser:
+    with opened(files) as browser:
         for frame in range(n_frames):
             phase = math.sin(2 * math.pi * frame / n_frames)
             original, decoded = draw(browser, frame)

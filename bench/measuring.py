@@ -1,12 +1,9 @@
-"""What the benchmarks share: alternating rounds, processes, and tables with the machine."""
+"""What the benchmarks share: alternating rounds, and tables with the machine."""
 
 import json
-import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any, TypeVar
@@ -21,43 +18,11 @@ UNSTEADY = 1.5
 """Runs are unsteady if the slowest exceeds the fastest by this factor."""
 
 
-@dataclass(frozen=True)
-class Usage:
-    """Times and peak memory of a process."""
-
-    seconds: float
-    processor_s: float
-    peak_mib: float
-
-
-def run_process(*command: object, log: Path | None = None) -> Usage:
-    """Run a command whose messages go to a file, or whose output is discarded.
-
-    Raises
-    ------
-    SystemExit
-        If it fails.
-    """
-    words = [*map(str, command)]
-    with Path(log or os.devnull).open("w") as output:
-        start = time.perf_counter()
-        process = subprocess.Popen(words, stdout=output, stderr=output if log else None)
-        _, status, used = os.wait4(process.pid, 0)
-        seconds = time.perf_counter() - start
-    process.returncode = status
-    if status:
-        raise SystemExit(f"{' '.join(words)} ended with {status}")
-    return Usage(seconds, used.ru_utime + used.ru_stime, _mib(used.ru_maxrss))
-
-
 def peak_mib() -> float:
     """Peak memory of this process so far."""
     import resource  # not on Windows
 
-    return _mib(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-
-
-def _mib(peak: int) -> float:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 

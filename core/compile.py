@@ -102,7 +102,7 @@ MACH_O = (*ELF, "-Wl,-install_name,@rpath/libreel.dylib")
 PE = ("-O3", "-shared", "-s")
 # For installation from source: gcc takes 6 s instead of 15 s (-O3, all marked functions inlined);
 # the library is as fast on lossless files and 5 % slower on others. Measured with
-# `bench/core_builds.py`.
+# `bench/core_builds.py` of fbb5bab9.
 SOURCE_FLAGS = ("-DREEL_INLINE=static inline",)
 SOURCE_HOT: Levels = {
     **dict.fromkeys(

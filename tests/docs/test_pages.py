@@ -171,9 +171,15 @@ def test_links_lead_to_existing_files_and_headings(page):
 
 @every_page
 def test_mentioned_files_of_the_repository_exist(page):
-    named = r"`((?:bench|docs|examples|tests|src|release|\.ci|\.github|integrations)/[\w./-]*)`"
-    for path in re.findall(named, prose(page)):
-        assert (ROOT / path).exists(), path
+    folders = "bench|docs|examples|tests|src|release|\\.ci|\\.github|integrations"
+    named = rf"`(?:python )?((?:{folders})/[\w./-]*)[^`]*`(\s+of\s+[0-9a-f]{{8}})?"
+    for path, is_of_commit in re.findall(named, prose(page)):
+        assert is_of_commit or (ROOT / path).exists(), path
+
+
+@every_page
+def test_headings_are_no_rows_of_tables(page):
+    assert re.findall(r"^\|.*\n(?=[^|\n])(?!<!-- end)", prose(page), re.MULTILINE) == []
 
 
 def test_the_reference_lists_every_public_name():
