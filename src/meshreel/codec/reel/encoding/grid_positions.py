@@ -6,8 +6,10 @@ motion; it is predicted along its surface, which is faster than prediction over 
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -33,13 +35,13 @@ from meshreel.codec.targets import TargetKind
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import is_still
-from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.progress import Progress
 
 Vertices = npt.NDArray[np.floating]
 
 RAW_RATIO, FEW_FRAMES, RESTING_SHARE = 16, 20, 0.3
-"""A grid is tried in place of modes if these compress less than `RAW_RATIO` times, if there are at
-most `FEW_FRAMES` frames, or if at least this share of the vertices rests."""
+"""Estimated compression by a grid, which is tried if modes compress less, if there are at most
+`FEW_FRAMES` frames, or if at least this share of the vertices rests."""
 
 N_COMPARED = 4
 """Number of frames in which resting vertices are counted."""
@@ -149,8 +151,13 @@ def step_coder(mesh: CodedMesh, frame: BoundingFrame, step: float) -> GridPositi
     return GridPositionCoder(mesh.links, mesh.n_verts, mesh.faces_and_twins, grid)
 
 
-def encode(source: Source, progress: Progress) -> bytes:
-    """Return a stream of the source with positions on a grid; parameters as in `whole.encode`.
+def encode(source: Source, progress: Progress, step: float | None = None) -> bytes:
+    """Return a stream of the source with positions on a grid.
+
+    Parameters
+    ----------
+    step : float, optional
+        Step in diagonals. Default: that of the options, or of their bound.
 
     Raises
     ------
@@ -158,7 +165,8 @@ def encode(source: Source, progress: Progress) -> bytes:
         If a bound cannot be guaranteed.
     """
     source = source.with_changes(tracks=encode_tracks(source, progress))
-    return _encoded(source, progress, is_still(source.sequence))
+    bids = GridBids(source, is_still(source.sequence), step)
+    return stream_of(*bids.on_target_grid, progress)
 
 
 def suits_one_frame(source: Source) -> bool:
@@ -170,22 +178,6 @@ def suits_one_frame(source: Source) -> bool:
     return source.n_frames == 1 and _takes_grid(source.config)
 
 
-def encode_frame(source: Source, progress: Progress, step: float | None) -> bytes:
-    """Return a stream of a segment of one frame on a grid.
-
-    Parameters
-    ----------
-    step : float or None
-        Step in diagonals; None: that of the bound of the source.
-
-    Raises
-    ------
-    InvalidInputError
-        If a bound cannot be guaranteed.
-    """
-    return encode(_on_grid(source, step), progress)
-
-
 def frame_error(source: Source, vertices: Vertices, step: float) -> float:
     """Return the sum of squared distances of a frame (1, V, 3) from a grid, in diagonals."""
     grid = PositionGrid(_allowed(step), source.frame)
@@ -194,25 +186,99 @@ def frame_error(source: Source, vertices: Vertices, step: float) -> float:
     return float(np.vdot(error, error))
 
 
-def may_use_grid(source: Source, size_bytes: int, has_one_shape: bool) -> bool:
-    """Return whether a grid might take fewer bytes than a stream of modes of this size.
+class Bid(NamedTuple):
+    """A grid with the estimated size of the stream."""
 
-    A grid stores a number for each position, so it cannot compress many times, unless many
-    vertices rest, or there are few frames, whose modes are not much smaller. Options that require
-    modes exclude it.
-    """
-    if not _takes_grid(source.config):
-        return False
-    if has_one_shape or source.n_frames <= FEW_FRAMES:
-        return True
-    if _compresses_little(source, size_bytes):
-        return True
-    return _resting_share(source) >= RESTING_SHARE
+    estimated_bytes: float
+    """0 if only encoding tells."""
+    source: Source
+    coder: GridPositionCoder
 
 
-def _compresses_little(source: Source, size_bytes: int) -> bool:
-    raw_bytes = 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts
-    return size_bytes * RAW_RATIO > raw_bytes
+@dataclass(frozen=True)
+class GridBids:
+    """Grids on which positions may take fewer bytes than as modes."""
+
+    source: Source
+    """Its tracks are encoded."""
+    has_one_shape: bool
+    step: float | None
+    """Step in diagonals; None: that of the options, or of their bound."""
+    n_bytes: float = math.inf
+    """Bytes of the stream of modes."""
+
+    def streams(self, progress: Progress) -> Iterator[bytes]:
+        """Yield streams that may take fewer bytes than modes, those with the lowest estimate first.
+
+        Options that require modes exclude them.
+        """
+        bids = (self.of_target, self.of_stored_grid) if _takes_grid(self.source.config) else ()
+        for bid in sorted(filter(None, bids), key=lambda bid: bid.estimated_bytes):
+            if bid.estimated_bytes < self.n_bytes:
+                yield stream_of(bid.source, bid.coder, progress)
+
+    @cached_property
+    def of_target(self) -> Bid | None:
+        """A grid that meets the target; None for a measured error or size, or a step of modes."""
+        if self._target in (TargetKind.KG, TargetKind.SIZE):
+            return None
+        if self._target is TargetKind.STEP and not self.has_one_shape:
+            return None
+        is_unknown = self.has_one_shape or self.source.n_frames <= FEW_FRAMES
+        if is_unknown or _resting_share(self.source) >= RESTING_SHARE:
+            return Bid(0.0, *self.on_target_grid)
+        return Bid(self._moving_bytes, *self.on_target_grid)
+
+    @property
+    def of_stored_grid(self) -> Bid | None:
+        """The grid of the quantizer that rounded the only shape, if finer than the target's."""
+        grid, of_target = self._stored_grid, self.of_target
+        if grid is None or self._target is TargetKind.MAX_ERROR:
+            return None
+        if of_target is not None and of_target.coder.is_stored:
+            return None
+        coder = replace(step_coder(self.source.mesh, grid.frame, grid.step), is_stored=True)
+        shifted = self.source.with_changes(origin=grid.frame.origin)
+        return Bid(0.0, _on_grid(shifted, grid.step), coder)
+
+    @cached_property
+    def on_target_grid(self) -> tuple[Source, GridPositionCoder]:
+        """The source and its coder, on a grid that meets the target.
+
+        This is the stored grid if it is coarser than that of the target; otherwise a coarse one
+        with equally small errors, if few frames lie near one. Exact values are tried only for a
+        bound with which modes do not compress well.
+        """
+        source, grid = _on_grid(self.source, self.step), self._stored_grid
+        sequence = source.sequence
+        coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
+        is_fast = self._target is TargetKind.QUALITY or self._moving_bytes >= self.n_bytes
+        coder = replace(coder, is_fast=is_fast)
+        if grid is not None and grid.step > coder.grid.step:
+            on_stored = replace(coder, grid=grid, is_stored=True)
+            frame = sequence.read(0, 1)
+            coordinates = grid.coordinates(frame)
+            if on_stored._meets_bound(coordinates, frame) or grid.rounding(coordinates, frame):
+                return source.with_changes(origin=grid.frame.origin), on_stored
+        coarse = _coarse_grid(source, coder) if source.n_frames <= FEW_FRAMES else None
+        if coarse is not None:
+            return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
+        return source, coder
+
+    @property
+    def _target(self) -> TargetKind:
+        assert isinstance(self.source.config, ReelOptions)  # the options of this method
+        return self.source.config.target.kind
+
+    @cached_property
+    def _stored_grid(self) -> PositionGrid | None:
+        return grid_of_frame(self.source) if self.has_one_shape else None
+
+    @property
+    def _moving_bytes(self) -> float:
+        """Estimated bytes of moving positions: a grid stores a number for each of them."""
+        source = self.source
+        return 3 * source.dtype.itemsize * source.n_frames * source.mesh.n_verts / RAW_RATIO
 
 
 def _resting_share(source: Source) -> float:
@@ -224,69 +290,15 @@ def _resting_share(source: Source) -> float:
     return float(np.mean(shares))
 
 
-def encode_still(source: Source, step: float, progress: Progress) -> bytes | None:
-    """Return a stream of one shape on a grid with a step in diagonals; None if options forbid it.
-
-    The grid is that of the quantizer of the positions, if that takes fewer bytes.
-    """
-    if not _takes_grid(source.config):
-        return None
-    grid = grid_of_frame(source)
-    on_grid, coder = _with_coder(_on_grid(source, step, _block_frames(source)), grid)
-    stream = stream_of(on_grid, coder, progress)
-    if grid is None or coder.is_stored:
-        return stream
-    return min(stream, _encoded_on(grid, source, progress), key=len)
-
-
-def encode_moving(source: Source, step: float) -> bytes:
-    """Return a stream on a grid with a step in diagonals, along the surface."""
-    on_grid, coder = _with_coder(_on_grid(source, step, _block_frames(source)), None)
-    return stream_of(on_grid, replace(coder, is_fast=True), silent)
-
-
 def _takes_grid(config: EncoderConfig) -> bool:
     """Whether no option requires modes."""
     assert isinstance(config, ReelOptions)  # the options of this method
     return config.effort is None and config.tune is None and config.n_modes is None
 
 
-def encode_on_grid(
-    source: Source,
-    progress: Progress,
-    has_one_shape: bool,
-    size_bytes: int,
-) -> bytes:
-    """Return a stream of the method `grid` of a source of `reel`, with its coded tracks.
-
-    Exact values are tried only if modes, which take `size_bytes`, do not compress well.
-    """
-    on_grid, is_fast = (
-        _on_grid(source, None, _block_frames(source)),
-        not _compresses_little(source, size_bytes),
-    )
-    return _encoded(on_grid, progress, has_one_shape, is_fast=is_fast)
-
-
-def _block_frames(source: Source) -> int | None:
-    """Return the frames per block that coded tracks require."""
-    return source.block_frames if source.tracks else source.config.block_frames
-
-
-def encode_on_stored_grid(source: Source, progress: Progress) -> bytes | None:
-    """Return a stream of one shape of `reel` on the grid of its quantizer; None without one."""
-    grid = grid_of_frame(source) if _takes_grid(source.config) else None
-    return None if grid is None else _encoded_on(grid, source, progress)
-
-
-def _encoded_on(grid: PositionGrid, source: Source, progress: Progress) -> bytes:
-    coder = replace(step_coder(source.mesh, grid.frame, grid.step), is_stored=True)
-    shifted = source.with_changes(origin=grid.frame.origin)
-    return stream_of(_on_grid(shifted, grid.step, _block_frames(source)), coder, progress)
-
-
-def _on_grid(source: Source, step: float | None, block_frames: int | None = None) -> Source:
+def _on_grid(source: Source, step: float | None) -> Source:
     """Return the source with the method `grid`, and a step in diagonals unless that is None."""
+    block_frames = source.block_frames if source.tracks else source.config.block_frames
     changes: dict[str, Any] = {"method": "grid", "block_frames": block_frames}
     if step is not None:
         targets = "bound", *(kind.value for kind in TargetKind)
@@ -297,38 +309,6 @@ def _on_grid(source: Source, step: float | None, block_frames: int | None = None
 def _allowed(step: float) -> float:
     """Clip a step, in diagonals, to the range that the format and the coordinates allow."""
     return min(max(step, 1.0 / MAX_COORDINATE), 1.0)
-
-
-def _encoded(
-    source: Source,
-    progress: Progress,
-    has_one_shape: bool,
-    *,
-    is_fast: bool = False,
-) -> bytes:
-    grid = grid_of_frame(source) if has_one_shape else None
-    source, coder = _with_coder(source, grid)
-    return stream_of(source, replace(coder, is_fast=is_fast), progress)
-
-
-def _with_coder(source: Source, grid: PositionGrid | None) -> tuple[Source, GridPositionCoder]:
-    """Return the source and its coder.
-
-    Both use `grid` if it is coarser than that of the target, and meets the bound; otherwise a
-    coarse grid with equally small errors, if few frames lie near one.
-    """
-    sequence = source.sequence
-    coder = grid_coder(source.mesh, source.frame, sequence.extent, sequence.dtype)
-    if grid is not None and grid.step > coder.grid.step:
-        on_stored = replace(coder, grid=grid, is_stored=True)
-        frame = sequence.read(0, 1)
-        coordinates = grid.coordinates(frame)
-        if on_stored._meets_bound(coordinates, frame) or grid.rounding(coordinates, frame):
-            return source.with_changes(origin=grid.frame.origin), on_stored
-    coarse = _coarse_grid(source, coder) if source.n_frames <= FEW_FRAMES else None
-    if coarse is not None:
-        return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
-    return source, coder
 
 
 def _coarse_grid(source: Source, coder: GridPositionCoder) -> PositionGrid | None:

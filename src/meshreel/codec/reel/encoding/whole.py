@@ -3,25 +3,19 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
 from meshreel.codec.achieved import measure_stream, measure_tracks
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.open_stream import whole_stream
+from meshreel.codec.reel.encoding import grid_positions
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, coder_of
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
-from meshreel.codec.reel.encoding.grid_positions import (
-    encode_frame,
-    encode_moving,
-    encode_on_grid,
-    encode_on_stored_grid,
-    encode_still,
-    may_use_grid,
-    suits_one_frame,
-)
+from meshreel.codec.reel.encoding.grid_positions import GridBids, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.target_step import step_for_target
@@ -33,7 +27,7 @@ from meshreel.codec.targets import TargetKind
 from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.model.tracks import error_bound_of
-from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
@@ -70,7 +64,7 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
     if source.whole_extent is not None and suits_one_frame(source):
         if step is None and config.target.kind is not TargetKind.MAX_ERROR:
             step, _ = step_for_target(config, RateSearch(source, progress))
-        return encode_frame(source, progress, step)
+        return grid_positions.encode(source, progress, step)
     if source.bounds:
         source = source.with_changes(tracks=encode_tracks(source, progress))
     sequence = RateSearch(source, progress)
@@ -81,21 +75,16 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
     if following is not None:
         step = sequence.step_for_tracks(following, step, bound)
     data = sequence.stream(step, bound)
-    alternative: bytes | None = None
     has_one_shape = is_still(source.sequence)
-    if bound is not None and may_use_grid(source, len(data), has_one_shape):
-        alternative = encode_on_grid(source, progress, has_one_shape, len(data))
-    elif config.target.kind not in SINGLE_TRIALS:
-        alternative = encode_on_stored_grid(source, progress) if has_one_shape else None
-    elif has_one_shape:
-        alternative = encode_still(source, step, progress)
-    elif config.target.kind is TargetKind.QUALITY and may_use_grid(source, len(data), False):
-        steps = sequence.steps_of_quality(config.target.value)
-        alternative = encode_moving(source, steps.grid / sequence.diagonal)
+    on_grid: float | None = step if bound is None else None
+    if config.target.kind is TargetKind.QUALITY and not has_one_shape:
+        on_grid = sequence.steps_of_quality(config.target.value).grid / sequence.diagonal
+    bids = GridBids(source, has_one_shape, on_grid, len(data))
     if following is not None:
         data = following.stream(data)
-    if alternative is not None:
-        data = min(data, alternative, key=len)
+    # A single trial has already reported all frames.
+    reported = silent if config.target.kind in SINGLE_TRIALS else progress
+    data = min(chain([data], bids.streams(reported)), key=len)
     if bound is not None or source.tracks:
         _check_bounds(source, data, bound, progress)
     return data
