@@ -252,7 +252,7 @@ def register(
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
         job = None
         if texture is not None and texture_output is not None:
-            from meshreel.formats.baked_textures import TextureJob  # imports Pillow
+            from meshreel.operations.textures import TextureJob  # imports Pillow
 
             job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
         registration = register_sequence(

@@ -147,7 +147,7 @@ def test_only_code_that_draws_or_bakes_imports_pillow():
         if "PIL" in path.read_text(encoding="utf-8")
         and "PIL" in imported_libraries(path.read_text(encoding="utf-8"))
     }
-    baking = {"registration.baking", "formats.baked_textures"}
+    baking = {"registration.baking", "operations.textures"}
     others = {name for name in users if unit_of(name) != "rendering"} - baking
     assert others == {"runtime.extras", "app.cli.render_options"}
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from meshreel.app.encoding import encode_and_measure
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
 from meshreel.codec.reel_options import quality_of
@@ -22,6 +21,7 @@ from meshreel.formats.supported_options import supported_only
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
+from meshreel.operations.encoding import encode_and_measure
 from meshreel.runtime.counting import counted
 from meshreel.runtime.version import __version__
 

@@ -8,10 +8,10 @@ from meshreel.codec.config import EncoderConfig
 from meshreel.runtime.counting import change_text, size_text
 
 if TYPE_CHECKING:
-    from meshreel.app.encoding import Encoded
     from meshreel.codec.track_bounds import TrackTargets
     from meshreel.model.notes import Notes
     from meshreel.model.sequence import MeshSequence
+    from meshreel.operations.encoding import Encoded
     from meshreel.runtime.progress import Progress
 
 PARTS = "parts, positions in percent of the diagonal and in model units (u)"
@@ -90,7 +90,7 @@ def encode_file(
     input_bytes: int | None = None,
 ) -> EncodedFile:
     """Encode a sequence, measure and write it."""
-    from meshreel.app.encoding import encode_and_measure
+    from meshreel.operations.encoding import encode_and_measure
     from meshreel.runtime.outputs.atomic import replace_when_done
 
     encoded = encode_and_measure(sequence, config, tracks, notes, progress=progress)

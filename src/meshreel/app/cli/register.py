@@ -133,7 +133,7 @@ def register_command(
         raw = open_for_encoding(source, config.memory_bytes, reading)
         folder, job = path.with_suffix(".registration"), None
         if texture is not None:
-            from meshreel.formats.baked_textures import TextureJob  # imports Pillow
+            from meshreel.operations.textures import TextureJob  # imports Pillow
 
             job = TextureJob.checked(texture, texture_path, raw, overwrite=force)
         registration = register(

@@ -6,7 +6,7 @@ from PIL import Image as PillowImage
 
 import meshreel
 from meshreel import FormatError, InvalidInputError
-from meshreel.formats.baked_textures import TextureJob, open_textures
+from meshreel.operations.textures import TextureJob, open_textures
 from meshreel.rendering.film_files import write_mp4
 from samples.captures import capture, textured_capture
 
