@@ -20,7 +20,6 @@ from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
 from meshreel.formats.load import is_path, load_any, open_for_encoding, sequence_of
-from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
@@ -28,6 +27,7 @@ from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.operations.registering import Registering
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
@@ -236,8 +236,6 @@ def register(
     FormatError
         If a texture cannot be read, or its output has another format.
     """
-    from meshreel.registration.register import register as register_sequence  # imports SciPy
-
     if (texture is None) != (texture_output is None):
         raise InvalidInputError(
             Keyword("texture"),
@@ -245,30 +243,23 @@ def register(
             Keyword("texture_output"),
             " belong together; give both or none",
         )
-    bound = bound_of(tolerance, unit, "tolerance")
-    if texture is not None and texture_output is not None:
-        require([*REGISTRATION, *extras_to_bake(texture, texture_output)])
+    registering = Registering(
+        tolerance=bound_of(tolerance, unit, "tolerance"),
+        keep_holes=keep_holes,
+        quality=quality,
+        folder=None if folder is None else Path(folder),
+        texture=texture,
+        texture_output=texture_output or "",
+        overwrite=overwrite,
+    )
+    require(registering.extras)
+    notes = Notes()
     with _local(source) as local:
         frames = _source(local, None, matches_frames=False, warns_of_changes=False)
-        job = None
-        if texture is not None and texture_output is not None:
-            from meshreel.operations.textures import TextureJob  # imports Pillow
-
-            job = TextureJob.checked(texture, texture_output, frames, overwrite=overwrite)
-        registration = register_sequence(
-            frames,
-            bound,
-            progress,
-            None if folder is None else Path(folder),
-            keep_holes=keep_holes,
-            quality=quality,
-        )
-        notes = Notes(registration.changes)
-        if job is not None:
-            registration = job.prepared(registration, notes)
-            job.write(registration, registration.sequence, progress)
-    _warn(notes, stacklevel=3)
-    return registration.sequence
+        registered = registering.register(frames, notes, progress)
+        registered.bake(registered.sequence, progress)
+    _warn([*registered.registration.changes, *notes], stacklevel=3)
+    return registered.sequence
 
 
 def rig(

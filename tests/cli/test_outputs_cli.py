@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.app.cli.rig_figures import size_as_morph_targets
 from meshreel.formats.options import WriteOptions
+from meshreel.operations.rigs import sizes_of_alternatives
 from meshreel.runtime.progress import silent
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
@@ -56,7 +56,7 @@ def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output,
         ["convert", "frames", "-o", "frames/f_%04d.obj", "--start-number", "11"],
         ["convert", "frames/f_0003.obj", "frames/f_0002.obj", "-o", "frames/f_0003.pc2"],
         ["convert", "frames/f_0003.obj", "-o", "symbolic.obj"],
-        ["decode", "linked.npz", "-o", "walk.npz"],
+        ["decode", "walk.reel", "-o", "linked.npz"],
         ["decode", "walk.reel", "-o", "hard.npz"],
         ["export", "page.html", "-o", "page.html"],
         ["export", "walk.reel", "-o", "page.html", "--original", "page.html"],
@@ -67,7 +67,7 @@ def test_encode_suggests_convert_when_the_output_is_not_a_stream(folder, output,
     ids=lambda arguments: " ".join(arguments),
 )
 def test_input_is_kept_when_it_is_also_the_output(folder, arguments, force):
-    (folder / "linked.npz").symlink_to("walk.npz")
+    (folder / "linked.npz").symlink_to("walk.reel")
     (folder / "linked.png").symlink_to("walk.npz")
     (folder / "symbolic.obj").symlink_to("frames/f_0003.obj")
     (folder / "hard.npz").hardlink_to(folder / "walk.reel")
@@ -213,9 +213,9 @@ def test_morph_targets_that_miss_the_bound_of_a_rig_are_not_compared(tmp_path):
         {"bounds_percent": {"largest": 1e-12, "kg": 1}},
     )
     arguments = range(3), tmp_path / "a.glb", WriteOptions(rig=True), rig, silent
-    assert size_as_morph_targets(sequence, *arguments) == {}
+    assert sizes_of_alternatives(sequence, *arguments).keys() == {".reel"}
     rig["bounds_percent"]["largest"] = 1.0
-    assert {*size_as_morph_targets(sequence, *arguments)} == {"morph targets"}
+    assert sizes_of_alternatives(sequence, *arguments).keys() == {"morph targets", ".reel"}
 
 
 def test_convert_prints_error_and_bound_of_a_stream(folder):

@@ -156,7 +156,7 @@ def test_register_bakes_textures(tmp_path):
     [
         (["register", "RAW", "--tolerance", "5mm"], "tolerance 5mm is a length"),
         (["register", "RAW", "--tolerance", "0"], "tolerance must be above 0"),
-        (["encode", "RAW", "--register", "0.5%", "--split"], "cannot be combined with"),
+        (["encode", "RAW", "--register", "0.5%", "--split"], "cannot be combined"),
         (["register", "RAW", "--texture-output", "a.mp4"], "give both"),
         (["register", "RAW", "--texture", "*.png"], "no texture images"),
         (["register", "flag.npz"], "all 3 frames have the same faces"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from meshreel.runtime.counting import change_text, counted, counts_text, size_text
 
@@ -24,16 +24,6 @@ STED = "shape of edges (STED)"
 SEGMENT_HEADINGS = ("segment", "frames", "vertices", "faces", "size")
 MAX_SEGMENTS = 12
 """Maximum number of segments in the table."""
-
-
-def size_figures(stream: "StreamInfo") -> dict[str, Any]:
-    """Sizes and counts of a stream, as `encode` prints them as JSON."""
-    figures = stream.as_dict()
-    return {
-        key: figures[key]
-        for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
-                    "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
-    }  # fmt: skip
 
 
 def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, str]:
@@ -114,11 +104,6 @@ def track_error_rows(tracks: "dict[str, TrackErrors]") -> dict[str, str]:
             text = f"largest error {errors.largest:.4g}{unit}, RMS {errors.rms:.4g}{unit}"
         rows[f"track {name}"] = text
     return rows
-
-
-def uv_figures(error: float | None) -> dict[str, Any]:
-    """Largest error of texture coordinates in widths of the texture, as `encode` prints JSON."""
-    return {} if error is None else {"uv_error": error, "uv_error_texels_4096": error * 4096}
 
 
 def uv_rows(error: float | None) -> dict[str, str]:

@@ -4,7 +4,6 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.runtime.extras import REGISTER_PILLOW, REGISTER_SCIPY, REGISTER_XATLAS, VIDEO, Extra
@@ -15,16 +14,15 @@ VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
 REGISTRATION = (REGISTER_SCIPY,)
 
 
-def extras_to_read(files: Iterable[AnyPath], options: ReadOptions | None = None) -> list[Extra]:
-    """Return the extras that reading certainly needs, including those of registration."""
+def extras_to_read(files: Iterable[AnyPath]) -> list[Extra]:
+    """Return the extras that reading certainly needs."""
     formats = (FORMATS.get(extension) for extension in dict.fromkeys(map(extension_of, files)))
-    extras = [
+    return [
         file_format.extra
         for file_format in formats
         if file_format is not None and file_format.extra is not None
         if not file_format.reads_without_extra
     ]
-    return [*extras, *(REGISTRATION if options and options.register is not None else ())]
 
 
 def extras_to_write(output: AnyPath) -> list[Extra]:

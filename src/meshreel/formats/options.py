@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.model.notes import Notes
     from meshreel.model.sequence import MeshSequence
-    from meshreel.registration.register import Registration
 
     AnySource = MeshSequence | ReelFile
 
@@ -33,26 +32,6 @@ BOUNDS = "Error bounds of glTF, .vat and rigs"
 RIGS = "Rigs (glTF and USD output)"
 TEXTURES = "Vertex animation textures (.vat output)"
 """Groups of options."""
-
-REGISTER = Option(
-    "Follow the surface of a raw capture, which has a new mesh in every frame, with few meshes, up "
-    "to this distance: 0.2% of the diagonal, or 0.5u in model units (needs [register]; see "
-    "`meshreel register`).",
-    name="register",
-    annotation=str,
-    group=READING,
-    metavar="TOLERANCE",
-)
-"""The option of the command line for `ReadOptions.register`."""
-
-KEEP_HOLES = Option(
-    "Keep the holes of scans, which registered surfaces close: a track scanned is 1 for the faces "
-    "that the raw frame has, otherwise 0. Players and pictures hide the others.",
-    name="keep_holes",
-    annotation=bool,
-    group=READING,
-)
-"""The option of the command line for `ReadOptions.keep_holes`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,14 +169,6 @@ class ReadOptions(LoadOptions):
     """
     matches_frames: bool = True
     """Whether frames that differ only in the order of vertices and faces become one segment."""
-    register: float | str | None = None
-    """Tolerance of the registration of frames whose faces change, as in `meshreel.register`."""
-    keep_holes: bool = False
-    """As in `meshreel.register`; needs `register`."""
-    quality: float | None = None
-    """As in `meshreel.register`; needs `register`. Default: that of `meshreel.encode`."""
-    registrations: "list[Registration]" = field(default_factory=list)
-    """Receives the registration, which can be compared with decoded frames."""
     referenced: set[Path] = field(default_factory=set)
     """Receives the files that read files refer to, as far as they are resolved."""
 

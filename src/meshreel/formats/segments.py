@@ -36,42 +36,13 @@ def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
     """
     check_read_options(files.format, options)
     read_options = replace(options, notes=Notes())
-    if options.register is not None:
-        read_options = replace(read_options, matches_frames=False)
     sequence = _open(files, read_options)
     if options.displace is None:
         note_displacement(sequence, read_options.notes)
     else:
         sequence = displace(sequence, options.displace, options.max_loaded_bytes)
     options.notes.extend(dict.fromkeys(read_options.notes))
-    return sequence if options.register is None else registered(sequence, options)
-
-
-def registered(sequence: MeshSequence, options: ReadOptions) -> MeshSequence:
-    """Return a sequence registered with the tolerance of the options.
-
-    The options receive the registration, and notes on it.
-
-    Raises
-    ------
-    InvalidInputError
-        As `meshreel.register`.
-    """
-    from meshreel.codec.error_bounds import bound_of
-    from meshreel.codec.targets import DEFAULT_QUALITY
-    from meshreel.registration.register import register  # imports SciPy
-
-    tolerance = bound_of(options.register or "", option="register")
-    registration = register(
-        sequence,
-        tolerance,
-        options.progress,
-        keep_holes=options.keep_holes,
-        quality=options.quality or DEFAULT_QUALITY,
-    )
-    options.registrations.append(registration)
-    options.notes.extend(registration.notes())
-    return registration.sequence
+    return sequence
 
 
 def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:

@@ -1,6 +1,7 @@
 """Encoding of a sequence, with measured errors and notes for the user."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
@@ -26,6 +27,34 @@ class Encoded:
     """Largest error of texture coordinates, in widths of the texture; None if they are exact."""
     n_meshes: int
     """Number of distinct meshes among the segments."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Figures for JSON."""
+        stream, achieved = self.stream, self.achieved
+        tracks = {
+            track.name: {"bound": track.bound, **achieved.tracks[track.name].as_dict()}
+            for track in stream.tracks
+        }
+        uv = self.uv
+        return {
+            "n_segments": len(stream.segments),
+            "n_meshes": self.n_meshes,
+            **size_figures(stream),
+            **vars(achieved),
+            "error_bound_percent": stream.error_bound_percent,
+            "tracks": tracks,
+            **({} if uv is None else {"uv_error": uv, "uv_error_texels_4096": uv * 4096}),
+        }
+
+
+def size_figures(stream: StreamInfo) -> dict[str, Any]:
+    """Sizes and counts of a stream, as `encode` prints them as JSON."""
+    figures = stream.as_dict()
+    return {
+        key: figures[key]
+        for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
+                    "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
+    }  # fmt: skip
 
 
 def encode_and_measure(

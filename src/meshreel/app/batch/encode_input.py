@@ -3,9 +3,8 @@
 import math
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
@@ -16,24 +15,20 @@ from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.remote import local_copy
-from meshreel.formats.segments import registered
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.operations.encoding import encode_and_measure
+from meshreel.operations.registering import Registered, Registering
 from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import silent
 from meshreel.runtime.version import __version__
-
-if TYPE_CHECKING:
-    from meshreel.registration.register import Registration
 
 BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
 
-READ_OPTIONS = (
-    "fps", "merge", "attributes", "skip_bad", "allow_outside", "register", "keep_holes",
-)  # fmt: skip
+READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside")
 """Fields of `ReadOptions` that the manifest records if they differ from the default."""
 
 
@@ -46,6 +41,8 @@ class EncodeOptions:
     """Options that do not apply to the format of an input are ignored; an input without a selected
     attribute gets a note.
     """
+    registering: Registering | None = None
+    """Registers inputs whose faces change."""
     tracks: dict[str, float | str] | None = None
     """Error bounds of tracks. An input without one of them gets a note."""
     block_share: float = 1.0
@@ -71,6 +68,9 @@ class EncodeOptions:
         options |= {
             name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
         }
+        if self.registering is not None:
+            options["register"] = self.registering.tolerance.plain
+            options |= {"keep_holes": True} if self.registering.keep_holes else {}
         return {**options, "tracks": self.tracks} if self.tracks else options
 
 
@@ -106,24 +106,23 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
         )
     began = time.perf_counter()
     notes = Notes()
+    registering, registered = options.registering, None
     reading = replace(
         supported_only(options.reading, source),
         attributes=ALL,
         notes=notes,
-        registrations=[],
-        matches_frames=options.config.order in (None, "drop") and options.reading.register is None,
-        register=None,
+        matches_frames=options.config.order in (None, "drop") and registering is None,
     )
     with local_copy(source) as files:
         opened = open_for_encoding(files, _memory(options), reading)
-        if options.reading.register is not None:
-            if opened.n_segments > 1:
-                quality = quality_of(options.config)
-                tolerance = options.reading.register
-                opened = registered(opened, replace(reading, register=tolerance, quality=quality))
-            else:
-                notes.result("not registered: all frames have the same faces")
-        return _encode_source(opened, reading.registrations, options, notes, began)
+        if registering is not None and opened.n_segments > 1:
+            registering = replace(registering, quality=quality_of(options.config))
+            registered = registering.register(opened, notes)
+            opened = registered.sequence
+            notes += registered.notes(is_reported=False)
+        elif registering is not None:
+            notes.result("not registered: all frames have the same faces")
+        return _encode_source(opened, registered, options, notes, began)
 
 
 def _memory(options: EncodeOptions) -> float | None:
@@ -133,21 +132,19 @@ def _memory(options: EncodeOptions) -> float | None:
 
 def _encode_source(
     source: MeshSequence,
-    registrations: "Sequence[Registration]",
+    registered: Registered | None,
     options: EncodeOptions,
     notes: Notes,
     began: float,
 ) -> EncodedInput:
     """Encode and measure an opened input."""
     sequence, config = _apply_options(source, options, notes)
-    for registration in registrations:  # one at most
-        config = registration.tuned(config, notes)
+    if registered is not None:
+        config = registered.tuned(config, notes)
     tracks = _track_bounds(sequence, options, notes)
     encoded = encode_and_measure(sequence, config, tracks, notes)
-    for registration in registrations:
-        from meshreel.registration.report import Report  # imports SciPy
-
-        notes += Report.measured(registration, decode(encoded.data)).notes()
+    if registered is not None:
+        notes += registered.report(decode(encoded.data), silent).notes()
     stream, achieved = encoded.stream, encoded.achieved
     figures = {
         "seconds": round(time.perf_counter() - began, 3),

@@ -11,6 +11,7 @@ from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.messages import print_error, print_line
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import reading
+from meshreel.app.cli.registering import RegisteringOption
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
@@ -55,10 +56,9 @@ def batch_command(
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
         "ReadOptions",
-        reading(
-            "attributes", "fps", "merge", "skip_bad", "allow_outside", "register", "keep_holes"
-        ),
+        reading("attributes", "fps", "merge", "skip_bad", "allow_outside"),
     ],
+    registering: RegisteringOption,
     workers: Annotated[
         int | None,
         Option(
@@ -107,7 +107,7 @@ def batch_command(
     config = config_of(**encoding)
     listed_names(reading.attributes)  # raises before any work
     tracks = track_targets(track)
-    options = EncodeOptions(config, reading, tracks)
+    options = EncodeOptions(config, reading, registering, tracks)
     refuse_address(out_dir, "the output folder")
     inputs = input_dir.rstrip("/") if is_remote(input_dir) else Path(input_dir)
     plan = plan_batch(inputs, Path(out_dir), options, force=force)

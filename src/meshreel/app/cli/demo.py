@@ -36,7 +36,7 @@ def demo_command(
     from meshreel.app.cli.console import print_json, print_table, shown_progress
     from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import open_player
-    from meshreel.app.figures import quality_rows, size_figures, size_rows
+    from meshreel.app.figures import quality_rows, size_rows
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.codec.decoder import decode
@@ -46,6 +46,7 @@ def demo_command(
     from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
     from meshreel.model.flag import simulate_flag
+    from meshreel.operations.encoding import size_figures
     from meshreel.rendering.scenes import Scene
     from meshreel.runtime.extras import RENDER
     from meshreel.runtime.outputs.atomic import replace_when_done

@@ -7,6 +7,7 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
+from meshreel.app.cli.registering import RegisteringOption
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import StreamOption
 
@@ -36,6 +37,7 @@ def encode_command(
         "ReadOptions",
         reading(*WHOLE_SEQUENCES),
     ],
+    registering: RegisteringOption,
     output: StreamOption = None,
     track: TrackOption = (),
     split: SplitOption = False,
@@ -65,63 +67,20 @@ def encode_command(
     - `meshreel encode huge_frames/ --memory 1GiB`
     - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
     """
-    from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
-    from meshreel.app.cli.conversion import Conversion
+    from meshreel.app.cli.console import shown_progress
     from meshreel.app.cli.read_options import output_stem, source_of
+    from meshreel.app.cli.written import print_result
     from meshreel.codec.options import config_of
-    from meshreel.codec.reel_options import quality_of
-    from meshreel.formats.load import loading_for, open_for_encoding
-    from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.options import WriteOptions
-    from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy
-    from meshreel.formats.sources import files_of_source
-    from meshreel.runtime.extras import require
+    from meshreel.operations.convert import Target, convert
     from meshreel.runtime.outputs.checks import check_extension
 
     output = output or File(f"{output_stem(inputs[0])}.reel")
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
-    config, targets, notes = config_of(**encoding), track_targets(track), reading.notes
-    with ExitStack() as stack:
-        source = stack.enter_context(local_copy(source_of(inputs), notes))
-        files = files_of_source(source, reading.topology)
-        progress = stack.enter_context(shown_progress())
-        conversion = Conversion(
-            output, files, WriteOptions(), reading, config, None, force, progress, notes, targets,
-        )  # fmt: skip
-        conversion.check(output, None)
-        require(extras_to_read(files, reading))
-        keeps_order = config.order in ("keep", "vertices")
-        reading = replace(
-            reading,
-            progress=progress,
-            matches_frames=not keeps_order,
-            quality=quality_of(config),
-        )
-        if split:
-            conversion.write_segments(source, loading_for(config.memory_bytes, reading))
-        else:
-            opened = open_for_encoding(source, config.memory_bytes, reading)
-            for registration in reading.registrations:  # one at most: of the only output
-                conversion.config = registration.tuned(config, notes)
-            conversion.write(opened, output)
-        reports = []
-        for registration in reading.registrations:
-            from meshreel.registration.report import Report  # imports SciPy
-
-            with open_reel(Path(output)) as reel:
-                reports.append(Report.measured(registration, reel, progress))
-    print_notes(notes)
-    if as_json:
-        outputs = conversion.figures
-        figures = {"outputs": outputs} if split else outputs[0]
-        for report in reports:
-            figures |= report.figures()
-        print_json({**figures, "notes": notes})
-        return
-    conversion.show()
-    for report, stream in zip(reports, conversion.streams, strict=False):
-        print_table("relative to the raw capture", report.rows(stream.encoded.stream.size_bytes))
+    config, tracks = config_of(**encoding), track_targets(track)
+    target = Target(output=output, config=config, tracks=tracks, overwrite=force)
+    with shown_progress() as progress:
+        reading = replace(reading, progress=progress)
+        result = convert(source_of(inputs), target, reading, registering=registering, splits=split)
+    print_result(result, reading.notes, is_split=split, as_json=as_json)

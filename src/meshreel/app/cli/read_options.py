@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
-
-import click
+from typing import Annotated
 
 from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option, options_of_fields
-from meshreel.formats.options import KEEP_HOLES, READING, REGISTER, LoadOptions, ReadOptions
+from meshreel.formats.options import READING, LoadOptions, ReadOptions
 from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 SegmentOption = Annotated[
@@ -33,14 +31,11 @@ MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 
 WHOLE_SEQUENCES = (
     "fps", *MESHES, "topology", "dataset", "displace", "keep_deleted", "attributes",
-    "register", "keep_holes",
 )  # fmt: skip
 """All options of commands that read a sequence to write it."""
 
 
-_OPTIONS = {
-    option.name: option for option in (*options_of_fields(LoadOptions), REGISTER, KEEP_HOLES)
-}
+_OPTIONS = {option.name: option for option in options_of_fields(LoadOptions)}
 """By name in `ReadOptions`."""
 _OPTIONS["topology"] = replace(_OPTIONS["topology"], annotation=Path)
 
@@ -60,12 +55,7 @@ def reading(*names: str) -> Group:
     """
     options = [replace(_OPTIONS[name], flag=f"--{name.replace('_', '-')}") for name in names]
 
-    def checked(values: dict[str, Any]) -> ReadOptions:
-        if values.get("keep_holes") and values.get("register", "") is None:
-            raise click.UsageError("--keep-holes is for captures; add --register")
-        return ReadOptions(**values)
-
-    return Group(options, checked, COMMON)
+    return Group(options, lambda values: ReadOptions(**values), COMMON)
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":

@@ -9,6 +9,7 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.registering import KeepHolesOption
 from meshreel.app.cli.write_options import StreamOption
 from meshreel.codec.option import Option
 
@@ -27,9 +28,7 @@ def register_command(
             "...). Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
-    reading: Annotated[
-        "ReadOptions", reading("fps", *MESHES, "dataset", "attributes", "keep_holes")
-    ],
+    reading: Annotated["ReadOptions", reading("fps", *MESHES, "dataset", "attributes")],
     encoding: Annotated[Encoding, ENCODING],
     output: StreamOption = None,
     tolerance: Annotated[
@@ -66,6 +65,7 @@ def register_command(
             flag="--measure/--no-measure",
         ),
     ] = True,
+    keep_holes: KeepHolesOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -89,90 +89,37 @@ def register_command(
     - `meshreel register capture/ --size 2MB`
     - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
     """
-    import shutil
-    from contextlib import ExitStack
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
+    from meshreel.app.cli.console import shown_progress
     from meshreel.app.cli.encode import OTHER_OUTPUTS
-    from meshreel.app.cli.encoded_file import encode_file
     from meshreel.app.cli.read_options import output_stem, source_of
+    from meshreel.app.cli.written import print_result
     from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.codec.options import config_of
-    from meshreel.codec.reel_options import quality_of
-    from meshreel.formats.load import open_for_encoding
-    from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake, extras_to_read
-    from meshreel.formats.reel import open as open_reel
-    from meshreel.formats.remote import local_copy
-    from meshreel.formats.sources import files_of_source
-    from meshreel.registration.register import register
-    from meshreel.registration.report import Report
-    from meshreel.runtime.extras import require
-    from meshreel.runtime.outputs.checks import check_extension, check_output_path
-    from meshreel.runtime.stores.address import refuse_address
+    from meshreel.operations.convert import Target, convert
+    from meshreel.operations.registering import Registering
+    from meshreel.runtime.outputs.checks import check_extension
 
     if texture_output is not None and texture is None:
         raise click.UsageError("--texture-output names the textures of --texture; give both")
     output = output or File(f"{output_stem(inputs[0])}.reel")
-    refuse_address(output, "the output")
     check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
     is_length = tolerance.strip().lower().endswith(tuple(METERS))
     bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
     if is_length and encoding["max_error"] is None:
         encoding = {**encoding, "unit": None}
-    config, notes, path = config_of(**encoding), reading.notes, Path(output)
-    with ExitStack() as stack:
-        source = stack.enter_context(local_copy(source_of(inputs), notes))
-        files = files_of_source(source)
-        check_output_path(path, overwrite=force, inputs=files)
-        texture_path = texture_output or path.with_suffix(".mp4")
-        texture_extras = [] if texture is None else extras_to_bake(texture, texture_path)
-        require([*extras_to_read(files), *REGISTRATION, *texture_extras])
-        progress = stack.enter_context(shown_progress())
-        reading = replace(reading, progress=progress, matches_frames=False)
-        raw = open_for_encoding(source, config.memory_bytes, reading)
-        folder, job = path.with_suffix(".registration"), None
-        if texture is not None:
-            from meshreel.operations.textures import TextureJob  # imports Pillow
-
-            job = TextureJob.checked(texture, texture_path, raw, overwrite=force)
-        registration = register(
-            raw,
-            bound,
-            progress,
-            folder,
-            keep_holes=reading.keep_holes,
-            quality=quality_of(config),
+    registering = Registering(
+        tolerance=bound,
+        keep_holes=keep_holes,
+        texture=texture,
+        texture_output=texture_output or Path(output).with_suffix(".mp4"),
+        overwrite=force,
+    )
+    target = Target(output=output, config=config_of(**encoding), overwrite=force)
+    with shown_progress() as progress:
+        reading = replace(reading, progress=progress)
+        result = convert(
+            source_of(inputs), target, reading, registering=registering, reports=measure
         )
-        if job is not None:
-            registration = job.prepared(registration, notes)
-        config = registration.tuned(config, notes, bakes_textures=job is not None)
-        changes = [*registration.changes, *registration.listed_cuts()]
-        notes += changes if measure else registration.notes()
-        result = encode_file(
-            registration.sequence,
-            path,
-            config,
-            notes,
-            force=force,
-            progress=progress,
-        )
-        with open_reel(path) as reel:
-            report = Report.measured(registration, reel, progress) if measure else None
-            if job is not None:
-                job.write(registration, reel, progress)
-        shutil.rmtree(folder)
-    print_notes(notes)
-    if as_json:
-        figures = result.figures() | (report.figures() if report else {})
-        if job is not None:
-            figures["texture"] = {"output": str(job.output), "size_px": list(job.size)}
-        print_json({**figures, "notes": notes})
-        return
-    result.show()
-    rows = report.rows(result.encoded.stream.size_bytes) if report else {}
-    if job is not None:
-        width, height = job.size
-        rows["textures"] = f"{job.output}, {width} x {height} texels"
-    if rows:
-        print_table("relative to the raw capture", rows)
+    print_result(result, reading.notes, as_json=as_json)

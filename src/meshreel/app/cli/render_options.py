@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from meshreel.app.cli.write_options import chosen_frames, frame_slice
+from meshreel.app.cli.write_options import frame_slice
 
 if TYPE_CHECKING:
     from meshreel.model.notes import Notes
@@ -22,6 +22,8 @@ def frame_numbers(text: str | None, n_frames: int, notes: "Notes") -> list[int]:
 
     Adds a note if 'A:B' exceeds the ends.
     """
+    from meshreel.operations.convert import chosen_frames
+
     if is_range(text):
         return list(chosen_frames(frame_slice(text), n_frames, notes))
     try:

@@ -1,10 +1,9 @@
 """Options for writing files of other formats, and figures of the written files."""
 
-import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import click
 
@@ -15,8 +14,7 @@ from meshreel.formats.options import WriteOptions
 from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import AnySource
-    from meshreel.model.notes import Notes
+    pass
 
 OutputOption = Annotated[
     File,
@@ -97,11 +95,6 @@ def frame_slice(text: str | None) -> slice | None:
     return slice(start, stop)
 
 
-def is_stream(output: "str | os.PathLike[str]") -> bool:
-    """Whether an output is a .reel."""
-    return Path(output).suffix.lower() == ".reel"
-
-
 def refuse_stream_options(names: Collection[str], output: str) -> None:
     """Reject options of these names on the command line, as they do not apply to the output."""
     context = click.get_current_context()
@@ -115,75 +108,8 @@ def refuse_stream(output: str) -> None:
     """Reject a .reel as an output of decoding; the message names the command that re-encodes."""
     from meshreel.errors import InvalidInputError
 
-    if is_stream(output):
+    if Path(output).suffix.lower() == ".reel":
         raise InvalidInputError(
             f"{output} would be re-encoded with an additional error; use `meshreel convert`, which "
             "has the options of `meshreel encode` and prints the error"
         )
-
-
-def known_frames(files: Sequence[Path], selection: slice | None) -> range | None:
-    """The frames of a slice of frame files; None for other files, whose number is unknown."""
-    from meshreel.formats.registry import FRAME_FORMATS
-    from meshreel.model.frame_choice import frame_range
-
-    is_frame = files[0].suffix.lower() in FRAME_FORMATS
-    return frame_range(selection, len(files)) if is_frame else None
-
-
-def chosen_frames(selection: slice | None, n_frames: int, notes: "Notes") -> range:
-    """The frames of a slice; adds a note if the slice exceeds the ends.
-
-    Raises
-    ------
-    InvalidInputError
-        If the slice selects no frame.
-    """
-    from meshreel.model.frame_choice import frame_range, slice_text
-
-    frames = frame_range(selection, n_frames)
-    ends = [] if selection is None else [selection.start, selection.stop]
-    if any(end is not None and not -n_frames <= end <= n_frames for end in ends):
-        notes.result(
-            f"--frames {slice_text(selection)} exceeds the frames 0:{n_frames}; using "
-            f"{frames.start}:{frames.stop}"
-        )
-    return frames
-
-
-def written_figures(paths: list[Path], source: "AnySource", n_frames: int) -> dict[str, Any]:
-    """Figures of written files for JSON."""
-    sizes = [(segment.n_verts, len(segment.faces)) for segment in source.segments]
-    n_verts, n_faces = map(max, zip(*sizes, strict=True))
-    return {
-        "outputs": list(map(str, paths)),
-        "n_frames": n_frames,
-        "n_segments": len(sizes),
-        "n_verts": n_verts,
-        "n_faces": n_faces,
-        "fps": source.fps,
-        "size_bytes": sum(path.stat().st_size for path in paths),
-    }
-
-
-def print_written(figures: dict[str, Any]) -> None:
-    """Print the result of `written_figures` as a table."""
-    from meshreel.app.cli.console import print_table
-    from meshreel.app.cli.rig_figures import rig_rows
-    from meshreel.formats.registry import FRAME_FORMATS
-    from meshreel.runtime.counting import counts_text, size_text
-
-    names = figures["outputs"]
-    first, last = Path(names[0]), Path(names[-1])
-    title = names[0] if first == last else f"{names[0]} to {last.name}"
-    if last.parent != first.parent:
-        noun = "frames" if last.suffix in FRAME_FORMATS else "images"
-        title = f"{names[0]}, {noun} in {last.parent.name}"
-    rows = {
-        "sequence": counts_text(
-            frame=figures["n_frames"], vertex=figures["n_verts"], face=figures["n_faces"]
-        ),
-        "files": str(len(names)),
-        "size": size_text(figures["size_bytes"]),
-    }
-    print_table(title, rows | rig_rows(figures) if "rig" in figures else rows)

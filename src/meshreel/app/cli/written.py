@@ -1,0 +1,108 @@
+"""Figures of the files that a command wrote, as tables or JSON."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from meshreel.app.cli.console import print_columns, print_json, print_notes, print_table
+from meshreel.app.figures import PART_HEADINGS, achieved_rows, part_table, size_rows, uv_rows
+from meshreel.formats.registry import FRAME_FORMATS
+from meshreel.runtime.counting import change_text, counted, counts_text, size_text
+
+if TYPE_CHECKING:
+    from meshreel.operations.convert import Result, Written
+
+PARTS = "parts, positions in percent of the diagonal and in model units (u)"
+
+MAX_COMPACT_SHARE = 0.7
+"""Files below this share of the raw values describe motion by a skin, or compress it."""
+
+
+def print_result(
+    result: "Result", notes: Sequence[str], *, is_split: bool = False, as_json: bool
+) -> None:
+    """Print notes, and the figures of all outputs; as JSON those of one unless split."""
+    print_notes(notes)
+    capture = _capture_figures(result) if as_json else _capture_rows(result)
+    if as_json:
+        outputs = [written.as_dict() for written in result.files]
+        figures: dict[str, Any] = {"outputs": outputs} if is_split else outputs[0]
+        print_json({**figures, **capture, "is_whole": result.is_whole, "notes": notes})
+        return
+    for written in result.files:
+        _print_files(written) if written.encoded is None else _print_stream(written)
+    if capture:
+        print_table("relative to the raw capture", capture)
+
+
+def _print_stream(written: "Written") -> None:
+    """Print a table of figures, and the bound, largest error and bytes of each part."""
+    encoded = written.encoded
+    assert encoded is not None
+    rows = size_rows(encoded.stream, encoded.n_meshes) | achieved_rows(encoded.achieved)
+    rows["ratio"] += " than raw values"
+    rows = _input_rows(written) | rows | uv_rows(encoded.uv)
+    print_table(str(written.paths[0]), rows)
+    print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, encoded.stream))
+
+
+def _input_rows(written: "Written") -> dict[str, str]:
+    """Return a row that compares the sizes of the input files and of the output."""
+    if not written.input_bytes or written.encoded is None:
+        return {}
+    size, raw = written.size_bytes, written.encoded.stream.raw_size_bytes
+    change = change_text(written.input_bytes, size)
+    rows = {"size": f"{size_text(written.input_bytes)} -> {size_text(size)}, {change}"}
+    if written.input_bytes < MAX_COMPACT_SHARE * raw:
+        rows["input"] = "compact already: smaller than the raw values of all frames"
+    return rows
+
+
+def _print_files(written: "Written") -> None:
+    """Print the number and the size of files, and the errors of a rig."""
+    figures = written.as_dict()
+    first, last = written.paths[0], written.paths[-1]
+    title = str(first) if first == last else f"{first} to {last.name}"
+    if last.parent != first.parent:
+        noun = "frames" if last.suffix in FRAME_FORMATS else "images"
+        title = f"{first}, {noun} in {last.parent.name}"
+    rows = {
+        "sequence": counts_text(
+            frame=figures["n_frames"], vertex=figures["n_verts"], face=figures["n_faces"]
+        ),
+        "files": str(len(written.paths)),
+        "size": size_text(figures["size_bytes"]),
+    }
+    print_table(title, rows | (_rig_rows(figures) if "rig" in figures else {}))
+
+
+def _rig_rows(figures: dict[str, Any]) -> dict[str, str]:
+    """Return rows of a table with the errors of a rig, its parts, and the alternatives."""
+    rig = figures["rig"]
+    rows = {
+        "rig": f"{counted(rig['n_bones'], 'bone')}, "
+        f"{counted(rig['n_targets'], 'corrective target')}",
+        "KG error": f"{rig['kg_percent']:.3g} %",
+        "largest error": f"{rig['largest_percent']:.3g} % of the diagonal",
+        "normal error": f"{rig['normal_deg']:.2g} degrees (mean, of faces)",
+    }
+    sizes = figures.get("sizes_bytes", {}).items()
+    alternatives = figures["alternatives_bytes"].items()
+    rows |= {f"  {name}": size_text(size) for name, size in sizes}
+    return rows | {f"as {name}": size_text(size) for name, size in alternatives}
+
+
+def _capture_figures(result: "Result") -> dict[str, Any]:
+    """Return the distances from a raw capture, and its textures, for JSON."""
+    figures = {} if result.report is None else result.report.figures()
+    job = None if result.registered is None else result.registered.job
+    texture = {} if job is None else {"output": str(job.output), "size_px": list(job.size)}
+    return figures | ({"texture": texture} if texture else {})
+
+
+def _capture_rows(result: "Result") -> dict[str, str]:
+    """Return the distances from a raw capture, and its textures, as rows of a table."""
+    rows = {} if result.report is None else result.report.rows(result.files[0].size_bytes)
+    if result.registered is not None and (job := result.registered.job) is not None:
+        width, height = job.size
+        rows["textures"] = f"{job.output}, {width} x {height} texels"
+    return rows

@@ -1,0 +1,105 @@
+"""Registration of the raw frames of an input, and of their textures."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from meshreel.codec.error_bounds import ErrorBound
+from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
+from meshreel.formats.sources import AnyPath, Source
+from meshreel.model.notes import Note, Notes
+from meshreel.model.sequence import MeshSequence
+from meshreel.runtime.extras import Extra
+from meshreel.runtime.progress import Progress, silent
+
+if TYPE_CHECKING:
+    from meshreel.codec.config import EncoderConfig
+    from meshreel.codec.reel_file import ReelFile
+    from meshreel.operations.textures import TextureJob
+    from meshreel.registration.register import Registration
+    from meshreel.registration.report import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class Registering:
+    """How raw frames are registered; fields as the parameters of `meshreel.register`."""
+
+    tolerance: ErrorBound
+    keep_holes: bool = False
+    quality: float = DEFAULT_QUALITY
+    folder: Path | None = None
+    texture: Source | None = None
+    texture_output: AnyPath = ""
+    overwrite: bool = False
+
+    @property
+    def extras(self) -> list[Extra]:
+        """The extras that registration and the textures need."""
+        if self.texture is None:
+            return [*REGISTRATION]
+        return [*REGISTRATION, *extras_to_bake(self.texture, self.texture_output)]
+
+    def register(
+        self, raw: MeshSequence, notes: Notes, progress: Progress = silent
+    ) -> "Registered":
+        """Register frames, with texture coordinates that fit the textures.
+
+        Raises
+        ------
+        InvalidInputError, FormatError
+            As `meshreel.register`.
+        """
+        from meshreel.registration.register import register  # imports SciPy
+
+        job = None
+        if self.texture is not None:
+            from meshreel.operations.textures import TextureJob  # imports Pillow
+
+            job = TextureJob.checked(
+                self.texture, self.texture_output, raw, overwrite=self.overwrite
+            )
+        registration = register(
+            raw,
+            self.tolerance,
+            progress,
+            self.folder,
+            keep_holes=self.keep_holes,
+            quality=self.quality,
+        )
+        return Registered(registration if job is None else job.prepared(registration, notes), job)
+
+
+@dataclass(frozen=True)
+class Registered:
+    """Registered frames, and their textures if they are to be baked."""
+
+    registration: "Registration"
+    job: "TextureJob | None" = None
+
+    @property
+    def sequence(self) -> MeshSequence:
+        """The segments."""
+        return self.registration.sequence
+
+    def tuned(self, config: "EncoderConfig", notes: Notes) -> "EncoderConfig":
+        """Return the options with which to encode the segments; see `Registration.tuned`."""
+        return self.registration.tuned(config, notes, bakes_textures=self.job is not None)
+
+    def notes(self, *, is_reported: bool) -> Iterable[Note]:
+        """Return notes on what changed, and on the distances unless a report has them."""
+        if not is_reported:
+            return self.registration.notes()
+        return [*self.registration.changes, *self.registration.listed_cuts()]
+
+    def report(self, decoded: "MeshSequence | ReelFile", progress: Progress) -> "Report":
+        """Measure the distances of decoded segments from the raw frames."""
+        from meshreel.registration.report import Report  # imports SciPy
+
+        return Report.measured(self.registration, decoded, progress)
+
+    def bake(self, sequence: "MeshSequence | ReelFile", progress: Progress) -> None:
+        """Write the textures, if there are any, for the surface of these segments."""
+        if self.job is not None:
+            self.job.write(self.registration, sequence, progress)
