@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.codec.displaced import motion_notes
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
@@ -111,8 +112,12 @@ def test_a_note_compares_an_error_with_the_motion(small):
     encode_and_measure(load(small, displace="u"), config_of(quality=50), None, notes)
     assert any(re.match(text, note) for note in notes)
     meshreel.encode(load(small, displace="u"), bound=0.1)  # without a warning
-    meshreel.encode(load(small, displace="u:1000"), max_error=0.1)
-    meshreel.encode(load(small), max_error=0.1)
+    moved = load(small, displace="u:-2")
+    motion = 2 * np.linalg.norm(np.ptp(moved.tracks["u"].read(0, 12), axis=(0, 1)))
+    for share, factors in ((0.09, []), (0.11, ["10"]), (1.5, ["100"])):
+        assert re.findall(r"u:(\d+)", str(motion_notes(moved, share * motion))) == factors
+    rest = still(u=np.ones((3, moved.n_verts, 3)))
+    assert motion_notes(rest.replace(surface=moved.surface), 1.0) == []
 
 
 @pytest.mark.parametrize(("scale", "offset"), [(1, 100), (-100, 0)])
@@ -126,6 +131,9 @@ def test_a_bound_below_the_rounding_of_positions_is_met_by_the_track(tmp_path, s
     decoded = meshreel.decode(data)
     apart = np.linalg.norm(decoded.tracks["u"].values - values, axis=2).max()
     assert apart <= np.linalg.norm(np.ptp(values, axis=(0, 1))) / 1000
+    info = meshreel.info(data)
+    roundings = 4 * np.spacing(np.abs(vertices).max())
+    assert info.error_bound_percent / 100 * info.diagonal == pytest.approx(roundings, rel=0.1)
 
 
 def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path, notes):
@@ -136,11 +144,18 @@ def test_a_note_suggests_the_option_for_a_mesh_that_does_not_move(path, notes):
     ]
 
 
+def moving_inside():
+    """Vertices of a sheet of which one within the box moves once, after the first frame."""
+    vertices = still().vertices.copy()
+    vertices[0, 40] = vertices[0, 41]
+    return vertices
+
+
 @pytest.mark.parametrize("case", ["moving", "two", "scalar", "other name"])
 def test_no_note_without_a_likely_displacement(tmp_path, case, notes):
     values = still().tracks["displacement"].values
     sequence = {
-        "moving": lambda: waving_grid(3).replace(tracks={"u": values}),
+        "moving": lambda: still(u=values).replace(vertices=moving_inside()),
         "two": lambda: still(u=values, disp=values),
         "scalar": lambda: still(u=values[:, :, :1]),
         "other name": lambda: still(flux=values),

@@ -60,24 +60,29 @@ def mean_normal_angle_deg(sequence, positions):
 
 
 CASES = {
-    "KG error": (TUBE, {"kg": 0.03, "max_error": 50}),
-    "largest error": (TUBE, {"kg": 5, "max_error": 0.05}),
-    "correctives": (BULGING, {"rig": 2, "kg": 0.1, "max_error": 1}),
-    "largest error of correctives": (BULGING, {"rig": 2, "kg": 1, "max_error": 0.2}),
-    "parts": (two_tubes(), {"rig": 4, "kg": 0.5, "max_error": 1}),
-    "turns": (turning(0.3), {"max_error": 0.1}),
-    "uneven times": (turning(0.1).replace(times=UNEVEN_S), {"max_error": 0.1}),
+    "KG error": (TUBE, {"kg": 0.03, "max_error": 50}, (5, 1), 10528),
+    "largest error": (TUBE, {"kg": 5, "max_error": 0.05}, (2, 1), 7828),
+    "correctives": (BULGING, {"rig": 2, "kg": 0.1, "max_error": 1}, (2, 4), 9684),
+    "corrected largest error": (BULGING, {"rig": 2, "kg": 1, "max_error": 0.2}, (2, 2), 7996),
+    "parts": (two_tubes(), {"rig": 4, "kg": 0.5, "max_error": 1}, (4, 4), 18472),
+    "turns": (turning(0.3), {"max_error": 0.1}, (2, 0), 3880),
+    "uneven times": (turning(0.1).replace(times=UNEVEN_S), {"max_error": 0.1}, (2, 0), 3520),
 }
+"""Sequence, options, numbers of bones and of correctives, and bytes of the compressed file."""
 
 
 @pytest.mark.every_case
 @pytest.mark.parametrize("compression", [True, False])
 @pytest.mark.parametrize("name", CASES)
 def test_played_rig_meets_its_bounds(tmp_path, name, compression):
-    sequence, options = CASES[name]
+    sequence, options, counts, n_bytes = CASES[name]
     path, notes = tmp_path / "rig.glb", []
     options = {"rig": True, "kg": 0.5} | options
     meshreel.save(sequence, path, compression=compression, notes=notes, **options)
+    glb = Glb.read(path.read_bytes())
+    targets = glb.document["meshes"][0]["primitives"][0].get("targets", [])
+    assert (len(glb.document["skins"][0]["joints"]), len(targets)) == counts
+    assert path.stat().st_size <= 1.03 * n_bytes or not compression
     found = played(path, sequence)
     kg, largest = kg_error_percent(sequence, found), largest_error_percent(sequence, found)
     assert kg <= options["kg"]
@@ -85,7 +90,6 @@ def test_played_rig_meets_its_bounds(tmp_path, name, compression):
     angle = mean_normal_angle_deg(sequence, found)
     text = f"KG error {kg:.3g} %, largest error {largest:.3g} % of the diagonal, mean error of "
     assert any(f"{text}face normals {angle:.2g} degrees" in note for note in notes)
-    glb = Glb.read(path.read_bytes())
     stated = glb.document["asset"]["extras"][ERROR_BOUND]
     assert np.linalg.norm(found - sequence.vertices, axis=2).max() <= stated
     for node in glb.document["nodes"]:  # what a viewer shows while nothing plays
