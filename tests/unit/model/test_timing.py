@@ -9,7 +9,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.model.frame_choice import chosen_frames, consecutive_runs
 from meshreel.model.sequence import MeshSequence
-from meshreel.model.timing import Timing
+from meshreel.model.timing import UNTIMED, Timing
 from samples.meshes import waving_grid
 
 RATES = [12.5, 23.976, 24, 25, 29.97, 30000 / 1001, 30, 48, 59.94, 60, 1000]
@@ -31,7 +31,7 @@ def test_float32_times_give_a_common_frame_rate(fps):
 
 
 def test_frames_of_a_rate_start_at_zero_unless_a_start_is_given():
-    assert Timing.of_rate(25.0) == Timing(25.0, 0.0)
+    assert (UNTIMED, Timing.of_rate(25.0)) == (Timing(0.0, 0.0), Timing(25.0, 0.0))
     assert Timing.of_rate(25.0, -2.0) == Timing(25.0, -2.0)
 
 
@@ -39,12 +39,6 @@ def test_single_frame_has_no_frame_rate():
     result = Timing.of_times(np.array([4.25]))
     assert result == Timing(0.0, 4.25)
     assert (result.seconds(1).tolist(), result.seconds(2)) == ([4.25], None)
-
-
-def test_uneven_times_give_the_mean_frame_rate():
-    result = Timing.of_times(np.array([0.0, 0.1, 0.5, 1.0]))
-    assert (result.fps, result.start_s) == (3.0, 0.0)
-    np.testing.assert_array_equal(result.times, [0.0, 0.1, 0.5, 1.0])
 
 
 UNEVEN = [0, 0.005, 0.01, 0.015, 0.0175]
@@ -71,12 +65,15 @@ def test_uneven_times_are_kept_and_even_ones_become_a_rate():
         ([float(f"{i / 1500:.4f}") for i in range(46)], None),  # rounded to a seventh of 1/1500
         (0.04 * np.arange(500) + np.where(np.arange(500) == 77, 1e-9, 0), None),
         (1e-6 * np.cumsum(1 + 1e-4 * np.sin(np.arange(50))), None),
+        (np.round(np.arange(20) / 3.5, 3), None),  # by up to 1.7 thousandths of an interval
     ],
 )
 def test_times_are_even_only_if_their_digits_say_so(times, fps):
     timing = Timing.of_times(times)
+    assert timing.start_s == times[0]
     if fps is None:
         np.testing.assert_array_equal(timing.times, times)
+        assert timing.fps == pytest.approx((len(times) - 1) / (times[-1] - times[0]))
     else:
         assert timing.times is None
         assert timing.fps == fps
@@ -134,7 +131,8 @@ def test_times_that_do_not_continue_are_refused():
 
 
 def test_the_frame_at_a_time_is_the_last_one_due_at_a_rate():
-    assert [Timing(10, 1.0).frame_at(time, 5) for time in (0, 1.0, 1.1, 1.39, 9)] == [0, 0, 1, 3, 4]
+    times = (0, 1.0, 1.1, 1.2 - 1.1e-7, 1.2 - 0.9e-7, 1.39, 9)
+    assert [Timing(10, 1.0).frame_at(time, 5) for time in times] == [0, 0, 1, 1, 2, 3, 4]
 
 
 def test_segments_of_a_sequence_keep_its_times():

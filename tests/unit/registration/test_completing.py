@@ -99,8 +99,9 @@ def test_corners_of_patches_are_at_the_nearest_places():
     key = cut(below(0.5))
     found = completed_by(key, WHOLE)
     added = slice(len(key.faces), None)
-    assert (np.sort(found.weights[added], axis=2) == [0, 0, 1]).all()
-    assert (key.centroids[found.parents[added], 2] > 0.4).all()
+    closest = key.closest(found.mesh.centroids[added])
+    assert (found.parents[added] == closest.faces[:, np.newaxis]).all()
+    assert (found.weights[added] == np.eye(3)[closest.weights.argmax(axis=1)][:, None]).all()
 
 
 def test_several_frames_complete_a_key():

@@ -39,6 +39,11 @@ def test_the_smallest_tolerance_is_that_of_the_quantile_or_of_the_largest_patch(
     assert errors.in_tolerances(Tolerance(0.01)) < 1
     assert measure(mesh, plane(n=81), least).patch_area == pytest.approx(least.patch_area, rel=0.05)
     assert not measure(mesh, plane(n=81), least).exceeds(least)
+    # Above 0.004 are the flat top of side 0.05, and of the slopes around it 0.01 of 0.0125.
+    errors, area = measure(mesh, plane(n=81), Tolerance(0.004)), 0.0025 + 0.002 * np.hypot(1, 1.6)
+    assert errors.patch_area == pytest.approx(area, rel=0.15)
+    assert errors.in_tolerances(Tolerance(0.004)) == pytest.approx(errors.patch_area**0.5 / 0.04)
+    assert errors.exceeds(Tolerance(0.004)).startswith("a patch of 21 x 21 tolerances")
 
 
 def test_a_missing_part_counts_in_the_other_direction():

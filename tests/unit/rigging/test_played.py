@@ -66,6 +66,7 @@ CASES = {
     "corrected largest error": (BULGING, {"rig": 2, "kg": 1, "max_error": 0.2}, (2, 2), 7996),
     "parts": (two_tubes(), {"rig": 4, "kg": 0.5, "max_error": 1}, (4, 4), 18472),
     "turns": (turning(0.3), {"max_error": 0.1}, (2, 0), 3880),
+    "two frames": (turning(0.3)[:2], {"max_error": 0.1}, (2, 0), 3000),
     "uneven times": (turning(0.1).replace(times=UNEVEN_S), {"max_error": 0.1}, (2, 0), 3520),
 }
 """Sequence, options, numbers of bones and of correctives, and bytes of the compressed file."""

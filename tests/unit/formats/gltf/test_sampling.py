@@ -61,10 +61,12 @@ def test_rate_of_sparse_keys_on_a_line_is_that_of_the_keys():
 
 
 @pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8)])
-def test_times_span_the_keys_at_a_requested_rate(fps, n_frames):
-    result, notes = sample([2, 2.3, 3], fps)
+@pytest.mark.parametrize("start", [2, np.float32(2.005)])  # half a tenth of a frame after one
+def test_times_span_the_keys_at_a_requested_rate(fps, n_frames, start):
+    result, notes = sample([start, start + 0.3, start + 1], fps)
     assert (result.fps, notes) == (fps, [])
-    np.testing.assert_allclose(result.times_s, 2 + np.arange(n_frames) / fps, rtol=0, atol=1e-15)
+    expected = float(start) + np.arange(n_frames) / fps
+    np.testing.assert_allclose(result.times_s, expected, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,12 @@ def test_faces_and_solids_are_those_of_vtk(kind):
         extract_surface(cells_of([kind], [range(n_used - 1)]), n_points)
 
 
+@pytest.mark.parametrize("first", [69, 76])  # Lagrange's and Bézier's
+def test_cells_of_any_order_have_the_faces_of_their_corners(first):
+    linear = [CELL_FACES[kind] for kind in (5, 9, 10, 12, 13, 14)]
+    assert [CELL_FACES[kind] for kind in range(first, first + 6)] == linear
+
+
 @pytest.mark.parametrize("n_faces", [[1, 4], [4], [4, 0, 0]])
 def test_faces_of_cells_that_are_no_polyhedra_are_refused(n_faces):
     cells = cells_of([42, 10], [range(4), range(4)])
