@@ -15,6 +15,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.model.geometry.triangles import lowest_rotation, matching_corners
+from meshreel.model.matching.corners import is_of_triangles
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, frames_of
 from meshreel.model.surface import Attribute, Domain, Surface
@@ -95,8 +96,8 @@ def _match(first: FrameSource, second: FrameSource) -> _Match | None:
 
 
 def _is_joinable(surface: Surface) -> bool:
-    """Whether a surface has no polygons, hard edges or parts, which streams without order omit."""
-    return surface.face_sizes is None and surface.hard_edges is None and not surface.parts
+    """Whether a surface has no polygons, cells, parts or hard edges, which refer to the order."""
+    return is_of_triangles(surface) and surface.hard_edges is None
 
 
 def _properties_of_tracks(

@@ -9,12 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import meshreel
-from conformance.sources import grid
+from conformance.sources import boxes, grid, of_type, tetrahedra
 from meshreel.codec import mesh_matching
 from meshreel.codec.connectivity.coder import encode_connectivity
 from meshreel.codec.mesh_edits import BaseMesh, MeshEdits, find_edit
 from meshreel.codec.mesh_matching import FaceIndex, longest_ascending, match_vertices
 from meshreel.codec.reordering import without_reordering
+from meshreel.model.matching.segments import match_segments
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
@@ -371,6 +372,28 @@ def changed(sequence, **changes):
 def test_other_meshes_and_data_are_not_joined(change):
     sequence = meshreel.MeshSequence.of_segments([textured(), change(textured())])
     assert without_reordering(sequence, "drop") is sequence
+
+
+@pytest.mark.parametrize(
+    "joined",
+    [
+        lambda sequence: without_reordering(sequence, "drop").segments,
+        lambda s: match_segments(s.segments),
+    ],
+)
+def test_meshes_of_cells_are_not_joined(joined):
+    points, hexahedra = boxes(1, 1, 1)
+    ids = np.arange(len(points), dtype=np.float32)[:, None]
+    segments = []
+    for order in (np.arange(6), np.arange(6)[::-1]):
+        cells = of_type(10, tetrahedra(points, hexahedra)[order])
+        attributes = (
+            Attribute("id", Kind.OTHER, Domain.VERTEX, ids),
+            Attribute("density", Kind.OTHER, Domain.CELL, ids[order]),
+        )
+        one = MeshSequence(points[None].astype(np.float32), cells=cells)
+        segments.append(changed(one, attributes=attributes))
+    assert len(joined(MeshSequence.of_segments(segments))) == 2
 
 
 @pytest.mark.slow

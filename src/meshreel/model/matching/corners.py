@@ -102,6 +102,11 @@ def values_at_corners(attribute: Attribute, faces: Faces) -> npt.NDArray[np.gene
     return values[faces.ravel()] if attribute.domain is Domain.VERTEX else np.repeat(values, 3, 0)
 
 
+def is_of_triangles(surface: Surface) -> bool:
+    """Whether a surface has no polygons, cells or parts, which another order would change."""
+    return surface.face_sizes is None and surface.cells is None and not surface.parts
+
+
 def _description(surface: Surface) -> tuple[object, ...]:
     """Everything about a surface except values and groups of faces and hard edges."""
     attributes = [

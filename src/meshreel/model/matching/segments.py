@@ -22,6 +22,7 @@ from meshreel.model.matching.corners import (
     Integers,
     corners_of,
     distinct_faces,
+    is_of_triangles,
     values_at_corners,
 )
 from meshreel.model.matching.faces import aligned_faces
@@ -37,8 +38,8 @@ def match_segments(
     """Join consecutive segments that have the same mesh, in any order of vertices and faces.
 
     Segments are matched by all of their attributes and groups; without attributes, by positions,
-    if they are at rest. Frames that stay in their files, and meshes with polygons, parts, tracks or
-    unused vertices, are not matched.
+    if they are at rest. Frames that stay in their files, and meshes with polygons, cells, parts,
+    tracks or unused vertices, are not matched.
 
     Parameters
     ----------
@@ -72,9 +73,7 @@ def match_segments(
 def _is_supported(segment: FrameSource) -> TypeGuard[MeshSequence]:
     if not isinstance(segment, MeshSequence) or segment.tracks:
         return False
-    if segment.surface.face_sizes is not None or segment.surface.parts:
-        return False
-    return len(np.unique(segment.faces)) == segment.n_verts
+    return is_of_triangles(segment.surface) and len(np.unique(segment.faces)) == segment.n_verts
 
 
 def _joined(run: list[Corners]) -> list[FrameSource]:
