@@ -6,12 +6,11 @@ import numpy as np
 
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.coder import encode_mesh
-from meshreel.codec.reordering import without_reordering
+from meshreel.codec.reordering import in_order, without_reordering
 from meshreel.kernel.order import depth_first_order, number_by_use
 from meshreel.metrics.compare import has_same_triangles
-from meshreel.model.sequence import FrameSource, MeshSequence, frames_of
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import PLAIN, Domain
-from meshreel.model.tracks import track_like
 
 MATCHED = (
     "the order of vertices differs; they were matched, because the decoded mesh has the order that "
@@ -86,27 +85,15 @@ def _in_order_of(original: FrameSource, decoded: FrameSource) -> FrameSource:
         return decoded
     for numbers_of in (internal_numbers, walk_numbers):
         numbers = numbers_of(original)
-        vertices = numbers[Domain.VERTEX]
-        faces = np.argsort(vertices)[decoded.faces].astype(np.int32)
+        faces = np.argsort(numbers[Domain.VERTEX])[decoded.faces].astype(np.int32)
         if has_same_triangles(original.faces, faces, n_verts):
             break
     else:
         return decoded
-    loaded = frames_of(decoded, range(decoded.n_frames))
-    tracks = {
-        name: track_like(track, track.values[:, numbers[track.domain]])
-        for name, track in loaded.tracks.items()
-        if track.domain in numbers  # other domains need the order
-    }
-    original_surface = original.surface
     surface = PLAIN
     if Domain.FACE in numbers:
         faces = original.faces
-    if original_surface.cells is not None:
-        faces, surface = (
-            original.faces,
-            replace(PLAIN, cells=original_surface.cells, face_sizes=original_surface.face_sizes),
-        )
-    return loaded.replace(
-        vertices=loaded.vertices[:, vertices], faces=faces, surface=surface, tracks=tracks
-    )
+    if original.surface.cells is not None:
+        faces, given = original.faces, original.surface
+        surface = replace(PLAIN, cells=given.cells, face_sizes=given.face_sizes)
+    return in_order(decoded, numbers, faces, surface)  # without tracks that need the order

@@ -6,8 +6,7 @@ if the mesh rests, and then the labels of neighbors, until all labels of a mesh 
 Vertices with equal labels match.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -15,28 +14,19 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.model.geometry.triangles import lowest_rotation, matching_corners
-from meshreel.model.matching.corners import is_of_triangles
+from meshreel.model.matching.corners import (
+    columns_at_corners,
+    describe_surface,
+    is_of_triangles,
+)
 from meshreel.model.notes import Note, NoteKind
-from meshreel.model.sequence import Faces, FrameSource, MeshSequence, Vertices, frames_of
-from meshreel.model.surface import Attribute, Domain, Surface
-from meshreel.model.tracks import Track, TrackSource, error_bound_of
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence, frames_of
+from meshreel.model.surface import Domain, Surface
+from meshreel.model.tracks import TrackSource, concatenate_tracks, error_bound_of, track_like
 from meshreel.model.validation import hand_over
 
 Labels = npt.NDArray[np.uint64]
-
-
-@dataclass(frozen=True, eq=False)
-class _Match:
-    """The vertices, faces and corners of a mesh that correspond to those of another one."""
-
-    vertices: Integers
-    faces: Integers
-    corners: Integers
-
-    def of(self, domain: Domain) -> Integers:
-        """Return the matches of the items of a domain."""
-        items = {Domain.VERTEX: self.vertices, Domain.FACE: self.faces}
-        return items.get(domain, self.corners)
+Rows = npt.NDArray[np.void]
 
 
 def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequence:
@@ -53,16 +43,16 @@ def without_reordering(sequence: MeshSequence, order: str | None) -> MeshSequenc
     """
     if order != "drop" or sequence.n_segments == 1:
         return sequence
-    joined: list[FrameSource] = [sequence.segments[0]]
-    for segment in sequence.segments[1:]:
-        match = _match(joined[-1], segment)
-        if match is None:
-            joined.append(segment)
+    runs: list[list[FrameSource]] = []
+    for segment in sequence.segments:
+        ordered = _in_order_of(runs[-1][-1], segment) if runs else None
+        if ordered is None:
+            runs.append([segment])
         else:
-            joined[-1] = _appended(joined[-1], segment, match)
-    if len(joined) == sequence.n_segments:
+            runs[-1].append(ordered)
+    if len(runs) == sequence.n_segments:
         return sequence
-    return MeshSequence.of_segments(joined, sequence.name, sequence.timing)
+    return MeshSequence.of_segments(list(map(_joined, runs)), sequence.name, sequence.timing)
 
 
 def joined_note(original: MeshSequence, joined: MeshSequence) -> Note | None:
@@ -77,22 +67,53 @@ def joined_note(original: MeshSequence, joined: MeshSequence) -> Note | None:
     return Note(NoteKind.SEGMENTS, "joined segments", text=text)
 
 
-def _match(first: FrameSource, second: FrameSource) -> _Match | None:
-    """Return the items of the second mesh for those of the first; None if they are not unique."""
+def _in_order_of(first: FrameSource, second: FrameSource) -> MeshSequence | None:
+    """Return the second segment with the mesh of the first; None if they do not match uniquely."""
     if (first.n_verts, len(first.faces)) != (second.n_verts, len(second.faces)):
         return None
-    surfaces = first.surface, second.surface
     tracks = _properties_of_tracks(first.tracks)
-    if not all(map(_is_joinable, surfaces)):
-        return None
     if tracks is None or tracks != _properties_of_tracks(second.tracks):
+        return None
+    surfaces = first.surface, second.surface
+    descriptions = list(map(describe_surface, surfaces))
+    if not all(map(_is_joinable, surfaces)) or descriptions[0] != descriptions[1]:
         return None
     if np.array_equal(first.faces, second.faces):
         return None  # the caller made them segments, for instance shots
-    labels = _labels_of_values(first, second)
-    vertices = None if labels is None else _matching_vertices(first.faces, second.faces, *labels)
-    match = None if vertices is None else _matching_items(first.faces, second.faces, vertices)
-    return match if match is not None and _is_same_surface(*surfaces, match) else None
+    n_used = len(np.unique(first.faces))
+    if first.surface.attributes and n_used < first.n_verts:
+        return None  # values of unused vertices are at no corner
+    values, other_values = (
+        rows_as_bytes(np.zeros(one.faces.size, bool), *columns_at_corners(one.surface, one.faces))
+        for one in (first, second)
+    )
+    labels = _labels(first, second, values, other_values)
+    vertices = _matching_vertices(first.faces, second.faces, *labels)
+    corners = None if vertices is None else _corners(first.faces, second.faces, vertices)
+    if vertices is None or corners is None or (values != other_values[corners]).any():
+        return None
+    return in_order(second, {Domain.VERTEX: vertices}, first.faces, first.surface)
+
+
+def in_order(
+    source: FrameSource, numbers: Mapping[Domain, Integers], faces: Faces, surface: Surface
+) -> MeshSequence:
+    """Return a segment in another order, in memory, with the faces and the surface of that order.
+
+    Parameters
+    ----------
+    numbers : mapping of Domain to integer array of shape (N,)
+        Number in the source of each vertex, and of the items of other domains whose tracks are
+        kept.
+    """
+    loaded = frames_of(source, range(source.n_frames))
+    tracks = {
+        name: track_like(track, hand_over(track.values[:, numbers[track.domain]]))
+        for name, track in loaded.tracks.items()
+        if track.domain in numbers
+    }
+    vertices = hand_over(loaded.vertices[:, numbers[Domain.VERTEX]])
+    return loaded.replace(vertices=vertices, faces=faces, surface=surface, tracks=tracks)
 
 
 def _is_joinable(surface: Surface) -> bool:
@@ -112,37 +133,29 @@ def _properties_of_tracks(
     }
 
 
-def _labels_of_values(first: FrameSource, second: FrameSource) -> tuple[Labels, Labels] | None:
-    """Return equal labels for vertices with equal values; None if attributes do not correspond."""
-    meshes = first, second
+def _labels(
+    first: FrameSource, second: FrameSource, values: Rows, other_values: Rows
+) -> tuple[Labels, Labels]:
+    """Return labels of vertices; vertices with equal values at their corners have equal labels."""
     labels = np.zeros(first.n_verts, np.uint64), np.zeros(first.n_verts, np.uint64)
-    pairs = _attribute_pairs(first.surface, second.surface)
-    if pairs is None:
-        return None
-    for pair in pairs:
-        domain = pair[0].domain
-        if domain is Domain.FACE:
-            continue
-        ids = _row_ids(*(attribute.per_item() for attribute in pair))
-        for mesh_labels, mesh, item_ids in zip(labels, meshes, ids, strict=True):
-            is_of_vertices = domain is Domain.VERTEX
-            vertices = np.arange(len(mesh_labels)) if is_of_vertices else mesh.faces.ravel()
-            np.add.at(mesh_labels, vertices, _hashed(item_ids))
-            mesh_labels[:] = _hashed(mesh_labels)
-    ids = _row_ids(first.read(first.n_frames - 1, first.n_frames)[0], second.read(0, 1)[0])
-    if np.array_equal(np.sort(ids[0]), np.sort(ids[1])):  # the mesh rests
-        for mesh_labels, vertex_ids in zip(labels, ids, strict=True):
-            mesh_labels += _hashed(vertex_ids)
+    of_corners = map(_hashed_rows, (values, other_values))
+    for mesh_labels, mesh, hashes in zip(labels, (first, second), of_corners, strict=True):
+        np.add.at(mesh_labels, mesh.faces.ravel(), hashes)
+    frames = first.read(first.n_frames - 1, first.n_frames)[0], second.read(0, 1)[0]
+    positions, others = (_hashed_rows(rows_as_bytes(frame)) for frame in frames)
+    if np.array_equal(np.sort(positions), np.sort(others)):  # the mesh rests
+        return labels[0] + positions, labels[1] + others
     return labels
 
 
-def _row_ids(first: Vertices, second: Vertices) -> tuple[Labels, Labels]:
-    """Return ids of the rows of two arrays; only equal rows have equal ids."""
-    if first.dtype != second.dtype or first.shape != second.shape:
-        return np.zeros(len(first), np.uint64), np.ones(len(second), np.uint64)
-    _, ids = np.unique(rows_as_bytes(np.concatenate([first, second])), return_inverse=True)
-    ids_of_first, ids_of_second = np.split(ids.astype(np.uint64), 2)
-    return ids_of_first, ids_of_second
+def _hashed_rows(rows: Rows) -> Labels:
+    """Hash the bytes of each row."""
+    table = rows.view(np.uint8).reshape(len(rows), -1)
+    words = np.pad(table, ((0, 0), (0, -table.shape[1] % 8))).view(np.uint64)
+    hashes = np.zeros(len(rows), np.uint64)
+    for column in words.T:
+        hashes = _hashed(hashes + column)
+    return hashes
 
 
 def _matching_vertices(
@@ -184,8 +197,8 @@ def _hashed(values: Labels) -> Labels:
     return mixed ^ (mixed >> np.uint64(31))
 
 
-def _matching_items(faces: Faces, others: Faces, vertices: Integers) -> _Match | None:
-    """Match faces and corners too, given the vertices; None if faces differ or repeat."""
+def _corners(faces: Faces, others: Faces, vertices: Integers) -> Integers | None:
+    """Return the matching corners, given the vertices; None if faces differ or repeat."""
     n_verts = len(vertices)
     renumbered = inverse_permutation(vertices)[others]  # in the vertices of the first mesh
     matches, turns = np.divmod(matching_corners(faces, renumbered, n_verts), 3)
@@ -193,47 +206,16 @@ def _matching_items(faces: Faces, others: Faces, vertices: Integers) -> _Match |
     n_distinct = len(np.unique(lowest_rotation(faces, n_verts)[0], axis=0))
     if n_distinct < len(faces) or not np.array_equal(renumbered.ravel()[corners], faces):
         return None
-    return _Match(vertices, matches, corners.ravel())
+    return corners.ravel()
 
 
-def _attribute_pairs(first: Surface, second: Surface) -> list[tuple[Attribute, Attribute]] | None:
-    """Pair the attributes of two surfaces; None unless names, kinds and domains are equal."""
-    descriptions = [
-        [(attribute.name, attribute.kind, attribute.domain) for attribute in surface.attributes]
-        for surface in (first, second)
-    ]
-    if descriptions[0] != descriptions[1]:
-        return None
-    return list(zip(first.attributes, second.attributes, strict=True))
-
-
-def _is_same_surface(first: Surface, second: Surface, match: _Match) -> bool:
-    """Whether attributes, groups and materials of two meshes are equal after matching."""
-    pairs = _attribute_pairs(first, second)
-    if pairs is None:
-        return False
-    for attribute, other in pairs:
-        values = attribute.per_item()
-        other_values = other.per_item()[match.of(attribute.domain)]
-        if values.dtype != other_values.dtype or values.tobytes() != other_values.tobytes():
-            return False
-    groups = [(row.name, row.labels, row.numbers.tobytes()) for row in first.groups]
-    other_groups = [
-        (row.name, row.labels, row.numbers[match.faces].tobytes()) for row in second.groups
-    ]
-    images, other_images = ([image.data for image in row.images] for row in (first, second))
-    return groups == other_groups and first.materials == second.materials and images == other_images
-
-
-def _appended(first: FrameSource, second: FrameSource, match: _Match) -> MeshSequence:
-    """Return the frames of both, in the order of the first."""
-    loaded, others = (frames_of(part, range(part.n_frames)) for part in (first, second))
-    tracks = {}
-    for name, track in loaded.tracks.items():
-        values = others.tracks[name].values[:, match.vertices]
-        joined = hand_over(np.concatenate([track.values, values]))
-        bound = error_bound_of(track, others.tracks[name])
-        tracks[name] = Track(joined, track.domain, track.kind, track.unit, bound)
-    vertices = hand_over(np.concatenate([loaded.vertices, others.vertices[:, match.vertices]]))
-    error_bound = error_bound_of(loaded, others)
-    return loaded.replace(vertices=vertices, tracks=tracks, error_bound=error_bound)
+def _joined(run: Sequence[FrameSource]) -> FrameSource:
+    """Return the frames of segments with the same mesh."""
+    if len(run) == 1:
+        return run[0]
+    loaded = [frames_of(part, range(part.n_frames)) for part in run]
+    return loaded[0].replace(
+        vertices=hand_over(np.concatenate([part.vertices for part in loaded])),
+        tracks=concatenate_tracks([part.tracks for part in loaded]),
+        error_bound=error_bound_of(*loaded),
+    )

@@ -300,10 +300,13 @@ def track_like(track: TrackSource, values: Values) -> Track:
 
 def concatenate_tracks(frames: Sequence[Mapping[str, Track]]) -> dict[str, Track]:
     """Concatenate tracks over time; all mappings have the same names."""
-    return {
-        name: track_like(first, hand_over(np.concatenate([frame[name].values for frame in frames])))
-        for name, first in frames[0].items()
-    }
+    joined = {}
+    for name, first in frames[0].items():
+        tracks = [frame[name] for frame in frames]
+        values = hand_over(np.concatenate([track.values for track in tracks]))
+        bound = error_bound_of(*tracks)
+        joined[name] = Track(values, first.domain, first.kind, first.unit, bound)
+    return joined
 
 
 def read_tracks(tracks: Mapping[str, TrackSource]) -> dict[str, Track]:

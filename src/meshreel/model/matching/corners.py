@@ -43,9 +43,9 @@ class Corners:
     def has_faces_of(self, other: "Corners") -> bool:
         """Whether both segments may have the same mesh: the values of most faces are in both."""
         segment, other_segment = self.segment, other.segment
-        if segment.dtype != other_segment.dtype or _description(segment.surface) != _description(
-            other_segment.surface
-        ):
+        if segment.dtype != other_segment.dtype or describe_surface(
+            segment.surface
+        ) != describe_surface(other_segment.surface):
             return False
         numbers = joint_numbers([self, other])
         pairs = zip(numbers, (self, other), strict=True)
@@ -75,10 +75,8 @@ def joint_numbers(run: Sequence[Corners]) -> list[Integers]:
 
 def corners_of(segment: MeshSequence) -> Corners:
     """Return the corners of a segment, by its attributes and groups, or else its positions."""
-    surface = segment.surface
-    columns = [values_at_corners(attribute, segment.faces) for attribute in surface.attributes]
-    columns += [np.repeat(group.numbers, 3)[:, None] for group in surface.groups]
-    if not surface.attributes:
+    columns = columns_at_corners(segment.surface, segment.faces)
+    if not segment.surface.attributes:
         columns.append(segment.vertices[0][segment.faces.ravel()])
     values, numbers = np.unique(rows_as_bytes(*columns), return_inverse=True)
     rows = numbers.reshape(-1, 3)
@@ -94,6 +92,12 @@ def corners_of(segment: MeshSequence) -> Corners:
     )
 
 
+def columns_at_corners(surface: Surface, faces: Faces) -> list[npt.NDArray[np.generic]]:
+    """Return the values of each attribute and group at the corners of triangles."""
+    of_attributes = [values_at_corners(attribute, faces) for attribute in surface.attributes]
+    return of_attributes + [np.repeat(group.numbers, 3)[:, None] for group in surface.groups]
+
+
 def values_at_corners(attribute: Attribute, faces: Faces) -> npt.NDArray[np.generic]:
     """Return the values of an attribute at the corners of triangles, of shape (3 M, C)."""
     values = attribute.per_item()
@@ -107,7 +111,7 @@ def is_of_triangles(surface: Surface) -> bool:
     return surface.face_sizes is None and surface.cells is None and not surface.parts
 
 
-def _description(surface: Surface) -> tuple[object, ...]:
+def describe_surface(surface: Surface) -> tuple[object, ...]:
     """Everything about a surface except values and groups of faces and hard edges."""
     attributes = [
         (
