@@ -69,10 +69,10 @@ if TYPE_CHECKING:
     from meshreel.model.flag import simulate_flag
     from meshreel.model.geometry.hard_edges import corner_normals
     from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+    from meshreel.model.rig import Rig, RigErrors
     from meshreel.model.sequence import MeshFrame, MeshSequence, concatenate
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
-    from meshreel.rigging.rig import Rig, RigErrors
 
 __all__ = [
     "AlphaMode",
@@ -149,7 +149,7 @@ _MODULES = {
     "ReelFile": "codec.reel_file",
     "save": "formats.save",
     "simulate_flag": "model.flag",
-    **dict.fromkeys(("Rig", "RigErrors"), "rigging.rig"),
+    **dict.fromkeys(("Rig", "RigErrors"), "model.rig"),
     "StreamInfo": "codec.inspect",
     **dict.fromkeys(("SurfaceDistances", "SurfaceQuality"), "metrics.surface_distance"),
     "Track": "model.tracks",

@@ -36,7 +36,7 @@ from meshreel.runtime.stores.transfer import read_whole
 if TYPE_CHECKING:
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceQuality
-    from meshreel.rigging.rig import Rig
+    from meshreel.model.rig import Rig
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 from meshreel.codec.option import Option, Range
 from meshreel.codec.targets import ABOVE_ZERO, DIAGONAL_OF_ALL, QUALITIES
-from meshreel.rigging.bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
+from meshreel.model.rig_bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
 from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:

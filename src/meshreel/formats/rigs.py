@@ -10,10 +10,10 @@ from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
+from meshreel.model.rig import Rig
+from meshreel.model.rig_bounds import Bounds
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.bounds import Bounds
 from meshreel.rigging.fitting import bounds_of, fit_sequence
-from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
 
 

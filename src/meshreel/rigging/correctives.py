@@ -5,15 +5,14 @@ blended matrices of the skin, as in pose-space deformation (Lewis et al., SIGGRA
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Singles
+from meshreel.model.rig import BYTE, Correctives
 from meshreel.rigging.decomposition import extend
 
-BYTE = 127
 MAX_TARGETS = 64
 
 PULL_DAMPING = 0.02
@@ -21,31 +20,6 @@ PULL_DAMPING = 0.02
 blending collapses a vertex, hardly any displacement would move it."""
 
 MIN_LEVELS = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Correctives:
-    """Morph targets."""
-
-    targets: npt.NDArray[np.int8]
-    """int8 array of shape (K, V, 3). Displacements in the rest pose; 127 is 1 unit."""
-    weights: Singles
-    """float32 array of shape (T, K)."""
-
-    @classmethod
-    def none(cls, n_frames: int, n_verts: int) -> "Correctives":
-        """Return no targets."""
-        return cls(np.zeros((0, n_verts, 3), np.int8), np.zeros((n_frames, 0), np.float32))
-
-    def nonnegative(self) -> "tuple[Singles, Correctives]":
-        """Return displacements of the rest pose, in units, and the same motion from there.
-
-        No weight is negative then: Blender 5.0 limits negative ones to 0 if that of the first frame
-        is not the lowest.
-        """
-        lowest = np.minimum(self.weights.min(axis=0), 0)
-        displacements = np.tensordot(lowest, self.targets / np.float32(BYTE), 1)
-        return displacements, Correctives(self.targets, self.weights - lowest)
 
 
 class CorrectiveSearch:

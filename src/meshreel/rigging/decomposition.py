@@ -14,12 +14,11 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Real
+from meshreel.model.rig import MAX_INFLUENCES, scatter
 from meshreel.runtime.threads import in_chunks
 
-MAX_INFLUENCES = 4
 N_CANDIDATES = 10
 """Candidate bones of a vertex: those nearest in motion, and its former ones."""
 
@@ -80,13 +79,6 @@ def product(left: Floats, right: Floats) -> Floats:
 
     in_chunks(multiply, len(left), math.ceil(len(left) / N_PIECES))
     return result
-
-
-def scatter(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
-    """Return the weights of all bones, of shape (V, B), from those of a few bones per vertex."""
-    dense = np.zeros((len(weights), n_bones), weights.dtype)
-    np.add.at(dense, (np.arange(len(weights))[:, np.newaxis], bones), weights)
-    return dense
 
 
 def _weighted_rest(weights: Floats, rest: Floats) -> Floats:

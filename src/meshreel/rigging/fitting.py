@@ -14,19 +14,20 @@ from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
 from meshreel.model.geometry.connectivity import component_labels
-from meshreel.model.sequence import Faces, MeshSequence, Vertices
-from meshreel.rigging.bounds import (
+from meshreel.model.rig import FULL, Correctives, Rig, RigErrors, Skeleton
+from meshreel.model.rig_bounds import (
     DEFAULT_BOUNDS,
     DEFAULT_KG_PERCENT,
     DEFAULT_LARGEST_PERCENT,
     MAX_BONES,
     Bounds,
 )
-from meshreel.rigging.correctives import MAX_TARGETS, Correctives, CorrectiveSearch
+from meshreel.model.rig_keys import SHORT
+from meshreel.model.sequence import Faces, MeshSequence, Vertices
+from meshreel.rigging.correctives import MAX_TARGETS, CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, Skin
-from meshreel.rigging.keys import MAX_BITS, MIN_BITS, SHORT, Steps, fit_tracks
-from meshreel.rigging.rig import FULL, Rig, RigErrors
-from meshreel.rigging.skeleton import Skeleton, build_skeleton
+from meshreel.rigging.keys import MAX_BITS, MIN_BITS, Steps, fit_tracks
+from meshreel.rigging.skeleton import build_skeleton
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.threads import one_blas_thread

@@ -1,10 +1,9 @@
 """A hierarchy of bones whose joints hardly move, and transforms relative to the parents."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from meshreel.arrays import Floats, Integers
+from meshreel.model.rig import Skeleton
 from meshreel.rigging.decomposition import Skin
 
 PIVOT_DAMPING = 1e-3
@@ -13,24 +12,6 @@ the distance between the positions of the joint by the two bones."""
 
 UNRELATED_FACTOR = 4.0
 """Factor of the distance between bones that share no vertex."""
-
-
-@dataclass(frozen=True, eq=False)
-class Skeleton:
-    """Bones in an order with parents first."""
-
-    parents: Integers
-    """int64 array of shape (B,). -1 for roots."""
-    joints: Floats
-    """float64 array of shape (B, 3). Position of the joint of each bone with its parent, in the
-    rest pose.
-    """
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the bones: numbered, as in "bone_07"."""
-        width = len(str(len(self.parents) - 1))
-        return [f"bone_{number:0{width}}" for number in range(len(self.parents))]
 
 
 def build_skeleton(skin: Skin) -> tuple[Skin, Skeleton]:

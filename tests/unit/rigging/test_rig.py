@@ -3,21 +3,14 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
+from meshreel.metrics.position_errors import position_errors
+from meshreel.model.rig import Skeleton
+from meshreel.model.rig_keys import compose, decode_rotations, to_matrices, unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.rigging.correctives import CorrectiveSearch
 from meshreel.rigging.decomposition import Decomposition, convex_weights, fit_rigid
 from meshreel.rigging.fitting import bounds_of, byte_weights, fit_sequence
-from meshreel.rigging.keys import (
-    Steps,
-    compose,
-    decode_rotations,
-    encode_rotations,
-    fit_tracks,
-    to_matrices,
-    to_quaternions,
-    unit,
-)
-from meshreel.rigging.skeleton import Skeleton
+from meshreel.rigging.keys import Steps, encode_rotations, fit_tracks, to_quaternions
 from samples.rigs import BOX, BOX_FACES, bending_tube, boxes, turn
 
 EXACT = {"max_error": 0.01, "kg": 0.01}

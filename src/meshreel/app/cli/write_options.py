@@ -11,7 +11,7 @@ from meshreel.app.cli.parameters import File, Group
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.targets import DIAGONAL_OF_ALL
 from meshreel.formats.options import WriteOptions
-from meshreel.rigging.bounds import DEFAULT_KG_PERCENT
+from meshreel.model.rig_bounds import DEFAULT_KG_PERCENT
 
 if TYPE_CHECKING:
     pass

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Bytes
 from meshreel.errors import FormatError
-from meshreel.rigging.keys import decode_rotations
+from meshreel.model.rig_keys import decode_rotations
 
 MESHOPT = "EXT_meshopt_compression"
 READ_EXTENSIONS = (MESHOPT, "KHR_meshopt_compression")

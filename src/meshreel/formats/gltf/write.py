@@ -35,8 +35,8 @@ from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import is_rigged, rig_of
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.notes import Notes, written_times
+from meshreel.model.rig import Rig
 from meshreel.model.sequence import MeshSequence
-from meshreel.rigging.rig import Rig
 from meshreel.runtime.counting import counted
 
 DEFAULT_MAX_ERROR = 0.1

@@ -28,9 +28,7 @@ from meshreel.formats.usd.writing import (
     write_time_codes,
 )
 from meshreel.model.notes import note_unwritten_tracks
-from meshreel.rigging.correctives import BYTE
-from meshreel.rigging.decomposition import MAX_INFLUENCES
-from meshreel.rigging.rig import FULL, Rig
+from meshreel.model.rig import BYTE, FULL, MAX_INFLUENCES, Rig
 from meshreel.runtime.extras import USD
 
 

@@ -4,16 +4,63 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from meshreel.arrays import Bytes, Floats, Singles
+from meshreel.arrays import Bytes, Floats, Integers, Real, Singles
+from meshreel.model.rig_keys import SHORT, BoneTrack, Shorts, compose
 from meshreel.model.sequence import Faces
-from meshreel.rigging.correctives import Correctives
-from meshreel.rigging.decomposition import scatter
-from meshreel.rigging.keys import SHORT, BoneTrack, Shorts, compose
-from meshreel.rigging.skeleton import Skeleton
+
+MAX_INFLUENCES = 4
+"""Bones of a vertex."""
 
 FULL = 255
 """Sum of the weights of a vertex."""
+
+BYTE = 127
+"""A displacement of correctives of 1 unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Bones in an order with parents first."""
+
+    parents: Integers
+    """int64 array of shape (B,). -1 for roots."""
+    joints: Floats
+    """float64 array of shape (B, 3). Position of the joint of each bone with its parent, in the
+    rest pose.
+    """
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the bones: numbered, as in "bone_07"."""
+        width = len(str(len(self.parents) - 1))
+        return [f"bone_{number:0{width}}" for number in range(len(self.parents))]
+
+
+@dataclass(frozen=True, eq=False)
+class Correctives:
+    """Morph targets."""
+
+    targets: npt.NDArray[np.int8]
+    """int8 array of shape (K, V, 3). Displacements in the rest pose; 127 is 1 unit."""
+    weights: Singles
+    """float32 array of shape (T, K)."""
+
+    @classmethod
+    def none(cls, n_frames: int, n_verts: int) -> "Correctives":
+        """Return no targets."""
+        return cls(np.zeros((0, n_verts, 3), np.int8), np.zeros((n_frames, 0), np.float32))
+
+    def nonnegative(self) -> "tuple[Singles, Correctives]":
+        """Return displacements of the rest pose, in units, and the same motion from there.
+
+        No weight is negative then: Blender 5.0 limits negative ones to 0 if that of the first frame
+        is not the lowest.
+        """
+        lowest = np.minimum(self.weights.min(axis=0), 0)
+        displacements = np.tensordot(lowest, self.targets / np.float32(BYTE), 1)
+        return displacements, Correctives(self.targets, self.weights - lowest)
 
 
 @dataclass(frozen=True)
@@ -120,7 +167,7 @@ class Rig:
     def positions(self) -> Singles:
         """Return the vertices in all frames relative to `origin`, as float32: (T, V, 3)."""
         weights, rest = self.dense_weights(), self.coordinates / np.float32(SHORT)
-        targets = self.correctives.targets / np.float32(127)
+        targets = self.correctives.targets / np.float32(BYTE)
         frames = np.empty((len(self.times_s), *rest.shape), np.float32)
         flat = targets.reshape(self.n_targets, rest.size)
         for frame, matrices, morph in zip(
@@ -130,3 +177,10 @@ class Rig:
             points = rest + (morph @ flat).reshape(rest.shape) if self.n_targets else rest
             frame[:] = np.einsum("vab,vb->va", blended[:, :, :3], points) + blended[:, :, 3]
         return frames
+
+
+def scatter(weights: Real, bones: npt.NDArray[np.integer], n_bones: int) -> Real:
+    """Return the weights of all bones, of shape (V, B), from those of a few bones per vertex."""
+    dense = np.zeros((len(weights), n_bones), weights.dtype)
+    np.add.at(dense, (np.arange(len(weights))[:, np.newaxis], bones), weights)
+    return dense
