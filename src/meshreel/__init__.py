@@ -59,10 +59,8 @@ if TYPE_CHECKING:
         UnsupportedVersionError,
         WorkerDiedError,
     )
-    from meshreel.formats.interop import from_pyvista, from_trimesh, to_pyvista, to_trimesh
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
-    from meshreel.formats.save import save
     from meshreel.metrics.compare import Quality
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.model.cells import Cells
@@ -73,6 +71,8 @@ if TYPE_CHECKING:
     from meshreel.model.sequence import MeshFrame, MeshSequence, concatenate
     from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
     from meshreel.model.tracks import Track, TrackKind
+    from meshreel.operations.interop import from_pyvista, from_trimesh, to_pyvista, to_trimesh
+    from meshreel.operations.save import save
 
 __all__ = [
     "AlphaMode",
@@ -141,13 +141,13 @@ _MODULES = {
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
     **dict.fromkeys(
-        ("from_pyvista", "from_trimesh", "to_pyvista", "to_trimesh"), "formats.interop"
+        ("from_pyvista", "from_trimesh", "to_pyvista", "to_trimesh"), "operations.interop"
     ),
     "load": "formats.load",
     "open": "formats.reel",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",
-    "save": "formats.save",
+    "save": "operations.save",
     "simulate_flag": "model.flag",
     **dict.fromkeys(("Rig", "RigErrors"), "model.rig"),
     "StreamInfo": "codec.inspect",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.formats.save import save
 from meshreel.model.tracks import Track
+from meshreel.operations.save import save
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.materials import dressed_sheet
 from samples.meshes import quad_sheet, two_sheets, waving_grid

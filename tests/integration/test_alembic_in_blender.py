@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.operations.save import save
 
 PYTHON = os.environ.get("MESHREEL_BPY_PYTHON", sys.executable)
 """Python interpreter with bpy: this one, or that of the tested Blender."""

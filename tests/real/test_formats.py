@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.opening import open_source
 
 pytestmark = pytest.mark.real

@@ -6,7 +6,7 @@ import pytest
 
 import meshreel
 from meshreel.formats.load import load
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.glb import Glb
 
 pytestmark = pytest.mark.real

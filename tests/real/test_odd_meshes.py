@@ -10,7 +10,7 @@ import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.glb import Glb, largest_error_percent
 
 pytestmark = pytest.mark.real

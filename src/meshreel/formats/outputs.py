@@ -43,7 +43,7 @@ def check_output(
     Parameters
     ----------
     output : str or Path
-        As in `meshreel.formats.save.save`.
+        As in `meshreel.save`.
     n_frames : int, optional
         Number of frames; by default only the first file of a pattern is checked.
     overwrite : bool

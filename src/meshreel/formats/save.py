@@ -1,24 +1,19 @@
 """Saving of sequences and of streamed frames in any format."""
 
-import os
 from collections.abc import Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from meshreel.codec.open_stream import whole_file
-from meshreel.codec.option import lists_fields
-from meshreel.codec.options import check_names
-from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
+from meshreel.errors import ConnectivityChangeError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
-from meshreel.formats.load import is_path, sequence_of
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, output_format_of
+from meshreel.formats.rigs import FittedRig
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
@@ -37,104 +32,9 @@ from meshreel.runtime.progress import Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
-    from meshreel.model.sequence import FrameSource
 
 ATTRIBUTE_KINDS = {TrackKind.UV: Kind.UV, TrackKind.COLOR: Kind.COLOR}
 """Kinds of tracks that become attributes of the surface where they never change."""
-
-
-@lists_fields(WriteOptions)
-def save(
-    sequence: "AnySource | FrameSource | bytes | bytearray | memoryview",
-    output: AnyPath,
-    *,
-    overwrite: bool = False,
-    start_number: int | None = None,
-    options: WriteOptions = DEFAULT_OPTIONS,
-    progress: Progress = silent,
-    notes: list[str] | None = None,
-    **settings: Any,
-) -> list[Path]:
-    """Save a sequence; return the written files in frame order.
-
-    All files appear together when the last one is complete; on an error none appears.
-
-    Parameters
-    ----------
-    sequence : MeshSequence, ReelFile, FrameSource, or bytes of a stream
-        Read a frame at a time. For a file of `meshreel.open`, the error that glTF declares is
-        against the original, if the stream guarantees an error bound. Bytes are written unchanged
-        to a ``.reel``, unless there are options.
-    output : str or Path
-        ``name.npz``, ``.reel``, ``.abc``, ``.usd``, ``.glb`` and others for all frames in one
-        file (`meshreel formats` lists them); a pattern with a number field such as
-        ``dir/frame_%04d.obj`` for one file per frame, whose folder is created if it is missing;
-        ``name.obj`` for a sequence of one frame; or ``name.vat`` for a folder of vertex animation
-        textures. Images of ``name.usdc`` are written to a folder ``name_textures``.
-    overwrite : bool, default False
-        Whether existing files may be replaced. Files that the sequence is read from never are.
-    start_number : int, optional
-        Number of the first file of a pattern; default 0.
-    options : WriteOptions, optional
-        Options of the format.
-    progress : Progress, default silent
-        Called with the share of frames written.
-    notes : list of str, optional
-        Receives a sentence for each thing that the format cannot store exactly, and the error of
-        lossy formats.
-    **settings
-        Fields of `options` by name, such as ``max_error=0.1``:
-    options
-        The fields of `WriteOptions`.
-
-    Notes
-    -----
-    ``.npz``, ``.ply``, ``.obj`` and ``.off`` store float32 and float64 exactly (but
-    `meshreel.formats.load.load` reads the text of the last two as float32 if that suffices).
-    ``.stl`` stores float32, and loses vertices that are unused or always coincide.
-
-    Raises
-    ------
-    FormatError, InvalidInputError
-        As `meshreel.formats.outputs.check_output`, before anything is written.
-    StoreError
-        If the output is an address.
-    """
-    check_names(settings, [field.name for field in fields(WriteOptions)])
-    options = replace(options, **settings)
-    if not isinstance(output, str | os.PathLike) or is_path(sequence):
-        raise InvalidInputError(
-            "save takes a sequence and then a path, save(sequence, 'walk.npz'); got "
-            f"{type(sequence).__name__} and {type(output).__name__}; meshreel.load reads files, "
-            "meshreel.encode returns the bytes of a .reel"
-        )
-    is_stream = isinstance(sequence, bytes | bytearray | memoryview) and options == DEFAULT_OPTIONS
-    if is_stream and Path(output).suffix.lower() == ".reel":
-        return _save_stream(bytes(sequence), output, overwrite=overwrite)  # type: ignore[arg-type]
-    source = sequence if isinstance(sequence, ReelFile) else sequence_of(sequence)
-    new_notes = None if notes is None else Notes()
-    paths = save_part(
-        source,
-        range(source.n_frames),
-        output,
-        overwrite=overwrite,
-        start_number=start_number,
-        options=options,
-        progress=progress,
-        notes=new_notes,
-    )
-    if notes is not None:
-        notes.extend(new_notes or ())
-    return paths
-
-
-def _save_stream(data: bytes, output: AnyPath, *, overwrite: bool) -> list[Path]:
-    """Write a complete stream to a file."""
-    whole_file(data)
-    paths = check_output(output, overwrite=overwrite)
-    with replace_all_when_done(paths, overwrite=overwrite) as [hidden_path]:
-        hidden_path.write_bytes(data)
-    return paths
 
 
 def save_part(
@@ -149,8 +49,9 @@ def save_part(
     progress: Progress = silent,
     notes: Notes | None = None,
     figures: dict[str, Any] | None = None,
+    rig: FittedRig | None = None,
 ) -> list[Path]:
-    """Save a range of frames; return the written files. See `save`.
+    """Save a range of frames; return the written files. See `meshreel.save`.
 
     Parameters
     ----------
@@ -161,18 +62,21 @@ def save_part(
     inputs : iterable of Path
         Further input files, which are never replaced.
     figures : dict of str to any, optional
-        Receives the errors and the sizes of a rig, which otherwise are notes.
+        Receives the sizes of a rig, which otherwise are notes.
+    rig : FittedRig, optional
+        Rig of these frames; required if the options request one.
     sequence, output, overwrite, options, progress, notes
-        As in `save`.
+        As in `meshreel.save`.
 
     Raises
     ------
     FormatError, InvalidInputError
-        As `save`.
+        As `meshreel.save`.
     """
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     stream = SegmentedStream(sequence, frames, progress=progress, notes=notes, figures=figures)
+    stream.rig = rig
     stream = stream.map_segments(partial(_with_supported_tracks, output))
     paths = _check_paths(
         output,

@@ -21,7 +21,6 @@ from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import origin_of_file
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.remote import local_copy, local_file
-from meshreel.formats.save import save_part
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, files_of_source, find_files
 from meshreel.model.frame_choice import frame_range, slice_text
@@ -30,6 +29,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
 from meshreel.operations.registering import Registered, Registering
 from meshreel.operations.rigs import sizes_of_alternatives
+from meshreel.operations.save import save_frames
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
@@ -101,7 +101,7 @@ class Target:
                 temporary.write_bytes(encoded.data)
             return Written([path], sequence, len(frames), encoded)
         figures: dict[str, Any] = {}
-        paths = save_part(
+        paths = save_frames(
             sequence, frames, self.output,
             overwrite=self.overwrite, start_number=self._number(frames, first), inputs=inputs,
             options=self.options, progress=progress, notes=notes, figures=figures,

@@ -10,11 +10,11 @@ from PIL import Image
 
 from meshreel import MeshSequence
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.colors import colors_of_linear, linear_of_colors, to_linear, to_srgb
 from meshreel.model.materials import Material
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
 from meshreel.model.tracks import Track
+from meshreel.operations.save import save
 from meshreel.rendering.scenes import surface_paint
 from samples.commands import run_ok
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.costs import slow_but
 from samples.datasets import positions_of, read_damaged, surfaced_sequence
 from samples.meshes import waving_grid

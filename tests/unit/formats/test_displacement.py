@@ -10,10 +10,10 @@ from meshreel.codec.displaced import motion_notes
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from meshreel.operations.encoding import encode_and_measure
+from meshreel.operations.save import save
 from samples.meshes import quad_sheet, waving_grid
 
 

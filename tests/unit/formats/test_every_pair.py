@@ -12,7 +12,7 @@ from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.registry import FORMATS, is_written
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.costs import slow_but
 from samples.meshes import assert_same_surface, quad_sheet
 

@@ -5,10 +5,10 @@ import pytest
 
 import meshreel
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.notes import NORMALS
+from meshreel.operations.save import save
 from samples.glb import written
 from samples.gltf import Gltf
 from samples.meshes import (

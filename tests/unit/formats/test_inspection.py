@@ -8,8 +8,8 @@ import pytest
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.save import save
 from meshreel.model.notes import Note, NoteKind
+from meshreel.operations.save import save
 from samples.gltf import moving_triangle
 from samples.meshes import quad_sheet, two_sheets, waving_grid
 from samples.tracks import tracked_sheet

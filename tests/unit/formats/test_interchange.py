@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.surface import Kind
+from meshreel.operations.save import save
 from samples.surfaces import CUBE_SIZES, attribute, rich_cube
 
 trimesh = pytest.importorskip("trimesh")

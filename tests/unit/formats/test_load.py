@@ -15,8 +15,8 @@ from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load, open_for_purpose
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FORMATS
-from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
+from meshreel.operations.save import save
 from samples.meshes import quad_sheet, waving_grid
 from samples.opening import count_runs, open_source
 

@@ -5,8 +5,8 @@ import pytest
 
 from meshreel.errors import Keyword, Message
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.notes import Note, NoteKind, listed
+from meshreel.operations.save import save
 from samples.gltf import TRIANGLE, Gltf
 from samples.meshes import two_sheets, waving_grid
 from samples.vtk_text import write_pvd

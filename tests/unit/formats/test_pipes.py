@@ -10,7 +10,7 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FORMATS
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.commands import run
 from samples.meshes import quad_sheet
 from samples.opening import open_source

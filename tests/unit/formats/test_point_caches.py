@@ -7,10 +7,10 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import PLAIN
+from meshreel.operations.save import save
 from samples.datasets import (
     assert_same_positions,
     plain_sequence,

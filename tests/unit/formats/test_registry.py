@@ -14,8 +14,8 @@ import meshreel.formats
 from meshreel.formats.kinds import FolderFormat
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
-from meshreel.formats.save import save
 from meshreel.formats.supported_options import supported_only
+from meshreel.operations.save import save
 from samples.costs import slow_but
 from samples.meshes import waving_grid
 from samples.programs import output_of

@@ -9,8 +9,8 @@ from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.outputs import check_output
 from meshreel.formats.registry import FORMATS, is_written
-from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence
+from meshreel.operations.save import save
 from samples.materials import dressed_sheet
 from samples.meshes import waving_grid
 from samples.opening import open_source, stored

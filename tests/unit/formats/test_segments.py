@@ -12,13 +12,13 @@ from meshreel.formats.frames import frame_stream
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.save import save
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.timing import Timing
 from meshreel.model.tracks import Track
+from meshreel.operations.save import save
 from samples.meshes import assert_same_surface, quad_sheet, waving_grid
 from samples.tracks import assert_same_tracks
 

@@ -8,8 +8,8 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.save import save
 from meshreel.formats.scenes.timing import ascending_times
+from meshreel.operations.save import save
 from samples.meshes import quad_sheet, waving_grid
 
 TIMES = [0, 0.005, 0.01, 0.015, 0.0175]

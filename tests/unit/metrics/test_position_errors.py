@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.save import save
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, PositionErrors, add_blocks, position_errors
 from meshreel.metrics.reference import bounding_box_reference, reference_of_extent
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import MeshSequence
+from meshreel.operations.save import save
 from samples.opening import open_source
 
 FACES = np.array([[0, 1, 2]])

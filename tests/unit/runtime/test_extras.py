@@ -5,7 +5,7 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.registry import described_formats
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from meshreel.runtime.extras import HDF, USD, Extra, require
 from samples.meshes import waving_grid
 

@@ -43,10 +43,10 @@ def demo_command(
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
     from meshreel.formats.options import ReadOptions
-    from meshreel.formats.save import save
     from meshreel.metrics.compare import compare
     from meshreel.model.flag import simulate_flag
     from meshreel.operations.encoding import size_figures
+    from meshreel.operations.save import save
     from meshreel.rendering.scenes import Scene
     from meshreel.runtime.extras import RENDER
     from meshreel.runtime.outputs.atomic import replace_when_done

@@ -21,6 +21,7 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
+    from meshreel.formats.rigs import FittedRig
 
 Tracks = Mapping[str, TrackSource]
 
@@ -136,6 +137,8 @@ class SegmentedStream:
         those of `meshreel.formats.surfaces.images.image_names`; empty if there is none.
     data_files : list of tuple of str and Path
         Further files that the file refers to: name in the file, and path to write.
+    rig : FittedRig, or None
+        To write in place of the frames.
     figures : dict of str to any, or None
         Receives figures of the written file, such as errors; if None, the notes receive them as
         sentences.
@@ -164,6 +167,7 @@ class SegmentedStream:
         self.notes: Notes = notes if notes is not None else Notes()
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
+        self.rig: FittedRig | None = None
         self.figures = figures
         self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
         self._cached_meshes: dict[int, tuple[Faces, Surface]] = {}

@@ -32,7 +32,7 @@ from meshreel.formats.gltf.morphs import check_range, static_normals, wants_norm
 from meshreel.formats.gltf.read import ERROR_BOUND, SEGMENT_START, list_animations, read_meshes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.rigs import is_rigged, rig_of
+from meshreel.formats.rigs import is_rigged
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.notes import Notes, written_times
 from meshreel.model.rig import Rig
@@ -295,22 +295,21 @@ POSE_DIGITS, EXACT_DIGITS = 4, 9
 
 
 def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Fit a rig, write it, and report the sizes.
+    """Write a rig in place of the frames, and report the sizes.
 
     Raises
     ------
     InvalidInputError
-        As `meshreel.formats.rigs.rig_of`, if the options are out of range, or if the file is too
-        large.
+        If the options are out of range, or if the file is too large.
     """
     _check_bound(options)
-    times_s = np.asarray(frame_times(stream))
-    sequence, rig, error = rig_of(stream, options, times_s)
-    check_range(sequence.extent.low, sequence.extent.high)
-    stream.notes.add_all(describe_losses(sequence.surface, len(sequence.faces)))
-    scene = _RiggedScene(stream.name, sequence, rig, options, stream.notes)
+    fitted, times_s, mesh = stream.rig, frame_times(stream), stream.only()
+    assert fitted is not None  # see `save_part`
+    check_range(fitted.extent.low, fitted.extent.high)
+    stream.notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
+    scene = _RiggedScene(times_s, mesh, fitted.rig, options, stream.notes)
     document = scene.document()
-    document["asset"]["extras"] = {ERROR_BOUND: error}
+    document["asset"]["extras"] = {ERROR_BOUND: fitted.error}
     size_bytes = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
     sizes = scene.sizes_in_file(size_bytes)
     sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
@@ -329,18 +328,18 @@ class _RiggedScene(SceneWriter):
 
     def __init__(
         self,
-        name: str,
-        sequence: MeshSequence,
+        times_s: Sequence[float],
+        mesh: FrameStream,
         rig: Rig,
         options: WriteOptions,
         notes: Notes,
     ) -> None:
-        super().__init__(name, rig.times_s.tolist(), options, notes)
+        super().__init__(mesh.name, times_s, options, notes)
         self.sizes: dict[str, int] = {}
         self._rig = rig
-        self._materials = Materials(sequence.surface, self.buffer, notes)
+        self._materials = Materials(mesh.surface, self.buffer, notes)
         self._mesh_nodes: list[int] = []
-        parts = split_parts(sequence.faces, sequence.surface, len(rig.coordinates), name)
+        parts = split_parts(mesh.faces, mesh.surface, mesh.n_verts, mesh.name)
         for part in sorted(parts, key=lambda part: len(path_of(part.name))):
             self._add_part(part)
         self.note_isolated()

@@ -1,7 +1,6 @@
 """Writing USD: a skinned mesh, its skeleton with an animation, and blend shapes."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.shared_data import SharedData
 from meshreel.formats.kinds import VERTEX_FACE_CORNER, SequenceFormat
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.rigs import is_rigged, rig_of
+from meshreel.formats.rigs import is_rigged
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.reading import read_meshes
 from meshreel.formats.usd.writing import (
@@ -40,11 +39,10 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
     FormatError
         If USD cannot write the file.
     InvalidInputError
-        If a position does not fit into float32, `max_error` has no effect, or as
-        `meshreel.formats.rigs.rig_of`.
+        If a position does not fit into float32, or `max_error` has no effect.
     """
     if is_rigged(options):
-        write_stage(path, stream, partial(_write_rig, options=options))
+        write_stage(path, stream, _write_rig)
     elif options.max_error is None:
         write_stage(path, stream, write_frames)
     else:
@@ -57,20 +55,15 @@ def write_usd(path: Path, stream: SegmentedStream, options: WriteOptions) -> Non
 
 
 def _write_rig(
-    path: Path,
-    stream: SegmentedStream,
-    shared: SharedData,
-    *,
-    is_package: bool,
-    options: WriteOptions,
+    path: Path, stream: SegmentedStream, shared: SharedData, *, is_package: bool
 ) -> None:
     skel = USD.load("UsdSkel")
     stage = USD.load("Usd").Stage.CreateNew(str(path))
     codes = write_time_codes(stage, stream)
-    times = np.array([0.0 if code is None else code for code in codes])
-    sequence, rig, _ = rig_of(stream, options, times)
-    note_unwritten_tracks(list(sequence.tracks), "a rig", stream.notes)
-    segment = replace(next(stream.meshes()), tracks={})
+    assert stream.rig is not None  # see `save_part`
+    rig, segment = stream.rig.rig, next(stream.meshes())
+    note_unwritten_tracks(list(segment.tracks), "a rig", stream.notes)
+    segment = replace(segment, tracks={})
     if segment.surface.hard_edges is not None:
         stream.notes.unwritten("left out hard edges: programs compute the normals of a rig")
     parts = parts_of(segment)

@@ -6,7 +6,7 @@ import pytest
 
 from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import InvalidInputError
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.meshes import waving_grid
 
 

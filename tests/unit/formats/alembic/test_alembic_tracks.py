@@ -10,9 +10,9 @@ import imath
 from alembic3d import Abc, AbcGeom
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
+from meshreel.operations.save import save
 from samples import alembic as sample
 from samples.meshes import quad_sheet
 from samples.tracks import assert_same_tracks, tracked_sheet

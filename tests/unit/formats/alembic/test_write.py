@@ -7,11 +7,11 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.alembic.write import object_paths
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
 from meshreel.model.tracks import Track
+from meshreel.operations.save import save
 from meshreel.runtime.extras import Extra
 from samples.meshes import quad_sheet
 from samples.surfaces import two_cubes

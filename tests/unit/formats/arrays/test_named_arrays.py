@@ -12,9 +12,10 @@ from meshreel.errors import FormatError, InvalidInputError, MeshReelError
 from meshreel.formats.arrays.named_arrays import Layout, find_layout, has_positions
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save, save_part
+from meshreel.formats.save import save_part
 from meshreel.model.surface import PLAIN, Domain
 from meshreel.model.tracks import Track, TrackKind
+from meshreel.operations.save import save
 from samples.arrays import store
 from samples.datasets import (
     assert_same_positions,

@@ -5,7 +5,7 @@ import pytest
 
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.arrays import store
 from samples.meshes import waving_grid
 

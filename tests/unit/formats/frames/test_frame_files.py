@@ -14,12 +14,12 @@ from meshreel.formats.load import load
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.registry import FRAME_FORMATS
-from meshreel.formats.save import save
 from meshreel.formats.vtk import pvd
 from meshreel.model.extent import extent_of
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
+from meshreel.operations.save import save
 from samples.meshes import quad_sheet, two_sheets, waving_grid
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks

@@ -13,8 +13,8 @@ from meshreel.errors import MeshReelError
 from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.save import save
 from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.operations.save import save
 from samples.costs import draws
 from samples.glb import Glb, stream_of, written
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf

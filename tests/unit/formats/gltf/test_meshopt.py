@@ -20,11 +20,11 @@ from meshreel.formats.gltf.meshopt_encoding import (
     encode_view,
 )
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.kernel.order import depth_first_order
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
+from meshreel.operations.save import save
 from samples.costs import draws
 from samples.glb import written
 from samples.gltf import SQUARE, SQUARE_FACES, Gltf, glb, shifted

@@ -5,8 +5,8 @@ from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.meshes.obj_writing import obj_encoder
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind, Part, Surface
+from meshreel.operations.save import save
 from samples.meshes import assert_same_surface, encoded
 from samples.surfaces import attribute, groups, rich_cube, two_cubes
 

@@ -4,8 +4,8 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.off import read_off
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
+from meshreel.operations.save import save
 from samples.surfaces import attribute, rich_cube
 
 BODY = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"

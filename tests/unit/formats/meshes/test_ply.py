@@ -6,8 +6,8 @@ import pytest
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.ply import read_ply
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
+from meshreel.operations.save import save
 from samples.surfaces import attribute, rich_cube
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.1]])

@@ -6,8 +6,8 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
 from meshreel.formats.meshes.stl import read_stl, stl_encoder
-from meshreel.formats.save import save
 from meshreel.model.surface import Kind
+from meshreel.operations.save import save
 from samples.meshes import assert_same_surface, encoded
 from samples.surfaces import attribute, groups, rich_cube, two_cubes
 

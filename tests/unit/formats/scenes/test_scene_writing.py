@@ -5,11 +5,11 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track, domain_sizes
+from meshreel.operations.save import save
 from samples.meshes import two_sheets
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks

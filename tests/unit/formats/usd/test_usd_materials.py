@@ -11,8 +11,8 @@ from pxr import Usd, UsdGeom, UsdShade
 import meshreel
 from meshreel.errors import InvalidInputError, MeshReelError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap
+from meshreel.operations.save import save
 from samples.costs import draws
 from samples.materials import dressed_sheet, dressed_sheets, jpeg, look, png
 from samples.usd import assert_is_valid

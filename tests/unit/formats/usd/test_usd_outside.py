@@ -8,7 +8,7 @@ from pxr import Sdf
 
 from meshreel.errors import FormatError, MeshReelError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
+from meshreel.operations.save import save
 from samples.datasets import damaged_versions
 from samples.meshes import waving_grid
 

@@ -9,9 +9,9 @@ pytest.importorskip("pxr")
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
+from meshreel.operations.save import save
 from samples.meshes import quad_sheet
 from samples.surfaces import srgb
 from samples.tracks import assert_same_tracks, tracked_sheet

@@ -9,13 +9,13 @@ from pxr import Usd, UsdGeom
 import meshreel
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.material_writing import prim_name
 from meshreel.formats.usd.writing import mesh_paths
 from meshreel.kernel.polygons import triangulate
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
+from meshreel.operations.save import save
 from samples.opening import open_source
 from samples.usd import assert_is_valid
 

@@ -6,10 +6,10 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.formats.vtk.legacy import read_vtk_legacy
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain, Kind
+from meshreel.operations.save import save
 from samples.datasets import plain_sequence, positions_of, read_damaged
 from samples.opening import open_source
 

@@ -5,8 +5,8 @@ import pytest
 
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.tracks import TrackKind
+from meshreel.operations.save import save
 from samples.datasets import surface_of_arrays
 from samples.meshes import assert_same_surface
 from samples.opening import open_source

@@ -7,10 +7,10 @@ import pytest
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
 from meshreel.model.tracks import Track, domain_sizes
+from meshreel.operations.save import save
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets
 from samples.tracks import assert_same_tracks, tracked_sheet
 

@@ -4,8 +4,8 @@ import pytest
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.surface import PLAIN, Surface
+from meshreel.operations.save import save
 from samples.datasets import (
     CORNERS,
     COUNTS,

@@ -7,8 +7,8 @@ from conformance.sources import mixed_cells as mixed_cells_of_volumes
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.surface import Domain, Kind
+from meshreel.operations.save import save
 from samples.datasets import CORNERS, COUNTS, N_VERTS, positions_of, read_damaged
 from samples.meshes import waving_grid
 from samples.opening import open_source

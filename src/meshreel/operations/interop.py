@@ -21,10 +21,10 @@ import numpy as np
 
 from meshreel.errors import InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.save import save
 from meshreel.model.sequence import MeshSequence, concatenate
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track, TrackKind
+from meshreel.operations.save import save
 
 
 def from_pyvista(meshes: Iterable[Any], fps: float = 0.0) -> MeshSequence:
