@@ -3,7 +3,6 @@ import pytest
 
 import meshreel
 from meshreel.errors import InvalidInputError
-from meshreel.metrics.position_errors import position_errors
 from meshreel.model.rig import Skeleton
 from meshreel.model.rig_keys import compose, decode_rotations, to_matrices, unit
 from meshreel.model.sequence import MeshSequence
