@@ -40,7 +40,7 @@ pytestmark = [
 ]
 
 
-UNITY = BINDING / "ReelPlayer.cs", TESTED / "UnityEngine.cs"
+UNITY = ROOT / "examples/unity/ReelPlayer.cs", TESTED / "UnityEngine.cs"
 
 
 def compiled(folder, name, *sources):

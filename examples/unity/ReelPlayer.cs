@@ -1,5 +1,11 @@
-// Plays a .reel file in Unity, 2019.3 and later: a component that fills the mesh of a MeshFilter. Needs Meshreel.cs and
-// Native.cs. docs/guides/engines.md describes how to use it, and what was tested.
+// An example of a component that plays a .reel file in the mesh of a MeshFilter, for Unity 2019.3 and later. It was compiled
+// and run with stubs of Unity's classes by Mono, never in Unity. Needs Meshreel.cs and Native.cs of integrations/csharp.
+//
+// Put walk.reel into Assets/StreamingAssets and set `path`, or rename it to walk.reel.bytes and assign it as `asset` (needed
+// for Android). Another thread loads the next block (`loadAhead`) and opens segments; until it is done, the last frame
+// stays. The first texture coordinates become mesh.uv, for which vertices at seams are split. Each label of the groups
+// `material` is a submesh; faces without one are the last. x is mirrored (`mirror`), because Unity's axes are left-handed.
+// Images and other tracks are not applied: read them with `ReelFile`.
 
 using System;
 using System.Collections.Generic;
