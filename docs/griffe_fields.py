@@ -28,9 +28,12 @@ class FieldsExtension(griffe.Extension):
             parser=source.parser if source else None,
             parser_options=source.parser_options if source else None,
         )
-        func.parameters = griffe.Parameters(
-            *(_parameter(parameter) for parameter in inspect.signature(found).parameters.values())
-        )
+        *shown, last = inspect.signature(found).parameters.values()
+        if last.kind is last.VAR_KEYWORD:  # takes the fields of `options` by name
+            options = next(one.default for one in shown if one.name == "options")
+            fields = inspect.signature(type(options)).parameters.values()
+            shown += [field.replace(kind=field.KEYWORD_ONLY) for field in fields]
+        func.parameters = griffe.Parameters(*map(_parameter, [*shown, last]))
 
 
 def _parameter(one: inspect.Parameter) -> griffe.Parameter:

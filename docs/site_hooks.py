@@ -35,7 +35,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "SECURITY.md": "security.md",
-    "integrations/blender/README.md": "guides/blender-add-on.md",
+    "integrations/blender/README.md": "blender-add-on.md",
 }
 """Pages of the site that lie elsewhere in the repository, and their place on the site."""
 
@@ -47,13 +47,23 @@ SCRIPTS = {
     "reel-player": ROOT / "npm/dist/player.js",
     "three-figure": ROOT / "npm/site/three_figure.js",
 }
-"""Scripts of the elements that play animations."""
+"""Scripts of the elements that play animations, which `npm run build` makes."""
+
+COMMITTED_PAGE = ROOT / "src/meshreel/app/viewer/page/player.js"
+"""The page of `meshreel view`, which defines <reel-player> too."""
 
 PLAYER_FOLDER = "player"
 """Place on the site of the scripts, and of the animations."""
 
 PUBLIC = re.compile(r"^::: meshreel\.([\w.]+)$", re.MULTILINE)
 LINK = re.compile(r"\]\(([^)#\s]+)(#[^)\s]*)?\)")
+
+
+def on_startup(command: str, dirty: bool) -> None:
+    """Let `mkdocs serve` play with the committed page if the package is not built."""
+    if command == "serve" and not all(script.is_file() for script in SCRIPTS.values()):
+        SCRIPTS.clear()
+        SCRIPTS["reel-player"] = COMMITTED_PAGE
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -84,6 +94,8 @@ def player(name: str, page: Page) -> str:
     """HTML of a player of a stream, for a page of the site."""
     folder = get_relative_url(f"{PLAYER_FOLDER}/", page.url)
     shown = gallery()[name]
+    if shown.element not in SCRIPTS:
+        return "*Drawn by three.js after `npm ci && npm run build` in `npm/`.*"
     attributes = shown.attributes
     if shown.element == "reel-player":
         attributes += ' loading="lazy" autoplay loop camera-controls controls'
