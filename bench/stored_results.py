@@ -3,7 +3,6 @@
     python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
     python bench/stored_results.py choices samba.npz cow.npz
-    python bench/stored_results.py questions samba.npz cow.npz --flag 300 --work runs
     python bench/stored_results.py checks
 
 Writes docs/results/paper.json and others, with the commit; `checks` measures the small
@@ -38,9 +37,6 @@ from meshreel.studies.rate_distortion import bd_rate
 from meshreel.studies.runs import Result, Store, file_name, result_of, usable, without_identities
 from meshreel.studies.study import Study, Subject, measure
 from meshreel.studies.timing import timed_once
-from questions.answers import search_answers
-from questions.plot import draw_rows
-from questions.search import search_runs
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -103,18 +99,6 @@ def paper_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
     if full is not None:
         figures["full_decomposition"] = without_identities([full])[0]
     return figures
-
-
-def question_figures(sequence: MeshSequence, folder: Path) -> dict[str, Any]:
-    """Answers to the open questions of the paper; draws the search over rows of samba."""
-    subject, results = Store.for_sequence(folder, sequence), dict[str, Result]()
-    for question, run in search_runs(sequence).items():
-        print(f"  {run.name}", flush=True)
-        results[question] = result_of(run, subject)
-    if sequence.name == "samba":
-        draw_rows(results["rows"], ROOT / "docs" / "images" / "samba-rows.png")
-    shape = {name: subject.sequence[name] for name in ("name", "n_frames", "n_verts")}
-    return {**shape, **search_answers(results)}
 
 
 def printed_preset(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
@@ -320,7 +304,7 @@ CHECKED: dict[str, dict[str, Any]] = {
 """Options of the streams that tests re-encode."""
 
 
-WHAT = ("paper", "codecs", "choices", "questions", "checks")
+WHAT = ("paper", "codecs", "choices", "checks")
 
 
 def main() -> None:
@@ -341,7 +325,6 @@ def main() -> None:
     measures: dict[str, Callable[[MeshSequence], dict[str, Any]]] = {
         "paper": partial(paper_figures, folder=arguments.work),
         "codecs": partial(codec_figures, folder=arguments.work, reference=arguments.reference),
-        "questions": partial(question_figures, folder=arguments.work),
         "choices": choice_figures,
     }
     figures: dict[str, Any] = {"sequences": []}

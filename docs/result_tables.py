@@ -3,10 +3,9 @@
     python docs/result_tables.py             lists the tables
     python docs/result_tables.py --write     brings README and the pages up to date
 
-`python bench/stored_results.py` measures the results in docs/results/; those of `questions` are
-from the searches in bench/questions/, those of `corpus` from bench/corpus_results.py. A table is
-between the lines ``<!-- results: NAME -->`` and ``<!-- end of results -->``; a test fails if it
-differs from the results.
+`python bench/stored_results.py` measures the results in docs/results/, and those of `corpus`
+bench/corpus_results.py. A table is between the lines ``<!-- results: NAME -->`` and
+``<!-- end of results -->``; a test fails if it differs from the results.
 """
 
 import json
@@ -15,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from meshreel.paper.study.findings import CLAIMS
@@ -26,7 +26,6 @@ ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "bench"))
 from corpus.tables import TABLES as CORPUS_TABLES  # noqa: E402
 from corpus.tables import n_broken  # noqa: E402
-from questions.tables import Answers, blocks_table, rows_table  # noqa: E402
 
 RESULTS = ROOT / "docs" / "results"
 FROM_RESULTS = ("paper", "benchmarks", "codec", "corpus", "equations")
@@ -207,24 +206,23 @@ def anchors() -> str:
 KINDS_OF_ANCHORS = ("coefficients", "positions")
 
 
+VERDICTS = ("yes", "weakly", "no")
+
+
 def claims() -> str:
-    """Verdicts on every claim, by sequence."""
-    sequences = results("paper")["sequences"]
-    names = list(dict.fromkeys(one["claim"] for each in sequences for one in each["findings"]))
+    """How many sequences support each claim, and the measures that decide it."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for sequence in results("paper")["sequences"]:
+        for one in sequence["findings"]:
+            found.setdefault(one["claim"], []).append(one)
     rows = []
-    for claim in names:
-        cells = []
-        for sequence in sequences:
-            found = next((one for one in sequence["findings"] if one["claim"] == claim), None)
-            cells.append("-" if found is None else verdict(found))
-        rows.append((claim, *cells))
-    return source("paper", table(("claim", *(one["name"] for one in sequences)), rows))
-
-
-def verdict(finding: dict[str, Any]) -> str:
-    """The verdict on a claim, with the measure that decides it."""
-    value = finding["value"]
-    return f"**{finding['verdict']}**" + ("" if value is None else f" {value:.3g}")
+    for claim, findings in found.items():
+        counts = [sum(one["verdict"] == verdict for one in findings) for verdict in VERDICTS]
+        values = [one["value"] for one in findings if one["value"] is not None]
+        measures = f"{min(values):.3g}, {median(values):.3g}, {max(values):.3g}" if values else "-"
+        rows.append((claim, *map(str, counts), measures))
+    header = ("claim", *VERDICTS, "measure: lowest, median, highest")
+    return source("paper", table(header, rows))
 
 
 def claim_rows() -> str:
@@ -290,22 +288,6 @@ def _changes(sequence: dict[str, Any], labels: Sequence[str]) -> str:
     return ", ".join(f"{sum(column) / len(changes):+.1f}" for column in zip(*changes, strict=True))
 
 
-def search_rows() -> str:
-    """The best rows and bits of `pca-qp` by rate, knees, and the cost of fixed rows and bits."""
-    return _search_table("rows", rows_table)
-
-
-def search_blocks() -> str:
-    """BD-rates of `blocks` by number of blocks, each with its best rows and bits."""
-    return _search_table("blocks", blocks_table)
-
-
-def _search_table(question: str, make: Callable[[Answers], Table]) -> str:
-    """The table of an open question of the paper, for all sequences."""
-    made = make([(one["name"], one[question]) for one in results("questions")["sequences"]])
-    return source("questions", table(made.header, made.rows))
-
-
 def large_mesh() -> str:
     """Seconds of the per-mesh variant on meshes of more than 20,000 vertices."""
     one = results("paper")["large_mesh"]
@@ -326,21 +308,18 @@ def large_mesh() -> str:
 
 
 def comparison() -> str:
-    """README's table: default options, and rates at equal error against others."""
-    header = ("sequence (vertices x frames)", "times smaller than float32",
-              "bits per vertex and frame", "KG error %", "largest error %", "encode, decode s",
-              "`pca-qp`, equal KG", "`pca-qp`, equal STED", "FAMC, equal KG")  # fmt: skip
+    """README's table: sizes at default options, and rates at equal error against others."""
+    header = ("sequence (vertices x frames)", "times smaller than float32", "largest error %",
+              "than the paper's best variant", "than FAMC")  # fmt: skip
     rows = [
         (
             f"{one['name']} ({KINDS[one['name']]}, {one['n_verts']} x {one['n_frames']})",
             f"{one['ratio']:.0f}",
-            f"{one['rate_bpvf']:.3f}",
-            f"{one['kg_error_percent']:.3f}",
-            f"{one['max_error_percent']:.3f}",
-            f"{one['encode_processor_s']:.2f}, {one['decode_processor_s']:.2f}",
-            *(_percent(one["bd_rates"][name]) for name in BD_RATES),
+            f"{one['max_error_percent']:.2f}",
+            *(_percent(one["bd_rates"][name]) for name in ("kg_pca_qp", "kg_famc")),
         )
         for one in results("codecs")["sequences"]
+        if one["bd_rates"]["kg_famc"]["percent"] is not None
     ]
     return table(header, rows)
 
@@ -421,8 +400,6 @@ TABLES: dict[str, Callable[[], str]] = {
     "claim-rows": claim_rows,
     "entropy": entropy,
     "alternatives": alternatives,
-    "search-rows": search_rows,
-    "search-blocks": search_blocks,
     "large-mesh": large_mesh,
     "comparison": comparison,
     "bd-rates": bd_rates,

@@ -1,1 +1,0 @@
-"""Searches for the open questions of the paper: rows and blocks (Section V)."""
