@@ -2,7 +2,7 @@
 
 A pool of the standard library breaks when one of its processes dies. Each process therefore has
 its own pool, which serves one thread of the parent: the call that killed it is known, and other
-calls continue. See docs/workers.md.
+calls continue.
 """
 
 import multiprocessing
