@@ -9,6 +9,8 @@ Bytes = npt.NDArray[np.uint8]
 Singles = npt.NDArray[np.float32]
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Vertices = npt.NDArray[np.floating]
+"""Positions in single or double precision."""
 Real = TypeVar("Real", Floats, Singles)
 """Of functions that compute in the precision of their arguments."""
 Values = npt.NDArray[Any]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, Vertices
 from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.dropped_order import internal_numbers
 from meshreel.codec.memory import OWN_STREAM
@@ -28,8 +28,6 @@ from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute, Domain
 from meshreel.runtime.progress import Count, Progress, silent
-
-Vertices = npt.NDArray[np.floating]
 
 NORMAL_FRAMES = 10
 """Number of evenly spaced frames in which normals are compared; all frames would take longer than

@@ -10,6 +10,7 @@ from typing import BinaryIO, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.inspect import StreamInfo, file_info
 from meshreel.codec.joining import separate_stream
 from meshreel.codec.memory import memory_limit
@@ -36,8 +37,6 @@ from meshreel.model.validation import hand_over
 from meshreel.runtime.counting import counts_text
 from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
 from meshreel.runtime.threads import fork_safe_lock
-
-Vertices = npt.NDArray[np.floating]
 
 READ_AHEAD_BYTES, MIN_READ_AHEAD = 1 << 23, 16
 """Size, and minimum number, of frames that an iteration decodes at a time, because each read

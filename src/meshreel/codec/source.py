@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, Vertices
 from meshreel.codec.bitstream.container import (
     Header,
     Sections,
@@ -39,8 +39,6 @@ from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import TrackSource, error_bound_of
-
-Vertices = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Integers, Vertices
 from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
@@ -36,8 +36,6 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.outputs.atomic import os_errors_naming_output
 from meshreel.runtime.outputs.checks import check_extension, check_output_path
 from meshreel.runtime.stores.address import refuse_address
-
-Vertices = npt.NDArray[np.floating]
 
 SHARE_FOR_CODING = 1 / 16
 """Share of the latency that is reserved for coding a block after its last frame."""

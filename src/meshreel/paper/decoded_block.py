@@ -4,13 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from meshreel.arrays import Floats, Integers
+from meshreel.arrays import Floats, Integers, Vertices
 from meshreel.codec.subspace.trajectories import BoundingFrame, from_matrices
 from meshreel.runtime.threads import in_threads
-
-Vertices = npt.NDArray[np.floating]
 
 CHUNK_BYTES = 1 << 22
 """Size of the float64 frames computed at a time; they should fit into the cache."""

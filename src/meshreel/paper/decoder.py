@@ -5,8 +5,8 @@ from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT, OWN_STREAM, UNLIMITED, MemoryLimit
@@ -27,8 +27,6 @@ from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.reconstruction_system import factor_bytes
 from meshreel.paper.variants import METHODS, Variant, variant_named
 from meshreel.runtime.threads import fork_safe_lock
-
-Vertices = npt.NDArray[np.floating]
 
 N_CACHED_BLOCKS = 3
 """Number of decoded blocks in the cache, so that seeking across a border is cheap."""

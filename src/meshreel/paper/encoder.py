@@ -7,6 +7,7 @@ from itertools import chain
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.connectivity.order import inverse_permutation
@@ -27,8 +28,6 @@ from meshreel.paper.settings import anchors_of, choices
 from meshreel.paper.variants import Basis, Variant, variant_named
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
-
-Vertices = npt.NDArray[np.floating]
 
 SHAPE_BITS = 12
 """Bits of the largest coordinate of the shape from which cotangent weights are computed."""

@@ -6,10 +6,9 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 
-from meshreel.arrays import Floats, Integers
+from meshreel.arrays import Floats, Integers, Vertices
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.memory import memory_limit
 from meshreel.codec.option import COUNT
@@ -24,8 +23,6 @@ from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
 from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted, counts_text
-
-Vertices = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

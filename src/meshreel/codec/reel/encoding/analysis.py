@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.reel.encoding.basis_coding import choose_coding
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
@@ -21,9 +22,6 @@ from meshreel.kernel.basis import (
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.runtime.threads import chunks, in_chunks, in_threads
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 LAGRANGE_MULTIPLIER = 2.0 * math.log(2.0) / 12.0
 """Squared error, in squared steps, that one more bit saves at fine quantization."""

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER, BlockFrames
 from meshreel.kernel.basis import (
     BY_TIMES,
@@ -28,8 +29,6 @@ from meshreel.kernel.basis import (
     quantized_basis,
 )
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 Runs = tuple[tuple[int, int], ...]
 
 SAMPLED_MODES = 48

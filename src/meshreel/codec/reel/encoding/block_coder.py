@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, starmap
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Integers, Vertices
 from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
@@ -22,9 +22,6 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.runtime.threads import in_chunks, one_blas_thread
 
-Vertices = npt.NDArray[np.floating]
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], list[tuple[Section, bytes]]]
 
 DECODED_FRAMES = 64

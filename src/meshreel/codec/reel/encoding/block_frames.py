@@ -8,12 +8,11 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import coordinate_rows
 from meshreel.runtime.threads import chunks, in_chunks
-
-Floats = npt.NDArray[np.float64]
 
 MAX_CACHED = 1 << 23
 """Maximum number of coordinates cached as float64; larger blocks recompute them."""

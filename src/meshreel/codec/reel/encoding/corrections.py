@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.frames import JointFrames
-
-Floats = npt.NDArray[np.float64]
 
 STEP_OF_BOUND = 1.1
 """Step of corrections, in bounds: half a step along each of three axes is 0.95 of the bound."""

@@ -9,7 +9,7 @@ from itertools import chain, islice
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values
+from meshreel.arrays import Values, Vertices
 from meshreel.codec.achieved import require_exact, require_same_bits
 from meshreel.codec.bitstream.container import Sections, error_bound_sections
 from meshreel.codec.bitstream.layout import Section
@@ -29,7 +29,6 @@ from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
-Vertices = npt.NDArray[np.floating]
 FacesAndTwins = tuple[Faces, npt.NDArray[np.int32]]
 CodedBlock = tuple[int, list[tuple[Section, bytes]]]
 

@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.reel.encoding.block_frames import largest_rounding
@@ -36,8 +36,6 @@ from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.extent import Extent
 from meshreel.model.sequence import is_still
 from meshreel.runtime.progress import Progress
-
-Vertices = npt.NDArray[np.floating]
 
 RAW_RATIO, FEW_FRAMES, RESTING_SHARE = 16, 20, 0.3
 """Estimated compression by a grid, which is tried if modes compress less, if there are at most

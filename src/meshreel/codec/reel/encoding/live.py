@@ -9,8 +9,8 @@ from functools import cached_property
 from itertools import chain
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.methods import LiveStart
@@ -29,8 +29,6 @@ from meshreel.codec.reel.encoding.visibility import error_scale, steps_of_qualit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
-
-Vertices = npt.NDArray[np.floating]
 
 MAX_LIVE_STEP = 1.5e-4
 """Largest step at the default quality, in diagonals of the model: that of 50 modes."""

@@ -1,11 +1,11 @@
 """Tracks of corners that share values, stored as tracks of vertices or of rows."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers, Values
 from meshreel.codec.bitstream.layout import Order
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.corner_rows import CornerRows, number_rows, write_corner_rows
@@ -16,9 +16,6 @@ from meshreel.codec.tracks import Sharing
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import DerivedTrack, TrackKind, TrackSource, track_blocks
-
-Values = npt.NDArray[Any]
-Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

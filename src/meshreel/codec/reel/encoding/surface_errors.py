@@ -7,7 +7,7 @@ matters. Errors in two of three dimensions then have small weights, so coarser v
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
+from meshreel.arrays import Floats, Integers
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, BlockFrames
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.order import opposite_sides
@@ -16,8 +16,6 @@ from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces
 from meshreel.runtime.threads import chunks
-
-Floats = npt.NDArray[np.float64]
 
 ACROSS = 0.5
 """Weight of a squared error across the surface relative to that of an error without direction.

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Integers, Values, Vertices
 from meshreel.codec.bitstream.layout import Order, Section
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
@@ -31,10 +31,7 @@ from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
 
-Values = npt.NDArray[Any]
-Vertices = npt.NDArray[np.floating]
 Sections = list[tuple[Section, bytes]]
-Integers = npt.NDArray[np.int64]
 
 MAX_STEP = 0.1
 """Largest step, in diagonals of the range, as for positions."""

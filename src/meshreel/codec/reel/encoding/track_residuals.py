@@ -1,10 +1,8 @@
 """Residuals of tracks relative to decoded positions, and the fit of velocities to differences."""
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Values, Vertices
 from meshreel.codec.reel.normative.expected import (
     MovingSurface,
     differences,
@@ -17,9 +15,6 @@ from meshreel.codec.tracks import DIFFERENCES, Coding, TrackHeader
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.normals import find_rotations
 from meshreel.runtime.threads import chunks, in_chunks
-
-Values = npt.NDArray[Any]
-Vertices = npt.NDArray[np.floating]
 
 MAX_VALUES_PER_TASK = 1 << 18
 """Maximum number of values per task."""

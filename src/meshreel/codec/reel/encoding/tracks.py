@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.methods import LiveStart
@@ -29,8 +29,6 @@ from meshreel.codec.tracks import Coding, Sharing
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackKind, TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
-
-Vertices = npt.NDArray[np.floating]
 
 RAW_RATIO = 8
 """A track compressed less than this many times is also tried losslessly."""

@@ -10,16 +10,13 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from meshreel.arrays import Floats, Vertices
 from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.kernel.order import opposite_sides
 from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
-
-Vertices = npt.NDArray[np.floating]
-Floats = npt.NDArray[np.float64]
 
 POINTS_PER_HALVING = 12.0
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.container import write_varints
 from meshreel.codec.reel.normative.expected import ranks_of
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError
 from meshreel.kernel.integers import MAX_MAGNITUDE, encode_integers
 
-Vertices = npt.NDArray[np.floating]
 Coordinates = npt.NDArray[np.int32]
 
 MAX_COORDINATE = 2**31 - 1
