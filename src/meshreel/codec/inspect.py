@@ -19,13 +19,7 @@ from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
 from meshreel.model.tracks import TrackKind, error_bound_of
 from meshreel.runtime.counting import change_text, counted
 
-CONNECTIVITY = (
-    Section.CONNECTIVITY,
-    Section.ORDER,
-    Section.EDIT,
-    Section.CELLS,
-    Section.REFERENCE,
-)
+CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.CELLS, Section.REFERENCE)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 
@@ -416,11 +410,7 @@ def stream_info(
         tracks=tracks,
         segments=(
             SegmentInfo(
-                file.first_frame,
-                opened.n_frames,
-                opened.n_verts,
-                opened.n_faces,
-                opened.size_bytes,
+                file.first_frame, opened.n_frames, opened.n_verts, opened.n_faces, opened.size_bytes
             ),
         ),
     )

@@ -14,11 +14,7 @@ import numpy.typing as npt
 from meshreel.arrays import Integers, rows_as_bytes
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.model.geometry.triangles import lowest_rotation, matching_corners
-from meshreel.model.matching.corners import (
-    columns_at_corners,
-    describe_surface,
-    is_of_triangles,
-)
+from meshreel.model.matching.corners import columns_at_corners, describe_surface, is_of_triangles
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import Faces, FrameSource, MeshSequence, frames_of
 from meshreel.model.surface import Domain, Surface

@@ -310,10 +310,7 @@ class Source:
         return (piece.read() for piece in self.pieces())
 
     def stream(
-        self,
-        leading: Sections,
-        blocks: Iterable[tuple[int, Sections]],
-        bound: float | None = None,
+        self, leading: Sections, blocks: Iterable[tuple[int, Sections]], bound: float | None = None
     ) -> bytes:
         """Return a stream of the sequence.
 

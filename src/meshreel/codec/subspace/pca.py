@@ -109,10 +109,7 @@ def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Flo
 
 
 def truncated_pca(
-    columns: Callable[[slice], npt.NDArray[np.floating]],
-    gram: Floats,
-    n_columns: int,
-    least: float,
+    columns: Callable[[slice], npt.NDArray[np.floating]], gram: Floats, n_columns: int, least: float
 ) -> tuple[Floats, Floats]:
     """Return singular values of a wide matrix above `least`, at least one, and left vectors.
 

@@ -15,12 +15,7 @@ from meshreel.model.surface import Attribute, FaceGroups, Part, Surface
 NO_IMAGE = 2**32 - 1
 FILTERS_OR_ANY = (None, *FILTERS)
 
-_U32, _U64, _POINTER, _DOUBLE = (
-    ctypes.c_uint32,
-    ctypes.c_uint64,
-    ctypes.c_void_p,
-    ctypes.c_double,
-)
+_U32, _U64, _POINTER, _DOUBLE = ctypes.c_uint32, ctypes.c_uint64, ctypes.c_void_p, ctypes.c_double
 
 
 class _Attribute(ctypes.Structure):

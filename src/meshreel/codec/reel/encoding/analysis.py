@@ -13,12 +13,7 @@ from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_IN
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout, decode_basis, with_reused
 from meshreel.codec.reel.normative.mesh import FieldMesh
-from meshreel.kernel.basis import (
-    BasisCoding,
-    basis_vectors,
-    lengths_of,
-    quantized_basis,
-)
+from meshreel.kernel.basis import BasisCoding, basis_vectors, lengths_of, quantized_basis
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, encode_values
 from meshreel.runtime.threads import chunks, in_chunks, in_threads

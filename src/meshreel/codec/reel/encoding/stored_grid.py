@@ -63,10 +63,7 @@ def stored_grid(vertices: npt.NDArray[np.floating]) -> tuple[float, tuple[float,
 
 
 def coarse_grid(
-    n_frames: int,
-    read: Callable[[int], npt.NDArray[np.floating]],
-    extent: Extent,
-    tolerance: float,
+    n_frames: int, read: Callable[[int], npt.NDArray[np.floating]], extent: Extent, tolerance: float
 ) -> tuple[float, tuple[float, ...]] | None:
     """Return step and origin of the coarsest grid that divides the bounding box; None without one.
 

@@ -113,10 +113,7 @@ def write_on_surface(
 
 def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
     """Return the sections of a block of a lossless track, with values of shape (T_b, N, C)."""
-    return [
-        (Section.TRACK_BLOCK, write_varint(0)),
-        (Section.VALUES, encode_exact(values, graph)),
-    ]
+    return [(Section.TRACK_BLOCK, write_varint(0)), (Section.VALUES, encode_exact(values, graph))]
 
 
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbors) -> tuple[Section, bytes]:
