@@ -1,31 +1,27 @@
 """The method `lossless`: bit-exact coding of positions."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Values, Vertices
-from meshreel.codec.achieved import require_exact, require_same_bits
+from meshreel.arrays import Vertices
+from meshreel.codec.achieved import require_exact
 from meshreel.codec.bitstream.container import Sections, error_bound_sections
 from meshreel.codec.bitstream.layout import Section
-from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
-from meshreel.codec.reel.encoding.track_coders import ExactTrackCoder, in_order
-from meshreel.codec.reel.encoding.tracks import encode_tracks, live_track_coders
+from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import PositionGrid
 from meshreel.codec.source import Source
-from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.sequence import Faces
-from meshreel.model.tracks import Track
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
@@ -161,57 +157,3 @@ def _report_progress(
         yield n_coded, sections
         n_done += n_coded
         progress("encoding", Count(n_done, n_frames, "frames"))
-
-
-class LivePositionCoder:
-    """Encodes blocks of live frames.
-
-    Raises
-    ------
-    InvalidInputError
-        If the bound of a track cannot be guaranteed.
-    """
-
-    def __init__(self, coder: PositionCoder, start: LiveStart) -> None:
-        self._coder, self._mesh = coder, start.mesh
-        positions = (lambda: self._in_output_order(start.first)) if coder.is_exact else None
-        self._tracks = live_track_coders(start, positions)
-
-    def _in_output_order(self, vertices: Vertices) -> Vertices:
-        """Return positions in the order in which a reader decodes them."""
-        return vertices.take(self._mesh.output_order, axis=1)
-
-    def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
-        """Yield the sections between those of the mesh and the first block."""
-        track_sections = (track.leading_section() for track in self._tracks.values())
-        return chain(self._coder.leading_sections(), track_sections)
-
-    def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
-        """Encode the next block; positions are in internal order, tracks in the given one.
-
-        Raises
-        ------
-        InvalidInputError
-            If values of a track exceed the guaranteed bound.
-        SolverError
-            If lossless values do not decode to the same bits.
-        """
-        is_needed = bool(self._tracks) and self._coder.is_exact
-        positions = self._in_output_order(vertices) if is_needed else None
-        coded = self._coder.code(vertices)
-        if self._coder.is_exact:
-            _verify("positions", vertices, coded, self._coder.graph)
-        for name, coder in self._tracks.items():
-            values = tracks[name].values
-            coded += (sections := coder.code(values, positions))
-            if isinstance(coder, ExactTrackCoder):
-                values = in_order(values, coder.order)
-                _verify(f"values of track {name!r}", values, sections, coder.graph)
-        return coded
-
-
-def _verify(
-    name: str, values: Values, coded: list[tuple[Section, bytes]], graph: Neighbors
-) -> None:
-    """Raise SolverError if the last section does not decode to the same bits."""
-    require_same_bits(name, values, decode_exact(coded[-1][1], values.shape, values.dtype, graph))

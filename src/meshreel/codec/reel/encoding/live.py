@@ -3,19 +3,20 @@
 Decoded positions of the blocks just written predict tracks.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
 
-from meshreel.arrays import Vertices
+from meshreel.arrays import Values, Vertices
+from meshreel.codec.achieved import require_same_bits
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Section
+from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.block_coder import (
-    CodedFrames,
     FieldBlockCoder,
     KeyedBlocks,
     checked_frames,
@@ -23,12 +24,20 @@ from meshreel.codec.reel.encoding.block_coder import (
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.effort import FINEST_STEP
+from meshreel.codec.reel.encoding.exact_positions import ExactPositionCoder, PositionCoder
+from meshreel.codec.reel.encoding.grid_positions import grid_coder
 from meshreel.codec.reel.encoding.target_step import step_for_target
+from meshreel.codec.reel.encoding.track_coders import ExactTrackCoder, in_order
 from meshreel.codec.reel.encoding.tracks import live_track_coders
 from meshreel.codec.reel.encoding.visibility import error_scale, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
+from meshreel.kernel.exact import decode_exact
+from meshreel.kernel.mesh import Neighbors
 from meshreel.model.extent import extent_of
 from meshreel.model.tracks import Track
+
+Decoded = Callable[[], Vertices] | None
+"""Decodes the positions of a block, in internal order; None if they predict no tracks."""
 
 MAX_LIVE_STEP = 1.5e-4
 """Largest step at the default quality, in diagonals of the model: that of 50 modes."""
@@ -82,40 +91,74 @@ class FirstBlock:
         raise AssertionError("live encoding does not measure sizes or errors")
 
 
+class _ModeBlocks:
+    """Encodes blocks of positions with the step of the first block; raises as `LiveCoder`."""
+
+    def __init__(self, start: LiveStart) -> None:
+        config, coder = start.mesh.config, coder_of(start.mesh, start.frame)
+        assert isinstance(config, ReelOptions)  # the options of this method
+        self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, start.first)))
+        self._blocks = KeyedBlocks(self._coder)
+        self.leading_sections = self._coder.leading_sections
+
+    def code(self, vertices: Vertices) -> tuple[Sections, Decoded]:
+        frames = checked_frames(self._coder, vertices)
+        coded = self._blocks.code(frames)
+        return coded.sections, lambda: coded.decoded(frames)
+
+    def decoded_first(self, vertices: Vertices) -> Decoded:
+        frames, blocks = self._coder.frames(vertices), KeyedBlocks(self._coder)
+        return lambda: blocks.code(frames).decoded(frames)
+
+
+class _ExactBlocks:
+    """Encodes blocks of positions losslessly or on a grid; raises as `LiveCoder`."""
+
+    def __init__(self, start: LiveStart) -> None:
+        mesh, first = start.mesh, start.first
+        self._coder: PositionCoder = ExactPositionCoder(mesh.links, mesh.n_verts)
+        if mesh.config.method != LOSSLESS:
+            self._coder = grid_coder(mesh, start.frame, extent_of(first), first.dtype)
+        self.leading_sections = self._coder.leading_sections
+
+    def code(self, vertices: Vertices) -> tuple[Sections, Decoded]:
+        coded = self._coder.code(vertices)
+        if self._coder.is_exact:
+            _verify("positions", vertices, coded, self._coder.graph)
+        return coded, self.decoded_first(vertices)
+
+    def decoded_first(self, vertices: Vertices) -> Decoded:
+        return (lambda: vertices) if self._coder.is_exact else None
+
+
 class LiveCoder:
-    """Encodes blocks of live frames with the step of the first block.
+    """Encodes blocks of live frames.
 
     Raises
     ------
     InvalidInputError
-        If a target cannot be met.
+        If a target cannot be met, or the bound of a track cannot be guaranteed.
     """
 
     def __init__(self, start: LiveStart) -> None:
         self._mesh = start.mesh
-        coder = coder_of(start.mesh, start.frame)
-        config = start.mesh.config
-        assert isinstance(config, ReelOptions)  # the options of this method
-        self._coder = coder.with_step(*step_for_target(config, FirstBlock(coder, start.first)))
-        self._blocks = KeyedBlocks(self._coder)
-
-        def decoded() -> Vertices:
-            frames = self._coder.frames(start.first)
-            return self._decoded(KeyedBlocks(self._coder).code(frames), frames)
-
-        self._tracks = live_track_coders(start, decoded)
+        has_modes = start.mesh.config.method == "reel"
+        self._blocks = _ModeBlocks(start) if has_modes else _ExactBlocks(start)
+        first = self._blocks.decoded_first(start.first)
+        positions = None if first is None else partial(self._in_output_order, first)
+        self._tracks = live_track_coders(start, positions)
         self._has_predicted_tracks = any(
             track.header.coding.is_predicted for track in self._tracks.values()
         )
 
-    def _decoded(self, coded: CodedFrames, frames: BlockFrames) -> Vertices:
-        """Decoded positions of a block, in output order."""
-        return coded.decoded(frames).take(self._mesh.output_order, axis=1)
+    def _in_output_order(self, decoded: Callable[[], Vertices]) -> Vertices:
+        """Return decoded positions in output order."""
+        return decoded().take(self._mesh.output_order, axis=1)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """Return the sections between those of the mesh and the first block."""
         track_sections = (track.leading_section() for track in self._tracks.values())
-        return chain(track_sections, self._coder.leading_sections())
+        return chain(track_sections, self._blocks.leading_sections())
 
     def code(self, vertices: Vertices, tracks: Mapping[str, Track]) -> Sections:
         """Encode the next block; positions are in internal order, tracks in the given one.
@@ -124,11 +167,24 @@ class LiveCoder:
         ------
         InvalidInputError
             If its number type, or values of a track, exceed the guaranteed bound.
+        SolverError
+            If lossless values do not decode to the same bits.
         """
-        frames = checked_frames(self._coder, vertices)
-        coded = self._blocks.code(frames)
-        positions = self._decoded(coded, frames) if self._has_predicted_tracks else None
-        track_sections = [
-            coder.code(tracks[name].values, positions) for name, coder in self._tracks.items()
-        ]
-        return chain(coded.sections, *track_sections)
+        sections, decoded = self._blocks.code(vertices)
+        is_needed = self._has_predicted_tracks
+        positions = self._in_output_order(decoded) if decoded and is_needed else None
+        of_tracks = []
+        for name, coder in self._tracks.items():
+            values = tracks[name].values
+            of_tracks.append(coded := coder.code(values, positions))
+            if isinstance(coder, ExactTrackCoder):
+                values = in_order(values, coder.order)
+                _verify(f"values of track {name!r}", values, coded, coder.graph)
+        return chain(sections, *of_tracks)
+
+
+def _verify(
+    name: str, values: Values, coded: list[tuple[Section, bytes]], graph: Neighbors
+) -> None:
+    """Raise SolverError if the last section does not decode to the same bits."""
+    require_same_bits(name, values, decode_exact(coded[-1][1], values.shape, values.dtype, graph))
