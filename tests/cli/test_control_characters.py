@@ -246,6 +246,7 @@ def wait_for(text, stream):
 def test_progress_escapes_the_stage(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr(console, "LOG_AFTER_S", 0)
+    monkeypatch.setattr(console, "LOG_INTERVAL_S", 0.1)
     with shown_progress(stream) as report:
         report(f"reading {HOSTILE}\udc80", 0.5)
         wait_for(escaped(HOSTILE), stream)

@@ -14,15 +14,25 @@ def edges(faces):
 
 
 def subdivided(vertices, faces, max_edge):
-    """Split all faces into four until no edge is longer."""
+    """Split faces at the middle of longer edges until no edge is longer."""
     while True:
         ends, of_sides = edges(faces)
-        if np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1).max() <= max_edge:
+        lengths = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
+        is_long = lengths > max_edge
+        if not is_long.any():
             return vertices, faces
-        (a, b, c), (ab, bc, ca) = faces.T, (len(vertices) + of_sides).T
-        parts = [[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]
-        vertices = np.concatenate([vertices, vertices[ends].mean(axis=1)])
-        faces = np.concatenate([np.stack(part, axis=1) for part in parts])
+        middles = np.where(is_long, len(vertices) - 1 + np.cumsum(is_long), -1)[of_sides]
+        order = (lengths[of_sides].argmax(axis=1)[:, None] + [0, 1, 2]) % 3
+        faces, middles = (np.take_along_axis(of, order, axis=1) for of in (faces, middles))
+        vertices = np.concatenate([vertices, vertices[ends[is_long]].mean(axis=1)])
+        for _ in range(3):  # at the longest side first, which keeps angles
+            is_cut = middles[:, 0] >= 0
+            (a, b, c), (ab, bc, ca) = faces[is_cut].T, middles[is_cut].T
+            none = np.full_like(ab, -1)
+            parts = [np.stack([a, ab, c], axis=1), np.stack([ab, b, c], axis=1)]
+            uncut = [np.stack([none, none, ca], axis=1), np.stack([none, bc, none], axis=1)]
+            faces = np.concatenate([faces[~is_cut], *parts])[:, [1, 2, 0]]
+            middles = np.concatenate([middles[~is_cut], *uncut])[:, [1, 2, 0]]
 
 
 def normals_of(corners):
@@ -63,11 +73,13 @@ def one_way(mesh, target, length, may_end):
     reached = np.cumsum(areas[order])
     p99 = distances[order][np.searchsorted(reached, 0.99 * reached[-1])]
     is_beyond = (distances > length) & (areas > 0)
-    _, of_sides = edges(faces)
-    of_faces = np.repeat(np.arange(len(faces)), 3)
-    touching = coo_array((is_beyond[of_faces], (of_faces, of_sides.ravel()))).tocsr()
+    if not is_beyond.any():
+        return p99, 0.0
+    _, of_sides = edges(faces[is_beyond])
+    of_faces = np.repeat(np.arange(len(of_sides)), 3)
+    touching = coo_array((np.ones(len(of_faces)), (of_faces, of_sides.ravel()))).tocsr()
     _, patches = connected_components(touching @ touching.T, directed=False)
-    return p99, np.bincount(patches, areas * is_beyond).max()
+    return p99, np.bincount(patches, areas[is_beyond]).max()
 
 
 def promised(mesh, target, length):
