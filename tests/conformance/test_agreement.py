@@ -25,6 +25,7 @@ from meshreel.model.materials import Material, Texture
 from meshreel.model.surface import FaceGroups, Part, Surface
 from meshreel.model.timing import Timing
 from samples.c_reader import File, in_memory, refusal
+from samples.costs import draws
 from samples.materials import png
 from samples.streams import not_compact
 
@@ -116,7 +117,7 @@ def assembled(head, parts):
 
 def changed(payload, n_bytes=N_BYTES):
     """Yield bytes that differ in one, have one for eight, or are longer, shorter or missing."""
-    for at in {*range(min(n_bytes, len(payload))), len(payload) - 1} - {-1}:
+    for at in {*range(min(draws(n_bytes), len(payload))), len(payload) - 1} - {-1}:
         own = payload[at]
         for byte in {255, (own + 1) % 256, (own - 1) % 256, own ^ 16} - {own}:
             yield payload[:at] + bytes([byte]) + payload[at + 1 :]
