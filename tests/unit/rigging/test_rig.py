@@ -36,16 +36,16 @@ def test_rigid_components_have_one_bone_each():
     assert (rig.n_bones, rig.n_targets) == (2, 0)
 
 
-@pytest.mark.parametrize("times_s", [None, np.linspace(0, 3, 12) ** 2])
-def test_keys_are_at_the_given_times_or_those_of_the_sequence(times_s):
-    sequence = boxes([lambda t: turn(0.1 * t)])
-    rig = fit_sequence(sequence, times_s)
-    np.testing.assert_array_equal(rig.times_s, sequence.times if times_s is None else times_s)
+UNEVEN_S = np.linspace(0, 3, 12) ** 2
 
 
-def test_keys_are_at_frame_numbers_when_the_sequence_has_no_times():
-    sequence = boxes([lambda t: turn(0.1 * t)]).replace(fps=0)
-    np.testing.assert_array_equal(fit_sequence(sequence).times_s, np.arange(12))
+@pytest.mark.parametrize(
+    ("fps", "times_s", "expected"),
+    [(25, None, np.arange(12) / 25), (25, UNEVEN_S, UNEVEN_S), (0, None, np.arange(12))],
+)
+def test_keys_are_at_given_times_those_of_the_sequence_or_numbers(fps, times_s, expected):
+    sequence = boxes([lambda t: turn(0.1 * t)]).replace(fps=fps)
+    np.testing.assert_array_equal(fit_sequence(sequence, times_s).times_s, expected)
 
 
 def test_thousand_components_that_move_alike_have_one_bone():
@@ -264,30 +264,24 @@ def moments_of(points, targets, weights):
     return np.einsum("tva,vb->tab", targets, lifted), lifted.T @ lifted
 
 
-def test_rigid_motion_is_found_exactly():
+@pytest.mark.parametrize("is_mirrored", [False, True])
+def test_rigid_motion_is_found_exactly_without_reflections(is_mirrored):
     rng = np.random.default_rng(1)
     points, weights = rng.normal(size=(20, 3)), rng.uniform(0.2, 1, 20)
     rotation, offset = turn(1.0) @ turn(-0.6, 0), rng.normal(size=3)
-    targets = ((points @ rotation.T + offset) * weights[:, np.newaxis])[np.newaxis]
-    moments, gram = moments_of(points, targets, weights)
-    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
-    np.testing.assert_allclose(found[0, :, :3], rotation, atol=1e-5)
-    np.testing.assert_allclose(found[0, :, 3], offset, atol=1e-5)
-
-
-def test_mirrored_points_get_a_rotation():
-    points = np.random.default_rng(2).normal(size=(20, 3))
-    targets = (points * [1, 1, -1])[np.newaxis]
-    moments, gram = moments_of(points, targets, np.ones(20))
-    found = fit_rigid(moments, gram, np.eye(3, 4)[np.newaxis])
-    assert np.linalg.det(found[0, :, :3]) == pytest.approx(1)
+    matrix = rotation * [1, 1, -1] if is_mirrored else rotation
+    targets = ((points @ matrix.T + offset) * weights[:, np.newaxis])[np.newaxis]
+    [found] = fit_rigid(*moments_of(points, targets, weights), np.eye(3, 4)[np.newaxis])
+    if is_mirrored:
+        assert np.linalg.det(found[:, :3]) == pytest.approx(1)
+    else:
+        np.testing.assert_allclose(found, np.column_stack([rotation, offset]), atol=1e-5)
 
 
 def test_collinear_points_keep_the_free_rotation():
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.0]])
     former = np.column_stack([turn(0.5, 0), np.zeros(3)])[np.newaxis]
-    moments, gram = moments_of(points, points[np.newaxis], np.ones(3))
-    found = fit_rigid(moments, gram, former)
+    found = fit_rigid(*moments_of(points, points[np.newaxis], np.ones(3)), former)
     np.testing.assert_allclose(found[0, :, :3], former[0, :, :3], atol=1e-3)
 
 

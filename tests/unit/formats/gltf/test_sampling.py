@@ -49,15 +49,11 @@ def test_rate_of_irregular_keys_is_thirty_and_noted(keys):
     assert "not evenly spaced; sampled at 30 frames per second" in note
 
 
-def test_rate_of_sparse_keys_on_a_curve_is_thirty_and_noted():
-    result, [note] = sample([0, 0.25, 0.5])
-    assert (result.fps, len(result.times_s)) == (30, 16)
-    assert "at 4 per second with curved motion between them" in note
-
-
-def test_rate_of_sparse_keys_on_a_line_is_that_of_the_keys():
-    result, notes = sample([0, 0.25, 0.5], is_curved=False)
-    assert (result.fps, len(result.times_s), notes) == (4, 3, [])
+@pytest.mark.parametrize(("is_curved", "fps", "n_frames"), [(True, 30, 16), (False, 4, 3)])
+def test_rate_of_sparse_keys_on_a_curve_is_thirty_and_noted(is_curved, fps, n_frames):
+    result, notes = sample([0, 0.25, 0.5], is_curved=is_curved)
+    assert (result.fps, len(result.times_s), len(notes)) == (fps, n_frames, is_curved)
+    assert all("at 4 per second with curved motion between them" in note for note in notes)
 
 
 @pytest.mark.parametrize(("fps", "n_frames"), [(24, 25), (10, 11), (7, 8)])
