@@ -1126,6 +1126,17 @@ encoded("cells_of_one_frame", lambda: of_cells(12, *boxes(3, 2, 2), n_frames=1),
 
 
 @stream
+def cells_around_an_edge():
+    """More tetrahedra than an edge has classes, and more sides and edges than are searched."""
+    ring = np.arange(70)
+    angles = 2 * np.pi * ring / 70
+    circle = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
+    cells = np.column_stack([0 * ring, 0 * ring + 1, ring + 2, (ring + 1) % 70 + 2])
+    points = np.vstack([[[0, 0, -1], [0, 0, 1]], circle])
+    return meshreel.encode(of_cells(10, points, cells, 2), order="drop")
+
+
+@stream
 def cells_of_all_types():
     """Cells of every type between random vertices, and vertices of no cell, in their order."""
     points = np.random.default_rng(13).normal(size=(64, 3))
