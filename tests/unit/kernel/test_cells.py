@@ -1,15 +1,26 @@
 """Graphs of the nodes and the cells of volume meshes."""
 
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 import pytest
 
 from meshreel.errors import InvalidInputError
+from meshreel.formats.surfaces.cells import CELL_FACES
 from meshreel.kernel.cells import cell_links, cell_surface
 
 TETRAHEDRA = [[0, 1, 2, 3], [1, 2, 3, 4], [3, 4, 5, 6]]
 EDGES = {pair for nodes in TETRAHEDRA for pair in combinations(nodes, 2)}
+
+
+@pytest.mark.parametrize("kind", [10, 12, 13, 14, 15, 16])
+def test_links_of_a_cell_are_the_edges_of_its_faces(kind):
+    faces = CELL_FACES[kind]
+    pairs = (zip(face, face[1:] + face[:1], strict=True) for face in faces)
+    edges = {tuple(sorted(pair)) for pair in chain.from_iterable(pairs)}
+    n_nodes = 1 + max(map(max, faces))
+    links = cell_links(np.uint8([kind]), np.arange(n_nodes, dtype=np.int32), n_nodes)
+    assert links.tolist() == [[low, high, high] for low, high in sorted(edges)]
 
 
 @pytest.mark.parametrize(("of_cells", "pairs"), [(False, EDGES), (True, {(0, 1)})])

@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from conformance.sources import boxes, mixed_cells, of_type, tetrahedra, waving
+from conformance.sources import boxes, of_type, tetrahedra, waving
 from meshreel import Cells, FormatError, InvalidInputError, MeshSequence, load, save
-from meshreel.formats.surfaces.cells import Cells as AnyCells
-from meshreel.formats.surfaces.cells import extract_surface
-from meshreel.kernel.cells import cell_sizes
 
 POINTS, HEXAHEDRA = boxes(3, 2, 2)
 BLOCK = of_type(12, HEXAHEDRA)
@@ -36,20 +33,6 @@ def test_surface_of_solids_is_closed_and_faces_outward(cells):
     n_sides = 2 * (6 + 6 + 4)
     assert len(sequence.faces) == 2 * n_sides
     assert sequence.surface.n_faces(len(sequence.faces)) == n_sides * (1 if cells is BLOCK else 2)
-
-
-def test_surface_of_cells_of_all_types_is_that_of_the_readers_of_vtk():
-    cells = mixed_cells(200, 50)
-    found = cells.surface(50)
-    counts = cell_sizes()[cells.types].astype(np.int64)
-    expected = extract_surface(AnyCells(cells.types, counts, cells.nodes.astype(np.int64)), 50)
-    # Those keep faces with a vertex twice; and do not pair them with others.
-    corners = np.split(np.arange(50)[expected.points][expected.corners], np.cumsum(expected.counts))
-    whole = {tuple(face) for face in corners if len(set(face)) == len(face)}
-    starts = np.cumsum(found.sizes - 2)[:-1]
-    fans = np.split(found.triangles, starts)
-    polygons = {(*fan[0, :2], *fan[:, 2]) for fan in fans}
-    assert len(whole & polygons) > 0.9 * len(whole)
 
 
 def test_collapsed_hexahedra_have_faces_of_their_different_nodes():
