@@ -4,7 +4,6 @@ import inspect
 import os
 import warnings
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
@@ -19,14 +18,13 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
-from meshreel.formats.load import is_path, load_any, open_for_encoding, sequence_of
 from meshreel.formats.options import ReadOptions
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
-from meshreel.formats.remote import local_copy
 from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.notes import NoteKind, Notes
-from meshreel.model.sequence import FrameSource, MeshSequence
+from meshreel.model.sequence import MeshSequence
+from meshreel.operations.inputs import AnyInput, Stream, loaded, opened
 from meshreel.operations.registering import Registering
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
@@ -40,8 +38,6 @@ if TYPE_CHECKING:
 
 Options = ParamSpec("Options")
 Result = TypeVar("Result")
-Stream = bytes | bytearray | memoryview
-AnyInput = MeshSequence | FrameSource | ReelFile | Stream | Source
 
 
 def _accept_files(
@@ -54,9 +50,11 @@ def _accept_files(
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
-        with _local(sequence) as local:
-            order = kwargs.get("order")
-            source = _source(local, kwargs.get("memory"), matches_frames=order in (None, "drop"))
+        memory: Any = kwargs.get("memory")
+        reading = ReadOptions(matches_frames=kwargs.get("order") in (None, "drop"))
+        limit = None if memory is None else bytes_of(memory, "memory")
+        with opened(sequence, reading, limit) as source:
+            _warn(reading.notes, stacklevel=3)
             data = encode(source, *args, **kwargs)
             _warn(streams.bound_notes(source, data), stacklevel=3)
             return data
@@ -253,9 +251,9 @@ def register(
         overwrite=overwrite,
     )
     require(registering.extras)
-    notes = Notes()
-    with _local(source) as local:
-        frames = _source(local, None, matches_frames=False, warns_of_changes=False)
+    reading, notes = ReadOptions(matches_frames=False), Notes()
+    with opened(source, reading) as frames:
+        _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS], stacklevel=3)
         registered = registering.register(frames, notes, progress)
         registered.bake(registered.sequence, progress)
     _warn([*registered.registration.changes, *notes], stacklevel=3)
@@ -318,7 +316,9 @@ def rig(
     """
     from meshreel.rigging.fitting import bounds_of, fit_sequence  # slow to import
 
-    sequence = _loaded(source)
+    reading = ReadOptions()
+    sequence = loaded(source, reading)
+    _warn(reading.notes, stacklevel=3)
     bounds = bounds_of(sequence, quality=quality, kg=kg, max_error=max_error, unit=unit)
     return fit_sequence(sequence, bones=bones, bounds=bounds, progress=progress)
 
@@ -391,18 +391,12 @@ def compare(
         If there is no such file, frame counts differ, a frame has no face with an area where
         surfaces are compared, or `n_samples` is given where vertices are compared.
     """
-    from meshreel.codec.dropped_order import match_order
-    from meshreel.metrics.compare import measure_quality  # slow to import
+    from meshreel.operations.compare import compare as measure  # slow to import
 
-    first, second = _loaded(original), _loaded(decoded)
-    first, second, _ = match_order(first, second)
-    return measure_quality(
-        first,
-        second,
-        surface=surface,
-        n_samples=n_samples,
-        progress=progress,
-    )
+    reading = ReadOptions(progress=progress)
+    quality = measure(original, decoded, reading, surface=surface, n_samples=n_samples)
+    _warn(reading.notes, stacklevel=3)
+    return quality
 
 
 def _with_stream(
@@ -432,38 +426,6 @@ def _with_stream(
         f"{caller} takes the bytes of a .reel stream, or the path of a .reel file; got "
         f"{type(stream).__name__}"
     )
-
-
-def _local(source: Any) -> AbstractContextManager[Any]:
-    """Context manager for local copies of remote files; other sources stay as they are."""
-    return local_copy(source) if is_path(source) else nullcontext(source)
-
-
-def _source(
-    sequence: Any, memory: Any, *, matches_frames: bool, warns_of_changes: bool = True
-) -> MeshSequence:
-    """Frames to encode or register, which may be read from their files on demand."""
-    if isinstance(sequence, MeshSequence):
-        return sequence
-    if is_path(sequence):
-        notes = Notes()
-        limit = None if memory is None else bytes_of(memory, "memory")
-        options = ReadOptions(notes=notes, matches_frames=matches_frames)
-        source = open_for_encoding(sequence, limit, options)
-        _warn(note for note in notes if warns_of_changes or note.kind is not NoteKind.SEGMENTS)
-        return source
-    return sequence_of(sequence)
-
-
-def _loaded(sequence: Any) -> MeshSequence:
-    """A sequence; one that is read from a file has all its segments in memory."""
-    if is_path(sequence):
-        notes = Notes()
-        with local_copy(sequence) as files:
-            loaded = load_any(files, ReadOptions(notes=notes))
-        _warn(notes)
-        return loaded
-    return sequence_of(sequence)
 
 
 def _warn(notes: Iterable[str], stacklevel: int = 4) -> None:

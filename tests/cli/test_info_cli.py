@@ -1,6 +1,8 @@
 """`meshreel info` on files of several formats, and notes on their ignored contents."""
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -214,3 +216,12 @@ def test_all_commands_name_the_same_contents(name, tmp_path):
     )
     for command in commands:
         assert not set(notes) - set(run_json(*command)["notes"]), command[0]
+
+
+def test_standard_input_is_a_stream(tmp_path):
+    data = meshreel.encode(meshreel.simulate_flag(2))
+    (tmp_path / "a.reel").write_bytes(data)
+    for arguments in (["info", "-"], ["compare", "a.reel", "-"], ["decode", "-", "-o", "a.npz"]):
+        command = [sys.executable, "-m", "meshreel", *arguments]
+        subprocess.run(command, input=data, cwd=tmp_path, check=True, timeout=60)
+    assert meshreel.load(tmp_path / "a.npz").n_frames == 2

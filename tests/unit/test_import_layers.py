@@ -149,7 +149,7 @@ def test_only_code_that_draws_or_bakes_imports_pillow():
     }
     baking = {"registration.baking", "operations.textures"}
     others = {name for name in users if unit_of(name) != "rendering"} - baking
-    assert others == {"runtime.extras", "app.cli.render_options"}
+    assert others == {"runtime.extras", "operations.render"}
 
 
 def test_picture_shows_the_table():

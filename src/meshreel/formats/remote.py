@@ -11,13 +11,12 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import cast
 
 from meshreel.codec.memory import memory_limit
 from meshreel.errors import InvalidInputError, MeshReelError, StoreError
 from meshreel.formats.file_references import DOWNLOADS, download_sibling
 from meshreel.formats.registry import FORMATS, FRAME_FORMATS, extension_of
-from meshreel.formats.sources import AnyPath, Source, natural_order
+from meshreel.formats.sources import Source, natural_order
 from meshreel.model.notes import Notes
 from meshreel.runtime.counting import counted
 from meshreel.runtime.stores.address import folder_of, is_remote, name_of, without_query
@@ -74,15 +73,6 @@ def local_copy(
         for folder in [path for path in DOWNLOADS if path.is_relative_to(root)]:
             del DOWNLOADS[folder]
         shutil.rmtree(root, ignore_errors=True)
-
-
-@contextmanager
-def local_file(
-    requested: AnyPath, notes: Notes | None = None, memory: float | str | None = None
-) -> Iterator[Path]:
-    """Context manager for the local copy of a single file; see `local_copy`."""
-    with local_copy(requested, notes, memory) as source:
-        yield Path(cast("AnyPath", source))
 
 
 def _folder(address: str) -> str:

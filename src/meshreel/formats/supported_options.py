@@ -18,13 +18,15 @@ from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.model.notes import listed
 
 
-def supports(path: str | os.PathLike[str], option: ReadOption) -> bool:
-    """Whether a read option has an effect on a path, judging by its extension."""
-    file_format = FORMATS.get(extension_of(path))
+def supports(source: object, option: ReadOption) -> bool:
+    """Whether a read option has an effect on a source, judging by the extension of its path."""
+    if not isinstance(source, str | os.PathLike):
+        return False
+    file_format = FORMATS.get(extension_of(source))
     return file_format is not None and option in file_format.options
 
 
-def check_supported(sources: Sequence[str | os.PathLike[str]], options: ReadOptions) -> None:
+def check_supported(sources: Sequence[object], options: ReadOptions) -> None:
     """Raise an error for options that have no effect on any of the sources.
 
     Raises

@@ -20,13 +20,13 @@ from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, numbering
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import origin_of_file
 from meshreel.formats.registry import FRAME_FORMATS
-from meshreel.formats.remote import local_copy, local_file
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, files_of_source, find_files
 from meshreel.model.frame_choice import frame_range, slice_text
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
+from meshreel.operations.inputs import STANDARD_INPUT, local_input
 from meshreel.operations.registering import Registered, Registering
 from meshreel.operations.rigs import sizes_of_alternatives
 from meshreel.operations.save import save_frames
@@ -212,7 +212,7 @@ def convert(
             )
     notes, progress = reading.notes, reading.progress
     writes_stream = is_stream(target.output)
-    with local_copy(source, notes) as local:
+    with local_input(source, notes) as local:
         files = files_of_source(local, reading.topology)
         extras = [*extras_to_read(files), *extras_to_write(target.output)]
         require([*extras, *([] if registering is None else registering.extras)])
@@ -276,9 +276,9 @@ def decode(
     with ExitStack() as stack:
         inputs = [] if is_remote(source) else [Path(source)]
         target.check(inputs)
-        file = source
-        if frames is None:
-            file = stack.enter_context(local_file(source, notes, memory))
+        file: Any = source
+        if frames is None or source == STANDARD_INPUT:
+            file = stack.enter_context(local_input(source, notes, memory))
         reel = stack.enter_context(open_reel(file, n_modes=n_modes, segment=segment, memory=memory))
         stack.enter_context(errors_naming(source))
         numbers = chosen_frames(frames, reel.n_frames, notes)

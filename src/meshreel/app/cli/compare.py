@@ -10,9 +10,6 @@ from meshreel.codec.option import COUNT, Option
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
 
-MAX_CODING_PERCENT = 10.0
-"""Larger differences, in percent of the diagonal, are not coding errors."""
-
 
 @command
 def compare_command(
@@ -58,41 +55,21 @@ def compare_command(
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.figures import distance_rows, quality_rows
-    from meshreel.codec.dropped_order import MATCHED, match_order
-    from meshreel.formats.load import load_any
-    from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.options import ReadOptions
-    from meshreel.formats.sources import files_of_source
-    from meshreel.formats.supported_options import check_supported, supported_only
-    from meshreel.metrics.compare import Quality, measure_quality
-    from meshreel.runtime.extras import require
-    from meshreel.runtime.stores.address import is_remote
+    from meshreel.metrics.compare import Quality
+    from meshreel.operations.compare import compare
 
-    local = [source for source in (original, decoded) if not is_remote(source)]
-    files = [file for source in local for file in files_of_source(source)]
-    require(extras_to_read(files))
-    check_supported([original, decoded], replace(reading, animation=None))
-    check_supported([original], ReadOptions(animation=reading.animation))
-    notes = reading.notes
     with shown_progress() as progress:
-        reading = replace(reading, progress=progress)
-        first = load_any(original, supported_only(reading, original))
-        second = load_any(decoded, supported_only(replace(reading, animation=None), decoded))
-        first, second, is_matched = match_order(first, second)
-        if is_matched:
-            notes.changed(MATCHED)
-        quality = measure_quality(
-            first, second, surface=surface or None, n_samples=samples, progress=progress
+        quality = compare(
+            original,
+            decoded,
+            replace(reading, progress=progress),
+            surface=surface or None,
+            n_samples=samples,
         )
-        if isinstance(quality, Quality) and quality.max_error_percent > MAX_CODING_PERCENT:
-            notes.result(
-                f"vertices differ by up to {quality.max_error_percent:.3g} % of the diagonal, more "
-                "than coding explains; check that axes (y-up, z-up), unit and position are equal"
-            )
-    print_notes(notes)
+    print_notes(reading.notes)
     if as_json:
         figures = {"original": original, "decoded": decoded, **quality.as_dict()}
-        print_json({**figures, "notes": notes})
+        print_json({**figures, "notes": reading.notes})
         return
     rows = quality_rows(quality) if isinstance(quality, Quality) else distance_rows(quality)
     print_table(f"{decoded} against {original}", rows)

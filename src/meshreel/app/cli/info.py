@@ -1,5 +1,6 @@
 """`meshreel info`: show the contents of a file."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,7 +9,7 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
+from meshreel.app.cli.read_options import MESHES, STANDARD_INPUT, SegmentOption, reading
 from meshreel.app.figures import mesh_text, surface_rows, timing_rows
 from meshreel.runtime.counting import counted, size_text
 
@@ -76,9 +77,13 @@ def _show_stream(
         section_table,
         segment_table,
     )
+    from meshreel.codec.inspect import info as describe
     from meshreel.formats.reel import read_info
 
-    stream = read_info(path, segment, memory)
+    if path == STANDARD_INPUT:
+        stream = describe(sys.stdin.buffer.read(), segment)
+    else:
+        stream = read_info(path, segment, memory)
     if as_json:
         print_json(stream.as_dict())
         return

@@ -81,12 +81,10 @@ def paper_command(
     """
     from dataclasses import replace
 
-    from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.sources import files_of_source
-    from meshreel.runtime.extras import PAPER, PLOT, require
+    from meshreel.operations.inputs import check_inputs
+    from meshreel.runtime.extras import PAPER, PLOT
 
-    files = [file for source in inputs for file in files_of_source(source)]
-    require([PAPER, PLOT, *extras_to_read(files)])  # the modules of the study import SciPy
+    check_inputs(inputs, PAPER, PLOT)  # the modules of the study import SciPy
 
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.method_names import our_name

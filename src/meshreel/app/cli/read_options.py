@@ -26,6 +26,9 @@ SplitOption = Annotated[
     ),
 ]
 
+STANDARD_INPUT = "-"
+"""Name of a .reel that another program writes to standard input."""
+
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `ReadOptions`."""
 
@@ -81,7 +84,7 @@ def is_stream_file(source: str) -> bool:
     from meshreel.codec.bitstream.layout import MAGIC
 
     path = Path(without_query(source))
-    if path.suffix.lower() == ".reel":
+    if path.suffix.lower() == ".reel" or source == STANDARD_INPUT:
         return True
     if is_remote(source) or not path.is_file():
         return False

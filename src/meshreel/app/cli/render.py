@@ -14,15 +14,8 @@ from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
     from meshreel.formats.options import ReadOptions
-    from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.views import View
-    from meshreel.runtime.extras import Extra
-    from meshreel.runtime.progress import Progress
 
 LOOK = "Look"
-EXTENSIONS = (".png", ".mp4", ".gif")
-SHEET_FRAMES, COMPARED_FRAMES = 8, 3
-"""Default numbers of frames on a contact sheet, and in a comparison with the original."""
 
 
 @command
@@ -73,8 +66,8 @@ def render_command(
     frames: Annotated[
         str | None,
         Option(
-            f"Only frames A to B - 1, or the listed ones. A picture shows {SHEET_FRAMES} frames of "
-            f"a range ({COMPARED_FRAMES} with an original), evenly spaced.",
+            "Only frames A to B - 1, or the listed ones. A picture shows 8 frames of a range, 3 "
+            "with an original, evenly spaced.",
             metavar="A:B|N,N,...",
         ),
     ] = None,
@@ -133,109 +126,39 @@ def render_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, shown_progress
-    from meshreel.app.cli.render_options import (
-        frame_numbers,
-        is_range,
-        parse_color,
-        picture_size,
-        track_look,
-    )
-    from meshreel.formats.load import open_for_encoding
-    from meshreel.formats.needed_extras import extras_to_read
-    from meshreel.formats.sources import files_of_source
-    from meshreel.formats.supported_options import check_supported, supported_only
+    from meshreel.app.cli.render_options import frame_list, picture_size, track_look
+    from meshreel.operations.render import Look, render
     from meshreel.rendering.cuts import parse_cut
-    from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.views import guess_up, parse_view
-    from meshreel.runtime.extras import require
-    from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
-    check_extension(output, EXTENSIONS)
     if heatmap is not None and original is None:
         raise click.UsageError(
             "--heatmap shows the error of FILE relative to its original; give that with --original"
         )
-    plane = None if cut is None else parse_cut(cut)
-    look = track_look(track, component, range, colormap, heatmap)
-    files = [file for path in (source, original) if path for file in files_of_source(path)]
-    require([*_drawing_extras(output), *extras_to_read(files)])
-    check_output_path(output, overwrite=force, inputs=files)
-    size_px, color = picture_size(size), parse_color(background)
-    parse_view(view, up or "y")
-    check_supported([source, original] if original else [source], reading)
-    notes = reading.notes
+    look = Look(
+        heatmap=heatmap,
+        track=track_look(track, component, range, colormap, heatmap),
+        cut=None if cut is None else parse_cut(cut),
+        view=view,
+        up=up,
+        follow=follow,
+        size=picture_size(size),
+        background=background,
+    )
     with shown_progress() as progress:
-        reading = replace(reading, progress=progress)
-        sequence = open_for_encoding(source, None, supported_only(reading, source))
-        reference = None
-        if original:
-            reference = open_for_encoding(original, None, supported_only(reading, original))
-        numbers = frame_numbers(frames, sequence.n_frames, notes)
-        scene = Scene(sequence, reference, heatmap, background=color, track=look, cut=plane)
-        if output.suffix.lower() != ".png" and sequence.timing.times is not None:
-            text = (
-                f"frame times are uneven; the film has {sequence.fps:g} pictures per second, each "
-                "of the frame that is due"
-            )
-            notes.changed("frame times", text)
-        parsed_view = parse_view(view, up or guess_up(scene.framed_sequence.extent))
-        figures = _draw(
-            scene, numbers, parsed_view, output,
-            size=size_px, follow=follow,
-            is_range=is_range(frames), force=force, progress=progress,
-        )  # fmt: skip
-    print_notes(notes)
-    figures = {"output": str(output), **figures, "size_bytes": output.stat().st_size}
+        figures = render(
+            source,
+            output,
+            look,
+            replace(reading, progress=progress),
+            original=original,
+            frames=frame_list(frames),
+            overwrite=force,
+        )
+    print_notes(reading.notes)
     if as_json:
-        print_json({**figures, "notes": notes})
+        print_json({**figures, "notes": reading.notes})
         return
     _print_figures(figures)
-
-
-def _draw(
-    scene: "Scene",
-    numbers: list[int],
-    view: "View",
-    output: Path,
-    *,
-    size: tuple[int, int] | None,
-    follow: bool | None,
-    is_range: bool,
-    force: bool,
-    progress: "Progress",
-) -> dict[str, Any]:
-    """Write a picture or a film, and return its properties."""
-    from meshreel.rendering.film_files import save_film
-    from meshreel.rendering.films import FILM_PX, GIF_PX, film
-    from meshreel.rendering.picture import save_png
-    from meshreel.rendering.shots import representative_frames, spread_frames
-    from meshreel.rendering.stills import still
-
-    extension = output.suffix.lower()
-    if extension != ".png":
-        pictures = film(
-            scene, numbers, view,
-            size=size,
-            max_size=GIF_PX if extension == ".gif" else FILM_PX,
-            is_followed=follow, progress=progress,
-        )  # fmt: skip
-        save_film(pictures, output, overwrite=force, progress=progress)
-        size_px, n_pictures = list(pictures.size), pictures.n_pictures
-        return {"size_px": size_px, "n_pictures": n_pictures, "fps": pictures.fps}
-    if is_range and scene.original is not None:
-        numbers = representative_frames(numbers, COMPARED_FRAMES)
-    elif is_range:
-        numbers = spread_frames(numbers, SHEET_FRAMES)
-    picture = still(scene, numbers, view, size=size, is_followed=follow, progress=progress)
-    save_png(picture, output, overwrite=force)
-    return {"size_px": list(picture.size), "frames": numbers}
-
-
-def _drawing_extras(output: Path) -> list["Extra"]:
-    """The extras that draw and write the output."""
-    from meshreel.runtime.extras import RENDER, VIDEO, VIDEO_PILLOW
-
-    return [VIDEO, VIDEO_PILLOW] if output.suffix.lower() == ".mp4" else [RENDER]
 
 
 def _print_figures(figures: dict[str, Any]) -> None:

@@ -8,34 +8,18 @@ import click
 from meshreel.app.cli.write_options import frame_slice
 
 if TYPE_CHECKING:
-    from meshreel.model.notes import Notes
     from meshreel.rendering.track_colors import TrackLook
 
 
-def is_range(text: str | None) -> bool:
-    """Whether --frames is A:B or absent, not a list."""
-    return text is None or ":" in text
-
-
-def frame_numbers(text: str | None, n_frames: int, notes: "Notes") -> list[int]:
-    """The frames of 'A:B' or 'N,N,...', where -1 is the last; all by default.
-
-    Adds a note if 'A:B' exceeds the ends.
-    """
-    from meshreel.operations.convert import chosen_frames
-
-    if is_range(text):
-        return list(chosen_frames(frame_slice(text), n_frames, notes))
+def frame_list(text: str | None) -> slice | tuple[int, ...] | None:
+    """The frames of 'A:B' or 'N,N,...', where -1 is the last; None for all."""
+    if text is None or ":" in text:
+        return frame_slice(text)
     try:
-        return [range(n_frames)[int(word)] for word in (text or "").split(",")]
+        return tuple(map(int, text.split(",")))
     except ValueError:
         raise click.UsageError(
             f"--frames takes A:B or a list such as 0,10,20 with whole numbers; got {text!r}"
-        ) from None
-    except IndexError:
-        raise click.UsageError(
-            f"--frames {text} names a frame that does not exist; there are frames 0 to "
-            f"{n_frames - 1}"
         ) from None
 
 
@@ -48,18 +32,6 @@ def picture_size(text: str | None) -> tuple[int, int] | None:
         message = f"--size takes WIDTHxHEIGHT in pixels, such as 1280x720; got {text!r}"
         raise click.UsageError(message)
     return int(match[1]), int(match[2])
-
-
-def parse_color(text: str) -> tuple[int, int, int]:
-    """The color of a CSS name or #rrggbb; needs Pillow."""
-    from PIL import ImageColor
-
-    try:
-        return ImageColor.getrgb(text)[:3]
-    except ValueError:
-        raise click.UsageError(
-            f"--background takes a name such as white or black, or #rrggbb; got {text!r}"
-        ) from None
 
 
 def track_look(

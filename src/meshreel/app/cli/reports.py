@@ -10,13 +10,12 @@ from click.core import ParameterSource
 from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
 from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.load import load_any
-from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.options import ReadOptions
-from meshreel.formats.sources import files_of_source
 from meshreel.model.flag import simulate_flag
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import MeshSequence, single_segment
-from meshreel.runtime.extras import PEERS, PLOT, Extra, require
+from meshreel.operations.inputs import check_inputs
+from meshreel.runtime.extras import PEERS, PLOT, Extra
 from meshreel.runtime.outputs.checks import check_output_folder
 from meshreel.studies.study import R, Study, evaluate
 
@@ -45,8 +44,7 @@ def check_before_work(
     InvalidInputError
         If an extra or an input is missing, or the folder cannot be written.
     """
-    files = [file for source in inputs for file in files_of_source(source)]
-    require([PLOT, PEERS, *extras, *extras_to_read(files)])
+    files = check_inputs(inputs, PLOT, PEERS, *extras)
     check_output_folder(out, inputs=[*files, *other_inputs])
 
 
