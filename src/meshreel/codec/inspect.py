@@ -16,7 +16,7 @@ from meshreel.kernel.files import OpenFile
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
-from meshreel.model.tracks import TrackKind, error_bound_of
+from meshreel.model.tracks import TrackKind, error_bound_of, error_unit
 from meshreel.runtime.counting import change_text, counted
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.CELLS, Section.REFERENCE)
@@ -56,9 +56,9 @@ class TrackInfo:
 
     def __str__(self) -> str:
         width = f"{self.n_columns} x " if self.n_columns > 1 else ""
-        unit = "deg" if self.kind == TrackKind.NORMAL else self.unit
         accuracy = "exact" if self.is_exact else "no bound"
         if self.bound:
+            unit = error_unit(TrackKind(self.kind), self.unit)
             accuracy = f"within {self.bound:.4g} {unit}".rstrip()
         return (
             f"{self.name}: {self.kind} of each {self.domain}, {width}{self.number_type}"

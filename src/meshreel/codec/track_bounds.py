@@ -11,7 +11,7 @@ from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.units import unit_ratio
 from meshreel.errors import InvalidInputError
 from meshreel.model.notes import Notes
-from meshreel.model.tracks import TrackKind, TrackSource, track_by_name
+from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackSource, track_by_name
 
 TrackTargets = Mapping[str, float | str]
 """Error bounds of tracks by name, as users write them."""
@@ -42,15 +42,6 @@ class TrackBound:
 
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)
 
-DEFAULTS: Mapping[TrackKind, TrackBound] = {
-    **dict.fromkeys(TrackKind, TrackBound(Measure.SHARE, 0.1)),
-    TrackKind.NORMAL: TrackBound(Measure.ANGLE, 0.5),
-    TrackKind.COLOR: TrackBound(Measure.NUMBER, 0.5 / 255),
-    TrackKind.UV: TrackBound(Measure.UNITS, 0.5 / 4096),
-}
-"""Default bounds of floats of each kind: colors to 8 bits, texture coordinates to half a texel of a
-4096 texture. Integers are lossless."""
-
 MAX_ANGLE_DEG = 30.0
 """Maximum bound of normals, in degrees. Beyond it, missing normals, whose length is 0, could not be
 distinguished from others."""
@@ -60,9 +51,6 @@ MAX_BITS = 52
 
 _UNIT = re.compile(r"(?!bit$|deg$)[^\W\d_][\w/^*.-]*")
 """Text that may be a unit of a physical quantity: Pa, m/s, kg*m^2."""
-
-PHYSICAL = frozenset({TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER})
-"""Kinds of tracks that may have a unit."""
 
 _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.*)")
 
@@ -107,7 +95,7 @@ def without_units(
     for name, bound in targets.items():
         match = _BOUND.fullmatch(str(bound).strip())
         track = tracks.get(name)
-        if track is None or match is None or track.unit or track.kind not in PHYSICAL:
+        if track is None or match is None or track.unit or not KIND_ROWS[track.kind].has_unit:
             continue
         if _UNIT.fullmatch(match[2].strip()):
             plain[name] = match[1]
@@ -153,9 +141,10 @@ def default_bound(track: TrackSource, percent: float | None = None) -> TrackBoun
     """
     if track.dtype.kind != "f":
         return EXACT
+    row = KIND_ROWS[track.kind]
     if percent is None:
-        return DEFAULTS[track.kind]
-    if track.kind is TrackKind.NORMAL:
+        return bound_of_track(row.default_bound, "", track)
+    if row.error is ErrorMeasure.ANGLE:
         angle = math.degrees(2.0 * math.asin(min(percent / 100.0, 1.0)))
         return TrackBound(Measure.ANGLE, min(angle, MAX_ANGLE_DEG))
     return TrackBound(Measure.SHARE, percent)
@@ -191,35 +180,36 @@ def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBo
         )
     if not 0 < amount < math.inf:
         raise InvalidInputError(f"track {name!r}: a bound must be above 0; got {bound!r}")
-    if unit == "deg" and track.kind is TrackKind.NORMAL:
-        if amount > MAX_ANGLE_DEG:
+    error = KIND_ROWS[track.kind].error
+    ratio = 1.0 if unit in ("", track.unit) else unit_ratio(unit, track.unit)
+    if error is ErrorMeasure.ANGLE:
+        if unit == "deg" and amount <= MAX_ANGLE_DEG:
+            return TrackBound(Measure.ANGLE, amount)
+        if unit == "deg":
             raise InvalidInputError(
                 f"track {name!r}: bounds of normals are at most {MAX_ANGLE_DEG:g}deg; got {bound!r}"
             )
-        return TrackBound(Measure.ANGLE, amount)
-    if unit == "bit" and track.kind is TrackKind.COLOR:
+    elif unit == "bit" and error is ErrorMeasure.NUMBER:
         if not 1 <= amount <= MAX_BITS:
             raise InvalidInputError(
                 f"track {name!r}: colors take 1bit to {MAX_BITS}bit, or exact; got {bound!r}"
             )
         return TrackBound(Measure.NUMBER, 0.5 / (2.0**amount - 1.0))
-    if unit == "%" and track.kind is not TrackKind.NORMAL:
+    elif unit == "%":
         return TrackBound(Measure.SHARE, amount)
-    ratio = 1.0 if unit in ("", track.unit) else unit_ratio(unit, track.unit)
-    if ratio is not None and track.kind is not TrackKind.NORMAL:
+    elif ratio is not None:
         return TrackBound(Measure.UNITS, amount * ratio)
     raise InvalidInputError(f"track {name!r}: {_allowed(track)}; got {bound!r}")
 
 
 def _allowed(track: TrackSource) -> str:
     """Describe the bounds that a track supports."""
-    unit = track.unit or ""
+    unit, error = track.unit or "", KIND_ROWS[track.kind].error
+    plain = "a number such as 500 (the track has no unit)"
     allowed = ["0.1% of its range"]
-    if track.kind is TrackKind.NORMAL:
+    allowed.append(f"500{unit} in its unit or one that converts to it" if unit else plain)
+    if error is ErrorMeasure.ANGLE:
         allowed = ["an angle such as 0.5deg"]
-    else:
-        plain = "a number such as 500 (the track has no unit)"
-        allowed.append(f"500{unit} in its unit or one that converts to it" if unit else plain)
-    if track.kind is TrackKind.COLOR:
+    elif error is ErrorMeasure.NUMBER:
         allowed.append("8bit")
     return f"a bound is {', '.join(allowed)}, exact or drop"

@@ -11,17 +11,9 @@ from meshreel.codec.error_bounds import total_bound
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.kernel.structures import NUMBER_TYPES
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind
+from meshreel.model.tracks import KIND_ROWS, TrackKind
 
-KINDS = (
-    TrackKind.OTHER,
-    TrackKind.VECTOR,
-    TrackKind.VELOCITY,
-    TrackKind.NORMAL,
-    TrackKind.COLOR,
-    TrackKind.UV,
-    TrackKind.SCALAR,
-)
+KINDS = sorted(TrackKind, key=lambda kind: KIND_ROWS[kind].code)
 """Kinds of tracks in the order of their codes."""
 
 
@@ -160,7 +152,7 @@ class TrackHeader:
 def write_track(track: TrackHeader) -> bytes:
     """Encode the section TRACK."""
     [number_type] = (code for code, dtype in NUMBER_TYPES.items() if dtype == track.dtype)
-    kind, domain = KINDS.index(track.kind), DOMAINS.index(track.domain) + track.sharing
+    kind, domain = KIND_ROWS[track.kind].code, DOMAINS.index(track.domain) + track.sharing
     domain = OF_CELLS if track.domain is Domain.CELL else domain
     bound = track.total_bound
     coding = track.coding + (WITH_BOUND if track.is_exact and bound else 0)

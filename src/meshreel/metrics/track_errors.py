@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Values
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackKind, TrackSource, error_unit
 
 NUMBERS_PER_CHUNK = 1 << 21
 
@@ -111,12 +111,7 @@ def track_errors(
         scales[scales == 0] = 1.0
         means = np.mean(np.square(errors / scales[:, None]), axis=1)
         rms[start:stop] = scales * np.sqrt(means)
-    return TrackErrors(largest, rms, error_unit(original))
-
-
-def error_unit(track: TrackSource) -> str:
-    """Unit of the errors of a track: its own, or "deg" for normals."""
-    return "deg" if track.kind is TrackKind.NORMAL else track.unit
+    return TrackErrors(largest, rms, error_unit(original.kind, original.unit))
 
 
 def value_errors(original: Values, decoded: Values, kind: TrackKind) -> Floats:
@@ -125,9 +120,10 @@ def value_errors(original: Values, decoded: Values, kind: TrackKind) -> Floats:
     with np.errstate(invalid="ignore", over="ignore"):
         offsets = np.where(is_same, 0.0, np.subtract(decoded, original, dtype=np.float64))
     offsets = np.where(np.isnan(offsets), np.inf, np.abs(offsets))
-    if kind is TrackKind.COLOR:
+    measure = KIND_ROWS[kind].error
+    if measure is ErrorMeasure.NUMBER:
         return np.asarray(offsets.max(axis=2))
-    if kind is TrackKind.NORMAL:
+    if measure is ErrorMeasure.ANGLE:
         return _angles(original, decoded, is_same.all(axis=2))
     if offsets.shape[2] == 1:
         return np.asarray(offsets[..., 0])

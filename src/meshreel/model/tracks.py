@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from enum import StrEnum
+from enum import Enum, StrEnum
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -43,16 +43,58 @@ class TrackKind(StrEnum):
     OTHER = "other"
 
 
-COLUMNS_OF: Mapping[TrackKind, tuple[int, ...]] = {
-    TrackKind.SCALAR: (1,),
-    TrackKind.VECTOR: (2, 3),
-    TrackKind.VELOCITY: (3,),
-    TrackKind.NORMAL: (3,),
-    TrackKind.COLOR: (3, 4),
-    TrackKind.UV: (2,),
-    TrackKind.OTHER: tuple(range(1, MAX_COLUMNS + 1)),
+class ErrorMeasure(Enum):
+    """What the error of a value is."""
+
+    LENGTH = "length of the difference"
+    NUMBER = "largest difference of a number"
+    ANGLE = "angle between directions, in degrees"
+
+
+@dataclass(frozen=True)
+class KindRow:
+    """What distinguishes the tracks of a kind."""
+
+    code: int
+    """Number in a stream."""
+    columns: tuple[int, ...]
+    """Allowed numbers of components."""
+    needs_floats: bool = False
+    has_unit: bool = False
+    """Whether values are a physical quantity."""
+    error: ErrorMeasure = ErrorMeasure.LENGTH
+    """Directions, whose error is an angle, have length 1, or 0 where there is none."""
+    default_bound: str = "0.1%"
+    """Default error bound of floats."""
+    follows: str = ""
+    """Quantity of the moving surface that predicts values: "normals", or "motion" of vertices."""
+    component: str = "magnitude"
+    """Component of several that is shown by default; "color" shows all directly."""
+    range: str = "2%:98%"
+    """Default color range."""
+
+
+KIND_ROWS: Mapping[TrackKind, KindRow] = {
+    TrackKind.SCALAR: KindRow(6, (1,), has_unit=True),
+    TrackKind.VECTOR: KindRow(1, (2, 3), has_unit=True),
+    TrackKind.VELOCITY: KindRow(2, (3,), needs_floats=True, has_unit=True, follows="motion"),
+    TrackKind.NORMAL: KindRow(
+        3,
+        (3,),
+        needs_floats=True,
+        error=ErrorMeasure.ANGLE,
+        default_bound="0.5deg",
+        follows="normals",
+        component="x",
+        range="-1:1",
+    ),
+    TrackKind.COLOR: KindRow(
+        4, (3, 4), error=ErrorMeasure.NUMBER, default_bound="8bit", component="color"
+    ),
+    # Half a texel of a 4096 texture.
+    TrackKind.UV: KindRow(5, (2,), needs_floats=True, default_bound=str(0.5 / 4096)),
+    TrackKind.OTHER: KindRow(0, tuple(range(1, MAX_COLUMNS + 1)), has_unit=True),
 }
-"""Allowed numbers of components by kind."""
 
 
 class TrackSource(Protocol):
@@ -227,6 +269,11 @@ def error_bound_of(*sources: Any) -> float | None:
     """
     bounds = [getattr(source, "error_bound", 0.0) for source in sources]
     return None if None in bounds else max(bounds)
+
+
+def error_unit(kind: TrackKind, unit: str) -> str:
+    """Return the unit of the errors of a track: its own, or "deg" for directions."""
+    return "deg" if KIND_ROWS[kind].error is ErrorMeasure.ANGLE else unit
 
 
 def describe_track(track: TrackSource) -> str:
@@ -431,7 +478,7 @@ def default_kind(n_columns: int) -> TrackKind:
     """The kind of values with this number of components, if nothing else is known."""
     if n_columns == 1:
         return TrackKind.SCALAR
-    return TrackKind.VECTOR if n_columns in COLUMNS_OF[TrackKind.VECTOR] else TrackKind.OTHER
+    return TrackKind.VECTOR if n_columns in KIND_ROWS[TrackKind.VECTOR].columns else TrackKind.OTHER
 
 
 def _member(choices: type[StrEnum], name: str, value: str) -> Any:
@@ -444,7 +491,7 @@ def _member(choices: type[StrEnum], name: str, value: str) -> Any:
 
 def check_kind(kind: TrackKind, n_columns: int, dtype: np.dtype[Any]) -> None:
     """Raise `InvalidInputError` if a kind does not allow this number of columns or number type."""
-    allowed = COLUMNS_OF[kind]
+    allowed = KIND_ROWS[kind].columns
     if n_columns not in allowed:
         counts_text = " or ".join(map(str, allowed))
         raise InvalidInputError(
@@ -452,8 +499,7 @@ def check_kind(kind: TrackKind, n_columns: int, dtype: np.dtype[Any]) -> None:
             + (f" ({counts_text})" if len(allowed) > 1 else "")
             + f"; got {n_columns}"
         )
-    needs_floats = kind in (TrackKind.NORMAL, TrackKind.VELOCITY, TrackKind.UV)
-    if needs_floats and dtype.kind != "f":
+    if KIND_ROWS[kind].needs_floats and dtype.kind != "f":
         raise InvalidInputError(
             f"values of the kind {kind} must be float32 or float64; got {dtype}"
         )

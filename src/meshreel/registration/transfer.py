@@ -11,7 +11,7 @@ from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
-from meshreel.model.tracks import COLUMNS_OF, Track, TrackKind, concatenate_tracks, default_kind
+from meshreel.model.tracks import KIND_ROWS, Track, TrackKind, concatenate_tracks, default_kind
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.triangle_mesh import TriangleMesh
 
@@ -151,7 +151,7 @@ def transferable(frame: MeshSequence) -> dict[str, Track]:
 
 def _kind(attribute: Attribute) -> TrackKind:
     width = attribute.values.shape[1]
-    is_color = attribute.kind is Kind.COLOR and width in COLUMNS_OF[TrackKind.COLOR]
+    is_color = attribute.kind is Kind.COLOR and width in KIND_ROWS[TrackKind.COLOR].columns
     return TrackKind.COLOR if is_color else default_kind(width)
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from meshreel.arrays import Floats, Values
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.metrics.track_errors import error_unit, value_errors
+from meshreel.metrics.track_errors import value_errors
 from meshreel.model.colors import unit_colors
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackKind, TrackSource, error_unit
 from meshreel.rendering.colormap import NOT_A_NUMBER, Image, check_colormap, colorize, short_number
 from meshreel.runtime.counting import counted
 
@@ -19,8 +19,6 @@ AXES = ("x", "y", "z")
 MAGNITUDE = "magnitude"
 MAX_MAGNITUDE_COLUMNS = 3
 """Values of more components have no magnitude."""
-
-DEFAULT_RANGE, NORMAL_RANGE = "2%:98%", "-1:1"
 
 _END = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)\s*(%?)\s*", re.I)
 _N_QUANTILES = 1000
@@ -37,8 +35,8 @@ class TrackLook:
     only column; "x" of normals; colors directly; else the magnitude.
     """
     range: str | None = None
-    """Color range "LOW:HIGH", each a number or a percentile such as "2%". Default: `DEFAULT_RANGE`,
-    or `NORMAL_RANGE` for normals.
+    """Color range "LOW:HIGH", each a number or a percentile such as "2%". Default: that of
+    the kind.
     """
     colormap: str | None = None
     """One of `meshreel.rendering.colormap.COLORMAPS`. Default: "diverging" if 0 is inside the
@@ -75,10 +73,10 @@ class TrackColors:
         self.kind: TrackKind = track.kind
         self.unit: str = track.unit
         self.domain: Domain = track.domain
-        self.error_unit: str = error_unit(track)
+        self.error_unit: str = error_unit(track.kind, track.unit)
         self.n_columns: int = track.shape[2]
-        bound = 0.0 if self.kind is TrackKind.NORMAL else getattr(track, "error_bound", 0.0)
-        self._error_bound: float = bound or 0.0  # that of normals is an angle
+        is_length = KIND_ROWS[track.kind].error is not ErrorMeasure.ANGLE
+        self._error_bound: float = (is_length and getattr(track, "error_bound", 0.0)) or 0.0
         self.component: str
         self._columns, self.component = _select_columns(look, track)
         self.shows_colors: bool = self.component == "color"
@@ -94,8 +92,7 @@ class TrackColors:
                 ", or select one channel with ",
                 Keyword("component"),
             )
-        default_range = NORMAL_RANGE if track.kind is TrackKind.NORMAL else DEFAULT_RANGE
-        self._range_text = look.range or default_range
+        self._range_text = look.range or KIND_ROWS[track.kind].range
         self._ends = parse_range(self._range_text)
 
     @property
@@ -244,11 +241,11 @@ def _select_columns(look: TrackLook, track: TrackSource) -> tuple[Sequence[int],
     n_columns = track.shape[2]
     component = look.component
     if component is None:
-        if track.kind is TrackKind.COLOR:
-            return range(3), "color"
+        component = KIND_ROWS[track.kind].component
+        if component == "color":
+            return range(3), component
         if n_columns == 1:
             return (0,), ""
-        component = "x" if track.kind is TrackKind.NORMAL else MAGNITUDE
     names = [*AXES[:n_columns]] if 1 < n_columns <= len(AXES) else []
     if n_columns <= MAX_MAGNITUDE_COLUMNS:
         names.append(MAGNITUDE)

@@ -15,7 +15,13 @@ from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import DerivedTrack, TrackKind, TrackSource, track_blocks
+from meshreel.model.tracks import (
+    KIND_ROWS,
+    DerivedTrack,
+    ErrorMeasure,
+    TrackSource,
+    track_blocks,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +64,7 @@ class SharedTrack(DerivedTrack):
     def read(self, start: int, stop: int) -> Values:
         """Read values of frames start..stop - 1, of shape (stop - start, n, C)."""
         values = self.whole.read(start, stop).take(self.corners, axis=1)
-        if self.kind is TrackKind.NORMAL:
+        if KIND_ROWS[self.kind].error is ErrorMeasure.ANGLE:
             values[:, self.is_unused] = 0
         return values
 

@@ -29,7 +29,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
+from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackSource, error_bound_of
 
 Sections = list[tuple[Section, bytes]]
 
@@ -307,7 +307,7 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
             f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}, which no "
             "error bound allows; use exact"
         )
-    if header.kind is not TrackKind.NORMAL:
+    if KIND_ROWS[header.kind].error is not ErrorMeasure.ANGLE:
         return
     lengths = np.linalg.norm(values.astype(np.float64), axis=2)
     is_invalid = (np.abs(lengths - 1.0) > UNIT_LENGTH_TOLERANCE) & (lengths != 0)

@@ -27,7 +27,7 @@ from meshreel.codec.source import CodedMesh, CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT, TrackBound, kept_bounds
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, TrackSource, value_range
+from meshreel.model.tracks import KIND_ROWS, TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
 
 RAW_RATIO = 8
@@ -129,7 +129,7 @@ def _prediction(
 
     Only lossless positions predict lossless values.
     """
-    if track.kind is TrackKind.NORMAL and bound != EXACT:
+    if KIND_ROWS[track.kind].follows == "normals" and bound != EXACT:
         return Coding.ROTATIONS, 0.0
     if not _is_velocity(track):
         return None
@@ -146,7 +146,7 @@ def _is_velocity(track: TrackSource) -> bool:
     is_of_vertices = track.domain is Domain.VERTEX
     if isinstance(track, SharedTrack):
         is_of_vertices = track.sharing is Sharing.VERTICES
-    return track.kind is TrackKind.VELOCITY and is_of_vertices
+    return KIND_ROWS[track.kind].follows == "motion" and is_of_vertices
 
 
 def block_ranges(source: Source) -> list[slice]:
