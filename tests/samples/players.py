@@ -6,10 +6,10 @@ import re
 from contextlib import contextmanager
 from io import BytesIO
 
-from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Comparison
 from meshreel.app.viewer.original import Original
 from meshreel.app.viewer.page import Page
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.codec.encoder import encode
 from meshreel.codec.reel_file import ReelFile
 
@@ -43,7 +43,9 @@ def opened_api(sequence, original=None, data=None, **options):
     made = encode(sequence, **options.pop("encoding", {})) if data is None else data
     with ReelFile(BytesIO(made)) as reel:
         comparison = Comparison(reel, Original(original, reel)) if original else None
-        api = Api(reel, "file", lambda info: {"size": f"{info.n_frames} kB"}, comparison, **options)
+        api = PlayerData(
+            reel, "file", lambda info: {"size": f"{info.n_frames} kB"}, comparison, **options
+        )
         yield api
         if api.measuring:
             api.measuring.close()

@@ -68,11 +68,11 @@ def export_command(
     page = built_page()
     with (
         shown_progress() as progress,
-        open_player(source, original, replace(reading, progress=progress), look, texture) as api,
+        open_player(source, original, replace(reading, progress=progress), look, texture) as shown,
         errors_naming(source),
     ):
         parts = export_page(
-            api,
+            shown,
             output,
             page=page,
             split=split,

@@ -12,8 +12,8 @@ from meshreel.codec.option import Option
 from meshreel.errors import Keyword
 
 if TYPE_CHECKING:
-    from meshreel.app.viewer.api import Api
     from meshreel.app.viewer.measuring import Comparison
+    from meshreel.app.viewer.player_data import PlayerData
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import ReadOptions
     from meshreel.rendering.track_colors import TrackLook
@@ -47,11 +47,11 @@ def open_player(
     reading: "ReadOptions",
     look: "TrackLook | None" = None,
     texture: Path | None = None,
-) -> Iterator["Api"]:
+) -> Iterator["PlayerData"]:
     """Open a file and its original for the player."""
     from meshreel.app.figures import measured_rows, player_rows
-    from meshreel.app.viewer.api import Api
     from meshreel.app.viewer.playable import reencoding_text
+    from meshreel.app.viewer.player_data import PlayerData
     from meshreel.errors import ConnectivityChangeError
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.reel import open as open_reel
@@ -70,14 +70,16 @@ def open_player(
                 )
         comparison = _comparison(first, original, reading) if original else None
         with errors_naming(source):
-            api = Api(
+            shown = PlayerData(
                 file, source.stem, player_rows, comparison, measured_rows, reading.progress, look,
                 texture,
             )  # fmt: skip
-        if api.is_reencoded:
-            text = reencoding_text(api.method)
-            reading.notes.changed(f"{source} uses method {api.method}; the player shows it {text}")
-        yield api
+        if shown.is_reencoded:
+            text = reencoding_text(shown.method)
+            reading.notes.changed(
+                f"{source} uses method {shown.method}; the player shows it {text}"
+            )
+        yield shown
 
 
 def _check_is_encoded(source: Path) -> None:

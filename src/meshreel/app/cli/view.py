@@ -58,11 +58,11 @@ def view_command(
     with ExitStack() as stack:
         with shown_progress() as progress:
             reading = replace(reading, progress=progress)
-            api = stack.enter_context(open_player(source, original, reading, look, texture))
-        server = stack.enter_context(ViewerServer(api, port=port, page=page))
+            shown = stack.enter_context(open_player(source, original, reading, look, texture))
+        server = stack.enter_context(ViewerServer(shown, port=port, page=page))
         print_notes(reading.notes)
-        if api.measuring is not None:
-            stack.enter_context(closing(api.measuring)).start()
+        if shown.measuring is not None:
+            stack.enter_context(closing(shown.measuring)).start()
         print_line(f"{source} plays at {server.url} (ctrl-C stops it)")
         _serve(server, opens_browser=not no_open)
     click.echo("stopped")

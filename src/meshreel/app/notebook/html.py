@@ -6,8 +6,8 @@ from html import escape
 from io import BytesIO
 
 from meshreel.app.figures import player_rows
-from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.page import Page, base64_of, built_page
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
 from meshreel.codec.reel_file import ReelFile
@@ -57,15 +57,15 @@ def player_html(animation: MeshSequence | ReelFile, max_bytes: float = float("in
             else animation
         )
         with reel if is_sequence else nullcontext():
-            api = Api(reel, animation.name, player_rows)
-            text = _page_text(api, page)
+            shown = PlayerData(reel, animation.name, player_rows)
+            text = _page_text(shown, page)
     except InvalidInputError:  # the page is not built, or the model too large or small to draw
         return None
     if len(text) > max_bytes:
         return None
     rows = rows_of(animation)
     if is_sequence:
-        rows["shown"] = f"encoded with default options, {api.file.size_bytes:,} bytes"
+        rows["shown"] = f"encoded with default options, {shown.file.size_bytes:,} bytes"
     frame = (
         f'<iframe srcdoc="{escape(text)}" sandbox="allow-scripts allow-downloads" '
         f'allow="fullscreen" style="width: 100%; height: {HEIGHT_PX}px; border: 0"></iframe>'
@@ -73,9 +73,9 @@ def player_html(animation: MeshSequence | ReelFile, max_bytes: float = float("in
     return heading_and_rows(animation.name, rows) + frame
 
 
-def _page_text(api: Api, page: Page) -> str:
-    stream = {"base64": base64_of(api.file.stored(0, api.file.size_bytes))}
-    return page.whole({"facts": api.facts(), "stream": stream}, level=DEFLATE_LEVEL)
+def _page_text(shown: PlayerData, page: Page) -> str:
+    stream = {"base64": base64_of(shown.file.stored(0, shown.file.size_bytes))}
+    return page.whole({"facts": shown.facts(), "stream": stream}, level=DEFLATE_LEVEL)
 
 
 def rows_of(animation: MeshSequence | ReelFile) -> dict[str, str]:

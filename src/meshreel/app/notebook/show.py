@@ -11,9 +11,9 @@ from typing import Any
 
 from meshreel.app.figures import player_rows
 from meshreel.app.notebook.html import html_of, player_html
-from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Comparison
 from meshreel.app.viewer.original import Original
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.app.viewer.server import ViewerServer
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
@@ -60,9 +60,9 @@ def serve(animation: MeshSequence | ReelFile) -> ViewerServer:
         reel = ReelFile(BytesIO(encode(animation)), memory=OWN_STREAM)
         if animation.n_segments == 1:
             comparison = Comparison(reel, Original(animation, reel))
-    server = ViewerServer(Api(reel, animation.name, player_rows, comparison))
-    if server.api.measuring is not None:
-        server.api.measuring.start()
+    server = ViewerServer(PlayerData(reel, animation.name, player_rows, comparison))
+    if server.data.measuring is not None:
+        server.data.measuring.start()
     serve = partial(server.serve_forever, poll_interval=0.1)  # seconds until `shutdown` is noticed
     threading.Thread(target=serve, name="meshreel-show", daemon=True).start()
     return server

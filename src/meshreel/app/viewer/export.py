@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import Measuring
 from meshreel.app.viewer.page import SCRIPT_NAME, Page, base64_of, built_page
 from meshreel.app.viewer.playable import MODES_EFFORT
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.encoder import encode
 from meshreel.codec.memory import OWN_STREAM
@@ -62,7 +62,7 @@ class Part:
 
 
 def export_page(
-    api: Api,
+    shown: PlayerData,
     path: Path,
     *,
     page: Page | None = None,
@@ -75,7 +75,7 @@ def export_page(
 
     Parameters
     ----------
-    api : Api
+    shown : PlayerData
         If it has an original, its frames and tracks are re-encoded and included; so is its texture.
     path : Path
         The page. All files appear together, when all are written.
@@ -100,9 +100,9 @@ def export_page(
         large for a page.
     """
     player = built_page() if page is None else page
-    original = original_stream(api, progress) if api.measuring is not None else None
-    parts = _parts(api, path.stem, original)
-    facts = api.facts()  # includes the errors that `original_stream` measures
+    original = original_stream(shown, progress) if shown.measuring is not None else None
+    parts = _parts(shown, path.stem, original)
+    facts = shown.facts()  # includes the errors that `original_stream` measures
     if original is not None:
         facts["original"]["tracks"] = original.names
         facts["original"]["track_heats"] = [
@@ -135,14 +135,14 @@ def export_page(
     return {"player": player_bytes, **sizes}
 
 
-def _parts(api: Api, stem: str, original: OriginalStream | None) -> list[Part]:
-    stream = api.file.stored(0, api.file.size_bytes)
+def _parts(shown: PlayerData, stem: str, original: OriginalStream | None) -> list[Part]:
+    stream = shown.file.stored(0, shown.file.size_bytes)
     parts = [Part("animation", f"{stem}.reel", stream)]
     if original is not None:
         parts.append(Part("original", f"{stem}-original.reel", original.data))
-    if api.texture is not None:
-        data = api.texture.path.read_bytes()
-        parts.append(Part("texture", api.texture.path.name, data, api.texture.media_type))
+    if shown.texture is not None:
+        data = shown.texture.path.read_bytes()
+        parts.append(Part("texture", shown.texture.path.name, data, shown.texture.media_type))
     return parts
 
 
@@ -168,7 +168,7 @@ def _equals(path: Path, data: bytes) -> bool:
     return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
 
 
-def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
+def original_stream(shown: PlayerData, progress: Progress = silent) -> OriginalStream:
     """Measure the errors of the file, and encode its original for a page.
 
     Raises
@@ -176,20 +176,20 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
     InvalidInputError
         If it is too large for a page.
     """
-    assert api.comparison is not None  # callers check for an original
-    assert api.tracks is not None
-    assert api.measuring is not None
-    original, reel = api.comparison.original, api.reel
+    assert shown.comparison is not None  # callers check for an original
+    assert shown.tracks is not None
+    assert shown.measuring is not None
+    original, reel = shown.comparison.original, shown.reel
     free_bytes = _free_bytes_for_tracks(reel)
-    api.measuring.run(progress)
-    targets = _track_targets(api.tracks)
+    shown.measuring.run(progress)
+    targets = _track_targets(shown.tracks)
     tracks: dict[str, Track] = {}
     for name in targets:
         track = original.tracks[name]
         size_bytes = reel.n_frames * int(np.prod(track.shape[1:])) * track.dtype.itemsize
         if size_bytes <= free_bytes:
             free_bytes -= size_bytes
-            tracks[name] = track_like(track, api.tracks.all_original_values(name))
+            tracks[name] = track_like(track, shown.tracks.all_original_values(name))
     frames = [original.frame(number) for number in range(reel.n_frames)]
     sequence = MeshSequence(
         np.array(frames, np.float64), reel.faces,
@@ -199,13 +199,13 @@ def original_stream(api: Api, progress: Progress = silent) -> OriginalStream:
     ).replace(timing=reel.timing)  # fmt: skip
     data = encode(
         sequence,
-        max_error=max(MIN_PERCENT, SHARE_OF_RANGE * _range_percent(api.measuring)),
+        max_error=max(MIN_PERCENT, SHARE_OF_RANGE * _range_percent(shown.measuring)),
         effort=MODES_EFFORT,
         tracks={name: targets[name] for name in tracks},
         progress=progress,
     )
     omitted_names = [name for name in targets if name not in tracks]
-    names = [name for name in api.tracks.names if name not in omitted_names]
+    names = [name for name in shown.tracks.names if name not in omitted_names]
     with ReelFile(BytesIO(data), memory=OWN_STREAM) as encoded:
         tracks_bytes = sum(info.size_bytes for info in encoded.info().tracks)
     return OriginalStream(data, tracks_bytes, names, omitted_names)

@@ -6,14 +6,15 @@ import re
 import secrets
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
 from typing import Any
 from urllib.parse import urlsplit
 
-from meshreel.app.viewer.api import BINARY, JSON, TEXTURE, Answer, Api
-from meshreel.app.viewer.page import POLICY, SCRIPT_NAME, Page, built_page
+from meshreel.app.viewer.page import POLICY, SCRIPT_NAME, Page, built_page, json_text
+from meshreel.app.viewer.player_data import TEXTURE, PlayerData
 from meshreel.errors import InvalidInputError, MeshReelError
 
 HOST = "127.0.0.1"
@@ -24,13 +25,23 @@ CLIENT_TIMEOUT_S = 30.0
 STREAM = "stream.reel"
 """Path of the stream that the page plays."""
 
+BINARY = "application/octet-stream"
 HTML = "text/html; charset=utf-8"
+JSON = "application/json"
 SCRIPT = "text/javascript; charset=utf-8"
 TEXT = "text/plain; charset=utf-8"
 Reader = Callable[[int, int], bytes]
 """Returns the bytes of a range of a file."""
 
 FORBIDDEN = "this player answers local requests only; start it on the machine of your browser"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Content type and body of a response."""
+
+    content_type: str
+    body: bytes
 
 
 class ViewerServer(ThreadingHTTPServer):
@@ -52,9 +63,9 @@ class ViewerServer(ThreadingHTTPServer):
     daemon_threads = True
     allow_reuse_address = sys.platform != "win32"  # Windows would share a port in use
 
-    def __init__(self, api: Api, *, port: int = 0, page: Page | None = None) -> None:
+    def __init__(self, data: PlayerData, *, port: int = 0, page: Page | None = None) -> None:
         player = built_page() if page is None else page
-        self.api = api
+        self.data = data
         self.page = Answer(HTML, player.served.encode())
         self.script = Answer(SCRIPT, player.script.encode())
         self.version = f'"{secrets.token_hex(8)}"'
@@ -108,9 +119,9 @@ class _Handler(BaseHTTPRequestHandler):
             policy = {"Content-Security-Policy": POLICY}
             self._send(HTTPStatus.OK, self.server.page, policy)
         elif path == f"/{STREAM}":
-            file = self.server.api.file
+            file = self.server.data.file
             self._send_ranged(file.stored, file.size_bytes, BINARY)
-        elif path == f"/{TEXTURE}" and (texture := self.server.api.texture):
+        elif path == f"/{TEXTURE}" and (texture := self.server.data.texture):
             self._send_ranged(texture.read, texture.size_bytes, texture.media_type)
         else:
             self._send(*self._answer(path))
@@ -157,7 +168,7 @@ class _Handler(BaseHTTPRequestHandler):
         if path == f"/{SCRIPT_NAME}":
             return HTTPStatus.OK, self.server.script
         try:
-            answer = self.server.api.answer(path.removeprefix("/"))
+            answer = answer_of(self.server.data, path.removeprefix("/"))
         except (MeshReelError, OSError, MemoryError) as error:
             body = json.dumps({"error": str(error) or "not enough memory"}).encode()
             return HTTPStatus.INTERNAL_SERVER_ERROR, Answer(JSON, body)
@@ -190,6 +201,30 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Log no requests."""
+
+
+def answer_of(data: PlayerData, path: str) -> Answer | None:
+    """The response to a path such as "api/facts"; None if the path is unknown.
+
+    Raises
+    ------
+    MeshReelError, OSError
+        If a frame cannot be read.
+    """
+    if path == "api/facts":
+        return Answer(JSON, json_text(data.facts()).encode())
+    if path == "api/plots" and data.measuring:
+        return Answer(JSON, json_text(data.plots()).encode())
+    match = re.fullmatch(r"api/(original|original_track/([0-9]{1,4}))/([0-9]{1,9})", path)
+    if not match or data.comparison is None or int(match[3]) >= data.reel.n_frames:
+        return None
+    frame = int(match[3])
+    if match[2] is None:
+        return Answer(BINARY, data.original(frame))
+    number, tracks = int(match[2]), data.tracks
+    if tracks is None or number >= len(tracks.names):
+        return None
+    return Answer(BINARY, tracks.original_values(tracks.names[number], frame).tobytes())
 
 
 def _is_local(host: str | None) -> bool:

@@ -35,8 +35,8 @@ def opened(monkeypatch):
     for server in servers:
         server.shutdown()
         server.server_close()
-        if server.api.measuring:
-            server.api.measuring.close()
+        if server.data.measuring:
+            server.data.measuring.close()
 
 
 def test_browser_plays_a_file_outside_notebooks(opened, capsys):

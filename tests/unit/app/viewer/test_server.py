@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from meshreel.app.viewer.api import Api
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.app.viewer.server import ViewerServer
 from meshreel.codec.encoder import encode
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -243,7 +243,7 @@ def test_error_is_sent_when_the_original_cannot_be_read(server, monkeypatch):
     def damaged(self, path):
         raise CorruptStreamError("frame 0 is damaged")
 
-    monkeypatch.setattr(Api, "answer", damaged)
+    monkeypatch.setattr(PlayerData, "original", damaged)
     status, _, body = ask(server, "/api/original/0")
     assert (status, json.loads(body)) == (500, {"error": "frame 0 is damaged"})
 

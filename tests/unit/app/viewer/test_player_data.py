@@ -8,9 +8,10 @@ import pytest
 
 from conformance.sources import boxes, of_type, shuffled_cells, waving
 from meshreel.app.viewer import playable
-from meshreel.app.viewer.api import Api
 from meshreel.app.viewer.measuring import PAGE_HEATS, Comparison, Measuring
 from meshreel.app.viewer.original import Original
+from meshreel.app.viewer.player_data import PlayerData
+from meshreel.app.viewer.server import answer_of
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
@@ -29,7 +30,7 @@ KEYS = ["name", "rows", "budget", "original", "colored_by", "texture"]
 
 
 def get_json(api, path):
-    answer = api.answer(path)
+    answer = answer_of(api, path)
     assert answer.content_type == "application/json"
     return json.loads(answer.body)
 
@@ -54,7 +55,7 @@ def test_frames_of_the_original_are_answered_when_there_is_one():
     grid = waving_grid(5)
     with opened_api(grid, grid, encoding={"quality": 40}) as api:
         facts = get_json(api, "api/facts")
-        positions = np.frombuffer(api.answer("api/original/3").body, "<f4").reshape(-1, 3)
+        positions = np.frombuffer(answer_of(api, "api/original/3").body, "<f4").reshape(-1, 3)
         center = np.array(api.reel.frame.origin)
     np.testing.assert_allclose(positions + center, grid.vertices[3], atol=1e-6)
     assert [heat["kind"] for heat in facts["original"]["heats"]] == ["distance", "angle"]
@@ -113,13 +114,13 @@ def test_worst_frame_has_the_largest_error_when_all_are_measured():
 def test_answer_is_none_when_the_path_is_unknown(path):
     grid = waving_grid(5)
     with opened_api(grid, grid) as api:
-        assert api.answer(path) is None
+        assert answer_of(api, path) is None
 
 
 @pytest.mark.parametrize("path", ["api/original/0", "api/plots"])
 def test_answer_is_none_for_an_original_when_there_is_none(path):
     with opened_api(waving_grid(2)) as api:
-        assert api.answer(path) is None
+        assert answer_of(api, path) is None
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e200])
@@ -167,11 +168,13 @@ def test_facts_contain_tracks_of_the_original_when_there_is_one():
         facts = get_json(api, "api/facts")["original"]
         bound = api.reel.track("height").error_bound
         values = [
-            np.frombuffer(api.answer(f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4")
+            np.frombuffer(
+                answer_of(api, f"api/original_track/{i}/2").body, "<f8" if i == 2 else "<f4"
+            )
             for i in range(3)
         ]
-        assert api.answer("api/original_track/3/0") is None
-        assert api.answer("api/original_track/0/4") is None
+        assert answer_of(api, "api/original_track/3/0") is None
+        assert answer_of(api, "api/original_track/0/4") is None
     assert facts["tracks"] == ["height", "heat", "part"]
     assert [heat["kind"] for heat in facts["track_heats"]] == ["track 0", "track 1"]
     assert [heat["track"] for heat in facts["track_heats"]] == ["height", "heat"]
@@ -187,7 +190,7 @@ def test_tracks_of_the_original_have_the_decoded_vertex_order_when_the_order_is_
     height = Track(grid.vertices[:, :, 2].astype(np.float32))
     grid = grid.replace(tracks={"height": height})
     with opened_api(grid, grid, encoding={"order": "drop"}) as api:
-        original = np.frombuffer(api.answer("api/original_track/0/3").body, "<f4")
+        original = np.frombuffer(answer_of(api, "api/original_track/0/3").body, "<f4")
         errors = np.abs(original - api.reel.track("height")[3].ravel())
         bound = api.reel.track("height").error_bound
     assert 0 < errors.max() <= bound
@@ -215,7 +218,7 @@ def test_tracks_are_not_compared_when_their_kinds_differ():
     with opened_api(grid, grid.replace(tracks=others)) as api:
         facts = get_json(api, "api/facts")["original"]
         assert (facts["tracks"], facts["track_heats"]) == ([], [])
-        assert api.answer("api/original_track/0/0") is None
+        assert answer_of(api, "api/original_track/0/0") is None
 
 
 @pytest.mark.parametrize("encoding", [{"method": "lossless"}, {"method": "grid", "max_error": 1}])
@@ -248,14 +251,14 @@ def segmented():
 
 def test_facts_describe_all_segments(segmented):
     file, _ = segmented
-    facts = Api(file, "two", lambda info: {"frames": str(info.n_frames)}).facts()
+    facts = PlayerData(file, "two", lambda info: {"frames": str(info.n_frames)}).facts()
     assert list(facts) == KEYS
     assert facts["rows"] == [["frames", "10"]]
 
 
 def test_stored_bytes_are_those_of_all_segments(segmented):
     file, data = segmented
-    api = Api(file, "two", lambda _: {})
+    api = PlayerData(file, "two", lambda _: {})
     assert api.file.stored(0, api.file.size_bytes) == data
     assert api.file.stored(5, 9) == data[5:9]
     assert api.file.stored(len(data) - 2, len(data) + 7) == data[-2:]
@@ -264,7 +267,7 @@ def test_stored_bytes_are_those_of_all_segments(segmented):
 def test_several_segments_cannot_be_colored_by_a_track(segmented):
     file, _ = segmented
     with pytest.raises(ConnectivityChangeError, match="coloring by a track in the player needs"):
-        Api(file, "two", lambda _: {}, look=TrackLook("heat"))
+        PlayerData(file, "two", lambda _: {}, look=TrackLook("heat"))
 
 
 def shuffled_grid(n_frames=6):

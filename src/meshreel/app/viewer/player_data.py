@@ -1,15 +1,15 @@
-"""Data that the page requests in addition to the stream: figures, original, errors."""
+"""Data that a player shows beside the stream: figures, original, errors, texture.
 
-import re
+A server answers requests for it, and an exported page contains it.
+"""
+
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from meshreel.app.viewer.measuring import Comparison, MeasuredErrors, Measuring
-from meshreel.app.viewer.page import json_text
 from meshreel.app.viewer.playable import playable, reencoding_text
 from meshreel.app.viewer.texture import texture_for
 from meshreel.app.viewer.track_comparison import TrackComparison
@@ -26,23 +26,11 @@ SMALLEST_DIAGONAL, LARGEST_DIAGONAL = 1e-30, 1e30
 """Range of diagonals that can be drawn: graphics cards use float32."""
 
 TEXTURE = "texture"
-"""Path of the texture on the server."""
-
-JSON = "application/json"
-
-BINARY = "application/octet-stream"
+"""Address of the texture of a served page."""
 
 
-@dataclass(frozen=True)
-class Answer:
-    """Content type and body of a response."""
-
-    content_type: str
-    body: bytes
-
-
-class Api:
-    """Answers the requests of a player; thread-safe.
+class PlayerData:
+    """What a player shows; thread-safe.
 
     Parameters
     ----------
@@ -135,33 +123,6 @@ class Api:
         """Whether the page plays a re-encoded stream."""
         return self.method != self.reel.method
 
-    def answer(self, path: str) -> Answer | None:
-        """The response to a path such as "api/facts"; None if the path is unknown.
-
-        Raises
-        ------
-        MeshReelError, OSError
-            If a frame cannot be read.
-        """
-        if path == "api/facts":
-            return _json(self.facts())
-        if path == "api/plots" and self.measuring:
-            return _json(self.plots())
-        match = re.fullmatch(r"api/(original|original_track/([0-9]{1,4}))/([0-9]{1,9})", path)
-        if not match or self.comparison is None or int(match[3]) >= self.reel.n_frames:
-            return None
-        frame = int(match[3])
-        if match[2] is None:
-            return Answer(BINARY, self.original(frame))
-        return self._original_track(int(match[2]), frame)
-
-    def _original_track(self, number: int, frame: int) -> Answer | None:
-        """Values of a track of the original, float32 or float64 of shape (N, C)."""
-        tracks = self.tracks
-        if tracks is None or number >= len(tracks.names):
-            return None
-        return Answer(BINARY, tracks.original_values(tracks.names[number], frame).tobytes())
-
     def facts(self) -> dict[str, Any]:
         """Facts about the file that its stream does not contain."""
         return {
@@ -225,7 +186,3 @@ def _look_facts(look: TrackLook) -> dict[str, str | None]:
         "range": look.range,
         "colormap": look.colormap,
     }
-
-
-def _json(value: Mapping[str, Any]) -> Answer:
-    return Answer(JSON, json_text(value).encode())
