@@ -8,7 +8,6 @@ from contextlib import contextmanager
 
 import pytest
 
-from meshreel.app.viewer.player_data import PlayerData
 from meshreel.app.viewer.server import ViewerServer
 from meshreel.codec.encoder import encode
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -240,10 +239,10 @@ def test_nothing_is_printed_when_clients_close_the_connection(server, capfd):
 
 
 def test_error_is_sent_when_the_original_cannot_be_read(server, monkeypatch):
-    def damaged(self, path):
+    def damaged(data, path):
         raise CorruptStreamError("frame 0 is damaged")
 
-    monkeypatch.setattr(PlayerData, "original", damaged)
+    monkeypatch.setattr("meshreel.app.viewer.server.answer_of", damaged)
     status, _, body = ask(server, "/api/original/0")
     assert (status, json.loads(body)) == (500, {"error": "frame 0 is damaged"})
 
