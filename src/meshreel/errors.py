@@ -66,7 +66,7 @@ class MeshReelError(Exception):
         self, *parts: str | Keyword, message: str = "", path: str | PathLike[str] = ""
     ) -> None:
         super().__init__(*(parts or (message,)))
-        self.path = str(path)
+        self.path: str = str(path)
 
     @property
     def message(self) -> Message:

@@ -31,7 +31,7 @@ from meshreel.model.sequence import (
 )
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
-from meshreel.model.timing import Timed
+from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import track_by_name
 from meshreel.model.validation import hand_over
 from meshreel.runtime.counting import counts_text
@@ -109,7 +109,7 @@ class ReelFile(Timed):
         if segment is None and info.n_segments > 1:
             first_frames = (entry.first_frame for entry in self._whole.segments)
             self.starts: tuple[int, ...] = (*first_frames, info.n_frames)
-            self.timing = timing_of(self._whole)
+            self.timing: Timing = timing_of(self._whole)
             self._segment(0)  # raises now if n_modes is not supported
         else:
             self._only = OpenStream(self._whole, self._limit, segment)
@@ -117,7 +117,7 @@ class ReelFile(Timed):
             self.timing = self._only.timing
             if n_modes is not None:  # raise now if the stream does not support it
                 _ = self._frames
-        self.n_frames = self.starts[-1]
+        self.n_frames: int = self.starts[-1]
         self.n_segments: int = len(self.starts) - 1
         self.name: str = info.name
         self.is_whole: bool = info.is_whole if self._only is None else self._only.is_whole

@@ -149,10 +149,10 @@ class Decomposition:
         self._frames, self._components = frames, components
         self._aims = frames
         self._n_frames, n_verts = len(frames) // 3, len(rest)
-        self.rest = rest.copy()
-        self.bones = np.zeros((n_verts, MAX_INFLUENCES), np.int64)
-        self.weights = np.zeros((n_verts, MAX_INFLUENCES))
-        self.transforms = np.empty((self._n_frames, 0, 3, 4))
+        self.rest: Floats = rest.copy()
+        self.bones: Integers = np.zeros((n_verts, MAX_INFLUENCES), np.int64)
+        self.weights: Floats = np.zeros((n_verts, MAX_INFLUENCES))
+        self.transforms: Floats = np.empty((self._n_frames, 0, 3, 4))
 
     @property
     def skin(self) -> Skin:

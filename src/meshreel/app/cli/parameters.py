@@ -98,7 +98,7 @@ class ClickOption(click.Option):
 class ClickArgument(click.Argument):
     """A positional argument with help."""
 
-    help = ""
+    help: str = ""
 
 
 def with_parameters(

@@ -11,7 +11,7 @@ import numpy as np
 
 from meshreel.app.viewer.measuring import Comparison, MeasuredErrors, Measuring
 from meshreel.app.viewer.playable import playable, reencoding_text
-from meshreel.app.viewer.texture import texture_for
+from meshreel.app.viewer.texture import Texture, texture_for
 from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
@@ -97,7 +97,7 @@ class PlayerData:
         if look is not None:
             TrackColors(look, reel.track(look.name))  # raises if the track cannot be shown
         self._look = look
-        self.texture = None if texture is None else texture_for(reel, texture)
+        self.texture: Texture | None = None if texture is None else texture_for(reel, texture)
         self.tracks: TrackComparison | None = (
             TrackComparison(reel, comparison.original) if comparison else None
         )

@@ -61,14 +61,14 @@ class ViewerServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    allow_reuse_address = sys.platform != "win32"  # Windows would share a port in use
+    allow_reuse_address: bool = sys.platform != "win32"  # Windows would share a port in use
 
     def __init__(self, data: PlayerData, *, port: int = 0, page: Page | None = None) -> None:
         player = built_page() if page is None else page
         self.data = data
-        self.page = Answer(HTML, player.served.encode())
-        self.script = Answer(SCRIPT, player.script.encode())
-        self.version = f'"{secrets.token_hex(8)}"'
+        self.page: Answer = Answer(HTML, player.served.encode())
+        self.script: Answer = Answer(SCRIPT, player.script.encode())
+        self.version: str = f'"{secrets.token_hex(8)}"'
         self._is_closed = False
         try:
             super().__init__((HOST, port), _Handler)

@@ -132,7 +132,7 @@ class BufferWriter:
         self.decompressed_bytes: int = 0
         self.views: list[Json] = []
         self.accessors: list[Json] = []
-        self.is_quantized = False
+        self.is_quantized: bool = False
         self._is_compressed = is_compressed
 
     @property

@@ -37,7 +37,7 @@ from meshreel.runtime.extras import DRACO as LIBRARY
 WELDED = "welded vertices"
 """Subject of the note on vertices that are split at seams in the file."""
 
-ACCESSOR_TYPES = {
+ACCESSOR_TYPES: dict[str, tuple[str, ...]] = {
     "POSITION": ("VEC3",),
     "NORMAL": ("VEC3",),
     "JOINTS": ("VEC4",),
@@ -87,7 +87,7 @@ class GeometryReader:
         self._document, self._notes = document, notes
         self._materials, self._normal_notes = MaterialReader(document, notes), NormalNotes(notes)
         self._n_split = self._n_welded = 0
-        self.read = cache(self._read)
+        self.read: Callable[[Mesh], Geometry] = cache(self._read)
 
     def _read(self, mesh: Mesh) -> Geometry:
         geometry = read_geometry(mesh, self._document, self._materials.labels, self._notes)

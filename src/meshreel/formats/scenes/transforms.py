@@ -94,8 +94,8 @@ class Rounding:
         narrowing.add(first)
         low, high = first.min(axis=0), first.max(axis=0)
         center = (low / 2 + high / 2).astype(np.float64)  # halved first, to avoid overflow
-        self.shift = np.zeros(3) if narrowing.is_harmless else center
-        self.max_error = 0.0
+        self.shift: Floats = np.zeros(3) if narrowing.is_harmless else center
+        self.max_error: float = 0.0
 
     def add(self, frame: Vertices) -> Singles:
         """Return the next frame rounded to float32, of shape (V, 3).

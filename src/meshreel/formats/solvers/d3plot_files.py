@@ -270,7 +270,7 @@ class D3plotLayout:
 
     def __init__(self, words: Words) -> None:
         self.words = words
-        self.control = _read_control(words)
+        self.control: dict[str, int] = _read_control(words)
         self._check_supported()
         self._position = N_CONTROL + self.control["extra"]
         self._read_material_types()
@@ -281,7 +281,7 @@ class D3plotLayout:
         self.sections: dict[str, Section] = {}
         self.state_words: int = self._place_sections(n_sph, particle_state_words)
         self.results: dict[str, dict[str, ElementColumns]] = self._find_results()
-        self.n_leftover_words = 0
+        self.n_leftover_words: int = 0
         self.states: dict[float, int] = self._find_states()
 
     @property

@@ -46,7 +46,9 @@ class Tables:
     def __init__(
         self, path: Path, order: str | None, read_lines: Callable[[Path], list[str]]
     ) -> None:
-        self.path, self.order, self.position = path, order, 0
+        self.path: Path = path
+        self.order: str | None = order
+        self.position: int = 0
         self.lines: list[str] | None = read_lines(path) if order is None else None
         with os_errors_naming(path):
             self._size = path.stat().st_size if self.lines is None else len(self.lines)
@@ -154,7 +156,7 @@ TYPES = {
 }  # fmt: skip
 """VTK type of each type of element with faces."""
 
-ORDERS = {
+ORDERS: dict[str, tuple[int, ...]] = {
     "penta6": (0, 2, 1, 3, 5, 4), "penta15": (0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13),
 }  # fmt: skip
 """Nodes of types of elements in the order of VTK, where it differs."""

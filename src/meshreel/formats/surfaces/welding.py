@@ -50,7 +50,8 @@ class RowGroups:
     """
 
     def __init__(self) -> None:
-        self.labels, self.representatives = np.empty(0, np.int64), np.empty(0, np.int64)
+        self.labels: Numbers = np.empty(0, np.int64)
+        self.representatives: Numbers = np.empty(0, np.int64)
 
     def add(self, rows: npt.NDArray[Any]) -> None:
         """Split groups by an array of shape (N, C), without negative zeros; C may differ."""

@@ -17,7 +17,7 @@ from meshreel.formats.surfaces.images import image_type
 from meshreel.formats.usd.stage import outer_file
 from meshreel.formats.usd.unread import StageContents
 from meshreel.model.materials import AlphaMode, Image, Material, Texture, Wrap, select_materials
-from meshreel.model.notes import CHANGES
+from meshreel.model.notes import CHANGES, Notes
 from meshreel.model.surface import FaceGroups, Int32s
 from meshreel.runtime.extras import USD
 
@@ -71,7 +71,8 @@ class StageMaterials:
     def __init__(self, folder: Path | None, contents: StageContents) -> None:
         self.images: list[Image] = []
         self._folder = None if folder is None else folder.resolve()
-        self.contents, self.notes = contents, contents.notes
+        self.contents: StageContents = contents
+        self.notes: Notes = contents.notes
         self._indices: dict[str, int] = {}
         self._looks: dict[str, Material | None] = {}
 

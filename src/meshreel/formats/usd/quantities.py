@@ -36,7 +36,7 @@ COLOR_TYPE = re.compile("color[34]")
 DERIVED = re.compile(r"skel:|normals$|tangents$|bitangents$|binormals$")
 """Primvars that are read as motion, or follow from positions."""
 
-READ_AS = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
+READ_AS: dict[np.dtype[Any], Any] = {np.dtype(np.float16): np.float32, np.dtype(bool): np.uint8}
 """Conversions of number types that tracks do not support, without loss."""
 
 SRGB_SPACES = ("srgb_rec709_scene", "sRGB", "srgb_texture")

@@ -70,7 +70,9 @@ class StageContents:
 
     def __init__(self, stage: Any, notes: Notes) -> None:
         usd, instancer = USD.load("Usd"), USD.load("UsdGeom").PointInstancer
-        self.stage, self.notes, self.prims = stage, notes, list[Any]()
+        self.stage: Any = stage
+        self.notes: Notes = notes
+        self.prims: list[Any] = []
         predicate = usd.TraverseInstanceProxies(~usd.PrimIsAbstract)
         traversal = iter(usd.PrimRange.Stage(stage, predicate))
         for prim in traversal:

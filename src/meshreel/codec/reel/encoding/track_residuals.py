@@ -39,7 +39,7 @@ class UnreachableError(InvalidInputError):
     """No rotation maps the normal of the surface to that of the track; raised only internally."""
 
 
-INNER_FRAMES = {
+INNER_FRAMES: dict[Coding, slice] = {
     Coding.BACKWARD: slice(1, None),
     Coding.CENTRAL: slice(1, -1),
     Coding.FORWARD: slice(None, -1),
