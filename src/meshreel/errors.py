@@ -81,6 +81,14 @@ class InvalidInputError(MeshReelError, ValueError):
     """An argument or a mesh sequence that cannot be used as given."""
 
 
+class MissingTrackError(InvalidInputError, KeyError):
+    """A track that a file or a sequence does not have."""
+
+
+class MissingFrameError(MeshReelError, IndexError):
+    """A frame that a file or a sequence does not have."""
+
+
 class ConnectivityChangeError(InvalidInputError):
     """A sequence whose faces change where constant connectivity is needed."""
 

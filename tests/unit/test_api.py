@@ -277,7 +277,10 @@ def closed_file(folder):
         (lambda f: meshreel.concatenate("ab"), "got a str"),
         (lambda f: GRID.replace(frames=3), r"no parameter 'frames'; .*sequence\[2:5\] selects"),
         (lambda f: (GRID + GRID).replace(frames=3), "no parameter 'frames'"),
-        (lambda f: GRID[::2], r"no step; .* make a sequence of sequence.vertices\[::2\]"),
+        (lambda f: meshreel.decode(DATA, frames=slice(0, 9, 2)), r"no step; .* as \[::2\]"),
+        (lambda f: GRID[9], "there is no frame 9; there are 9, from 0 to 8"),
+        (lambda f: pickle.dumps(meshreel.open(DATA)), "cannot be pickled; open it by its path"),
+        (lambda f: pickle.dumps(meshreel.open(BytesIO(DATA))), "cannot be pickled"),
     ],
 )
 def test_mistakes_are_errors_with_a_remedy(folder, call, message):
@@ -285,6 +288,30 @@ def test_mistakes_are_errors_with_a_remedy(folder, call, message):
     with pytest.raises(meshreel.MeshReelError, match=message):
         call(folder)
     assert sorted(folder.iterdir()) == before
+
+
+def test_a_missing_name_is_a_key_error_and_a_missing_frame_an_index_error(folder):
+    with meshreel.open(folder / "grid.reel") as reel:
+        with pytest.raises(KeyError, match=r"^there is no track 'heat'; there are no tracks$"):
+            reel.track("heat")
+        with pytest.raises(IndexError, match=r"^there is no frame 9; "):
+            reel[9]
+
+
+def test_a_file_is_pickled_by_its_path_and_options(folder, monkeypatch):
+    changing = meshreel.concatenate([GRID, GRID])
+    meshreel.save(changing, folder / "two.reel", overwrite=True)
+    monkeypatch.chdir(folder)
+    with meshreel.open("two.reel", n_modes=1) as reel:
+        expected, pickled = reel.segments[1].read(0, 3), pickle.dumps((reel, reel.segments[1]))
+    monkeypatch.chdir("/")
+    both, segment = pickle.loads(pickled)
+    assert (both.n_segments, segment.n_frames) == (2, GRID.n_frames)
+    np.testing.assert_array_equal(both.segments[1].read(0, 3), expected)
+    np.testing.assert_array_equal(segment.read(0, 3), expected)
+    both.close()
+    segment.close()
+    (folder / "two.reel").unlink()
 
 
 @pytest.mark.parametrize("given", [bytes, bytearray, memoryview, BytesIO])

@@ -2,10 +2,10 @@
 
 import os
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 from pathlib import Path
-from typing import BinaryIO, SupportsIndex, overload
+from typing import Any, BinaryIO, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from meshreel.codec.methods import FrameReader, method_named
 from meshreel.codec.open_stream import OpenStream, require_whole, timing_of
 from meshreel.codec.reel_track import DecodedValues, ReelTrack
 from meshreel.codec.subspace.trajectories import BoundingFrame
-from meshreel.errors import ConnectivityChangeError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import frame_range
 from meshreel.model.sequence import (
@@ -28,6 +28,7 @@ from meshreel.model.sequence import (
     frame_of,
     frames_by_segment,
     frames_of,
+    joined_parts,
 )
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
@@ -51,7 +52,8 @@ class ReelFile(Timed):
 
     ``len(reel)`` is the number of frames. ``reel[3]`` is a `MeshFrame`, positions and faces; a
     slice is decoded to a `MeshSequence`; iteration yields all frames in constant memory. Threads
-    may share it, and so may processes forked from the one that opened it.
+    may share it, and so may processes forked from the one that opened it. A file that was opened
+    by its path or address can be pickled; it is opened again where it is unpickled.
 
     A file of several segments has `segments`, each of which is a `ReelFile` of constant
     connectivity; attributes of a single segment, such as `faces` and `read`, raise
@@ -69,6 +71,8 @@ class ReelFile(Timed):
         As in `meshreel.open`; frames and all attributes are then of this segment.
     opened : OpenFile, optional
         The same file, already open.
+    reopen : callable, optional
+        Opens the file again, with a keyword `segment`.
 
     Attributes
     ----------
@@ -97,10 +101,12 @@ class ReelFile(Timed):
         segment: int | None = None,
         *,
         opened: OpenFile | None = None,
+        reopen: "Callable[..., ReelFile] | None" = None,
     ) -> None:
         self._limit = memory_limit(memory)
         self._file = with_own_position(file)
         self._n_modes, self._memory, self._number = n_modes, memory, segment
+        self._reopen = reopen
         self._whole = opened or OpenFile(self._file, self._limit.limit_bytes)
         self._decoded: OrderedDict[int, ReelFile] = OrderedDict()
         self._lock = fork_safe_lock()
@@ -134,7 +140,12 @@ class ReelFile(Timed):
         with self._lock:
             if number not in self._decoded:
                 self._decoded[number] = ReelFile(
-                    self._file, self._n_modes, self._memory, number, opened=self._whole
+                    self._file,
+                    self._n_modes,
+                    self._memory,
+                    number,
+                    opened=self._whole,
+                    reopen=self._reopen,
                 )
                 if len(self._decoded) > MAX_OPEN_SEGMENTS:
                     self._decoded.popitem(last=False)
@@ -231,7 +242,7 @@ class ReelFile(Timed):
         return {track.name: track for track in tracks}
 
     def track(self, name: str) -> ReelTrack:
-        """Return the track of this name, not decoded yet; raises InvalidInputError if missing."""
+        """Return the track of this name, not decoded yet; raises KeyError if missing."""
         return track_by_name(self.tracks, name)
 
     def info(self) -> StreamInfo:
@@ -284,12 +295,12 @@ class ReelFile(Timed):
     def __getitem__(self, index: slice) -> MeshSequence: ...
 
     def __getitem__(self, index: SupportsIndex | slice) -> MeshFrame | MeshSequence:
-        """Decode a frame, or the frames of a slice without a step, with their tracks.
+        """Decode a frame, or the frames of a slice, with their tracks.
 
         Raises
         ------
         IndexError, InvalidInputError
-            If a frame does not exist, or the slice selects none or has a step.
+            If a frame does not exist, or the slice selects none.
         CorruptStreamError
             If a block is damaged.
         MemoryLimitError
@@ -297,7 +308,7 @@ class ReelFile(Timed):
         """
         if not isinstance(index, slice):
             return frame_of(self.segments, self.starts, index)
-        selected = frame_range(index, self.n_frames)
+        selected = frame_range(index, self.n_frames, with_step=True)
         parts, decoded_bytes = [], 0
         for number, frames in frames_by_segment(self.starts, selected):
             segment = self.segments[number]
@@ -307,7 +318,7 @@ class ReelFile(Timed):
             self._limit.require(decoded_bytes + frames_bytes, subject)
             parts.append(frames_of(segment, frames, hand_over))
             decoded_bytes += parts[-1].raw_size_bytes
-        return MeshSequence.of_segments(parts, self.name, self.timing.part(selected))
+        return joined_parts(parts, self.name, self.timing.part(selected), selected.step)
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
         """Decode positions of several frames, such as the windows of a batch.
@@ -429,6 +440,14 @@ class ReelFile(Timed):
             self._only.file.close()
         self._whole.close()
         self._file.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._reopen is None:
+            raise InvalidInputError(
+                "a ReelFile of bytes or of a file object cannot be pickled; open it by its path, "
+                "meshreel.open('walk.reel'), or pickle the bytes"
+            )
+        return partial(self._reopen, segment=self._number), ()
 
     def __enter__(self) -> "ReelFile":
         return self

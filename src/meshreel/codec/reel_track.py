@@ -15,7 +15,7 @@ from meshreel.errors import InvalidInputError
 from meshreel.kernel.files import FileModes, FileTrack, FrameDecoder
 from meshreel.model.frame_choice import FrameChoice, chosen_frames, consecutive_runs
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import TrackKind, describe_track
+from meshreel.model.tracks import BLOCK_BYTES, TrackKind, describe_track
 from meshreel.runtime.counting import counted
 
 
@@ -104,8 +104,9 @@ class ReelTrack(DecodedValues):
     """A track of a `.reel` file; returned by `ReelFile.track`.
 
     ``len(track)`` is the number of frames. ``track[3]`` is the values of a frame, of shape (N, C);
-    slices and lists of numbers return several frames, of shape (T, N, C). Only this track is read
-    and decoded, with positions if they predict it (velocities and normals). Threads may share it.
+    slices and lists of numbers return several frames, of shape (T, N, C); ``track[:, nodes]``
+    selects from them as NumPy does, a few frames at a time. Only this track is read and decoded,
+    with positions if they predict it (velocities and normals). Threads may share it.
 
     Parameters
     ----------
@@ -138,14 +139,43 @@ class ReelTrack(DecodedValues):
         self.is_exact: bool = track.is_exact
         self.error_bound: float | None = track.error_bound
 
-    def __getitem__(self, index: FrameChoice) -> Values:
-        """Values of a frame, of shape (N, C), or of several, of shape (T, N, C)."""
+    def __getitem__(self, index: FrameChoice | tuple[Any, ...]) -> Values:
+        """Values of a frame, of shape (N, C), or of several, of shape (T, N, C), or some of them.
+
+        Raises
+        ------
+        IndexError
+            If a frame or an element does not exist.
+        TypeError
+            If the frames are of another type.
+        """
+        if isinstance(index, tuple):
+            return self._selected(*index)
         numbers = chosen_frames(index, len(self))
         if isinstance(numbers, int):
             return np.asarray(self.read(numbers, numbers + 1)[0])
         if isinstance(numbers, range) and numbers.step == 1:
             return self.read(numbers.start, max(numbers.start, numbers.stop))
         return self.frames(np.asarray(numbers, np.int64))
+
+    def _selected(self, frames: Any = slice(None), *items: Any) -> Values:
+        """Values of frames at the elements and components of a NumPy index."""
+        if frames is Ellipsis:
+            frames, items = slice(None), (..., *items)
+        numbers = chosen_frames(frames, len(self))
+        if isinstance(numbers, int):
+            return np.asarray(self.read(numbers, numbers + 1)[0, *items])
+        is_slice = isinstance(numbers, range)
+        if not is_slice or any(item is None for item in items):
+            # NumPy combines lists of frames and of elements, and may put the frames last.
+            chosen = slice(None) if is_slice else np.arange(len(numbers))
+            return np.asarray(self.frames(numbers)[chosen, *items])
+        n_per_run = max(1, BLOCK_BYTES // self.frame_bytes)
+        values: list[Values] = []
+        for start in range(0, len(numbers) or 1, n_per_run):
+            values.append(np.array(self.frames(numbers[start : start + n_per_run])[:, *items]))
+            self._opened.limit.require(sum(run.nbytes for run in values), f"values of {self!r}")
+        return np.concatenate(values)
 
     def __iter__(self) -> Iterator[Values]:
         for number in range(len(self)):

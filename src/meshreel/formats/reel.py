@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from io import BytesIO, FileIO, IOBase
 from itertools import pairwise, starmap
 from pathlib import Path
@@ -92,7 +93,9 @@ def open(
     with ExitStack() as on_error:
         file = on_error.enter_context(_open_binary(path))
         with errors_naming(path):
-            reel = ReelFile(file, n_modes, memory, segment)
+            place = path if is_remote(path) else os.path.abspath(path)
+            reopen = partial(open, place, n_modes=n_modes, memory=memory)
+            reel = ReelFile(file, n_modes, memory, segment, reopen=reopen)
         on_error.pop_all()
     return reel
 

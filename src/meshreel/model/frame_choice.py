@@ -7,7 +7,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.errors import InvalidInputError, Keyword
+from meshreel.errors import InvalidInputError, Keyword, MissingFrameError
 
 FrameChoice = SupportsIndex | slice | npt.ArrayLike
 
@@ -24,8 +24,8 @@ def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArr
 
     Raises
     ------
-    IndexError
-        If a frame does not exist.
+    MissingFrameError
+        If a frame does not exist, an IndexError.
     TypeError
         If the choice is of another type.
     """
@@ -43,7 +43,9 @@ def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArr
         return np.empty(0, np.int64)
     if numbers.dtype == bool and numbers.ndim == 1:
         if len(numbers) != n_frames:
-            raise IndexError(f"{len(numbers)} Booleans for {n_frames} frames; give one per frame")
+            raise MissingFrameError(
+                f"{len(numbers)} Booleans for {n_frames} frames; give one per frame"
+            )
         return np.flatnonzero(numbers)
     if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
         raise _type_error(choice)
@@ -55,8 +57,8 @@ def frame_number(choice: SupportsIndex, n_frames: int) -> int:
 
     Raises
     ------
-    IndexError
-        If the frame does not exist.
+    MissingFrameError
+        If the frame does not exist, an IndexError.
     TypeError
         If the choice is not an integer.
     """
@@ -77,32 +79,32 @@ def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, rang
         yield start, range(first, first + int(starts[run + 1]) - start)
 
 
-def frame_range(frames: slice | None, n_frames: int) -> range:
+def frame_range(frames: slice | None, n_frames: int, *, with_step: bool = False) -> range:
     """The frames that a slice selects from `n_frames`; all for None.
 
     Raises
     ------
     InvalidInputError
-        If it is not a slice of whole numbers, selects no frame, or has a step.
+        If it is not a slice of whole numbers, selects no frame, or has a step without `with_step`.
     """
     try:
-        start, stop, step = (slice(None) if frames is None else frames).indices(n_frames)
+        chosen = range(*(slice(None) if frames is None else frames).indices(n_frames))
     except (AttributeError, TypeError, ValueError):
         raise InvalidInputError(
             f"frames must be a slice such as slice(0, 10); got {frames!r:.60}; "
             "meshreel.open(path) decodes single frames and lists of frames"
         ) from None
-    if step != 1:
+    if chosen.step != 1 and not with_step:
         raise InvalidInputError(
-            f"frames must have no step; got {frames}; for every second frame, make a sequence of "
-            "sequence.vertices[::2]"
+            f"frames must have no step; got {frames}; sequences and files have every second frame "
+            "as [::2]"
         )
-    if start >= stop:
+    if not chosen:
         raise InvalidInputError(
             Keyword("frames"),
             f" {slice_text(frames)} select no frame; there are frames 0:{n_frames}",
         )
-    return range(start, stop)
+    return chosen
 
 
 def slice_text(frames: slice | None) -> str:
@@ -126,7 +128,7 @@ def _is_number(choice: object) -> bool:
 def _from_start(numbers: npt.NDArray[Any], n_frames: int) -> npt.NDArray[np.int64]:
     outside = (numbers < -n_frames) | (numbers >= n_frames)
     if outside.any():
-        raise IndexError(
+        raise MissingFrameError(
             f"there is no frame {numbers[outside][0]}; there are {n_frames}, from 0 to "
             f"{n_frames - 1}, or from -{n_frames} to -1 from the end"
         )

@@ -1,6 +1,6 @@
 """MeshSequence: an animated triangle mesh of one or more segments of constant connectivity."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -20,9 +20,10 @@ from meshreel.model.extent import Extent, Vertices, extent_of
 from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
-from meshreel.model.timing import Timed, Timing
+from meshreel.model.timing import UNTIMED, Timed, Timing
 from meshreel.model.tracks import (
     Track,
+    TrackKind,
     TrackSource,
     error_bound_of,
     track_like,
@@ -31,6 +32,7 @@ from meshreel.model.tracks import (
 from meshreel.model.validation import (
     Faces,
     frozen,
+    hand_over,
     restore,
     validate_faces,
     validate_vertices,
@@ -47,6 +49,7 @@ __all__ = [
     "frames_by_segment",
     "frames_of",
     "is_still",
+    "joined_parts",
     "mesh_digest",
     "positions_size_bytes",
     "segment_of_frame",
@@ -118,8 +121,10 @@ class MeshSequence(Timed):
 
     Most sequences have one segment and are made of arrays; `of_segments` and `concatenate` make
     sequences of several, whose faces change. Its length is the number of frames. ``sequence[3]``
-    is a `MeshFrame`, positions and faces; a slice is a shorter sequence; iteration yields all
-    frames in order; ``a + b`` appends. A sequence does not change: `replace` returns another.
+    is a `MeshFrame`, positions and faces; a slice is a shorter sequence, ``sequence[::2]`` of half
+    the frame rate, ``sequence[::-1]`` backwards in time, with opposite velocities; iteration yields
+    all frames in order; ``a + b`` appends; ``np.asarray(sequence)`` is the positions of a single
+    segment. A sequence does not change: `replace` returns another.
     Arrays are validated and stored read-only (faces as int32), as copies unless they are read-only.
 
     Parameters
@@ -473,9 +478,9 @@ class MeshSequence(Timed):
     def __getitem__(self, index: slice) -> "MeshSequence": ...
 
     def __getitem__(self, index: SupportsIndex | slice) -> "MeshFrame | MeshSequence":
-        """Return a frame, or the frames of a slice without a step as a sequence."""
+        """Return a frame, or the frames of a slice as a sequence."""
         if isinstance(index, slice):
-            return self.part(frame_range(index, self.n_frames))
+            return self.part(frame_range(index, self.n_frames, with_step=True))
         return frame_of(self.segments, self.starts, index)
 
     def __iter__(self) -> Iterator[MeshFrame]:
@@ -484,17 +489,21 @@ class MeshSequence(Timed):
             for number in range(segment.n_frames):
                 yield MeshFrame(segment.read(number, number + 1)[0], faces)
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Vertices:
+        """Positions of the only segment; raises ConnectivityChangeError for several."""
+        return np.array(self.vertices, dtype, copy=copy)
+
     def __add__(self, other: "MeshSequence") -> "MeshSequence":
         return concatenate([self, other])
 
     def part(self, frames: range) -> "MeshSequence":
-        """Return consecutive frames; segments that are cut are loaded, with their tracks."""
+        """Return some frames; segments that are cut are loaded, with their tracks."""
         parts: list[FrameSource] = []
         for number, local_frames in frames_by_segment(self.starts, frames):
             segment = self.segments[number]
-            is_whole = len(local_frames) == segment.n_frames
+            is_whole = local_frames == range(segment.n_frames) and frames.step > 0
             parts.append(segment if is_whole else frames_of(segment, local_frames))
-        return MeshSequence.of_segments(parts, self.name, self.timing.part(frames))
+        return joined_parts(parts, self.name, self.timing.part(frames), frames.step)
 
     _repr_html_ = notebook_html
     show = show
@@ -557,17 +566,21 @@ def segment_of_frame(starts: tuple[int, ...], frame: int) -> tuple[int, int]:
 def frames_by_segment(starts: tuple[int, ...], frames: range) -> Iterator[tuple[int, range]]:
     """Yield the number of each segment that has some of these frames, and their numbers in it.
 
+    Segments are in the order of the frames.
+
     Parameters
     ----------
     starts : tuple of int
         First frame of each segment, and the number of all frames, T.
     frames : range
-        Consecutive frames in 0..T-1.
+        Frames in 0..T-1, with any step.
     """
-    for number, (first, end) in enumerate(pairwise(starts)):
-        start, stop = max(first, frames.start), min(end, frames.stop)
-        if start < stop:
-            yield number, range(start - first, stop - first)
+    direction = 1 if frames.step > 0 else -1
+    ascending = frames[::direction]
+    for number, (first, end) in [*enumerate(pairwise(starts))][::direction]:
+        part = ascending[bisect_left(ascending, first) : bisect_left(ascending, end)]
+        if part:
+            yield number, range(part.start - first, part.stop - first, part.step)[::direction]
 
 
 def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsIndex) -> MeshFrame:
@@ -581,7 +594,7 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
 
     Raises
     ------
-    IndexError
+    MissingFrameError
         If the frame does not exist.
     TypeError
         If the number is not an integer.
@@ -592,12 +605,20 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
 
 
 def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = frozen) -> MeshSequence:
-    """Load consecutive frames of a `FrameSource` or a `ReelFile` of one segment, with tracks.
+    """Load some frames of a `FrameSource` or a `ReelFile` of one segment, with tracks.
 
-    `prepare` makes the arrays read-only that the segment returns: `hand_over` if they are new.
+    `prepare` makes the arrays read-only that the segment returns: `hand_over` if they are new. With
+    a negative step, velocities are the opposite.
     """
-    ends = frames.start, frames.stop
-    vertices = prepare(segment.read(*ends))
+
+    def read(source: Any) -> Any:
+        if frames.step == 1:
+            return prepare(source.read(frames.start, frames.stop))
+        values = np.concatenate([source.read(number, number + 1) for number in frames])
+        is_turned = frames.step < 0 and getattr(source, "kind", "") == TrackKind.VELOCITY
+        return hand_over(-values if is_turned else values)
+
+    vertices = read(segment)
     # Positions of sequences in memory are finite already.
     return MeshSequence.of_finite(
         vertices if isinstance(segment, MeshSequence) else validate_vertices(vertices),
@@ -605,12 +626,18 @@ def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = froze
         segment.name,
         segment.timing.part(frames),
         segment.surface,
-        {
-            name: track_like(track, prepare(track.read(*ends)))
-            for name, track in segment.tracks.items()
-        },
+        {name: track_like(track, read(track)) for name, track in segment.tracks.items()},
         error_bound_of(segment),
     )
+
+
+def joined_parts(
+    parts: Iterable[FrameSource], name: str, timing: Timing, step: int
+) -> MeshSequence:
+    """Return the sequence of segments that were cut to frames of this step."""
+    if step > 0:
+        return MeshSequence.of_segments(parts, name, timing)
+    return MeshSequence.of_segments(parts, name, UNTIMED).replace(timing=timing)
 
 
 def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:

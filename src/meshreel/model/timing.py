@@ -182,10 +182,17 @@ class Timing:
         return self if fps is None else Timing.of_rate(fps, self.start_s)
 
     def part(self, frames: range) -> "Timing":
-        """The timing of consecutive frames; those with times of their own keep them."""
+        """The timing of frames with any step; those with times of their own keep them.
+
+        With a negative step, time runs backwards from the last frame at the time of the first.
+        """
+        first = self.at(frames.start if frames.step > 0 else frames[-1])
         if self.times is None:
-            return Timing(self.fps, self.at(frames.start))
-        return Timing._uneven(self.times[frames.start : frames.stop])
+            return Timing(self.fps / abs(frames.step), first)
+        times = self.times[np.asarray(frames)]
+        if frames.step > 0:
+            return Timing._uneven(times)
+        return Timing.of_times(first + (times[0] - times))
 
 
 class Timed:

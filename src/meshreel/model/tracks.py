@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Values
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, MissingTrackError
 from meshreel.model.surface import Domain, Surface
 from meshreel.model.validation import frozen, hand_over, restore
 from meshreel.runtime.counting import counted
@@ -323,15 +323,15 @@ def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
 
     Raises
     ------
-    InvalidInputError
-        If there is none; the message suggests or lists names.
+    MissingTrackError
+        If there is none, a KeyError; the message suggests or lists names.
     """
     if name in tracks:
         return tracks[name]
     close = get_close_matches(name, tracks, 1)
     existing = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
     advice = f"did you mean {close[0]!r}?" if close else existing
-    raise InvalidInputError(f"there is no track {name!r}; {advice}")
+    raise MissingTrackError(f"there is no track {name!r}; {advice}")
 
 
 def track_like(track: TrackSource, values: Values) -> Track:

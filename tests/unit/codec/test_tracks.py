@@ -91,6 +91,24 @@ def test_static_track_is_decoded_to_its_origin():
     assert np.all(values == 0.5)
 
 
+@pytest.mark.parametrize(
+    "index",
+    [
+        np.s_[:, [1, 2]], np.s_[::-2, 3], np.s_[1, :, [0, 0]], np.s_[..., 0], np.s_[[1, 2], [3, 4]],
+        np.s_[:, [1, 2], None, [0, 0]], np.s_[2:2, 1], np.s_[:, 0:5, 0], np.s_[-1, 2], np.s_[:,],
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_values_are_selected_as_numpy_selects_them(index, monkeypatch):
+    with meshreel.open(FOLDER / "still_track.reel") as reel:
+        [track] = reel.tracks.values()
+        expected = track[:][index]
+        monkeypatch.setattr("meshreel.codec.reel_track.BLOCK_BYTES", 2 * track.frame_bytes)
+        np.testing.assert_array_equal(track[index], expected)
+        with pytest.raises(IndexError, match="out of bounds"):
+            track[:, 10**6]
+
+
 def test_positions_are_the_same_with_tracks():
     data = stored("tracks")
     stream = Stream(data)

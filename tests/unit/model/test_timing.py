@@ -173,11 +173,24 @@ def test_slice_returns_a_sequence_with_its_start(frames):
 
 
 @pytest.mark.parametrize(
-    "chosen", [slice(5, 5), slice(7, 2), slice(1, 9, 3), slice(None, None, -1)]
+    ("chosen", "start"), [(slice(1, 9, 3), 1), (slice(None, None, -1), 0), (slice(7, 1, -2), 3)]
 )
-def test_slices_that_are_empty_or_have_a_step_are_rejected(frames, chosen):
-    with pytest.raises(InvalidInputError, match=r"select no frame|must have no step"):
+def test_slice_with_a_step_has_its_frames_and_a_lower_rate(frames, chosen, start):
+    part = frames[chosen]
+    np.testing.assert_allclose(part.vertices, WHOLE.vertices[chosen], atol=1e-6)
+    assert part.timing == Timing(WHOLE.fps / abs(chosen.step), WHOLE.timing.at(start))
+
+
+@pytest.mark.parametrize("chosen", [slice(5, 5), slice(7, 2), slice(2, 7, -1)])
+def test_slices_that_are_empty_are_rejected(frames, chosen):
+    with pytest.raises(InvalidInputError, match="select no frame"):
         frames[chosen]
+
+
+def test_uneven_times_of_a_slice_with_a_step_are_listed():
+    timed = sheet(times=UNEVEN)
+    assert timed[::2].times.tolist() == [0, 0.01, 0.0175]
+    np.testing.assert_allclose(timed[:0:-1].times, [0.005, 0.0075, 0.0125, 0.0175], atol=1e-15)
 
 
 @pytest.mark.parametrize(
