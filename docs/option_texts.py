@@ -5,9 +5,12 @@ python docs/option_texts.py
 
 from collections.abc import Iterable
 
+from meshreel.app.cli.encode_options import OPTIONS
 from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.option import Option, documentation, literal, type_text
 from meshreel.codec.options import all_options
+
+_ON_COMMAND_LINE = {option.name for option in OPTIONS}
 
 PLAIN_GROUP = "How to code"
 
@@ -38,7 +41,8 @@ def _row(option: Option) -> str:
         kind = ", ".join(filter(None, (kind, allowed, option.unit)))
     default = "" if option.default is None else f"`{literal(option.default)}`"
     meaning = documentation(option)
-    return _cells((f"`{option.name}`", f"`{option.flag}`", kind, default, shown, meaning))
+    flag = f"`{option.flag}`" if option.name in _ON_COMMAND_LINE else ""
+    return _cells((f"`{option.name}`", flag, kind, default, shown, meaning))
 
 
 def _cells(texts: Iterable[str]) -> str:

@@ -106,9 +106,8 @@ def test_paper_rejects_invalid_settings_before_any_work(tmp_path, options, words
 @pytest.mark.every_case
 @pytest.mark.parametrize(
     ("letter", "flag"),
-    [("--k_l", "--modes"), ("--n-c", "--anchors"), ("--n-b", "--block-frames"),
-     ("--t-max", "--iterations")],
-)  # fmt: skip
+    [("--k_l", "--modes"), ("--n-b", "--block-frames")],
+)
 def test_letters_of_the_paper_are_answered_with_our_flag(grid, letter, flag):
     done = commands.run("encode", grid, "--method", "blocks", letter, 3)
     assert_fails(done, f"No such option '{letter}'. Did you mean '{flag}'?")

@@ -65,7 +65,7 @@ def encode_command(
     - `meshreel encode sim.vtkhdf --track stress=500Pa --track velocity=0.1% --track id=exact`
     - `meshreel encode capture/ --register 0.2%`
     - `meshreel encode huge_frames/ --memory 1GiB`
-    - `meshreel encode walk.npz --method pca-qp --modes 30 --bits 10`
+    - `meshreel encode walk.npz --method pca-qp --modes 30`
     """
     from dataclasses import replace
 

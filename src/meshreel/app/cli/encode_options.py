@@ -1,14 +1,13 @@
-"""Command-line options for encoding, derived from `codec.options`."""
+"""Command-line options for encoding, derived from `codec.reel_options`."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, get_origin
+from typing import Any
 
 import click
 
 from meshreel.app.cli.parameters import Group
-from meshreel.codec.option import Option
-from meshreel.codec.options import all_options
+from meshreel.codec.option import options_of_fields
+from meshreel.codec.reel_options import ReelOptions
 
 COMMON = ("quality", "bound", "max_error", "size", "lossless", "order", "effort")
 """Options that `--help` shows."""
@@ -20,35 +19,19 @@ Encoding = dict[str, Any]
 """Values of the options for encoding, by name."""
 
 
-def encoding(**other_help: str) -> Group:
-    """All options for encoding.
-
-    Parameters
-    ----------
-    **other_help
-        Help of options with another meaning in a command, by name.
-    """
-    options = all_options()
-    params = [replace(option, help=other_help.get(option.name, option.help)) for option in options]
-
-    def record(values: dict[str, Any]) -> Encoding:
-        return {option.name: _value(option, values[option.name]) for option in options}
-
-    return Group(params, record, COMMON)
+OPTIONS = tuple(option for option in options_of_fields(ReelOptions) if option.name != "step")
+"""Those of the paper's methods are for Python and `meshreel paper`, and a step is for Python."""
 
 
-ENCODING = encoding()
-
-
-def _value(option: Option, value: Any) -> Any:
-    """The value of an option, with a list of numbers parsed."""
-    if option.name in ("bound", "max_error") and value and _percent(value) > MAX_PERCENT:
-        raise click.UsageError(
-            f"{option.flag} must be at most {MAX_PERCENT}%, the size of the model; got {value}; "
-            "0.1% is invisible on most models, 1% visible; 5u is 5 model units"
-        )
-    is_list = any(get_origin(kind) is Sequence for kind in option.types)
-    return _numbers(option, value) if is_list and value is not None else value
+def _checked(values: Encoding) -> Encoding:
+    for name in ("bound", "max_error"):
+        if values[name] and _percent(values[name]) > MAX_PERCENT:
+            raise click.UsageError(
+                f"--{name.replace('_', '-')} must be at most {MAX_PERCENT}%, the size of the "
+                f"model; got {values[name]}; 0.1% is invisible on most models, 1% visible; 5u is "
+                "5 model units"
+            )
+    return values
 
 
 def _percent(text: str) -> float:
@@ -59,15 +42,16 @@ def _percent(text: str) -> float:
         return 0.0
 
 
-def _numbers(option: Option, text: str) -> float | list[int]:
-    """The number in '8', or the whole numbers in '8,8,6'."""
-    single = float if float in option.types else int
-    try:
-        if "," in text:
-            return [int(number) for number in text.split(",") if number.strip()]
-        return single(text)
-    except ValueError:
-        noun = "a number" if single is float else "a whole number"
-        raise click.UsageError(
-            f"{option.flag} takes {noun}, or several whole numbers as in 8,8,6; got {text!r}"
-        ) from None
+def encoding(**other_help: str) -> Group:
+    """All options for encoding.
+
+    Parameters
+    ----------
+    **other_help
+        Help of options with another meaning in a command, by name.
+    """
+    params = [replace(option, help=other_help.get(option.name, option.help)) for option in OPTIONS]
+    return Group(params, _checked, COMMON)
+
+
+ENCODING = encoding()

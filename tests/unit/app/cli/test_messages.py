@@ -19,8 +19,8 @@ OPTIONS = {
     for param in command_named(command).params
     for option in param.opts
 }
-PYTHON_ONLY = {"texture_output"}
-"""Keywords of checks that the command line makes itself."""
+PYTHON_ONLY = {"texture_output", "step", "energy"}
+"""Keywords that the command line checks itself, or does not have."""
 
 
 def keywords(path):
