@@ -50,22 +50,16 @@ def test_merged_meshes_move_at_the_times_of_all_of_them():
     np.testing.assert_array_equal(merged.vertices[:, slow.n_verts :], fast.vertices)
 
 
-def test_single_mesh_is_opened_as_a_sequence():
+@pytest.mark.parametrize("surplus", [0, -1, -1000])
+def test_larger_frames_than_allowed_stay_in_the_file(monkeypatch, surplus):
+    monkeypatch.setattr("meshreel.formats.scenes.scene_source.BLOCK_BYTES", 1)
     sequence = quad_sheet()
-    result = opened([scene_mesh(sequence, "/root/sheet")])
-    assert isinstance(result, MeshSequence)
-    assert result.vertices.tobytes() == sequence.vertices.tobytes()
-    assert (result.name, result.fps) == ("sheet", 24.0)
-    assert result.start_s == sequence.start_s
+    limit = sequence.vertices.nbytes + surplus
+    result = opened([scene_mesh(sequence, "/root/sheet")], max_loaded_bytes=limit)
+    assert isinstance(result, MeshSequence) == (surplus == 0)
+    assert (result.name, result.fps, result.start_s) == ("sheet", 24.0, sequence.start_s)
     np.testing.assert_array_equal(result.faces, sequence.faces)
-    assert_same_surface(result.surface, sequence.surface)
-
-
-def test_large_frames_stay_in_the_file():
-    sequence = quad_sheet()
-    result = opened([scene_mesh(sequence, "/sheet")], max_loaded_bytes=100)
-    assert not isinstance(result, MeshSequence)
-    assert result.read(2, 5).tobytes() == sequence.vertices[2:5].tobytes()
+    assert result.read(0, sequence.n_frames).tobytes() == sequence.vertices.tobytes()
     assert_same_surface(result.surface, sequence.surface)
     np.testing.assert_array_equal(result.extent.low, sequence.extent.low)
 
@@ -119,11 +113,14 @@ def test_merge_option_merges_all_meshes():
 
 
 def test_split_parts_inverts_merging():
-    sequence = two_sheets()
-    pieces = list(split_parts(sequence.faces, sequence.surface, sequence.n_verts, "whole"))
+    sequence, single = two_sheets(), quad_sheet()
+    (whole,) = sequence.surface.groups
+    numbers = np.where(np.arange(len(whole.numbers)) % 3, whole.numbers, -1)
+    edges = np.array([[0, 1], [31, 32], [29, 30]])  # the last is between the parts
+    surface = replace(sequence.surface, groups=(replace(whole, numbers=numbers),), hard_edges=edges)
+    pieces = list(split_parts(sequence.faces, surface, sequence.n_verts, "whole"))
     assert [piece.name for piece in pieces] == ["/root/a", "/root/b"]
-    for piece in pieces:
-        single = quad_sheet()
+    for piece, own in zip(pieces, np.split(numbers, 2), strict=True):
         np.testing.assert_array_equal(piece.counts, single.surface.face_sizes)
         np.testing.assert_array_equal(
             piece.corners, join_triangles(single.surface.face_sizes, single.faces)
@@ -131,9 +128,9 @@ def test_split_parts_inverts_merging():
         for one, other in zip(piece.surface.attributes, single.surface.attributes, strict=True):
             np.testing.assert_array_equal(one.per_item(), other.per_item())
         (groups,) = piece.surface.groups
-        labels = np.array([*groups.labels])[groups.numbers]
-        whole = single.surface.groups[0]
-        assert labels.tolist() == np.array([*whole.labels])[whole.numbers].tolist()
+        labels = np.array([*groups.labels, ""])[groups.numbers]
+        assert labels.tolist() == np.array([*whole.labels, ""])[own].tolist()
+    assert [piece.surface.hard_edges.tolist() for piece in pieces] == [[[0, 1]], [[1, 2]]]
 
 
 def test_faces_across_parts_give_one_part():
