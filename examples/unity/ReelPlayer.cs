@@ -1,5 +1,5 @@
 // An example of a component that plays a .reel file in the mesh of a MeshFilter, for Unity 2019.3 and later. It was compiled
-// and run with stubs of Unity's classes by Mono, never in Unity. Needs Meshreel.cs and Native.cs of integrations/csharp.
+// and run with stubs of Unity's classes by Mono, never in Unity. Needs the files of integrations/csharp.
 //
 // Put walk.reel into Assets/StreamingAssets and set `path`, or rename it to walk.reel.bytes and assign it as `asset` (needed
 // for Android). Another thread loads the next block (`loadAhead`) and opens segments; until it is done, the last frame

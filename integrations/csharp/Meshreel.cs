@@ -1,4 +1,4 @@
-// C# binding of the C library of meshreel; docs/guides/engines.md has examples. Needs Native.cs, and
+// C# binding of the C library of meshreel; docs/guides/engines.md has examples. Needs Native.cs, Host.cs, and
 // libmeshreel.so, libmeshreel.dylib or libmeshreel.dll in the library path of the runtime. C# 7.2 without unsafe code,
 // for .NET Framework 4.6, Mono, Unity 2019 and later, and .NET.
 

@@ -1,6 +1,7 @@
 """The public interface is that of the stored list, and keeps what was released."""
 
 import importlib
+import runpy
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,11 @@ def test_stored_interface_is_that_of_the_code():
     current = interface.described()
     assert sorted(set(current) ^ set(stored)) == [], "run: python release/interface.py --write"
     assert len(current) > 900
+
+
+def test_declarations_of_csharp_are_those_of_the_c_header():
+    script = runpy.run_path(str(Path(__file__).parents[2] / "integrations/csharp/native.py"))
+    assert script["OUTPUT"].read_text(encoding="utf-8") == script["generated"]()
 
 
 def test_nothing_released_disappears_within_a_major_version():
