@@ -57,12 +57,12 @@ def draw_envelopes(
     """
     lines: list[tuple[float, Line2D]] = []
     for label, points in curves.items():
-        style, envelope = line_style(label), lower_envelope(points)
+        style, envelope, name = line_style(label), lower_envelope(points), label.replace("_", " ")
         marker = CODECS.get(codec_of(label), ("", "o"))[1]
         axes.plot(*np.array(points).T, marker, color=style["color"], markersize=3, alpha=0.4)
         if envelope:
             [line] = axes.plot(
-                *np.array(envelope).T, marker=marker, markersize=5, label=label, **style
+                *np.array(envelope).T, marker=marker, markersize=5, label=name, **style
             )
             lines.append((float(np.median([rate for rate, _ in envelope])), line))
     axes.set(xscale="log", yscale="log", xlabel=rate_name, ylabel=error_name)
