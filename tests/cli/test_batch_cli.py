@@ -135,7 +135,7 @@ def test_ctrl_c_leaves_complete_files_and_no_process(inputs, out):
     wait_for(lambda: has_finished_stream(out))
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
-    assert process.returncode not in (0, None)
+    assert process.returncode == 130
     assert "stopped" in errors
     assert "Traceback" not in errors
     wait_for(lambda: group_is_gone(process.pid))

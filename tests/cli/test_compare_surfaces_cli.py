@@ -76,6 +76,20 @@ def test_compare_measures_surfaces_of_files_whose_faces_change(files, tmp_path):
         assert meshreel.compare(folder, stream, n_samples=400).reason == figures["reason"]
 
 
+def test_compare_measures_the_frames_that_are_named(files, tmp_path):
+    sheet = meshreel.load(files[0])
+    vertices = sheet.vertices.copy()
+    vertices[2] += 1
+    moved = tmp_path / "moved.npz"
+    meshreel.save(sheet.replace(vertices=vertices), moved)
+    assert run_json("compare", files[0], moved)["max_error_percent"] > 1
+    figures = run_json("compare", files[0], moved, "--frames", ":2")
+    assert (figures["n_frames"], figures["max_error_percent"]) == (2, 0)
+    done = run(files[1], files[2], "--frames", "0:3")
+    assert_fails(done, "frames")
+    assert run(files[1], files[2], "--frames", "1").stderr == ""
+
+
 def test_compare_matches_the_vertices_of_a_stream_without_its_order(files, tmp_path):
     stream, sheet = tmp_path / "a.reel", meshreel.load(files[0])
     stream.write_bytes(meshreel.encode(sheet, max_error=0.5, order="drop"))

@@ -171,6 +171,20 @@ def test_help_shows_common_options_and_help_all_every_one():
     assert "The paper's methods" in every
 
 
+def test_ctrl_c_is_reported_with_the_exit_code_of_its_signal(monkeypatch, tmp_path):
+    def interrupt(*_args, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("meshreel.operations.compare.compare", interrupt)
+    done = run("compare", tmp_path, tmp_path)
+    assert (done.returncode, done.stderr.strip()) == (130, "meshreel: stopped")
+
+
+@pytest.mark.parametrize("words", [[], ["encode"], ["convert", "a.npz", "b.npz"]])
+def test_the_short_option_shows_the_help(words):
+    assert run_ok(*words, "-h").stdout == run_ok(*words, "--help").stdout != ""
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_shows_examples_and_no_type_of_flags(command):
     shown = run_ok(command, "--help").stdout

@@ -7,6 +7,7 @@ from meshreel.formats.options import ReadOptions
 from meshreel.formats.supported_options import check_supported
 from meshreel.metrics.compare import Quality, measure_quality
 from meshreel.metrics.surface_distance import SurfaceQuality
+from meshreel.operations.convert import chosen_frames
 from meshreel.operations.inputs import AnyInput, check_inputs, loaded
 
 MAX_CODING_PERCENT = 10.0
@@ -18,6 +19,7 @@ def compare(
     decoded: AnyInput,
     reading: ReadOptions,
     *,
+    frames: slice | None = None,
     surface: bool | None = None,
     n_samples: int | None = None,
 ) -> Quality | SurfaceQuality:
@@ -28,6 +30,8 @@ def compare(
     reading : ReadOptions
         Options for both files, but an animation is that of the original. Receives notes on
         vertices that were matched, and on differences that are not of coding.
+    frames : slice, optional
+        The frames of both to compare. Default: all.
     """
     notes = reading.notes
     check_inputs([original, decoded])
@@ -37,6 +41,11 @@ def compare(
     first, second, is_matched = match_order(first, second)
     if is_matched:
         notes.changed(MATCHED)
+    if frames is not None:
+        first, second = (
+            sequence.part(chosen_frames(frames, sequence.n_frames, notes))
+            for sequence in (first, second)
+        )
     quality = measure_quality(
         first, second, surface=surface, n_samples=n_samples, progress=reading.progress
     )

@@ -13,13 +13,15 @@ from meshreel.runtime.version import __version__
 NAME = "meshreel"
 HELP_WIDTH = 100
 """Largest width of the help in columns."""
+INTERRUPTED = 130
+"""Exit code after ctrl-C, 128 and the number of its signal, as of programs that it ends."""
 
 
 @click.group(
     NAME,
     cls=Program,
     invoke_without_command=True,
-    context_settings={"max_content_width": HELP_WIDTH},
+    context_settings={"max_content_width": HELP_WIDTH, "help_option_names": ["-h", "--help"]},
 )
 @click.version_option(
     __version__, "-V", "--version", message=f"{NAME} {__version__}", help="Print the version."
@@ -32,9 +34,9 @@ def app(context: click.Context) -> None:
 
 
 def main() -> None:
-    """Run the program; exit with 0, or print a one-line error on stderr and exit with 1 or 2.
+    """Run the program; exit with 0, or print a one-line error on stderr and exit with 1, 2 or 130.
 
-    Click's code of usage errors, such as an unknown option, is 2.
+    Click's code of usage errors, such as an unknown option, is 2; that of ctrl-C is 130.
     """
     try:
         status = app(prog_name=NAME, standalone_mode=False)
@@ -52,7 +54,7 @@ def main() -> None:
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
     except (KeyboardInterrupt, click.Abort):
-        _fail("stopped")
+        _fail("stopped", INTERRUPTED)
     sys.exit(status if isinstance(status, int) else 0)
 
 

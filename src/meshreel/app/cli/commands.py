@@ -48,7 +48,7 @@ class Command(click.Command):
         from meshreel.runtime.stores.address import refuse_address
 
         _refuse_split_values(ctx, args)
-        if not {"--help", HELP_ALL} & {*args} and not ctx.resilient_parsing:
+        if not {*ctx.help_option_names, HELP_ALL} & {*args} and not ctx.resilient_parsing:
             check_output_position(self, ctx, args)
         if self.name not in WITH_ADDRESSES:
             for arg in args:

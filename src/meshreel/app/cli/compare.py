@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
+from meshreel.app.cli.write_options import FramesOption, frame_slice
 from meshreel.codec.option import COUNT, Option
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ def compare_command(
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
     reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    frames: FramesOption = None,
     surface: Annotated[
         bool, Option("Measure distances between the surfaces also if the faces are the same.")
     ] = False,
@@ -41,13 +43,13 @@ def compare_command(
 
     If the vertex counts or the faces differ, the distances between the surfaces are measured.
     Vertices of a stream without its order (--order drop), and of a compressed .glb, are matched
-    with those of the original.
+    with those of the original. With --frames, percentages are of the box of these frames.
 
     Examples:
 
     - `meshreel compare walk.npz walk.reel`
     - `meshreel compare shot.abc body.reel --object /root/body`
-    - `meshreel compare frames/ decoded.npz --json`
+    - `meshreel compare frames/ decoded.npz --frames 100:200 --json`
     - `meshreel compare scan.abc remeshed.abc --surface --samples 200000`
     - `meshreel compare walk.npz - < walk.reel`
     """
@@ -63,6 +65,7 @@ def compare_command(
             original,
             decoded,
             replace(reading, progress=progress),
+            frames=frame_slice(frames),
             surface=surface or None,
             n_samples=samples,
         )
