@@ -112,85 +112,50 @@ def encode_with(
 ) -> bytes:
     """Encode a sequence with options that are already checked, as `encode`.
 
-    Segments that differ only in order are not joined; see `without_reordering`.
+    Segments that differ only in order are not joined; see `without_reordering`. Of several
+    segments, errors and steps are relative to the bounding box of all frames, and percentage bounds
+    of a track to its range over all segments.
 
     Raises
     ------
     InvalidInputError
-        If the mesh is too large for the method, or no stream meets the target.
+        If no segment has an attribute or a track of a selected name, the mesh is too large for the
+        method or changes, or no stream meets the target.
     """
-    segment, *others = sequence.segments
-    if others:
-        return encode_segments(config, sequence, attributes, tracks, progress)
-    surface = select(segment.surface, attributes)
-    if surface.cells is not None and config.positions_only:
-        raise InvalidInputError(
-            f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
-        )
-    if config.uv_bits is not None:
-        check_uvs(surface, config.uv_bits)
-    progress("encoding connectivity", 0.0)
-    bounds = kept_bounds(config, segment.tracks, tracks)
-    if surface.displaced_by:
-        config = with_bound_of_motion(config, sequence)
-    source = Source(segment, config, surface, bounds)
-    return next(method_named(config.method).encode([source], progress))
-
-
-def encode_segments(
-    config: EncoderConfig,
-    sequence: MeshSequence,
-    attributes: Names,
-    tracks: TrackTargets | None,
-    progress: Progress,
-) -> bytes:
-    """Return a stream of all segments; the options apply to the sequence as a whole.
-
-    Errors and steps are relative to the bounding box of all frames, and percentage bounds of a
-    track to its range over all segments.
-
-    Raises
-    ------
-    InvalidInputError
-        If no segment has an attribute or a track of a selected name, the method needs constant
-        connectivity, or no stream meets the target.
-    """
-    if config.positions_only:
+    segments, has_several = sequence.segments, sequence.n_segments > 1
+    if config.positions_only and has_several:
         raise InvalidInputError(
             f"method {config.method} needs constant connectivity, and the sequence has "
             f"{sequence.n_segments} segments; use reel or lossless"
         )
-    progress("encoding connectivity", 0.0)
     _check_names(sequence, attributes, tracks or {})
-    positions_config = with_bound_of_motion(config, sequence)
-    ranges: dict[str, float] = {}
-    sources = []
-    surfaces = [select(part.surface, attributes, ignore_missing=True) for part in sequence.segments]
+    surfaces = [select(part.surface, attributes, ignore_missing=True) for part in segments]
+    if config.positions_only and surfaces[0].cells is not None:
+        raise InvalidInputError(
+            f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
+        )
     if config.uv_bits is not None:
         for surface in list(filter(has_uvs, surfaces)) or surfaces:
             check_uvs(surface, config.uv_bits)
-    for segment, surface in zip(sequence.segments, surfaces, strict=True):
+    progress("encoding connectivity", 0.0)
+    positions_config = with_bound_of_motion(config, sequence)
+    extent = sequence.extent if has_several else None
+    ranges: dict[str, float] = {}
+    sources, edits = [], MeshEdits()
+    for segment, surface in zip(segments, surfaces, strict=True):
         targets = {name: bound for name, bound in (tracks or {}).items() if name in segment.tracks}
         bounds = kept_bounds(config, segment.tracks, targets)
         for name, bound in bounds.items():
-            if bound.measure is Measure.SHARE and name not in ranges:
+            if has_several and bound.measure is Measure.SHARE and name not in ranges:
                 ranges[name] = _range_size(sequence, name)
-        source = Source(
-            segment,
-            positions_config,
-            surface,
-            {name: _in_units(bound, ranges.get(name)) for name, bound in bounds.items()},
-            whole_extent=sequence.extent,
-        )
+            bounds[name] = _in_units(bound, ranges.get(name))
+        source = Source(segment, positions_config, surface, bounds, whole_extent=extent)
+        if source.mesh.may_be_edited:
+            source = replace(source, edit=edits.edit_to(segment.faces, segment.n_verts))
         sources.append(source)
-    edits, edited = MeshEdits(), []
-    for source in sources:
-        is_edited, mesh = (
-            source.mesh.may_be_edited,
-            (source.sequence.faces, source.sequence.n_verts),
-        )
-        edited.append(replace(source, edit=edits.edit_to(*mesh)) if is_edited else source)
-    streams = list(method_named(config.method).encode(edited, progress))
+    streams = list(method_named(config.method).encode(sources, progress))
+    if not has_several:
+        return streams[0]
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
 
 

@@ -188,25 +188,6 @@ class CodedMesh:
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A range of frames of a sequence."""
-
-    sequence: FrameSource
-    start: int
-    stop: int
-    order: Integers
-    """int64 array of shape (V,). Given number of each internal vertex."""
-
-    def read(self) -> Vertices:
-        """Read positions of shape (stop - start, V, 3) in internal order."""
-        return self.read_given().take(self.order, axis=1)
-
-    def read_given(self) -> Vertices:
-        """Read positions in the given order."""
-        return self.sequence.read(self.start, self.stop)
-
-
-@dataclass(frozen=True)
 class CodedTrack:
     """A track as sections of a stream."""
 
@@ -299,15 +280,19 @@ class Source:
         """Number of frames per block; the last block may have fewer."""
         return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, self.dtype.itemsize)
 
-    def pieces(self) -> Iterator[Piece]:
-        """Yield the range of frames of each block."""
-        size, order = self.block_frames, self.mesh.order
-        for start in range(0, self.n_frames, size):
-            yield Piece(self.sequence, start, min(start + size, self.n_frames), order)
+    @cached_property
+    def pieces(self) -> list[slice]:
+        """Frames of each block."""
+        starts = range(0, self.n_frames, self.block_frames)
+        return [slice(start, min(start + self.block_frames, self.n_frames)) for start in starts]
+
+    def read(self, piece: slice) -> Vertices:
+        """Read the positions of a block, of shape (T_b, V, 3), in the given order."""
+        return self.sequence.read(piece.start, piece.stop)
 
     def blocks(self) -> Iterator[Vertices]:
         """Yield positions of each block, of shape (T_b, V, 3), in internal order."""
-        return (piece.read() for piece in self.pieces())
+        return (self.read(piece).take(self.mesh.order, axis=1) for piece in self.pieces)
 
     def stream(
         self, leading: Sections, blocks: Iterable[tuple[int, Sections]], bound: float | None = None

@@ -14,7 +14,6 @@ from meshreel.codec.reel.encoding.track_residuals import UnreachableError, movin
 from meshreel.codec.reel.encoding.tracks import (
     MAX_TRIALS,
     StepSearch,
-    block_ranges,
     encode_losslessly,
 )
 from meshreel.codec.reel_file import ReelFile
@@ -101,7 +100,7 @@ class FollowingTracks:
         reel: ReelFile,
         n_trials: int,
     ) -> CodedTrack:
-        source, mesh, pieces = self._source, self._source.mesh, block_ranges(self._source)
+        source, mesh, pieces = self._source, self._source.mesh, self._source.pieces
         bound, surface = source.bounds[name], self._surface
         if isinstance(track, SharedTrack):
             surface = replace(surface, vertex_of_row=track.vertex_of_row)

@@ -26,8 +26,15 @@ from meshreel.codec.reel.encoding.exact_positions import (
 from meshreel.codec.reel.encoding.stored_grid import coarse_grid, grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
 from meshreel.codec.reel.encoding.tracks import encode_tracks
-from meshreel.codec.reel.normative.blocks import write_grid_positions, write_on_surface
-from meshreel.codec.reel.normative.grid import MAX_COORDINATE, Coordinates, PositionGrid
+from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
+from meshreel.codec.reel.normative.grid import (
+    EXACT,
+    LOSSLESS,
+    MAX_COORDINATE,
+    Coordinates,
+    PositionGrid,
+    write_form,
+)
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, Source
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -96,9 +103,10 @@ class GridPositionCoder(PositionCoder):
             )
             if is_single or self.is_fast:
                 return candidates[0]
-        candidates.append(write_grid_positions(vertices, 0.0, self.graph))
+        candidates.append(write_exact_positions(vertices, self.graph, bytes([LOSSLESS])))
         if len(vertices) > 1 and meets_bound:
-            candidates.append(write_grid_positions(coordinates, step, self.graph))
+            form = write_form(EXACT, step)
+            candidates.append(write_exact_positions(coordinates, self.graph, form))
         return min(candidates, key=size_bytes)
 
     def _meets_bound(self, coordinates: Coordinates, vertices: Vertices) -> bool:

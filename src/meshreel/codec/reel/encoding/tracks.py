@@ -60,7 +60,7 @@ def encode_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
         track = _with_shared_values(name, source.sequence.tracks[name], bound, source)
         prediction = _prediction(source, track, bound)
         n_trials = MAX_TRIALS if prediction is None else 1
-        coded = encode_track(name, track, bound, source.mesh, block_ranges(source), n_trials)
+        coded = encode_track(name, track, bound, source.mesh, source.pieces, n_trials)
         if prediction is not None:
             coded = replace(coded, prediction=prediction, values=track)
         tracks.append(coded)
@@ -73,7 +73,7 @@ def _with_shared_values(
     """Return the track of the values that corners share, if it takes fewer bytes than the track."""
 
     def values_bytes(candidate: TrackSource) -> int:
-        return encode_track(name, candidate, bound, source.mesh, block_ranges(source), 1).size_bytes
+        return encode_track(name, candidate, bound, source.mesh, source.pieces, 1).size_bytes
 
     shared = shared_track(track, source.mesh)
     if shared is None or shared.sharing is Sharing.VERTICES:
@@ -136,8 +136,8 @@ def _prediction(
     if bound == EXACT and not (source.config.method == LOSSLESS and track.dtype.kind == "f"):
         return None
     fit = DifferenceFit()
-    for piece in block_ranges(source):
-        fit.add(track.read(piece.start, piece.stop), source.sequence.read(piece.start, piece.stop))
+    for piece in source.pieces:
+        fit.add(track.read(piece.start, piece.stop), source.read(piece))
     return fit.best(source.sequence.timing.fps)
 
 
@@ -147,11 +147,6 @@ def _is_velocity(track: TrackSource) -> bool:
     if isinstance(track, SharedTrack):
         is_of_vertices = track.sharing is Sharing.VERTICES
     return KIND_ROWS[track.kind].follows == "motion" and is_of_vertices
-
-
-def block_ranges(source: Source) -> list[slice]:
-    """Return the frames of each block."""
-    return [slice(piece.start, piece.stop) for piece in source.pieces()]
 
 
 def live_track_coder(

@@ -22,7 +22,7 @@ from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.codec.source import Piece, Source
+from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
 from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
@@ -159,8 +159,9 @@ class RateSearch:
     def steps_of_quality(self, quality: float) -> Steps:
         """Return the steps of a quality, in model units."""
         if quality not in self._steps:
-            pieces = self._pieces[:: math.ceil(len(self._pieces) / MAX_BLOCKS)]
-            blocks = map(Piece.read_given, pieces)
+            pieces = self._source.pieces
+            pieces = pieces[:: math.ceil(len(pieces) / MAX_BLOCKS)]
+            blocks = map(self._source.read, pieces)
             size = self.model_size * self.diagonal
             faces = self._source.mesh.given_faces
             self._steps[quality] = steps_of_quality(quality, faces, blocks, size)
@@ -183,11 +184,11 @@ class RateSearch:
         Those of a long sequence are estimated from a sample.
         """
         step, pieces = self._limited(step), self._sampled_pieces
-        if len(pieces) == len(self._pieces):
+        if len(pieces) == len(self._source.pieces):
             return sum(_size_bytes(sections) for _, sections in self._coded_blocks(step, bound))
         blocks = KeyedBlocks(self._coder.with_step(step, bound))
         coded = (blocks.code(frames).sections for frames in self._read_blocks(pieces))
-        return estimated_bytes(list(map(_size_bytes, coded)), len(self._pieces))
+        return estimated_bytes(list(map(_size_bytes, coded)), len(self._source.pieces))
 
     def measure(self, step: float) -> float:
         """Return the KG error or the bytes for a step."""
@@ -280,19 +281,15 @@ class RateSearch:
         return [(n_frames, list(sections)) for n_frames, sections in self._with_progress(blocks)]
 
     @cached_property
-    def _pieces(self) -> list[Piece]:
-        return list(self._source.pieces())
-
-    @cached_property
-    def _sampled_pieces(self) -> Sequence[Piece]:
+    def _sampled_pieces(self) -> Sequence[slice]:
         """Pieces with which steps are compared: all, or some of a long sequence."""
-        return sampled(self._pieces)
+        return sampled(self._source.pieces)
 
     def _blocks(self) -> Iterable[BlockFrames]:
         """Return the blocks, cached for further trials or re-read for each."""
         if self._caches_blocks:
             return self._cached_blocks
-        return self._read_blocks(self._pieces)
+        return self._read_blocks(self._source.pieces)
 
     @property
     def _is_cut(self) -> bool:
@@ -315,10 +312,11 @@ class RateSearch:
 
     @cached_property
     def _cached_blocks(self) -> list[BlockFrames]:
-        return list(self._read_blocks(self._pieces))
+        return list(self._read_blocks(self._source.pieces))
 
-    def _read_blocks(self, pieces: Iterable[Piece]) -> Iterator[BlockFrames]:
-        return (self._coder.frames(piece.read_given(), piece.order) for piece in pieces)
+    def _read_blocks(self, pieces: Iterable[slice]) -> Iterator[BlockFrames]:
+        source = self._source
+        return (self._coder.frames(source.read(piece), source.mesh.order) for piece in pieces)
 
     def _with_progress(
         self, blocks: Iterator[tuple[int, Sections]]

@@ -11,7 +11,7 @@ from meshreel.codec.bitstream.container import write_block_counts, write_varint,
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
-from meshreel.codec.reel.normative.grid import EXACT, LOSSLESS, ON_SURFACE, STILL, write_form
+from meshreel.codec.reel.normative.grid import ON_SURFACE, STILL, write_form
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
@@ -53,25 +53,18 @@ def write_track_block(
     return [opening, *_field_sections(block, mesh, corrections)]
 
 
-def write_exact_positions(vertices: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
-    """Return the sections of lossless positions of shape (T_b, V, 3), in internal order."""
-    return [
-        (Section.BLOCK, write_block_counts(len(vertices), 0)),
-        (Section.VALUES, encode_exact(vertices, graph)),
-    ]
-
-
-def write_grid_positions(
-    values: Numbers, step: float, graph: Neighbors
+def write_exact_positions(
+    values: Numbers, graph: Neighbors, form: bytes = b""
 ) -> list[tuple[Section, bytes]]:
-    """Return the sections of positions of the method `grid`.
+    """Return the sections of positions coded as exact values, of shape (T_b, V, 3).
 
     Parameters
     ----------
     values : array of shape (T_b, V, 3)
-        Grid coordinates, or lossless positions if the step is 0; in internal order.
+        Positions or grid coordinates, in internal order.
+    form : bytes
+        Form of the method `grid`.
     """
-    form = write_form(EXACT, step) if step else bytes([LOSSLESS])
     return [
         (Section.BLOCK, write_block_counts(len(values), 0)),
         (Section.VALUES, form + encode_exact(values, graph)),
