@@ -63,7 +63,7 @@ class KindRow:
     has_unit: bool = False
     """Whether values are a physical quantity."""
     error: ErrorMeasure = ErrorMeasure.LENGTH
-    """Directions, whose error is an angle, have length 1, or 0 where there is none."""
+    """Directions, whose error is an angle, have length 1, or 0 if missing."""
     default_bound: str = "0.1%"
     """Default error bound of floats."""
     follows: str = ""
