@@ -2,7 +2,7 @@
 
 import re
 import subprocess
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ import meshreel
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT
 from samples.browser import checked_rules
+from samples.meshes import waving_grid
 from samples.numbered_video import moving_sheet, numbered_video
 from samples.player_pages import (
     COMMAND,
@@ -472,12 +473,13 @@ def test_nothing_overflows_on_a_phone(new_page, compared_url):
         assert page.locator("canvas").bounding_box()["height"] > 0.25 * height
 
 
-@pytest.mark.parametrize("width", [360, 390, 700])
-def test_bar_of_a_phone_has_two_rows_at_every_frame(new_page, tmp_path, width):
-    (tmp_path / "long.reel").write_bytes(meshreel.encode(meshreel.simulate_flag(1001, n_rows=4)))
+def test_bar_of_a_phone_has_two_rows_at_every_frame(new_page, tmp_path):
+    (tmp_path / "long.reel").write_bytes(meshreel.encode(waving_grid(1001)))
     with viewing(tmp_path / "long.reel") as (_, address):
-        page = new_page(address, width=width, height=700)
-        for frame in (0, 1000):
+        page = new_page(address)
+        for width, frame in product((360, 390, 700), (0, 1000)):
+            page.set_viewport_size({"width": width, "height": 700})
+            wait_until(page, f"innerWidth === {width}")
             show(page, frame)
             timeline = page.locator(".bar input").bounding_box()
             text = page.locator(".bar .text").bounding_box()
