@@ -18,9 +18,7 @@ from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
 from meshreel.formats.options import ReadOptions
 from meshreel.model.tracks import Track
-from meshreel.runtime.workers.cluster import cluster_executor
 from meshreel.runtime.workers.processes import ProcessExecutor
-from samples.clusters import local_cluster
 from samples.engines import InlineExecutor
 from samples.meshes import quad_sheet, waving_grid
 from samples.tasks import encode_or_die
@@ -352,36 +350,18 @@ def test_output_folder_may_be_the_input_folder(inputs):
     assert run(inputs, inputs).summary == "2 up to date, 0 encoded, 0 failed"
 
 
-def check_deadly_inputs(inputs, out, executor, monkeypatch):
+@pytest.mark.slow
+def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
     """One input kills its worker once and is encoded; another always, and only it fails."""
     monkeypatch.setattr("meshreel.app.batch.run.encode_input", encode_or_die)
     for name in ("deadly", "dies_once"):
         meshreel.save(waving_grid(), inputs / f"{name}.npz")
-    report = run_batch(plan_batch(inputs, out, OPTIONS), executor, 2)
+    with ProcessExecutor(2) as executor:
+        report = run_batch(plan_batch(inputs, out, OPTIONS), executor, 2)
     assert set(report.encoded) == {"walk.npz", "a/cloth", "dies_once.npz"}
     assert set(report.failed) == {"deadly.npz"}
     assert "died" in report.failed["deadly.npz"].error
     assert files_in(out) == {MANIFEST_NAME, "walk.reel", "a/cloth.reel", "dies_once.reel"}
-
-
-@pytest.mark.slow
-def test_input_that_kills_its_workers_fails_alone(inputs, out, monkeypatch):
-    with ProcessExecutor(2) as executor:
-        check_deadly_inputs(inputs, out, executor, monkeypatch)
-
-
-@pytest.fixture
-def cluster():
-    pytest.importorskip("distributed", reason="the extra [dask] is not installed")
-    with local_cluster(2) as nodes, cluster_executor(nodes.scheduler_address) as (executor, _):
-        yield executor
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_input_that_kills_its_workers_fails_alone_on_a_cluster(inputs, out, monkeypatch, cluster):
-    check_deadly_inputs(inputs, out, cluster, monkeypatch)
 
 
 class TightExecutor(InlineExecutor):
