@@ -24,7 +24,8 @@ from meshreel.torch import ReelDataset, ReelStream, Window, collate  # noqa: E40
 pytestmark = pytest.mark.filterwarnings(
     "ignore:This process .* is multi-threaded:DeprecationWarning"  # of forks, since Python 3.12
 )
-STARTS = ["spawn", *(["fork"] if sys.platform == "linux" else [])]
+WORKERS = [("stream", "spawn"), ("map", "fork" if sys.platform == "linux" else "spawn")]
+"""A stream is pickled with its dataset."""
 
 
 def shifted(sequence, distance):
@@ -141,9 +142,8 @@ def test_each_segment_is_a_sequence(tmp_path):
     assert dataset[5].vertices.shape == (2, 30, 3)
 
 
-@pytest.mark.parametrize("start", STARTS)
-@pytest.mark.parametrize("kind", ["map", "stream"])
-def test_workers_yield_every_window_once(folder, start, kind):
+@pytest.mark.parametrize(("kind", "start"), WORKERS)
+def test_workers_yield_every_window_once(folder, kind, start):
     dataset = ReelDataset(folder, 4)
     data = dataset if kind == "map" else ReelStream(dataset)
     _ = dataset[0]  # decoded here: forked workers start over
