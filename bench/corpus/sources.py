@@ -97,7 +97,7 @@ def read_manifest(path: Path = MANIFEST) -> list[Source]:
 
 
 def _source(repo: str, kind: str, options: dict[str, Any], entry: Any) -> Source:
-    """A sequence, from the fields of its repository and of its own, which may be a path alone."""
+    """A sequence from the fields of its repository and its entry, a path or a table of fields."""
     options |= {"path": entry} if isinstance(entry, str) else entry
     commit, licence, root = options.pop("commit"), options.pop("licence"), options.pop("root", "")
     file, _, animation = options.pop("path").partition("#")
