@@ -36,8 +36,7 @@ class ReelMethod:
             raise InvalidInputError(
                 "method grid rounds positions to a grid; set ",
                 Keyword("max_error"),
-                " or ",
-                Keyword("step"),
+                " (or step in Python)",
             )
 
     def encode(self, sources: Sequence[Source], progress: Progress) -> Iterator[bytes]:

@@ -19,7 +19,7 @@ OPTIONS = {
     for param in command_named(command).params
     for option in param.opts
 }
-PYTHON_ONLY = {"texture_output", "step", "energy"}
+PYTHON_ONLY = {"texture_output", "energy"}
 """Keywords that the command line checks itself, or does not have."""
 
 
