@@ -40,7 +40,7 @@ from measuring import start_table
 from meshreel import MeshFrame, MeshSequence
 from meshreel.codec.error_bounds import bound_of
 from meshreel.formats.load import load_any
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.extent import Extent
 from meshreel.model.geometry.normals import unit
@@ -64,7 +64,7 @@ def as_segments(frames: Sequence[MeshFrame]) -> MeshSequence:
 
 def frames_of(source: str, numbers: slice) -> list[MeshFrame]:
     """Return frames of a raw capture, or of a sequence, without attributes."""
-    given = load_any(source, ReadOptions(attributes="none", matches_frames=False))
+    given = load_any(source, Reading(attributes="none", matches_frames=False))
     sequence = MeshSequence.of_segments(given.segments)
     return [sequence[number] for number in range(sequence.n_frames)[numbers]]
 

@@ -18,7 +18,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
 from meshreel.formats.sources import AnyPath, Source
@@ -51,7 +51,7 @@ def _accept_files(
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
         memory: Any = kwargs.get("memory")
-        reading = ReadOptions(matches_frames=kwargs.get("order") in (None, "drop"))
+        reading = Reading(matches_frames=kwargs.get("order") in (None, "drop"))
         limit = None if memory is None else bytes_of(memory, "memory")
         with opened(sequence, reading, limit) as source:
             _warn(reading.notes, stacklevel=3)
@@ -251,7 +251,7 @@ def register(
         overwrite=overwrite,
     )
     require(registering.extras)
-    reading, notes = ReadOptions(matches_frames=False), Notes()
+    reading, notes = Reading(matches_frames=False), Notes()
     with opened(source, reading) as frames:
         _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS], stacklevel=3)
         registered = registering.register(frames, notes, progress)
@@ -316,7 +316,7 @@ def rig(
     """
     from meshreel.rigging.fitting import bounds_of, fit_sequence  # slow to import
 
-    reading = ReadOptions()
+    reading = Reading()
     sequence = loaded(source, reading)
     _warn(reading.notes, stacklevel=3)
     bounds = bounds_of(sequence, quality=quality, kg=kg, max_error=max_error, unit=unit)
@@ -393,7 +393,7 @@ def compare(
     """
     from meshreel.operations.compare import compare as measure  # slow to import
 
-    reading = ReadOptions(progress=progress)
+    reading = Reading(progress=progress)
     quality = measure(original, decoded, reading, surface=surface, n_samples=n_samples)
     _warn(reading.notes, stacklevel=3)
     return quality

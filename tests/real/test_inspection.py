@@ -4,14 +4,14 @@ import pytest
 
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 
 pytestmark = pytest.mark.real
 
 
 def test_both_meshes_of_a_package_are_listed(existing):
     path = existing("native/odd/BoxAnimated.usdz")
-    result = inspect_source(path, ReadOptions()).meshes
+    result = inspect_source(path, Reading()).meshes
     assert [(mesh.name.rpartition("/")[2], mesh.n_verts, mesh.n_faces) for mesh in result] == [
         ("node_3", 224, 192),
         ("node_2", 96, 62),
@@ -22,7 +22,7 @@ def test_both_meshes_of_a_package_are_listed(existing):
 def test_reported_figures_match_the_loaded_sequence(existing, name):
     path = existing(f"native/{name}")
     sequence = load(path)
-    [result] = inspect_source(path, ReadOptions()).meshes
+    [result] = inspect_source(path, Reading()).meshes
     assert (result.n_frames, result.n_verts, result.n_faces) == (
         sequence.n_frames,
         sequence.n_verts,
@@ -35,6 +35,6 @@ def test_reported_figures_match_the_loaded_sequence(existing, name):
 
 def test_the_root_selects_its_only_mesh(existing):
     path = existing("native/bone.abc")
-    [result] = inspect_source(path, ReadOptions()).meshes
+    [result] = inspect_source(path, Reading()).meshes
     root = "/" + result.name.strip("/").partition("/")[0]
-    assert inspect_source(path, ReadOptions(object=root)).meshes == (result,)
+    assert inspect_source(path, Reading(object=root)).meshes == (result,)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from meshreel.errors import FormatError, Keyword
 from meshreel.formats.file_errors import check_input_file
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.runtime.stores.transfer import download, exists, sibling
 
 DOWNLOADS: dict[Path, tuple[str, float]] = {}
@@ -13,12 +13,12 @@ files without an announced size.
 """
 
 
-def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Path:
+def resolve_reference(source: Path, reference: str, reading: Reading) -> Path:
     """Return the path of a file that `source` refers to, relative to its folder.
 
     Parameters
     ----------
-    options : ReadOptions
+    reading : Reading
         Whether the file may be outside the folder of `source`; receives the path.
 
     Raises
@@ -32,12 +32,12 @@ def resolve_reference(source: Path, reference: str, options: ReadOptions) -> Pat
         is_file = path.is_file()
     except (OSError, ValueError) as error:
         raise FormatError(f"refers to {reference[:80]!r}, which is not a path ({error})") from error
-    if not (options.allow_outside or is_within(path, folder)):
+    if not (reading.allow_outside or is_within(path, folder)):
         raise outside_error(reference)
     if not is_file and not download_sibling(path):
         raise FormatError(f"refers to the file {reference!r}, which does not exist")
     check_input_file(path)
-    options.referenced.add(path)
+    reading.referenced.add(path)
     return path
 
 

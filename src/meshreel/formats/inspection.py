@@ -9,7 +9,7 @@ import numpy as np
 from meshreel.errors import MeshReelError, Message
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.kinds import AnimationInfo, SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_mesh, selected_meshes
@@ -108,7 +108,7 @@ class SourceInfo:
         }  # fmt: skip
 
 
-def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
+def inspect_source(source: Source, reading: Reading) -> SourceInfo:
     """Return the contents of a file, a folder of frames or a list of them; reads every frame once.
 
     All meshes of a file are described, unless the options select or merge them.
@@ -123,21 +123,21 @@ def inspect_source(source: Source, options: ReadOptions) -> SourceInfo:
     InvalidInputError, FormatError
         As `meshreel.load`, but an unreadable mesh among several only has a `problem`.
     """
-    with local_copy(source, options.notes, options.memory) as files:
+    with local_copy(source, reading.notes, reading.memory) as files:
         source_files = find_files(files)
-        check_read_options(source_files.format, options)
-        meshes = tuple(_mesh_infos(source_files, options))
+        check_read_options(source_files.format, reading)
+        meshes = tuple(_mesh_infos(source_files, reading))
         return SourceInfo(
             source_files.format.title,
             sum(path.stat().st_size for path in (*source_files.paths, *source_files.other_files)),
             len(source_files.paths) + len(source_files.other_files),
             meshes,
-            tuple(dict.fromkeys(options.notes)),
-            animations_of(source_files, options),
+            tuple(dict.fromkeys(reading.notes)),
+            animations_of(source_files, reading),
         )
 
 
-def animations_of(files: SourceFiles, options: ReadOptions) -> tuple[AnimationInfo, ...]:
+def animations_of(files: SourceFiles, reading: Reading) -> tuple[AnimationInfo, ...]:
     """Return the animations of a file; empty if its format supports only one.
 
     Raises
@@ -148,19 +148,19 @@ def animations_of(files: SourceFiles, options: ReadOptions) -> tuple[AnimationIn
     if not isinstance(files.format, SequenceFormat) or files.format.list_animations is None:
         return ()
     with errors_naming(files.paths[0]):
-        return tuple(files.format.list_animations(files.paths[0], options))
+        return tuple(files.format.list_animations(files.paths[0], reading))
 
 
-def _mesh_infos(files: SourceFiles, options: ReadOptions) -> Iterator[MeshInfo]:
+def _mesh_infos(files: SourceFiles, reading: Reading) -> Iterator[MeshInfo]:
     path, entry = files.paths[0], files.format
     if not isinstance(entry, SequenceFormat) or entry.read_meshes is None or len(files.paths) > 1:
-        yield _sequence_info(open_any(files, replace(options, max_loaded_bytes=0)))
+        yield _sequence_info(open_any(files, replace(reading, max_loaded_bytes=0)))
         return
     with errors_naming(path):
-        meshes = selected_meshes(entry.read_meshes, path, options)
+        meshes = selected_meshes(entry.read_meshes, path, reading)
     for number, mesh in enumerate(meshes):
-        progress = _with_mesh_number(options.progress, number, len(meshes))
-        mesh_options = replace(options, progress=progress, max_loaded_bytes=0)
+        progress = _with_mesh_number(reading.progress, number, len(meshes))
+        mesh_options = replace(reading, progress=progress, max_loaded_bytes=0)
         try:
             runs = list(open_mesh(mesh, path, mesh_options))
         except MeshReelError as error:

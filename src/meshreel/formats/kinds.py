@@ -8,7 +8,7 @@ from typing import Literal
 from meshreel.arrays import Values
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.scenes.scene_mesh import ReadMeshes
 from meshreel.model.sequence import FrameSource, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Domain
@@ -125,7 +125,7 @@ class FrameFormat(Format):
 class SequenceFormat(Format):
     """A format with a whole sequence per file."""
 
-    open: Callable[[Path, ReadOptions], FrameSource] | None = None
+    open: Callable[[Path, Reading], FrameSource] | None = None
     """Opens the sequence; its errors name the file. Positions stay in the file if the options
     request it and the format allows it. Formats with `read_meshes` need none.
     """
@@ -135,7 +135,7 @@ class SequenceFormat(Format):
     """Returns the meshes of a file, for formats with several meshes or changing faces."""
     holds_materials: bool = False
     """Whether files store materials and images, not only face labels."""
-    list_animations: Callable[[Path, ReadOptions], Sequence[AnimationInfo]] | None = None
+    list_animations: Callable[[Path, Reading], Sequence[AnimationInfo]] | None = None
     """Returns the animations of a file, for formats with several; its errors do not name the file.
     """
     holds_segments: bool = False

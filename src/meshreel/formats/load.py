@@ -10,7 +10,7 @@ from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.codec.option import takes_fields
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming
-from meshreel.formats.options import LoadOptions, ReadOptions
+from meshreel.formats.options import LoadOptions, Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, find_files
@@ -79,7 +79,7 @@ def load(source: Source, options: LoadOptions) -> MeshSequence:
     topology = None if options.topology is None else Path(options.topology)
     notes = Notes()
     values = vars(options) | {"topology": topology, "notes": notes}
-    sequence = load_any(source, ReadOptions(**values))
+    sequence = load_any(source, Reading(**values))
     if options.notes is not None:
         options.notes.extend(notes)
     return sequence
@@ -126,13 +126,13 @@ def sequence_of(source: Any, memory: float | str | None = None) -> MeshSequence:
     )
 
 
-def load_any(source: Source, options: ReadOptions) -> MeshSequence:
+def load_any(source: Source, reading: Reading) -> MeshSequence:
     """Load a sequence with options that do not limit the loaded bytes."""
-    with local_copy(source, options.notes, options.memory) as files:
-        return open_any(find_files(files), options)
+    with local_copy(source, reading.notes, reading.memory) as files:
+        return open_any(find_files(files), reading)
 
 
-def open_for_encoding(source: Source, memory: float | None, options: ReadOptions) -> MeshSequence:
+def open_for_encoding(source: Source, memory: float | None, reading: Reading) -> MeshSequence:
     """Open a source for encoding; loads it if it is small compared to the memory limit.
 
     Parameters
@@ -141,13 +141,13 @@ def open_for_encoding(source: Source, memory: float | None, options: ReadOptions
         As in `load`.
     memory : float or None
         Memory limit for encoding in bytes; None is the default of `meshreel.encode`.
-    options : ReadOptions
+    reading : Reading
         `max_loaded_bytes` is ignored.
     """
-    return open_any(find_files(source), loading_for(memory, options))
+    return open_any(find_files(source), loading_for(memory, reading))
 
 
-def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> FrameSource:
+def open_for_purpose(source: Source, reading: Reading, purpose: str) -> FrameSource:
     """Open a source as `open_for_encoding`, whose faces must not change.
 
     Raises
@@ -156,15 +156,15 @@ def open_for_purpose(source: Source, options: ReadOptions, purpose: str) -> Fram
         If they do; the message names the purpose.
     """
     files = find_files(source)
-    sequence = open_any(files, loading_for(None, options))
+    sequence = open_any(files, loading_for(None, reading))
     with errors_naming(files.paths[0]):
         return single_segment(sequence, purpose)
 
 
-def loading_for(memory: float | None, options: ReadOptions) -> ReadOptions:
+def loading_for(memory: float | None, reading: Reading) -> Reading:
     """Return the options with `max_loaded_bytes` for a memory limit of encoding."""
     max_bytes = MAX_LOADED_BYTES if memory is None else int(LOADED_SHARE * memory)
     if memory is not None:
         # A small memory limit for encoding must not prevent reading a `.reel`.
-        options = replace(options, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
-    return replace(options, max_loaded_bytes=max_bytes)
+        reading = replace(reading, memory=max(memory, bytes_of(DEFAULT_MEMORY, "memory")))
+    return replace(reading, max_loaded_bytes=max_bytes)

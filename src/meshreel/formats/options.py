@@ -158,17 +158,18 @@ def _no_notes() -> "Notes":
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReadOptions(LoadOptions):
-    """Options for reading a file: those of `meshreel.load`, and others."""
+class Reading(LoadOptions):
+    """One reading of an input: its options, and what it reports to the caller."""
 
     topology: Path | None = None
-    notes: "Notes" = field(default_factory=_no_notes)  # type: ignore[assignment]  # a Note is a str
     max_loaded_bytes: int | None = None
     """Positions up to this size are loaded, larger ones stay in the file if possible. Default: all
     are loaded.
     """
     matches_frames: bool = True
     """Whether frames that differ only in the order of vertices and faces become one segment."""
+    notes: "Notes" = field(default_factory=_no_notes)  # type: ignore[assignment]  # a Note is a str
+    """Receives what reading changes, leaves out or does not know."""
     referenced: set[Path] = field(default_factory=set)
     """Receives the files that read files refer to, as far as they are resolved."""
 

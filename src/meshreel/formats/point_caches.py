@@ -28,7 +28,7 @@ from meshreel.formats.file_errors import (
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.stored_frames import Description, RawArray
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.registry import COMPANION, FRAME_FORMATS
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.model.notes import ASSUMED_FPS, Notes, written_times
@@ -46,29 +46,29 @@ MDD_HEADER = struct.Struct(">ii")
 MDD_NUMBER = np.dtype(">f4")
 
 
-def open_pc2(path: Path, options: ReadOptions) -> FrameSource:
+def open_pc2(path: Path, reading: Reading) -> FrameSource:
     """Open the sequence of a ``.pc2`` file.
 
     Its name is the file stem; the frame rate is that of the options, or unknown.
     """
     with errors_naming(path):
         n_verts, first_frame, interval, n_frames = _read_pc2_header(path)
-    faces, surface = read_topology(path, n_verts, options)
-    fps = options.fps or 0.0
+    faces, surface = read_topology(path, n_verts, reading)
+    fps = reading.fps or 0.0
     if interval != 1:
         text = f"samples are {interval:g} frames apart; each is read as one frame"
-        options.notes.changed("samples", text)
+        reading.notes.changed("samples", text)
     if first_frame and not fps:
         text = Message(
             f"begins at frame {first_frame:g} of unknown rate, which is read as 0 s; set the rate "
             "with ",
             Keyword("fps"),
         )
-        options.notes.unknown("start", text)
+        reading.notes.unknown("start", text)
     start_s = first_frame / (fps * interval) if fps else 0.0
     positions = RawArray(path, PC2_HEADER.size, (n_frames, n_verts, 3), PC2_NUMBER)
     description = Description(faces, path.stem, Timing.of_rate(fps, start_s), surface)
-    return description.open_array(positions, {}, options.max_loaded_bytes, options.progress)
+    return description.open_array(positions, {}, reading.max_loaded_bytes, reading.progress)
 
 
 def write_pc2(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -123,20 +123,20 @@ def _read_pc2_header(path: Path) -> tuple[int, float, float, int]:
     return n_verts, first_frame, interval, n_frames
 
 
-def open_mdd(path: Path, options: ReadOptions) -> FrameSource:
+def open_mdd(path: Path, reading: Reading) -> FrameSource:
     """Open the sequence of an ``.mdd`` file; its name is the file stem."""
     with errors_naming(path):
         n_verts, times = _read_mdd_header(path)
-    faces, surface = read_topology(path, n_verts, options)
+    faces, surface = read_topology(path, n_verts, reading)
     timing = _timing(times)
     if (np.diff(times) <= 0).any():
         text = "frame times are not ascending; the frame rate is unknown"
-        options.notes.unknown("frame rate", text)
-    timing = timing.at_rate(options.fps or None)
+        reading.notes.unknown("frame rate", text)
+    timing = timing.at_rate(reading.fps or None)
     start_byte = MDD_HEADER.size + times.nbytes
     positions = RawArray(path, start_byte, (len(times), n_verts, 3), MDD_NUMBER)
     description = Description(faces, path.stem, timing, surface)
-    return description.open_array(positions, {}, options.max_loaded_bytes, options.progress)
+    return description.open_array(positions, {}, reading.max_loaded_bytes, reading.progress)
 
 
 def write_mdd(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -263,7 +263,7 @@ def single_precision(stream: FrameStream) -> Iterator[Vertices]:
         stream.notes.changed("positions", text)
 
 
-def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Faces, Surface]:
+def read_topology(cache: Path, n_verts: int, reading: Reading) -> tuple[Faces, Surface]:
     """Return the triangles and the surface for a point cache with `n_verts` vertices.
 
     They come from the mesh file of the options, or from the mesh file next to the cache with the
@@ -276,8 +276,8 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     FormatError
         If the mesh has a format without shared vertices, or is damaged.
     """
-    path = options.topology or cache.with_suffix(COMPANION)
-    if options.topology is None and not path.is_file():
+    path = reading.topology or cache.with_suffix(COMPANION)
+    if reading.topology is None and not path.is_file():
         raise InvalidInputError(
             f"{cache} has positions of {counted(n_verts, 'vertex')} without faces; give the mesh "
             "file with the faces by ",
@@ -300,13 +300,13 @@ def read_topology(cache: Path, n_verts: int, options: ReadOptions) -> tuple[Face
     surface = frame.surface_with_edges(notes)
     attributes = {(attribute.domain, attribute.name) for attribute in surface.attributes}
     notes.left_out("fields", (key[1] for key in frame.fields if key not in attributes))
-    options.notes.add_all(notes)
+    reading.notes.add_all(notes)
     if len(mesh.vertices) != n_verts:
         raise InvalidInputError(
             f"{cache} has {counted(n_verts, 'vertex')} and {path} {len(mesh.vertices)}; "
             "use the mesh that the cache was created from"
         )
-    faces = triangulated(mesh, options.notes)
+    faces = triangulated(mesh, reading.notes)
     return faces, replace(surface, face_sizes=mesh.counts.astype(np.int32))
 
 

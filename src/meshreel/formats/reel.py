@@ -18,7 +18,7 @@ from meshreel.formats.file_errors import check_input_file, errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
-from meshreel.formats.options import Origin, ReadOptions, WriteOptions, origin_of
+from meshreel.formats.options import Origin, Reading, WriteOptions, origin_of
 from meshreel.formats.registry import FORMATS as ALL_FORMATS
 from meshreel.formats.registry import extension_of
 from meshreel.formats.sources import missing_source
@@ -135,7 +135,7 @@ def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
         return origin_of(reel)
 
 
-def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
+def open_reel(path: Path, reading: Reading) -> MeshSequence:
     """Open the sequence of a `.reel` file; its default name is the file stem.
 
     Positions above `max_loaded_bytes` are decoded when they are read, a segment at a time; memory
@@ -146,14 +146,14 @@ def open_reel(path: Path, options: ReadOptions) -> MeshSequence:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a complete stream that this version supports; errors name the file.
     """
-    if options.max_loaded_bytes is not None:
-        sequence = _open_stored(path, options)
-        if sum(map(positions_size_bytes, sequence.segments)) > options.max_loaded_bytes:
+    if reading.max_loaded_bytes is not None:
+        sequence = _open_stored(path, reading)
+        if sum(map(positions_size_bytes, sequence.segments)) > reading.max_loaded_bytes:
             return sequence
     with errors_naming(path):
-        sequence = decode(path.read_bytes(), memory=options.memory, progress=options.progress)
-    options.progress("reading", 1.0)
-    timing = sequence.timing.at_rate(options.fps)
+        sequence = decode(path.read_bytes(), memory=reading.memory, progress=reading.progress)
+    reading.progress("reading", 1.0)
+    timing = sequence.timing.at_rate(reading.fps)
     return sequence.replace(timing=timing, name=sequence.name or path.stem)
 
 
@@ -164,13 +164,13 @@ class _SelfClosingFile(FileIO):
         self.close()
 
 
-def _open_stored(path: Path, options: ReadOptions) -> MeshSequence:
+def _open_stored(path: Path, reading: Reading) -> MeshSequence:
     """Open the sequence of a complete `.reel` file, whose frames stay in the file."""
     file = cast("BinaryIO", _SelfClosingFile(path))
     with errors_naming(path):
-        reel = ReelFile(file, memory=options.memory)
+        reel = ReelFile(file, memory=reading.memory)
         reel.require_whole()
-    name, timing = reel.name or path.stem, reel.timing.at_rate(options.fps)
+    name, timing = reel.name or path.stem, reel.timing.at_rate(reading.fps)
     segments = [
         _stored_segment(reel, number, path, name, timing.part(frames))
         for number, frames in enumerate(starmap(range, pairwise(reel.starts)))

@@ -7,7 +7,7 @@ from meshreel.formats.displacement import displace, note_displacement
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.selection import select_attributes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_source import open_mesh, select_frames, select_mesh
 from meshreel.formats.sources import SourceFiles
 from meshreel.formats.supported_options import check_read_options
@@ -21,7 +21,7 @@ MANY_SEGMENTS = 0.8
 """Segments per frame above which notes advise registration."""
 
 
-def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
+def open_any(files: SourceFiles, reading: Reading) -> MeshSequence:
     """Open a sequence whose faces may change; frames may stay in their files.
 
     Frame files, scene files and uncompressed ``.npz`` files are read once now, a frame at a time,
@@ -34,75 +34,75 @@ def open_any(files: SourceFiles, options: ReadOptions) -> MeshSequence:
     InvalidInputError, FormatError
         As `load`; also InvalidInputError when frames are read, if a file has changed.
     """
-    check_read_options(files.format, options)
-    read_options = replace(options, notes=Notes())
-    sequence = _open(files, read_options)
-    if options.displace is None:
-        note_displacement(sequence, read_options.notes)
+    check_read_options(files.format, reading)
+    own_reading = replace(reading, notes=Notes())
+    sequence = _open(files, own_reading)
+    if reading.displace is None:
+        note_displacement(sequence, own_reading.notes)
     else:
-        sequence = displace(sequence, options.displace, options.max_loaded_bytes)
-    options.notes.extend(dict.fromkeys(read_options.notes))
+        sequence = displace(sequence, reading.displace, reading.max_loaded_bytes)
+    reading.notes.extend(dict.fromkeys(own_reading.notes))
     return sequence
 
 
-def _open(files: SourceFiles, options: ReadOptions) -> MeshSequence:
+def _open(files: SourceFiles, reading: Reading) -> MeshSequence:
     path, file_format = files.paths[0], files.format
     if isinstance(file_format, SequenceFormat) and file_format.open is not None:
-        opened = MeshSequence.of_segments([file_format.open(path, options)])
+        opened = MeshSequence.of_segments([file_format.open(path, reading)])
         segments = [
-            select_attributes(segment, options.attributes, path) for segment in opened.segments
+            select_attributes(segment, reading.attributes, path) for segment in opened.segments
         ]
         return MeshSequence.of_segments(segments, opened.name, opened.timing)
-    runs = list(_runs(files, options))
+    runs = list(_runs(files, reading))
     has_several = len(runs) > 1
     segments = runs
-    if has_several and options.matches_frames:
-        segments = match_segments(runs, options.progress)
-    selected = [select_attributes(segment, options.attributes, path) for segment in segments]
+    if has_several and reading.matches_frames:
+        segments = match_segments(runs, reading.progress)
+    selected = [select_attributes(segment, reading.attributes, path) for segment in segments]
     timing = Timing.joined([run.timing for run in runs], [run.n_frames for run in runs])
     sequence = MeshSequence.of_segments(selected, timing=timing)
     if len(files.paths) > 1:
         from meshreel.formats.frames.numbering import timing_by_number  # for several files only
 
-        timing = timing_by_number(files.paths, options.fps or 0.0, options.notes)
+        timing = timing_by_number(files.paths, reading.fps or 0.0, reading.notes)
         sequence = sequence.replace(timing=timing)
     if has_several:
-        options.notes.combine()
-        _note_segments(sequence, runs, segments, options)
+        reading.notes.combine()
+        _note_segments(sequence, runs, segments, reading)
     return sequence
 
 
-def _runs(files: SourceFiles, options: ReadOptions) -> Iterator[FrameSource]:
+def _runs(files: SourceFiles, reading: Reading) -> Iterator[FrameSource]:
     """Yield each range of frames with the same faces, of a file of meshes or of frame files."""
     path, file_format = files.paths[0], files.format
     if not isinstance(file_format, SequenceFormat):
-        yield from read_runs(FrameFiles(files.paths, file_format), files.name, options)
+        yield from read_runs(FrameFiles(files.paths, file_format), files.name, reading)
     elif file_format.read_meshes is not None:
         if len(files.paths) == 1:
-            mesh = select_mesh(file_format.read_meshes, path, options)
-            yield from open_mesh(mesh, path, options)
+            mesh = select_mesh(file_format.read_meshes, path, reading)
+            yield from open_mesh(mesh, path, reading)
         else:
-            mesh = select_frames(file_format.read_meshes, files.paths, options)
-            yield from open_mesh(mesh, path.parent, options)
+            mesh = select_frames(file_format.read_meshes, files.paths, reading)
+            yield from open_mesh(mesh, path.parent, reading)
 
 
 def _note_segments(
     sequence: MeshSequence,
     runs: Sequence[FrameSource],
     matched: Sequence[FrameSource],
-    options: ReadOptions,
+    reading: Reading,
 ) -> None:
     text = (
         f"the faces change: {counted(sequence.n_frames, 'frame')} in "
         f"{counted(len(runs), 'segment')} of constant connectivity"
     )
-    options.notes.add(NoteKind.SEGMENTS, "faces", text)
+    reading.notes.add(NoteKind.SEGMENTS, "faces", text)
     if len(matched) < len(runs):
         text = _describe_match(runs, matched)
-        options.notes.add(NoteKind.SEGMENTS, "matched segments", text)
-    if options.matches_frames and len(matched) > MANY_SEGMENTS * sequence.n_frames:
+        reading.notes.add(NoteKind.SEGMENTS, "matched segments", text)
+    if reading.matches_frames and len(matched) > MANY_SEGMENTS * sequence.n_frames:
         text = "the faces change in almost every frame; `meshreel register` can follow the surface"
-        options.notes.add(NoteKind.SEGMENTS, "faces", text)
+        reading.notes.add(NoteKind.SEGMENTS, "faces", text)
 
 
 def _describe_match(unmatched: Sequence[FrameSource], matched: Sequence[FrameSource]) -> str:

@@ -13,7 +13,7 @@ from meshreel.formats.kinds import (
     SequenceFormat,
     WriteOption,
 )
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS, extension_of
 from meshreel.model.notes import listed
 
@@ -26,7 +26,7 @@ def supports(source: object, option: ReadOption) -> bool:
     return file_format is not None and option in file_format.options
 
 
-def check_supported(sources: Sequence[object], options: ReadOptions) -> None:
+def check_supported(sources: Sequence[object], reading: Reading) -> None:
     """Raise an error for options that have no effect on any of the sources.
 
     Raises
@@ -35,27 +35,27 @@ def check_supported(sources: Sequence[object], options: ReadOptions) -> None:
         If there is one; the message names it and the formats that support it.
     """
     requested: dict[ReadOption, bool] = {
-        "skip_bad": options.skip_bad,
-        "allow_outside": options.allow_outside,
-        "animation": options.animation is not None,
+        "skip_bad": reading.skip_bad,
+        "allow_outside": reading.allow_outside,
+        "animation": reading.animation is not None,
     }
     for option, is_requested in requested.items():
         if is_requested and not any(supports(source, option) for source in sources):
             raise _no_effect(option, listed(map(str, sources)))
 
 
-def supported_only(options: ReadOptions, source: str | os.PathLike[str]) -> ReadOptions:
+def supported_only(reading: Reading, source: str | os.PathLike[str]) -> Reading:
     """Return the options without those that have no effect on the source."""
     return replace(
-        options,
-        object=options.object if supports(source, "object") else None,
-        skip_bad=options.skip_bad and supports(source, "skip_bad"),
-        allow_outside=options.allow_outside and supports(source, "allow_outside"),
-        animation=options.animation if supports(source, "animation") else None,
+        reading,
+        object=reading.object if supports(source, "object") else None,
+        skip_bad=reading.skip_bad and supports(source, "skip_bad"),
+        allow_outside=reading.allow_outside and supports(source, "allow_outside"),
+        animation=reading.animation if supports(source, "animation") else None,
     )
 
 
-def check_read_options(file_format: FrameFormat | SequenceFormat, options: ReadOptions) -> None:
+def check_read_options(file_format: FrameFormat | SequenceFormat, reading: Reading) -> None:
     """Raise an error for read options that have no effect on a format.
 
     Raises
@@ -63,7 +63,7 @@ def check_read_options(file_format: FrameFormat | SequenceFormat, options: ReadO
     InvalidInputError
         If there is one; the message names it and the formats that support it.
     """
-    if options.skip_bad and options.object is not None:
+    if reading.skip_bad and reading.object is not None:
         raise InvalidInputError(
             Keyword("object"),
             " selects one mesh, so ",
@@ -71,8 +71,8 @@ def check_read_options(file_format: FrameFormat | SequenceFormat, options: ReadO
             " has no effect; use only one of them",
         )
     # Merging a single static mesh changes nothing; allowing it lets batches merge whole folders.
-    requested = [arg for arg in get_args(ReadOption) if getattr(options, arg) and arg != "merge"]
-    is_number_0 = options.animation == 0  # falsy, but a valid choice
+    requested = [arg for arg in get_args(ReadOption) if getattr(reading, arg) and arg != "merge"]
+    is_number_0 = reading.animation == 0  # falsy, but a valid choice
     _check(file_format, [*requested, "animation"] if is_number_0 else requested)
 
 

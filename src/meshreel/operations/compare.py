@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from meshreel.codec.dropped_order import MATCHED, match_order
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.supported_options import check_supported
 from meshreel.metrics.compare import Quality, measure_quality
 from meshreel.metrics.surface_distance import SurfaceQuality
@@ -17,7 +17,7 @@ MAX_CODING_PERCENT = 10.0
 def compare(
     original: AnyInput,
     decoded: AnyInput,
-    reading: ReadOptions,
+    reading: Reading,
     *,
     frames: slice | None = None,
     surface: bool | None = None,
@@ -27,7 +27,7 @@ def compare(
 
     Parameters
     ----------
-    reading : ReadOptions
+    reading : Reading
         Options for both files, but an animation is that of the original. Receives notes on
         vertices that were matched, and on differences that are not of coding.
     frames : slice, optional
@@ -36,7 +36,7 @@ def compare(
     notes = reading.notes
     check_inputs([original, decoded])
     check_supported([original, decoded], replace(reading, animation=None))
-    check_supported([original], ReadOptions(animation=reading.animation))
+    check_supported([original], Reading(animation=reading.animation))
     first, second = loaded(original, reading), loaded(decoded, replace(reading, animation=None))
     first, second, is_matched = match_order(first, second)
     if is_matched:

@@ -15,7 +15,7 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.load import loading_for
 from meshreel.formats.needed_extras import extras_to_read, extras_to_write
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, numbering
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import origin_of_file
@@ -173,7 +173,7 @@ class Result:
 def convert(
     source: Source,
     target: Target,
-    reading: ReadOptions,
+    reading: Reading,
     *,
     registering: Registering | None = None,
     frames: slice | None = None,
@@ -187,7 +187,7 @@ def convert(
     source : str, Path, or list or tuple of them
         As in `meshreel.load`.
     target : Target
-    reading : ReadOptions
+    reading : Reading
         Receives the notes.
     registering : Registering, optional
         Registers the frames first; for a .reel with its quality and in a folder beside it, from
@@ -315,7 +315,7 @@ def _known_frames(files: Sequence[Path], selection: slice | None) -> range | Non
     return frame_range(selection, len(files)) if is_frame else None
 
 
-def _loading(target: Target, reading: ReadOptions, *, matches: bool) -> ReadOptions:
+def _loading(target: Target, reading: Reading, *, matches: bool) -> Reading:
     """Return the options with which an input is opened for a target."""
     keeps_order = is_stream(target.output) and target.config.order in ("keep", "vertices")
     reading = replace(reading, matches_frames=matches and not keeps_order)

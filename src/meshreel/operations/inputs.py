@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from meshreel.codec.reel_file import ReelFile
 from meshreel.formats.load import is_path, loading_for, sequence_of
 from meshreel.formats.needed_extras import extras_to_read
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, files_of_source, find_files
@@ -48,7 +48,7 @@ def local_input(
 
 
 def opened(
-    source: AnyInput, reading: ReadOptions, memory: float | None = None
+    source: AnyInput, reading: Reading, memory: float | None = None
 ) -> AbstractContextManager[MeshSequence]:
     """Context manager for the sequence of an input, whose frames may stay in their files.
 
@@ -71,9 +71,7 @@ def opened(
 
 
 @contextmanager
-def _opened_files(
-    source: Source, reading: ReadOptions, memory: float | None
-) -> Iterator[MeshSequence]:
+def _opened_files(source: Source, reading: Reading, memory: float | None) -> Iterator[MeshSequence]:
     with local_input(source) as files:
         yield open_any(find_files(files), loading_for(memory, reading))
 
@@ -96,7 +94,7 @@ def check_inputs(sources: Iterable[AnyInput | None], *extras: Extra) -> list[Pat
     return files
 
 
-def loaded(source: AnyInput, reading: ReadOptions) -> MeshSequence:
+def loaded(source: AnyInput, reading: Reading) -> MeshSequence:
     """Return the sequence of an input, with all frames in memory.
 
     Options that have no effect on the format of a file are ignored.

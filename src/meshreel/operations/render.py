@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.supported_options import check_supported, supported_only
 from meshreel.model.notes import Notes
 from meshreel.operations.convert import chosen_frames
@@ -52,7 +52,7 @@ def render(
     source: str,
     output: Path,
     look: Look,
-    reading: ReadOptions,
+    reading: Reading,
     *,
     original: str | None = None,
     frames: FrameList = None,
@@ -122,7 +122,7 @@ def _write_film(
     view: View,
     output: Path,
     look: Look,
-    reading: ReadOptions,
+    reading: Reading,
     *,
     overwrite: bool,
 ) -> dict[str, Any]:

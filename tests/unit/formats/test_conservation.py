@@ -15,7 +15,7 @@ from meshreel import MeshSequence, Track
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.registry import FORMATS, is_written
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.surface import Surface
@@ -100,5 +100,5 @@ def test_contents_of_a_sequence_are_written_or_named(extension, make, tmp_path):
     assert balance_of_reading(path, WALKS[extension]).silent == ()
     notes, options = [], {"merge": merges(path)}
     load(path, notes=notes, **options)
-    inspected = inspect_source(path, ReadOptions(**options)).notes
+    inspected = inspect_source(path, Reading(**options)).notes
     assert [note for note in notes if note.kind is not NoteKind.SEGMENTS] == list(inspected)

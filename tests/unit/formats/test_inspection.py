@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.kinds import AnimationInfo
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.notes import Note, NoteKind
 from meshreel.operations.save import save
 from samples.gltf import moving_triangle
@@ -16,7 +16,7 @@ from samples.tracks import tracked_sheet
 
 
 def only_mesh(source, **options):
-    result = inspect_source(source, ReadOptions(**options))
+    result = inspect_source(source, Reading(**options))
     assert len(result.meshes) == 1
     return result.meshes[0]
 
@@ -36,7 +36,7 @@ def test_inspection_agrees_with_the_loaded_sequence(tmp_path, extension):
 
 def test_inspection_counts_frame_files(tmp_path):
     save(waving_grid(5), tmp_path / "f_%d.obj")
-    result = inspect_source(tmp_path, ReadOptions(fps=10))
+    result = inspect_source(tmp_path, Reading(fps=10))
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert (result.n_files, result.size_bytes, result.format) == (5, size, "Wavefront OBJ")
     assert (result.meshes[0].n_frames, result.meshes[0].duration_s) == (5, 0.5)
@@ -57,7 +57,7 @@ def test_inspection_lists_tracks(tmp_path, extension):
 
 def test_inspection_lists_each_mesh(tmp_path):
     save(two_sheets(), tmp_path / "two.usda")
-    result = inspect_source(tmp_path / "two.usda", ReadOptions()).meshes
+    result = inspect_source(tmp_path / "two.usda", Reading()).meshes
     assert [mesh.name for mesh in result] == ["/root/a", "/root/b"]
     sheets = [quad_sheet(), quad_sheet(shift=2)]
     for mesh, sheet in zip(result, sheets, strict=True):
@@ -77,7 +77,7 @@ def test_inspection_follows_object_and_merge(tmp_path, options, name):
 def test_inspection_counts_the_segments_of_changing_faces(tmp_path):
     for number, rows in enumerate((5, 5, 6)):
         save(waving_grid(1, rows, 6), tmp_path / f"s_{number}.obj")
-    (mesh,) = inspect_source(tmp_path, ReadOptions()).meshes
+    (mesh,) = inspect_source(tmp_path, Reading()).meshes
     assert (mesh.n_frames, mesh.n_segments, mesh.n_verts) == (3, 2, 36)
 
 
@@ -88,14 +88,14 @@ def test_inspection_reports_the_problem_of_an_unreadable_mesh(tmp_path):
     points = rest.index("(", rest.index("points.timeSamples"))
     (tmp_path / "bad.usda").write_text(head + mesh + rest[:points] + "(nan, 0" + rest[rest.index(
         ",", rest.index(",", points) + 1):])  # fmt: skip
-    good, bad = inspect_source(tmp_path / "bad.usda", ReadOptions()).meshes
+    good, bad = inspect_source(tmp_path / "bad.usda", Reading()).meshes
     assert good.problem is None
     assert "must be finite" in bad.problem
 
 
 def test_inspection_lists_what_is_left_out(tmp_path):
     save(waving_grid(), tmp_path / "a.npz")
-    result = inspect_source(tmp_path / "a.npz", ReadOptions())
+    result = inspect_source(tmp_path / "a.npz", Reading())
     notes = (
         Note(NoteKind.LEFT_OUT, "lights", ["sun"]),
         Note(NoteKind.CHANGED, "left out: other words"),
@@ -114,7 +114,7 @@ def test_inspection_lists_gltf_animations(tmp_path):
     file.animate(0, "scale", [1, 0], np.ones((2, 3)), animation=3)
     for one, name in zip(file.json["animations"], ["walk", "run", "pan", "bad"], strict=True):
         one["name"] = name
-    result = inspect_source(file.save(tmp_path / "a.glb"), ReadOptions())
+    result = inspect_source(file.save(tmp_path / "a.glb"), Reading())
     problem = "animation 3, sampler 0: key times must be ascending"
     assert result.animations == (
         AnimationInfo("walk", 0.0, 1.0, moves_mesh=True),

@@ -8,7 +8,7 @@ import meshreel
 from meshreel.errors import InvalidInputError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.registry import FORMATS
 from meshreel.operations.save import save
 from samples.commands import run
@@ -32,7 +32,7 @@ def pipe(folder, name):
 
 
 def inspected(path):
-    return inspect_source(path, ReadOptions())
+    return inspect_source(path, Reading())
 
 
 @pytest.mark.parametrize("extension", sorted(FORMATS))

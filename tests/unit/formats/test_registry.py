@@ -12,7 +12,7 @@ import pytest
 
 import meshreel.formats
 from meshreel.formats.kinds import FolderFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.registry import FOLDER_FORMATS, FORMATS
 from meshreel.formats.supported_options import supported_only
 from meshreel.operations.save import save
@@ -105,12 +105,12 @@ def test_formats_are_imported_through_the_registry_only():
     assert result == ALLOWED
 
 
-GIVEN = ReadOptions(
+GIVEN = Reading(
     fps=24.0, object="body", merge=True, skip_bad=True, allow_outside=True, animation="run"
 )
 KEPT = {
-    "a.npz": ReadOptions(fps=24.0, merge=True),
-    "a.h5": ReadOptions(fps=24.0, object="body", merge=True, skip_bad=True),
+    "a.npz": Reading(fps=24.0, merge=True),
+    "a.h5": Reading(fps=24.0, object="body", merge=True, skip_bad=True),
     "a.glb": GIVEN,
 }
 

@@ -11,7 +11,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStre
 from meshreel.formats.frames import frame_stream
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
 from meshreel.model.sequence import MeshSequence
@@ -109,7 +109,7 @@ def path(tmp_path):
 
 
 def opened(path, **options):
-    return open_any(find_files(path), ReadOptions(max_loaded_bytes=0, **options))
+    return open_any(find_files(path), Reading(max_loaded_bytes=0, **options))
 
 
 def test_stored_segments_are_those_that_load_decodes(path):
@@ -136,7 +136,7 @@ def test_stored_segments_have_the_frame_rate_of_the_options(path):
 def test_segments_are_stored_above_max_loaded_bytes(path, surplus, is_stored):
     expected = meshreel.load(path)
     size = sum(segment.read(0, segment.n_frames).nbytes for segment in expected.segments)
-    result = open_any(find_files(path), ReadOptions(max_loaded_bytes=size + surplus))
+    result = open_any(find_files(path), Reading(max_loaded_bytes=size + surplus))
     assert isinstance(result.segments[0], StoredFrames) == is_stored
 
 

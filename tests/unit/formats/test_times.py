@@ -7,7 +7,7 @@ import pytest
 
 from meshreel.errors import FormatError
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.operations.save import save
 from samples.meshes import quad_sheet, waving_grid
@@ -70,8 +70,8 @@ def test_times_that_do_not_fit_the_frames_are_refused(tmp_path):
 def test_times_that_do_not_ascend_need_a_rate(times, notes):
     times_s = np.array(times, float)
     with pytest.raises(FormatError, match=f"step 1 at time {times[1]} and step 2 at 1; .* fps"):
-        ascending_times(times_s, "step", ReadOptions())
-    options = ReadOptions(fps=10, notes=notes)
+        ascending_times(times_s, "step", Reading())
+    options = Reading(fps=10, notes=notes)
     np.testing.assert_allclose(ascending_times(times_s, "step", options), [0, 0.1, 0.2])
     assert notes == ["frame times are not ascending; read in file order at 10 frames per second"]
 

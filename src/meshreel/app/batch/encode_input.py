@@ -13,7 +13,7 @@ from meshreel.codec.surface.uv_grid import has_uvs
 from meshreel.errors import InvalidInputError, Keyword, Message, WorkerDiedError
 from meshreel.formats.frames.selection import with_surfaces
 from meshreel.formats.load import open_for_encoding
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.notes import Notes
@@ -29,7 +29,7 @@ BLOCK_SHARES = (1.0, 1 / 4, 1 / 16)
 """Fractions of the frames of a block to try in order if memory runs out."""
 
 READ_OPTIONS = ("fps", "merge", "attributes", "skip_bad", "allow_outside")
-"""Fields of `ReadOptions` that the manifest records if they differ from the default."""
+"""Fields of `Reading` that the manifest records if they differ from the default."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class EncodeOptions:
     """Options for every input of a batch."""
 
     config: EncoderConfig
-    reading: ReadOptions = field(default_factory=ReadOptions)
+    reading: Reading = field(default_factory=Reading)
     """Options that do not apply to the format of an input are ignored; an input without a selected
     attribute gets a note.
     """
@@ -66,7 +66,7 @@ class EncodeOptions:
         options = {option.name: getattr(self.config, option.name) for option in self.config.chosen}
         reading = {name: getattr(self.reading, name) for name in READ_OPTIONS}
         options |= {
-            name: value for name, value in reading.items() if value != getattr(ReadOptions, name)
+            name: value for name, value in reading.items() if value != getattr(Reading, name)
         }
         if self.registering is not None:
             options["register"] = self.registering.tolerance.plain

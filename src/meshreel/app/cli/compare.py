@@ -9,7 +9,7 @@ from meshreel.app.cli.write_options import FramesOption, frame_slice
 from meshreel.codec.option import COUNT, Option
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 
 @command
@@ -23,7 +23,7 @@ def compare_command(
         ),
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
-    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    reading: Annotated["Reading", reading(*MESHES, "memory")],
     frames: FramesOption = None,
     surface: Annotated[
         bool, Option("Measure distances between the surfaces also if the faces are the same.")

@@ -17,7 +17,7 @@ from meshreel.app.cli.write_options import (
     OutputOption,
     StartNumberOption,
 )
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 
 GENERAL_OPTIONS = ("max_error", "unit", "kg", "quality")
 """Options for encoding that also apply to other outputs than .reel."""
@@ -34,7 +34,7 @@ def convert_command(
         ),
     ],
     output: OutputOption,
-    reading: Annotated[ReadOptions, reading(*WHOLE_SEQUENCES)],
+    reading: Annotated[Reading, reading(*WHOLE_SEQUENCES)],
     registering: RegisteringOption,
     writing: Annotated[dict[str, Any], WRITING],
     encoding: Annotated[

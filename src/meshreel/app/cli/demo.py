@@ -42,7 +42,7 @@ def demo_command(
     from meshreel.codec.decoder import decode
     from meshreel.codec.encoder import encode
     from meshreel.codec.inspect import info
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
     from meshreel.metrics.compare import compare
     from meshreel.model.flag import simulate_flag
     from meshreel.operations.encoding import size_figures
@@ -66,7 +66,7 @@ def demo_command(
         data = encode(sequence, progress=progress)
         with replace_when_done(reel, overwrite=force) as temporary:
             temporary.write_bytes(data)
-        with open_player(reel, None, ReadOptions(progress=progress)) as player:
+        with open_player(reel, None, Reading(progress=progress)) as player:
             export_page(player, page, page=built_page(), overwrite=force, progress=progress)
         decoded = decode(data, progress=progress)
         quality = compare(sequence, decoded, progress=progress)

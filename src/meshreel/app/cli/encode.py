@@ -12,7 +12,7 @@ from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.app.cli.write_options import StreamOption
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 OTHER_OUTPUTS = (
     "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
@@ -34,7 +34,7 @@ def encode_command(
     ],
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
-        "ReadOptions",
+        "Reading",
         reading(*WHOLE_SEQUENCES),
     ],
     registering: RegisteringOption,

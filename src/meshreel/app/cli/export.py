@@ -11,7 +11,7 @@ from meshreel.app.cli.track_options import ColormapOption, ComponentOption, Rang
 from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 EXTENSIONS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
@@ -21,7 +21,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 def export_command(
     source: SourceArgument,
     output: Annotated[Path, Option("The page to write.", flag="--output -o", metavar="PAGE.html")],
-    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    reading: Annotated["Reading", reading(*MESHES, "memory")],
     original: OriginalOption = None,
     track: ShownTrackOption = None,
     component: ComponentOption = None,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from meshreel.app.figures import Cell
     from meshreel.formats.inspection import MeshInfo, SourceInfo
     from meshreel.formats.kinds import AnimationInfo
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
@@ -36,7 +36,7 @@ def info_command(
             "only its index and section headers are downloaded.",
         ),
     ],
-    reading: Annotated["ReadOptions", reading("fps", *MESHES, "topology", "dataset", "memory")],
+    reading: Annotated["Reading", reading("fps", *MESHES, "topology", "dataset", "memory")],
     segment: SegmentOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -54,10 +54,10 @@ def info_command(
     from dataclasses import replace
 
     from meshreel.app.cli.read_options import is_stream_file, source_of
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
     if len(inputs) == 1 and is_stream_file(inputs[0]):
-        if replace(reading, memory=None) != ReadOptions():
+        if replace(reading, memory=None) != Reading():
             raise click.UsageError("input options do not apply to a .reel; omit them")
         _show_stream(inputs[0], segment, reading.memory, as_json=as_json)
         return
@@ -95,7 +95,7 @@ def _show_stream(
 
 
 def _show_source(
-    source: "str | list[Path] | list[str]", options: "ReadOptions", *, as_json: bool
+    source: "str | list[Path] | list[str]", reading: "Reading", *, as_json: bool
 ) -> None:
     from dataclasses import replace
 
@@ -111,7 +111,7 @@ def _show_source(
 
     title = source if isinstance(source, str) else f"{source[0]} to {Path(source[-1]).name}"
     with shown_progress() as progress:
-        info = inspect_source(source, replace(options, progress=progress))
+        info = inspect_source(source, replace(reading, progress=progress))
     print_notes([note for note in info.notes if as_json or note.kind is not NoteKind.LEFT_OUT])
     if as_json:
         print_json({"input": title, **info.as_dict()})

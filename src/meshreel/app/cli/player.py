@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.player_data import PlayerData
     from meshreel.codec.reel_file import ReelFile
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
     from meshreel.rendering.track_colors import TrackLook
 
 SourceArgument = Annotated[Path, Argument("FILE.reel", "The stream to play.")]
@@ -44,7 +44,7 @@ TextureOption = Annotated[
 def open_player(
     source: Path,
     original: str | None,
-    reading: "ReadOptions",
+    reading: "Reading",
     look: "TrackLook | None" = None,
     texture: Path | None = None,
 ) -> Iterator["PlayerData"]:
@@ -92,7 +92,7 @@ def _check_is_encoded(source: Path) -> None:
     refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")
 
 
-def _check_options_of_original(original: str | None, reading: "ReadOptions") -> None:
+def _check_options_of_original(original: str | None, reading: "Reading") -> None:
     """Reject options for reading the original if there is none."""
     from meshreel.errors import InvalidInputError
 
@@ -104,7 +104,7 @@ def _check_options_of_original(original: str | None, reading: "ReadOptions") -> 
         )
 
 
-def _comparison(reel: "ReelFile", original: str, reading: "ReadOptions") -> "Comparison":
+def _comparison(reel: "ReelFile", original: str, reading: "Reading") -> "Comparison":
     from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.original import Original
     from meshreel.formats.file_errors import errors_naming

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option, options_of_fields
-from meshreel.formats.options import READING, LoadOptions, ReadOptions
+from meshreel.formats.options import READING, LoadOptions, Reading
 from meshreel.runtime.stores.address import is_remote, name_of, without_query
 
 SegmentOption = Annotated[
@@ -30,7 +30,7 @@ STANDARD_INPUT = "-"
 """Name of a .reel that another program writes to standard input."""
 
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
-"""Options that select meshes of a file, by their names in `ReadOptions`."""
+"""Options that select meshes of a file, by their names in `Reading`."""
 
 WHOLE_SEQUENCES = (
     "fps", *MESHES, "topology", "dataset", "displace", "keep_deleted", "attributes",
@@ -39,7 +39,7 @@ WHOLE_SEQUENCES = (
 
 
 _OPTIONS = {option.name: option for option in options_of_fields(LoadOptions)}
-"""By name in `ReadOptions`."""
+"""By name in `Reading`."""
 _OPTIONS["topology"] = replace(_OPTIONS["topology"], annotation=Path)
 
 MemoryOption = Annotated[str | None, _OPTIONS["memory"]]
@@ -49,16 +49,16 @@ COMMON = ("fps", "object", "merge", "attributes", "memory")
 
 
 def reading(*names: str) -> Group:
-    """Options for reading, in the order of the help; a command receives a `ReadOptions`.
+    """Options for reading, in the order of the help; a command receives a `Reading`.
 
     Parameters
     ----------
     *names
-        Fields of `ReadOptions`.
+        Fields of `Reading`.
     """
     options = [replace(_OPTIONS[name], flag=f"--{name.replace('_', '-')}") for name in names]
 
-    return Group(options, lambda values: ReadOptions(**values), COMMON)
+    return Group(options, lambda values: Reading(**values), COMMON)
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":

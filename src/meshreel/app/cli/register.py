@@ -14,7 +14,7 @@ from meshreel.app.cli.write_options import StreamOption
 from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 
 @command
@@ -28,7 +28,7 @@ def register_command(
             "...). Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
-    reading: Annotated["ReadOptions", reading("fps", *MESHES, "dataset", "attributes")],
+    reading: Annotated["Reading", reading("fps", *MESHES, "dataset", "attributes")],
     encoding: Annotated[Encoding, ENCODING],
     output: StreamOption = None,
     tolerance: Annotated[

@@ -13,7 +13,7 @@ from meshreel.codec.option import Option
 from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 LOOK = "Look"
 
@@ -29,7 +29,7 @@ def render_command(
         ),
     ],
     output: Annotated[Path, Option("A picture (.png) or a film (.mp4, .gif).", flag="--output -o")],
-    reading: Annotated["ReadOptions", reading("fps", *MESHES, "displace", "memory")],
+    reading: Annotated["Reading", reading("fps", *MESHES, "displace", "memory")],
     original: Annotated[
         File | None, Option("The original of FILE, shown alongside.", metavar="INPUT")
     ] = None,

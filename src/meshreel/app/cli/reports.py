@@ -10,7 +10,7 @@ from click.core import ParameterSource
 from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
 from meshreel.errors import ConnectivityChangeError
 from meshreel.formats.load import load_any
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.flag import simulate_flag
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import MeshSequence, single_segment
@@ -69,7 +69,7 @@ def write_report(
     """
     notes = Notes()
     with shown_progress() as progress:
-        reading = ReadOptions(progress=progress, notes=notes)
+        reading = Reading(progress=progress, notes=notes)
         sequences: list[MeshSequence] = [load_any(source, reading) for source in inputs]
         for sequence, source in zip(sequences, inputs, strict=True):
             _check_faces(sequence, f"{study.program} of {source}")

@@ -12,13 +12,13 @@ from meshreel.codec.option import Option, Range
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.server import ViewerServer
-    from meshreel.formats.options import ReadOptions
+    from meshreel.formats.options import Reading
 
 
 @command
 def view_command(
     source: SourceArgument,
-    reading: Annotated["ReadOptions", reading(*MESHES, "memory")],
+    reading: Annotated["Reading", reading(*MESHES, "memory")],
     original: OriginalOption = None,
     track: ShownTrackOption = None,
     component: ComponentOption = None,

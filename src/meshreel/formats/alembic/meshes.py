@@ -25,7 +25,7 @@ from meshreel.formats.alembic.attributes import (
 )
 from meshreel.formats.alembic.unread import MISFITS, note_unread
 from meshreel.formats.frames.field_tracks import Key
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.quantities import Quantity, note_quantities, quantity_tracks
 from meshreel.formats.scenes.scene_mesh import (
     SHOWN,
@@ -241,7 +241,7 @@ def _states(visible: Property) -> Integers:
     return np.array([states[reference] for reference in references])
 
 
-def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
+def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     """Return the polygon meshes and subdivision surfaces of an Alembic file, in file order.
 
     Raises
@@ -255,11 +255,11 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         raise FormatError(
             f"contains no mesh, only {describe_contents(nodes)}; export polygon meshes into it"
         )
-    _note_other_objects(nodes, meshes, options.notes)
-    normals = NormalNotes(options.notes)
+    _note_other_objects(nodes, meshes, reading.notes)
+    normals = NormalNotes(reading.notes)
 
     def read(node: Node) -> SceneMesh:
-        return _AnimatedMesh(node, options.notes, normals).scene_mesh()
+        return _AnimatedMesh(node, reading.notes, normals).scene_mesh()
 
     return [read_or_defer_error(node.path, partial(read, node)) for node in meshes]
 

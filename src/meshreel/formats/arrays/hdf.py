@@ -44,7 +44,7 @@ from meshreel.formats.hdf import (
     write_array,
 )
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.registry import SEQUENCE_FORMATS
 from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.model.notes import Notes, listed
@@ -57,7 +57,7 @@ MAX_VISITED = 100_000
 MAX_LISTED = 20
 
 
-def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
+def open_hdf_sequence(path: Path, reading: Reading) -> FrameSource:
     """Open the sequence of an HDF5 file; large positions stay in the file.
 
     A file with a group VTKHDF is read by `meshreel.formats.vtk.vtkhdf`.
@@ -73,9 +73,9 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         root = open_hdf(path)
         is_vtkhdf = find_group(root, "VTKHDF") is not None
     if is_vtkhdf:  # outside the context: its errors already name the path
-        return _open_vtkhdf(path, options)
+        return _open_vtkhdf(path, reading)
     with errors_naming(path), hdf_errors():
-        positions = _find_positions(root, options)
+        positions = _find_positions(root, reading)
         if positions.dtype.kind != "f" or positions.dtype.itemsize not in (4, 8):
             raise InvalidInputError(
                 f"{positions.name} must be float32 or float64; got {positions.dtype}"
@@ -84,14 +84,14 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
         arrays = {name: read_all(dataset) for name, dataset in datasets.items()}
         candidates = {track.path: track for track in _candidates_next_to(root, positions)}
         read_paths = {dataset.name.strip("/") for dataset in (positions, *datasets.values())}
-        _note_left_out(root, read_paths, candidates.keys(), options.notes)
+        _note_left_out(root, read_paths, candidates.keys(), reading.notes)
         name = positions.name.rpartition("/")[2]
         layout = find_layout(
             positions.shape, vertex_numbers(arrays), positions.name, is_documented=name == POSITIONS
         )
         n_frames, n_verts = layout.sizes(positions.shape)
         default_name = path.stem if name == POSITIONS else name
-        description = read_description(arrays, default_name, options, n_frames, n_verts)
+        description = read_description(arrays, default_name, reading, n_frames, n_verts)
     if min(n_frames, n_verts) < 1:
         raise InvalidInputError(f"{positions.name} is empty: {positions.shape}", path=path)
     dtype = positions.dtype.newbyteorder("=")
@@ -101,19 +101,19 @@ def open_hdf_sequence(path: Path, options: ReadOptions) -> FrameSource:
                 CheckedReader(path, _reader(path, require_dataset(root, track.path)))
             )
             for name, track in named_tracks(
-                candidates.values(), n_frames, n_verts, description, options.notes
+                candidates.values(), n_frames, n_verts, description, reading.notes
             ).items()
         }
-    shape, max_bytes = (n_frames, n_verts), options.max_loaded_bytes
+    shape, max_bytes = (n_frames, n_verts), reading.max_loaded_bytes
     read = CheckedReader(path, _reader(path, positions, layout))
     with errors_naming(path):
-        return description.open(shape, dtype, read, [path], tracks, max_bytes, options.progress)
+        return description.open(shape, dtype, read, [path], tracks, max_bytes, reading.progress)
 
 
-def _open_vtkhdf(path: Path, options: ReadOptions) -> FrameSource:
+def _open_vtkhdf(path: Path, reading: Reading) -> FrameSource:
     read_meshes = SEQUENCE_FORMATS[".vtkhdf"].read_meshes
     assert read_meshes is not None
-    return open_scene(read_meshes, path, options)
+    return open_scene(read_meshes, path, reading)
 
 
 def write_hdf(path: Path, segments: SegmentedStream, options: WriteOptions) -> None:
@@ -202,23 +202,23 @@ def _candidate(group: Node, name: str, path: str) -> Iterator[Candidate]:
         )
 
 
-def _find_positions(root: Node, options: ReadOptions) -> Dataset:
+def _find_positions(root: Node, reading: Reading) -> Dataset:
     """Return the dataset of the options, or named vertices, or the only one with positions."""
-    if options.dataset is None and (dataset := find_dataset(root, POSITIONS)) is not None:
+    if reading.dataset is None and (dataset := find_dataset(root, POSITIONS)) is not None:
         return dataset
     names = _candidates(root)
     matches = names
-    if options.dataset is not None:
-        if (dataset := find_dataset(root, options.dataset)) is not None:
+    if reading.dataset is not None:
+        if (dataset := find_dataset(root, reading.dataset)) is not None:
             return dataset
-        matches = [name for name in names if f"/{name}".endswith(f"/{options.dataset.strip('/')}")]
+        matches = [name for name in names if f"/{name}".endswith(f"/{reading.dataset.strip('/')}")]
     if len(matches) == 1:
         return require_dataset(root, matches[0])
     if not names:
         raise FormatError(
             "has no dataset of positions: float32 or float64, of shape (T, V, 3) or (V, 3, T)"
         )
-    prefix = "" if options.dataset is None else f"has no dataset {options.dataset!r}; it "
+    prefix = "" if reading.dataset is None else f"has no dataset {reading.dataset!r}; it "
     raise InvalidInputError(
         f"{prefix}holds positions in {len(names)} datasets: {listed(names, MAX_LISTED)}; "
         "choose one with ",

@@ -47,7 +47,7 @@ from meshreel.arrays import native
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.frames.stored_frames import Description
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.cells import Cells
 from meshreel.model.surface import (
     Attribute,
@@ -133,7 +133,7 @@ class _ReadArrays(dict[str, Array]):
 def read_description(
     arrays: Mapping[str, Array],
     name: str,
-    options: ReadOptions,
+    reading: Reading,
     n_frames: int | None = None,
     n_verts: int = 0,
 ) -> Description:
@@ -164,11 +164,11 @@ def read_description(
         surface = replace(surface, face_sizes=cell_surface.face_sizes, cells=cell_surface.cells)
     else:
         faces = arrays.get("faces", np.empty((0, 3), np.int32))
-    options.notes.left_out("arrays that no other refers to", sorted(arrays.unread))
+    reading.notes.left_out("arrays that no other refers to", sorted(arrays.unread))
     return Description(
         faces,
         _text(arrays.get("name")) or name,
-        _read_timing(arrays, options.fps, n_frames),
+        _read_timing(arrays, reading.fps, n_frames),
         surface,
     )
 

@@ -37,7 +37,7 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.frames.stored_frames import CheckedReader, RawArray
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
-from meshreel.formats.options import ReadOptions, WriteOptions
+from meshreel.formats.options import Reading, WriteOptions
 from meshreel.model.sequence import FrameSource
 from meshreel.model.tracks import Track, TrackSource, track_blocks, track_like
 from meshreel.model.validation import hand_over
@@ -49,7 +49,7 @@ LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip member: lengths of its name a
 POSITIONS = "vertices"
 
 
-def open_npz(path: Path, options: ReadOptions) -> FrameSource:
+def open_npz(path: Path, reading: Reading) -> FrameSource:
     """Open the sequence of an ``.npz`` file; large positions and tracks may stay in the file.
 
     They must be uncompressed and in C order. They are then read now, in blocks, to verify the
@@ -60,7 +60,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     path : Path
         Contains the arrays of `meshreel.formats.arrays.named_arrays`. The default name of the
         sequence is the stem of the file.
-    options : ReadOptions
+    reading : Reading
         `dataset` names the array of positions.
 
     Raises
@@ -71,7 +71,7 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
         If the arrays are not a valid mesh sequence; also when frames are read, if the file has
         changed.
     """
-    positions, max_bytes = options.dataset or POSITIONS, options.max_loaded_bytes
+    positions, max_bytes = reading.dataset or POSITIONS, reading.max_loaded_bytes
     raw_vertices = None if max_bytes is None else _find_vertices(path, positions)
     arrays = read_arrays(path, positions, with_positions=raw_vertices is None)
     if raw_vertices is None:
@@ -81,21 +81,21 @@ def open_npz(path: Path, options: ReadOptions) -> FrameSource:
     )[:2]
     counts = n_frames, n_verts
     with errors_naming(path):
-        description = read_description(arrays, path.stem, options, n_frames, n_verts)
-    named_tracks = find_tracks(path, arrays, positions, counts, description, options.notes)
+        description = read_description(arrays, path.stem, reading, n_frames, n_verts)
+    named_tracks = find_tracks(path, arrays, positions, counts, description, reading.notes)
     if raw_vertices is not None and max_bytes is not None:
         sizes = [(raw_vertices.shape, raw_vertices.dtype)]
         sizes += [(track.shape, track.dtype) for track in named_tracks.values()]
         if sum(math.prod(shape) * dtype.itemsize for shape, dtype in sizes) > max_bytes:
             tracks = {name: _open_track(path, track) for name, track in named_tracks.items()}
             verify_member(path, positions)
-            return description.open_array(raw_vertices, tracks, max_bytes, options.progress)
+            return description.open_array(raw_vertices, tracks, max_bytes, reading.progress)
         arrays |= read_members(path, [positions])
     values = read_members(path, [track.path for track in named_tracks.values()])
     loaded_tracks = {name: _load(track, values[track.path]) for name, track in named_tracks.items()}
     with errors_naming(path):
         sequence = description.sequence(native(arrays[positions]), loaded_tracks)
-    options.progress("reading", 1.0)
+    reading.progress("reading", 1.0)
     return sequence
 
 

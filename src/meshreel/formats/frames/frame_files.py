@@ -15,7 +15,7 @@ from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey, changed_error
 from meshreel.formats.kinds import FrameFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.notes import CHANGES, Note, NoteKind, Notes
@@ -72,7 +72,7 @@ class FrameFiles:
         return frame
 
 
-def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[FrameSource]:
+def read_runs(files: FrameFiles, name: str, reading: Reading) -> Iterator[FrameSource]:
     """Read all files once, and yield each run of frames with the same vertices and faces.
 
     Runs are loaded until they take `max_loaded_bytes` together; longer runs then stay in their
@@ -82,7 +82,7 @@ def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[Fr
     ----------
     name : str
         Of the sequences.
-    options : ReadOptions
+    reading : Reading
         Their notes receive sentences on each run.
 
     Raises
@@ -94,18 +94,18 @@ def read_runs(files: FrameFiles, name: str, options: ReadOptions) -> Iterator[Fr
         name the file.
     """
     run: _Run | None = None
-    budget = options.max_loaded_bytes
+    budget = reading.max_loaded_bytes
     for index in range(len(files)):
         frame = files.frame(index)
         with errors_naming(files.paths[index]):
             if run is None or not run.add(frame):
                 if run is not None:
                     budget = None if budget is None else max(0, budget - run.kept_bytes)
-                    yield run.sequence(name, options)
+                    yield run.sequence(name, reading)
                 run = _Run(files, index, frame, budget)
-        options.progress("reading", Count(index + 1, len(files), "frames"))
+        reading.progress("reading", Count(index + 1, len(files), "frames"))
     if run is not None:
-        yield run.sequence(name, options)
+        yield run.sequence(name, reading)
 
 
 class _Run:
@@ -169,9 +169,9 @@ class _Run:
         else:
             self._positions.append((vertices, labels))
 
-    def sequence(self, name: str, options: ReadOptions) -> FrameSource:
+    def sequence(self, name: str, reading: Reading) -> FrameSource:
         """Return the frames: loaded, or read from their files on demand."""
-        timing = Timing.of_rate(options.fps or 0.0).part(range(self._start, self._start + 1))
+        timing = Timing.of_rate(reading.fps or 0.0).part(range(self._start, self._start + 1))
         mesh, notes = self.first.mesh, Notes(self._notes)
         surface = self._surface(notes)
         rows: slice | npt.NDArray[np.int64] = slice(None)
@@ -183,7 +183,7 @@ class _Run:
             text = self._welder.description
             notes.insert(0, Note(NoteKind.CHANGED, "welded corners", text=text))
         tracks = self._data.tracks(mesh, self._read_fields, notes)
-        options.notes.add_all(notes)
+        reading.notes.add_all(notes)
         description = Description(faces, name, timing, surface)
         if self._positions:
             return description.sequence(self._stack_positions(rows), read_tracks(tracks))

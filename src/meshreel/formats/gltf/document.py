@@ -24,7 +24,7 @@ from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.gltf.container import split_container
 from meshreel.formats.gltf.meshopt import READ_EXTENSIONS, decode_view
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 
 LISTS = {
     "accessors": "accessor",
@@ -332,7 +332,7 @@ class Document:
 
     Parameters
     ----------
-    options : ReadOptions, optional
+    reading : Reading, optional
         Whether it may refer to files outside of its folder. Default: it may not.
 
     Attributes
@@ -348,7 +348,7 @@ class Document:
         If it cannot be read.
     """
 
-    def __init__(self, path: Path, options: ReadOptions | None = None) -> None:
+    def __init__(self, path: Path, reading: Reading | None = None) -> None:
         data = read_bytes(path)
         parsed, self._binary = split_container(data)
         if not isinstance(parsed, dict):
@@ -359,7 +359,7 @@ class Document:
         _check_extensions(self.root)
         unnamed_root = replace(self.root, place="")
         self.lists.update((kind, unnamed_root.children(kind, name)) for kind, name in LISTS.items())
-        self._path, self._options = path, options or ReadOptions()
+        self._path, self._options = path, reading or Reading()
         self._available_bytes, self._reserved_bytes = len(data), 0
         self._buffers: dict[str, memoryview] = {}
         self._decompressed: dict[str, memoryview] = {}

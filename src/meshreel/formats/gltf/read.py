@@ -30,7 +30,7 @@ from meshreel.formats.gltf.scene import (
 )
 from meshreel.formats.gltf.unread import note_other_items, note_unread
 from meshreel.formats.kinds import AnimationInfo
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
 from meshreel.model.notes import Notes
 from meshreel.model.validation import validate_fps
@@ -43,7 +43,7 @@ ERROR_BOUND = "meshreelErrorBound"
 the original, in model units; null if unknown."""
 
 
-def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
+def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     """Return the meshes of the scene of a glTF file, named by the paths of their nodes.
 
     The animation is that of the options, or the first one that moves a mesh; meshes that it does
@@ -56,22 +56,22 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     InvalidInputError
         If it does not have the requested animation.
     """
-    document, notes = Document(path, options), options.notes
+    document, notes = Document(path, reading), reading.notes
     error_bound = _error_bound(document)
-    if options.fps and error_bound:
+    if reading.fps and error_bound:
         error_bound = None  # frames between those of the original
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, notes)
     if not shown:
         raise no_mesh_error(document, nodes)
     moving = _moving_nodes(shown, nodes)
-    clip = Clips(document, moving).select(options.animation, notes)
-    motion, sampling = _motion_of(clip, moving, nodes, options)
+    clip = Clips(document, moving).select(reading.animation, notes)
+    motion, sampling = _motion_of(clip, moving, nodes, reading)
     _note_left_out(document, nodes, shown, clip, notes)
     default_names = [mesh.mesh.json.text("name", "") for mesh in shown]
     mesh_nodes = [mesh.node for mesh in shown]
     names = unique_names(nodes.paths(dict(zip(mesh_nodes, default_names, strict=True))))
-    if options.object is None and all(_is_of_segment(mesh, nodes) for mesh in shown):
+    if reading.object is None and all(_is_of_segment(mesh, nodes) for mesh in shown):
         names = ["/" + name.strip("/").partition("/")[2] for name in names]
     reader, visibility = GeometryReader(document, notes), Visibilities(motion, sampling)
     note = partial(note_unread, document, nodes, shown, notes)
@@ -86,7 +86,7 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
             note_unread=note,
         )  # fmt: skip
         meshes.append(scene_mesh)
-    if options.merge and options.object is None and not options.skip_bad:
+    if reading.merge and reading.object is None and not reading.skip_bad:
         for mesh, scene_mesh in zip(shown, meshes, strict=True):  # before any is posed
             if scene_mesh.visibility.is_shown.all():
                 reader.read(mesh.mesh)
@@ -105,7 +105,7 @@ def _error_bound(document: Document) -> float | None:
     return None
 
 
-def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
+def list_animations(path: Path, reading: Reading) -> list[AnimationInfo]:
     """Return the animations of a glTF file, in file order, without adding notes.
 
     Raises
@@ -113,21 +113,21 @@ def list_animations(path: Path, options: ReadOptions) -> list[AnimationInfo]:
     FormatError
         If the file is damaged outside of its animations.
     """
-    document = Document(path, options)
+    document = Document(path, reading)
     nodes = Nodes(document)
     shown = shown_meshes(document, nodes, Notes())
     return Clips(document, _moving_nodes(shown, nodes)).describe()
 
 
 def _motion_of(
-    clip: Clip | None, moving: Mapping[str, set[int]], nodes: Nodes, options: ReadOptions
+    clip: Clip | None, moving: Mapping[str, set[int]], nodes: Nodes, reading: Reading
 ) -> tuple[Motion, Sampling]:
     """Return the motion of nodes with meshes, and the sampling of frames."""
     carriers = moving["translation"]
     if clip is None:
         return Motion(nodes, {}, carriers), STATIC
-    fps = validate_fps(options.fps or 0.0)
-    sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=options.notes)
+    fps = validate_fps(reading.fps or 0.0)
+    sampling = sample_times(clip.keys_s, fps, is_curved=clip.is_curved, notes=reading.notes)
     return Motion(nodes, clip.curves, carriers), sampling
 
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.errors import MeshReelError
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import PLAIN, Surface
@@ -96,5 +96,5 @@ def read_or_defer_error(name: str, read: Callable[[], SceneMesh]) -> SceneMesh:
     return SceneMesh(name, np.zeros(1), fail)
 
 
-ReadMeshes = Callable[[Path, ReadOptions], Sequence[SceneMesh]]
+ReadMeshes = Callable[[Path, Reading], Sequence[SceneMesh]]
 """Returns the meshes of a file, at least one; raises `FormatError` if the file is invalid."""

@@ -11,7 +11,7 @@ import numpy as np
 from meshreel.errors import FormatError, InvalidInputError, Keyword, MeshReelError
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.stored_frames import Description, FrameSurvey
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import BLOCK_BYTES, ReadMeshes, SceneMesh
 from meshreel.formats.scenes.visibility import meshes_in_turn, note_changes, without_hidden
@@ -27,7 +27,7 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count
 
 
-def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> MeshSequence:
+def open_scene(read_meshes: ReadMeshes, path: Path, reading: Reading) -> MeshSequence:
     """Open the selected or merged mesh of a file whose meshes `read_meshes` returns.
 
     Raises
@@ -35,11 +35,11 @@ def open_scene(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Mes
     FormatError, InvalidInputError
         As `select_mesh` and `open_mesh`.
     """
-    mesh = select_mesh(read_meshes, path, options)
-    return MeshSequence.of_segments(open_mesh(mesh, path, options))
+    mesh = select_mesh(read_meshes, path, reading)
+    return MeshSequence.of_segments(open_mesh(mesh, path, reading))
 
 
-def select_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> SceneMesh:
+def select_mesh(read_meshes: ReadMeshes, path: Path, reading: Reading) -> SceneMesh:
     """Return the mesh that the options select, or all meshes merged.
 
     Raises
@@ -50,7 +50,7 @@ def select_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
         If there are several meshes and none is selected, or none has the name; all are listed.
     """
     with errors_naming(path):
-        meshes = selected_meshes(read_meshes, path, options)
+        meshes = selected_meshes(read_meshes, path, reading)
         if len(meshes) > 1:
             raise InvalidInputError(
                 f"holds {_listed(meshes)}; choose one with ",
@@ -61,9 +61,7 @@ def select_mesh(read_meshes: ReadMeshes, path: Path, options: ReadOptions) -> Sc
         return meshes[0]
 
 
-def select_frames(
-    read_meshes: ReadMeshes, paths: Sequence[Path], options: ReadOptions
-) -> SceneMesh:
+def select_frames(read_meshes: ReadMeshes, paths: Sequence[Path], reading: Reading) -> SceneMesh:
     """Return the meshes of several files, which have one frame each, as frames of one mesh.
 
     Raises
@@ -76,7 +74,7 @@ def select_frames(
     @lru_cache(maxsize=2)
     def mesh_of(index: int) -> tuple[SceneMesh, Notes]:
         path, notes = paths[index], Notes()
-        mesh = select_mesh(read_meshes, path, replace(options, notes=notes))
+        mesh = select_mesh(read_meshes, path, replace(reading, notes=notes))
         if len(mesh.times_s) > 1:
             raise FormatError(
                 f"{path.name} has {len(mesh.times_s)} frames; files that are read together "
@@ -90,7 +88,7 @@ def select_frames(
             mesh, notes = mesh_of(index)
             polygons, surface = mesh.frame(0), mesh.surface(0)
             mesh.note_unread()
-        options.notes.merge(notes)
+        reading.notes.merge(notes)
         return polygons, surface
 
     def frame(index: int) -> PolygonMesh:
@@ -101,7 +99,7 @@ def select_frames(
         if index:
             before, earlier = contents(index - 1)
             if polygons.has_faces_of(before):
-                options.notes.left_out(CHANGES, differing_names(earlier, surface))
+                reading.notes.left_out(CHANGES, differing_names(earlier, surface))
         compared.add(index)
         return polygons
 
@@ -110,9 +108,7 @@ def select_frames(
     return SceneMesh(name, times_s, frame, lambda index: contents(index)[1], fps=0.0)
 
 
-def selected_meshes(
-    read_meshes: ReadMeshes, path: Path, options: ReadOptions
-) -> Sequence[SceneMesh]:
+def selected_meshes(read_meshes: ReadMeshes, path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the mesh that the options name, all merged, or all separately by default.
 
     Hidden meshes are left out, unless named, and meshes that are visible in turn are one mesh. With
@@ -125,23 +121,23 @@ def selected_meshes(
     InvalidInputError
         If no mesh or several meshes have the name.
     """
-    meshes = read_meshes(path, options)
-    if options.object is not None:
-        mesh = _find_named(meshes, options.object)
-        note_changes([mesh], options.notes)
+    meshes = read_meshes(path, reading)
+    if reading.object is not None:
+        mesh = _find_named(meshes, reading.object)
+        note_changes([mesh], reading.notes)
         return [mesh]
-    meshes = without_hidden(meshes, options.notes)
-    if options.skip_bad:
-        meshes = readable_meshes(meshes, options)
-    joined = meshes_in_turn(meshes, path.stem, options.notes, merges=options.merge)
+    meshes = without_hidden(meshes, reading.notes)
+    if reading.skip_bad:
+        meshes = readable_meshes(meshes, reading)
+    joined = meshes_in_turn(meshes, path.stem, reading.notes, merges=reading.merge)
     if joined is not None:
         return [joined]
-    if options.merge and len(meshes) > 1:
-        return [merge_meshes(meshes, path.stem, options.notes)]
+    if reading.merge and len(meshes) > 1:
+        return [merge_meshes(meshes, path.stem, reading.notes)]
     return meshes
 
 
-def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[FrameSource]:
+def open_mesh(mesh: SceneMesh, path: Path, reading: Reading) -> Iterator[FrameSource]:
     """Yield each range of frames of a mesh with the same faces, loaded if they are small enough.
 
     All frames are read once now.
@@ -152,27 +148,27 @@ def open_mesh(mesh: SceneMesh, path: Path, options: ReadOptions) -> Iterator[Fra
         If a position is not finite; the message names the frame.
     """
     with errors_naming(path):
-        runs = _read_frames(mesh, options)
+        runs = _read_frames(mesh, reading)
         # Surfaces and tracks depend on what changes in any frame.
-        starts, timing = [run.start for run in runs], _timing(mesh, options)
+        starts, timing = [run.start for run in runs], _timing(mesh, reading)
         for run, stop in zip(runs, [*starts[1:], len(mesh.times_s)], strict=True):
-            yield run.sequence(stop, path, options, timing.part(range(run.start, stop)))
+            yield run.sequence(stop, path, reading, timing.part(range(run.start, stop)))
         mesh.note_unread()
 
 
-def _timing(mesh: SceneMesh, options: ReadOptions) -> Timing:
+def _timing(mesh: SceneMesh, reading: Reading) -> Timing:
     """Return the timing of a mesh; a frame rate of the options replaces its times."""
     if mesh.fps == 0:
-        return Timing(options.fps or 0.0)
+        return Timing(reading.fps or 0.0)
     timing = Timing.of_times(mesh.times_s)
     declared_fps = mesh.fps if timing.times is None else None
-    return timing.at_rate(options.fps or declared_fps or None)
+    return timing.at_rate(reading.fps or declared_fps or None)
 
 
-def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
+def _read_frames(mesh: SceneMesh, reading: Reading) -> "list[_SceneRun]":
     """Read the frames of a mesh, and compare their faces."""
     runs: list[_SceneRun] = []
-    n_frames, budget = len(mesh.times_s), options.max_loaded_bytes
+    n_frames, budget = len(mesh.times_s), reading.max_loaded_bytes
     if mesh.positions is not None and n_frames > 1:
         first = mesh.frame(0)
         runs, block_frames = (
@@ -182,7 +178,7 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
         for start in range(0, n_frames, block_frames):
             stop = min(start + block_frames, n_frames)
             runs[0].add(mesh.positions(start, stop))
-            options.progress("reading", Count(stop, n_frames, "frames"))
+            reading.progress("reading", Count(stop, n_frames, "frames"))
         return runs
     last: PolygonMesh | None = None
     for start, frames in _read_blocks(mesh):
@@ -200,7 +196,7 @@ def _read_frames(mesh: SceneMesh, options: ReadOptions) -> "list[_SceneRun]":
                 runs.append(_SceneRun(mesh, start + row, frames[row], limit))
             runs[-1].add(np.array([frame.vertices for frame in frames[row:stop]]))
         last = frames[-1]
-        options.progress("reading", Count(start + len(frames), n_frames, "frames"))
+        reading.progress("reading", Count(start + len(frames), n_frames, "frames"))
     return runs
 
 
@@ -253,11 +249,11 @@ class _SceneRun:
             self._is_loaded = False
             self._blocks.clear()
 
-    def sequence(self, stop: int, path: Path, options: ReadOptions, timing: Timing) -> FrameSource:
+    def sequence(self, stop: int, path: Path, reading: Reading, timing: Timing) -> FrameSource:
         """Return the frames up to `stop`; raises as `open_mesh`."""
         mesh, first, n_frames = self._mesh, self.first, stop - self.start
         description = Description(
-            triangulated(first, options.notes),
+            triangulated(first, reading.notes),
             mesh.name.rstrip("/").rpartition("/")[2],
             timing,
             first.with_polygons(mesh.surface(self.start)),
@@ -307,12 +303,12 @@ def _listed(meshes: Sequence[SceneMesh], max_names: int = 20) -> str:
     return f"{counted(len(meshes), 'mesh')}: {listed((mesh.name for mesh in meshes), max_names)}"
 
 
-def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[SceneMesh]:
+def readable_meshes(meshes: Sequence[SceneMesh], reading: Reading) -> list[SceneMesh]:
     """Return the meshes whose frames can all be read; reads them all once now.
 
     Parameters
     ----------
-    options : ReadOptions
+    reading : Reading
         Its notes receive a sentence that lists the other meshes and their errors.
 
     Raises
@@ -328,10 +324,10 @@ def readable_meshes(meshes: Sequence[SceneMesh], options: ReadOptions) -> list[S
             faults.append(f"{mesh.name} ({fault})")
         else:
             readable.append(cached_mesh)
-        options.progress("checking", Count(number + 1, len(meshes), "meshes"))
+        reading.progress("checking", Count(number + 1, len(meshes), "meshes"))
     if not readable:
         raise FormatError(f"has no readable mesh: {listed(faults)}")
-    options.notes.left_out("meshes that cannot be read", faults)
+    reading.notes.left_out("meshes that cannot be read", faults)
     return readable
 
 

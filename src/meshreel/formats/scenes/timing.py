@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers, Values
 from meshreel.errors import FormatError, Keyword
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.validation import validate_fps
 
 MAX_FRAMES = 1_000_000
@@ -29,20 +29,20 @@ def unite_times(times: Sequence[npt.NDArray[np.float64]]) -> npt.NDArray[np.floa
     return distinct
 
 
-def file_order_times(n_frames: int, options: ReadOptions) -> Floats | None:
+def file_order_times(n_frames: int, reading: Reading) -> Floats | None:
     """Return times of frames in file order, of shape (T,), in seconds from 0.
 
     The frame rate is that of the options, and a note reports it; None without a rate.
     """
-    if not (fps := validate_fps(options.fps or 0.0)):
+    if not (fps := validate_fps(reading.fps or 0.0)):
         return None
     text = f"frame times are not ascending; read in file order at {fps:g} frames per second"
-    options.notes.changed("frame times", text)
+    reading.notes.changed("frame times", text)
     times: Floats = np.arange(n_frames, dtype=np.float64) / fps
     return times
 
 
-def ascending_times(times_s: Floats, noun: str, options: ReadOptions) -> Floats:
+def ascending_times(times_s: Floats, noun: str, reading: Reading) -> Floats:
     """Return times if they ascend, else those of `file_order_times`.
 
     Parameters
@@ -58,7 +58,7 @@ def ascending_times(times_s: Floats, noun: str, options: ReadOptions) -> Floats:
     """
     if not len(descents := np.flatnonzero(np.diff(times_s) <= 0)):
         return times_s
-    if (times := file_order_times(len(times_s), options)) is not None:
+    if (times := file_order_times(len(times_s), reading)) is not None:
         return times
     index = int(descents[0])
     raise FormatError(

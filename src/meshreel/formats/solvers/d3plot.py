@@ -18,7 +18,7 @@ from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.frames.field_tracks import Field
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.solvers.d3plot_files import (
     BEAMS,
@@ -66,7 +66,7 @@ PARTS = "part"
 """Name of the groups of faces by part, and of the attribute of cells with their numbers."""
 
 
-def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def read_d3plot(path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the mesh of a d3plot family; the states of adapted meshes are further frames.
 
     Raises
@@ -76,10 +76,10 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     InvalidInputError
         If a file cannot be read.
     """
-    layouts = [_layout(path, options)]
+    layouts = [_layout(path, reading)]
     for root in adapted_roots(path):
         with errors_naming(root.name):
-            layouts.append(_layout(root, options))
+            layouts.append(_layout(root, reading))
     states: list[tuple[float, D3plotLayout, int]] = []
     for layout in layouts:  # an adapted mesh repeats the last states before it
         first = min(layout.states, default=np.inf)
@@ -89,23 +89,23 @@ def read_d3plot(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         raise FormatError(
             "contains no states; the files with the results (d3plot01, ...) must be next to it"
         )
-    reader = _States([(layout, start) for _, layout, start in states], options)
-    frames = StepFrames(reader.step, options.notes)
+    reader = _States([(layout, start) for _, layout, start in states], reading)
+    frames = StepFrames(reader.step, reading.notes)
     times = np.array([time for time, _, _ in states])
     return [SceneMesh(path.stem, times, frames.frame, reader.surface, tracks=frames.tracks)]
 
 
-def _layout(path: Path, options: ReadOptions) -> D3plotLayout:
+def _layout(path: Path, reading: Reading) -> D3plotLayout:
     layout = D3plotLayout(Words(path))
     if len(layout.cells.types) == 0:
         raise FormatError("contains neither shells nor solids; there is no surface")
-    options.notes.left_out("elements without faces", layout.left_out)
+    reading.notes.left_out("elements without faces", layout.left_out)
     if layout.control["narbs"]:
-        options.notes.left_out("user numbers of nodes and elements")
-    options.notes.left_out("nodes on edges of elements, read as free vertices", layout.linear)
-    options.notes.left_out("results", _unread_results(layout))
+        reading.notes.left_out("user numbers of nodes and elements")
+    reading.notes.left_out("nodes on edges of elements, read as free vertices", layout.linear)
+    reading.notes.left_out("results", _unread_results(layout))
     if layout.n_leftover_words:
-        options.notes.changed(
+        reading.notes.changed(
             "the last state is incomplete and not read: "
             f"{counted(layout.n_leftover_words, 'word')} of {layout.state_words}"
         )
@@ -144,9 +144,9 @@ class _States:
         Layout and first word of each state.
     """
 
-    def __init__(self, states: list[tuple[D3plotLayout, int]], options: ReadOptions) -> None:
-        self._states, self._notes = states, options.notes
-        self._keeps_deleted = options.keep_deleted
+    def __init__(self, states: list[tuple[D3plotLayout, int]], reading: Reading) -> None:
+        self._states, self._notes = states, reading.notes
+        self._keeps_deleted = reading.keep_deleted
         self._cached: tuple[D3plotLayout, bytes, CellSurface] | None = None
 
     def step(self, index: int) -> Step:

@@ -19,7 +19,7 @@ from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.field_tracks import Field, Key, add_field, field_tracks
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.solvers.ensight_files import (
@@ -90,7 +90,7 @@ class EnsightCase:
 
     Parameters
     ----------
-    options : ReadOptions
+    reading : Reading
         Their notes name everything that is not read.
 
     Attributes
@@ -104,8 +104,8 @@ class EnsightCase:
         If it is not a case of EnSight Gold, or uses features that are not supported.
     """
 
-    def __init__(self, path: Path, options: ReadOptions) -> None:
-        self._path, self._options = path, options
+    def __init__(self, path: Path, reading: Reading) -> None:
+        self._path, self._options = path, reading
         self._sections = _read_sections(read_bytes(path).decode("latin-1"))
         kinds = [value.lower().split() for key, value in self._sections["FORMAT"] if key == "type"]
         if kinds != [["ensight", "gold"]]:
@@ -118,8 +118,8 @@ class EnsightCase:
         self.elements_step: int | None = None
         self.geometry: FileSeries = self._read_model(_words(models[0]))
         keys = [key for key, _ in self._sections["GEOMETRY"] if key != "model"]
-        options.notes.left_out("geometry", keys)
-        options.notes.left_out("sections", self._sections.keys() - KNOWN_SECTIONS)
+        reading.notes.left_out("geometry", keys)
+        reading.notes.left_out("sections", self._sections.keys() - KNOWN_SECTIONS)
         self.variables: list[Variable] = list(self._read_variables())
 
     def file(self, series: FileSeries, step: int) -> Path:
@@ -261,7 +261,7 @@ MAX_TIME_DIFFERENCE = 1e-5
 """Largest difference between equal times, relative to the interval between frames."""
 
 
-def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def read_ensight(path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the parts of a case that have faces.
 
     Raises
@@ -271,21 +271,21 @@ def read_ensight(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     InvalidInputError
         If a file cannot be read.
     """
-    case = EnsightCase(path, options)
-    steps = _Steps(case, options)
+    case = EnsightCase(path, reading)
+    steps = _Steps(case, reading)
     parts = steps.parts(steps.elements_step(0)).values()
     surface_parts = [part for part in parts if any(block.has_faces for block in part.blocks)]
     if not surface_parts:
         raise FormatError("contains no elements with faces; there is no surface")
-    options.notes.left_out("parts without faces", (p.name for p in parts if p not in surface_parts))
+    reading.notes.left_out("parts without faces", (p.name for p in parts if p not in surface_parts))
     kinds = {block.kind for part in surface_parts for block in part.blocks if not block.has_faces}
-    options.notes.left_out("elements of points, lines and ghosts", sorted(kinds))
+    reading.notes.left_out("elements of points, lines and ghosts", sorted(kinds))
     names = [part.name for part in surface_parts]
     meshes = []
     for part in surface_parts:
         is_unique = part.name and names.count(part.name) == 1
         name = part.name if is_unique else f"{part.name or 'part'} {part.number}"
-        frames = _PartFrames(steps, part.number, options.notes)
+        frames = _PartFrames(steps, part.number, reading.notes)
         label = f"/{name}" if len(surface_parts) > 1 else name
         meshes.append(SceneMesh(label, steps.times_s, frames.frame, tracks=frames.tracks))
     return meshes
@@ -302,7 +302,7 @@ class _Steps:
         Those with values at the times of the frames.
     """
 
-    def __init__(self, case: EnsightCase, options: ReadOptions) -> None:
+    def __init__(self, case: EnsightCase, reading: Reading) -> None:
         self._case = case
         series = [case.geometry, *(variable.files for variable in case.variables)]
         sets = [files.times for files in series if files.times is not None]
@@ -312,15 +312,15 @@ class _Steps:
         if case.geometry.times is not None:
             self._time_set = case.geometry.times
         times_s = np.zeros(1) if self._time_set is None else self._time_set.times_s
-        self.times_s: Floats = ascending_times(times_s, "step", options)
+        self.times_s: Floats = ascending_times(times_s, "step", reading)
         self.variables: list[Variable] = [
             variable for variable in case.variables if self._fits(variable)
         ]
         names = (variable.name for variable in case.variables if variable not in self.variables)
-        options.notes.left_out("variables at other times than the geometry", names)
+        reading.notes.left_out("variables at other times than the geometry", names)
         self._lines = lru_cache(maxsize=2)(read_lines)
         self._order = cache(find_order)
-        self._find = cache(lambda path: find_parts(self._open(path, path), options.notes))
+        self._find = cache(lambda path: find_parts(self._open(path, path), reading.notes))
         self._columns = cache(self._find_columns)
 
     def parts(self, index: int) -> dict[int, Part]:

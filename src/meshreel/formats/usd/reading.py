@@ -18,7 +18,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import FormatError
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility, read_or_defer_error
 from meshreel.formats.surfaces.hard_edges import NormalNotes
 from meshreel.formats.usd.materials import StageMaterials
@@ -42,7 +42,7 @@ FINAL_POSE = "the last frame shows the final pose, which is earlier"
 """Subjects of notes, which list meshes."""
 
 
-def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
+def read_meshes(path: Path, reading: Reading) -> list[SceneMesh]:
     """Return the meshes of a USD file.
 
     With a frame rate in the options, if any mesh moves between its samples, all meshes are sampled
@@ -53,14 +53,14 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
     FormatError
         If USD cannot read the file, or it contains no mesh.
     """
-    stage = open_stage(path, options)
+    stage = open_stage(path, reading)
     with usd_errors("USD cannot read its meshes"):
         rate = codes_per_second(stage.GetRootLayer())
-        contents = StageContents(stage, options.notes)
+        contents = StageContents(stage, reading.notes)
         mesh_prims = readable_prims(contents.prims)
         skins, transforms = find_skins(mesh_prims), Transforms()
-        materials = StageMaterials(None if options.allow_outside else path.parent, contents)
-        normals = NormalNotes(options.notes)
+        materials = StageMaterials(None if reading.allow_outside else path.parent, contents)
+        normals = NormalNotes(reading.notes)
         meshes = [
             StageMesh(
                 contents, prim, transforms, skins.get(str(prim.GetPath())), materials, normals
@@ -70,10 +70,10 @@ def read_meshes(path: Path, options: ReadOptions) -> list[SceneMesh]:
         has_rate = stage.HasAuthoredMetadata("timeCodesPerSecond")
         shown = [mesh for mesh in meshes if _visibility(mesh.prim, rate).is_shown.any()] or meshes
         used = [*mesh_prims, *(prim for skin in skins.values() for prim in skin.prims)]
-        read = meshes if options.object else shown
+        read = meshes if reading.object else shown
         used += (prim for mesh in read for prim in materials.bound_to(mesh.prim))
         contents.note_others(used)
-        codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), options)
+        codes_of, grid = _frame_codes(shown, rate, codes_per_frame(stage, rate), reading)
 
     def scene_mesh(mesh: StageMesh) -> SceneMesh:
         with usd_errors(f"USD cannot read {mesh.path}"):
@@ -103,7 +103,7 @@ def _scene_mesh(mesh: StageMesh, codes: Floats, rate: float, *, has_rate: bool) 
 
 
 def _frame_codes(
-    meshes: Sequence[StageMesh], rate: float, frame_interval: float, options: ReadOptions
+    meshes: Sequence[StageMesh], rate: float, frame_interval: float, reading: Reading
 ) -> tuple[Callable[[StageMesh], Floats], Floats | None]:
     """Return a function that gives the time codes of the frames of a mesh, empty if static.
 
@@ -117,7 +117,7 @@ def _frame_codes(
     interpolated = [
         sample.all for sample in samples if sample.moves_between_samples(frame_interval)
     ]
-    if (fps := validate_fps(options.fps or 0.0)) and interpolated:
+    if (fps := validate_fps(reading.fps or 0.0)) and interpolated:
         animated = [sample.all for sample in samples if len(sample.all) > 1]
         first = min(float(codes[0]) for codes in animated)
         last = max(float(codes[-1]) for codes in animated)

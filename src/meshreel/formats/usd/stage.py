@@ -12,7 +12,7 @@ from typing import Any
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.file_references import is_within, outside_error
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.runtime.extras import USD
 
@@ -189,12 +189,12 @@ def outer_file(path: str) -> Path:
     return Path(USD.load("Ar").SplitPackageRelativePathOuter(path)[0])
 
 
-def open_stage(path: Path, options: ReadOptions) -> Any:
+def open_stage(path: Path, reading: Reading) -> Any:
     """Return the ``Usd.Stage`` of the current file on disk.
 
     Parameters
     ----------
-    options : ReadOptions
+    reading : Reading
         Their notes gain a sentence if referenced files are missing, and one if axes or units
         differ from y up and meters.
 
@@ -203,14 +203,14 @@ def open_stage(path: Path, options: ReadOptions) -> Any:
     FormatError
         If USD cannot read the file, a rate is invalid, or layers are outside of its folder.
     """
-    layers = checked_layers(path, allow_outside=options.allow_outside)
-    options.referenced.update(Path(layer.realPath).resolve() for layer in layers)
+    layers = checked_layers(path, allow_outside=reading.allow_outside)
+    reading.referenced.update(Path(layer.realPath).resolve() for layer in layers)
     with usd_errors(DAMAGED):
         stage = USD.load("Usd").Stage.Open(layers[0])
-        _note_missing(stage, options.notes)
-        _note_axes(stage, options.notes)
+        _note_missing(stage, reading.notes)
+        _note_axes(stage, reading.notes)
     # Variables of asset path expressions are known only after the library has opened the layers.
-    for layer in () if options.allow_outside else stage.GetUsedLayers():
+    for layer in () if reading.allow_outside else stage.GetUsedLayers():
         if not layer.anonymous and layer != stage.GetRootLayer():
             name = layer.realPath or layer.identifier
             if not is_within(outer_file(name), path.absolute().parent):

@@ -15,7 +15,7 @@ from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.frames.steps import DataArray, Step, StepFrames
 from meshreel.formats.kinds import VERTEX_FACE_CELL, SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.merging import merge_meshes, merge_tracks
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.timing import file_order_times
@@ -35,7 +35,7 @@ READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 READABLE = (*READERS, ".pvtu", ".pvtp")
 
 
-def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def read_pvd(path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the meshes of a collection, one for each numbered part.
 
     Raises
@@ -49,12 +49,12 @@ def read_pvd(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     parts: dict[tuple[str, str], list[tuple[float, Path]]] = {}
     for element in root.findall("Collection/DataSet"):
         part = element.get("group", ""), element.get("part", "0")
-        parts.setdefault(part, []).append((_time(element), _file(path, element, options)))
+        parts.setdefault(part, []).append((_time(element), _file(path, element, reading)))
     if not parts:
         raise FormatError("lists no files")
-    steps = _FileSteps(options)
+    steps = _FileSteps(reading)
     return [
-        read_or_defer_error(name, partial(_scene_mesh, name, files, steps, options))
+        read_or_defer_error(name, partial(_scene_mesh, name, files, steps, reading))
         for (group, part), files in parts.items()
         for name in [path.stem if len(parts) == 1 else f"/{group or 'part'}_{part}"]
     ]
@@ -71,34 +71,34 @@ def _time(element: Element) -> float:
     return time
 
 
-def _file(path: Path, element: Element, options: ReadOptions) -> Path:
-    file = resolve_reference(path, element.get("file", ""), options)
+def _file(path: Path, element: Element, reading: Reading) -> Path:
+    file = resolve_reference(path, element.get("file", ""), reading)
     if file.suffix.lower() not in READABLE:
         raise FormatError(f"refers to {file.name}; {', '.join(READABLE)} files are supported")
     return file
 
 
 def _scene_mesh(
-    name: str, files: list[tuple[float, Path]], steps: "_FileSteps", options: ReadOptions
+    name: str, files: list[tuple[float, Path]], steps: "_FileSteps", reading: Reading
 ) -> SceneMesh:
-    if options.skip_bad:
-        files = _files_with_faces(files, steps, options)
+    if reading.skip_bad:
+        files = _files_with_faces(files, steps, reading)
     pieces: dict[float, list[Path]] = {}
     for time, file in sorted(files, key=lambda item: item[0]):
         pieces.setdefault(time, []).append(file)
     frames, times = list(pieces.values()), np.array(list(pieces))
     repeated_time = next((time for time, paths in pieces.items() if len(paths) > 1), None)
-    if repeated_time is not None and not options.merge:
+    if repeated_time is not None and not reading.merge:
         frames = [[file] for _, file in files]
-        if (file_order := file_order_times(len(files), options)) is None:
+        if (file_order := file_order_times(len(files), reading)) is None:
             raise _equal_times_error(repeated_time, {time: len(pieces[time]) for time in pieces})
         times = file_order
-    read = _PieceFrames(name, times, frames, steps, options.notes)
+    read = _PieceFrames(name, times, frames, steps, reading.notes)
     return SceneMesh(name, times, read.frame, read.surface, tracks=read.tracks)
 
 
 def _files_with_faces(
-    files: list[tuple[float, Path]], steps: "_FileSteps", options: ReadOptions
+    files: list[tuple[float, Path]], steps: "_FileSteps", reading: Reading
 ) -> list[tuple[float, Path]]:
     """Return the times and files of steps with faces; a note lists the others."""
     nonempty: list[tuple[float, Path]] = []
@@ -111,7 +111,7 @@ def _files_with_faces(
             empty.append(f"{path.name} (time {time:g})")
     if not nonempty:
         raise EmptyMeshError(f"lists only files without faces: {listed(empty)}")
-    options.notes.left_out("steps without faces", empty)
+    reading.notes.left_out("steps without faces", empty)
     return nonempty
 
 
@@ -136,11 +136,11 @@ def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInpu
     )
 
 
-def _read_step(path: Path, time: float, options: ReadOptions) -> Step:
+def _read_step(path: Path, time: float, reading: Reading) -> Step:
     data, extension = read_bytes(path), path.suffix.lower()
 
     def read_piece(reference: str) -> bytes:
-        return read_bytes(resolve_reference(path, reference, options))
+        return read_bytes(resolve_reference(path, reference, reading))
 
     with errors_naming(path):
         try:
@@ -156,8 +156,8 @@ def _read_step(path: Path, time: float, options: ReadOptions) -> Step:
 class _FileSteps:
     """Cache of steps: each file is parsed once, while all steps together are small enough."""
 
-    def __init__(self, options: ReadOptions) -> None:
-        self._max_bytes, self._options = options.max_loaded_bytes, options
+    def __init__(self, reading: Reading) -> None:
+        self._max_bytes, self._options = reading.max_loaded_bytes, reading
         self._cached: dict[Path, Step] = {}
         self._cached_bytes = 0
         self._last: tuple[Path, Step] | None = None

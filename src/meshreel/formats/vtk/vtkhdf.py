@@ -16,7 +16,7 @@ from meshreel.errors import FormatError, InvalidInputError, Keyword
 from meshreel.formats.frames.steps import StepFrames
 from meshreel.formats.hdf import Node, find_group, hdf_errors, open_hdf, read_text_attribute
 from meshreel.formats.kinds import VERTEX_FACE_CELL, SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.vtk.vtkhdf_steps import ROOT, VtkSteps
 from meshreel.formats.vtk.vtkhdf_writer import write_vtkhdf
@@ -27,7 +27,7 @@ MESH_TYPES = ("PolyData", "UnstructuredGrid")
 VERSION = 2
 
 
-def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def read_vtkhdf(path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the meshes of a VTKHDF file: one, or one for each block of a collection.
 
     Raises
@@ -35,7 +35,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     FormatError
         If the file is not VTKHDF, has an unsupported type, or is damaged.
     """
-    if options.dataset is not None:
+    if reading.dataset is not None:
         raise InvalidInputError(
             "is a VTKHDF file, where ", Keyword("dataset"), " has no effect; leave it out"
         )
@@ -44,16 +44,16 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         group = find_group(root, ROOT)
         if group is None:
             raise FormatError(f"has no group {ROOT}; expected a VTKHDF file")
-        options.notes.left_out("groups", (name for name in root if name != ROOT))
+        reading.notes.left_out("groups", (name for name in root if name != ROOT))
         kind = _type(group)
         if kind in MESH_TYPES:
             name = read_text_attribute(group, "name") or path.stem
-            return [_scene_mesh(group, kind, name, options)]
+            return [_scene_mesh(group, kind, name, reading)]
         blocks = [(name, find_group(group, name)) for name in group if name != "Assembly"]
 
         read = hdf_errors()(_scene_mesh)
         meshes = [
-            read_or_defer_error(mesh_path, partial(read, block, _type(block), mesh_path, options))
+            read_or_defer_error(mesh_path, partial(read, block, _type(block), mesh_path, reading))
             for mesh_path, block in ((f"/{name}", block) for name, block in blocks)
             if block is not None and _type(block) in MESH_TYPES
         ]
@@ -62,7 +62,7 @@ def read_vtkhdf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
                 f"is VTKHDF of type {kind or '(none)'}; {' and '.join(MESH_TYPES)} are supported"
             )
         names = (name for name, block in blocks if block is None or _type(block) not in MESH_TYPES)
-        options.notes.left_out("blocks that are not meshes", names)
+        reading.notes.left_out("blocks that are not meshes", names)
         return meshes
 
 
@@ -71,12 +71,12 @@ def _type(group: Node) -> str:
     return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _scene_mesh(group: Node, kind: str, name: str, options: ReadOptions) -> SceneMesh:
+def _scene_mesh(group: Node, kind: str, name: str, reading: Reading) -> SceneMesh:
     version: Any = np.ravel(group.file[ROOT].attrs.get("Version", 0))
     if len(version) == 0 or int(version[0]) > VERSION:
         raise FormatError(f"has VTKHDF version {version.tolist()}; up to {VERSION}.x is supported")
-    steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=options.notes)
-    frames = StepFrames(steps.step, options.notes)
+    steps = VtkSteps(group, is_poly_data=kind == "PolyData", notes=reading.notes)
+    frames = StepFrames(steps.step, reading.notes)
 
     @hdf_errors()
     def surface(index: int) -> Surface:

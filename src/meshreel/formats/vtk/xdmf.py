@@ -15,7 +15,7 @@ import numpy.typing as npt
 from meshreel.errors import FormatError, Keyword, Message
 from meshreel.formats.file_errors import read_bytes
 from meshreel.formats.kinds import SequenceFormat
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.timing import ascending_times
 from meshreel.formats.vtk.xdmf_grid import GridFrames
@@ -24,7 +24,7 @@ from meshreel.formats.vtk.xml_arrays import local_name, parse_xml, unread
 from meshreel.runtime.extras import HDF
 
 
-def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
+def read_xdmf(path: Path, reading: Reading) -> Sequence[SceneMesh]:
     """Return the meshes of an XDMF file: each animation, or each grid if there is none.
 
     Raises
@@ -35,7 +35,7 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
     root = parse_xml(read_bytes(path))
     if root.tag != "Xdmf":
         raise FormatError(f"is {root.tag}; expected Xdmf")
-    items = DataItems(path, root, options)
+    items = DataItems(path, root, reading)
     grids = [items.dereference(grid) for grid in root.findall("Domain/Grid")]
     temporal = [grid for grid in grids if _is_collection(grid, "temporal")]
     meshes: list[tuple[str, npt.NDArray[np.float64], list[Element]]] = []
@@ -44,31 +44,29 @@ def read_xdmf(path: Path, options: ReadOptions) -> Sequence[SceneMesh]:
         if not steps:
             raise FormatError(f"has a collection {grid.get('Name', '')!r} without grids")
         is_timed = bool(temporal) or next(grid.iter("Time"), None) is not None
-        times = _times(grid, steps, items, options) if is_timed else np.zeros(1)
+        times = _times(grid, steps, items, reading) if is_timed else np.zeros(1)
         meshes += _meshes(grid.get("Name", ""), times, steps, items)
     if all(are_points := [all(map(_is_points, steps)) for _, _, steps in meshes]):
         raise FormatError("has only grids of points" if meshes else "has no Grid in a Domain")
     items.taken -= {*grids} - {*temporal} if temporal else set()
-    _note_unread(root, temporal or grids, items, options)
+    _note_unread(root, temporal or grids, items, reading)
     names = _unique_names([name for name, _, _ in meshes], path.stem)
-    options.notes.left_out("grids of points", compress(names, are_points))
+    reading.notes.left_out("grids of points", compress(names, are_points))
     return [
-        GridFrames(steps, items, root, options.notes).scene_mesh(name, times)
+        GridFrames(steps, items, root, reading.notes).scene_mesh(name, times)
         for name, (_, times, steps), is_left_out in zip(names, meshes, are_points, strict=True)
         if not is_left_out
     ]
 
 
-def _note_unread(
-    root: Element, grids: list[Element], items: DataItems, options: ReadOptions
-) -> None:
+def _note_unread(root: Element, grids: list[Element], items: DataItems, reading: Reading) -> None:
     """Note what the file contains besides grids; `StepFrames` note what each grid contains."""
     domains = root.findall("Domain")
     references = (element for element in root.iter() if "Reference" in element.attrib)
     paths = " ".join(f"{element.get('Reference')} {element.text}" for element in references)
     names = (item.get("Name", "DataItem") for item in root.findall("Domain/DataItem"))
     unused = (name for name in names if name not in paths)
-    options.notes.left_out("data to which no grid refers", unused)
+    reading.notes.left_out("data to which no grid refers", unused)
     collections = [grid for grid in grids if _is_collection(grid)]
     if any(local_name(element) == "include" for element in root.iter()):
         included = [grid for grid in root.iter("Grid") if grid.find("Topology") is not None][:1]
@@ -76,7 +74,7 @@ def _note_unread(
         items.taken.update((*included, *mesh))
         collections += included
     for subject, name in unread([root, *domains, *collections], {*domains, *items.taken}):
-        options.notes.left_out(subject, [name])
+        reading.notes.left_out(subject, [name])
 
 
 def _is_points(grid: Element) -> bool:
@@ -107,7 +105,7 @@ def _meshes(
 
 
 def _times(
-    collection: Element, steps: list[Element], items: DataItems, options: ReadOptions
+    collection: Element, steps: list[Element], items: DataItems, reading: Reading
 ) -> npt.NDArray[np.float64]:
     """Return the times of all steps, from the steps or else the collection; one per second if none.
 
@@ -126,13 +124,13 @@ def _times(
         text = Message(
             "has no times; read as one frame per second: set the rate with ", Keyword("fps")
         )
-        options.notes.unknown("frame rate", text)
+        reading.notes.unknown("frame rate", text)
         times = np.arange(len(steps), dtype=np.float64)
     if len(times) != len(steps):
         raise FormatError(f"has {len(times)} times for {len(steps)} grids; each grid needs one")
     if not np.isfinite(times).all():
         raise FormatError("has a Time that is not finite")
-    return ascending_times(times, "grid", options)
+    return ascending_times(times, "grid", reading)
 
 
 def _shared_times(time: Element, n_steps: int, items: DataItems) -> npt.NDArray[np.float64]:

@@ -17,7 +17,7 @@ from meshreel.errors import FormatError
 from meshreel.formats.file_errors import errors_naming, os_errors_naming
 from meshreel.formats.file_references import resolve_reference
 from meshreel.formats.hdf import Dataset, Node, hdf_errors, open_hdf, require_dataset
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 
 CODES = {"float": "f", "int": "i", "uint": "u", "char": "i", "uchar": "u", "short": "i"}
 PRECISIONS = {"char": "1", "uchar": "1", "short": "2"}
@@ -41,7 +41,7 @@ class DataItems:
     ----------
     root : Element
         Root of the document.
-    options : ReadOptions
+    reading : Reading
         Whether referenced files may be outside the folder of this one.
 
     Attributes
@@ -50,8 +50,8 @@ class DataItems:
         Elements that are read.
     """
 
-    def __init__(self, path: Path, root: Element, options: ReadOptions) -> None:
-        self._path, self._root, self._options = path, root, options
+    def __init__(self, path: Path, root: Element, reading: Reading) -> None:
+        self._path, self._root, self._options = path, root, reading
         self._files: dict[Path, Node] = {}
         self.taken: set[Element] = set()
 

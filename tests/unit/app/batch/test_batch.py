@@ -16,7 +16,7 @@ from meshreel.app.batch.plan import plan_batch
 from meshreel.app.batch.run import run_batch
 from meshreel.codec.options import config_of
 from meshreel.errors import InvalidInputError, WorkerDiedError
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.model.tracks import Track
 from meshreel.runtime.workers.processes import ProcessExecutor
 from samples.engines import InlineExecutor
@@ -86,7 +86,7 @@ def test_input_whose_faces_change_becomes_segments(tmp_path, out):
     heat = np.random.default_rng(2).random((3, 99)).astype(np.float32)
     meshreel.save(waving_grid(3).replace(tracks={"heat": Track(heat)}), folder / "a_%d.ply")
     meshreel.save(quad_sheet(2), folder / "b_%d.ply")
-    reading = ReadOptions(attributes=["uv", "none such"])
+    reading = Reading(attributes=["uv", "none such"])
     config = config_of(max_error=0.3)
     options = EncodeOptions(config, reading, tracks={"heat": "1%", "cold": 1.0})
     report = run(tmp_path / "in", out, options)
@@ -117,7 +117,7 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     meshreel.save(waving_grid(1), folder / "a.ply")
     meshreel.save(quad_sheet(1), folder / "b.ply")
     config = config_of(quality=60, uv_bits=8)
-    run(tmp_path / "in", out, EncodeOptions(config, ReadOptions(attributes=bits)))
+    run(tmp_path / "in", out, EncodeOptions(config, Reading(attributes=bits)))
     results = records_in(out)["scan"]
     assert results["state"] == "done"
     assert (results["uv_error"] is None) == is_noted
@@ -126,7 +126,7 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
 
 @pytest.mark.slow
 def test_manifest_lists_non_default_options(inputs, out):
-    run(inputs, out, EncodeOptions(config_of(kg=0.5, order="drop"), ReadOptions(fps=12.0)))
+    run(inputs, out, EncodeOptions(config_of(kg=0.5, order="drop"), Reading(fps=12.0)))
     assert records_in(out)["walk.npz"]["options"] == {"kg": 0.5, "order": "drop", "fps": 12.0}
     assert records_in(out)["walk.npz"]["kg_error_percent"] <= 0.5
     assert meshreel.info((out / "walk.reel").read_bytes()).fps == 12

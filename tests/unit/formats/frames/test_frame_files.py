@@ -12,7 +12,7 @@ from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.meshes.obj import read_obj
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.vtk import pvd
 from meshreel.model.extent import extent_of
@@ -81,7 +81,7 @@ def test_frames_are_parsed_once(tmp_path, extension, max_bytes, is_changing):
     folder = frames_of(tmp_path, extension, is_changing=is_changing)
     form, parsed = with_counted_parses(extension)
     paths = sorted(folder.iterdir())
-    options = ReadOptions(max_loaded_bytes=max_bytes)
+    options = Reading(max_loaded_bytes=max_bytes)
     runs = list(read_runs(FrameFiles(paths, form), "walk", options))
     assert [run.n_frames for run in runs] == ([6, 4, 1] if is_changing else [6])
     assert len(parsed) == len(paths)
@@ -121,9 +121,9 @@ def test_files_of_collections_are_parsed_again_for_what_is_not_kept(tmp_path, pa
 def test_runs_stay_in_their_files_once_they_take_the_limit_together(tmp_path, extension):
     folder = frames_of(tmp_path, extension, is_changing=True)
     paths, form = sorted(folder.iterdir()), FRAME_FORMATS[extension]
-    loaded = list(read_runs(FrameFiles(paths, form), "walk", ReadOptions()))
+    loaded = list(read_runs(FrameFiles(paths, form), "walk", Reading()))
     size = 3 * loaded[0].read(0, 6).nbytes
-    options = ReadOptions(max_loaded_bytes=size)
+    options = Reading(max_loaded_bytes=size)
     mixed = list(read_runs(FrameFiles(paths, form), "walk", options))
     kinds = [type(run) for run in mixed]
     assert kinds == [MeshSequence, StoredFrames, MeshSequence]  # single frames are always loaded

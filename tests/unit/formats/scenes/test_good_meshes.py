@@ -9,7 +9,7 @@ import pytest
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.scene_mesh import SceneMesh, read_or_defer_error
 from meshreel.formats.scenes.scene_source import readable_meshes
 from meshreel.formats.surfaces.polygons import PolygonMesh
@@ -54,7 +54,7 @@ BAD = {
 
 @pytest.mark.parametrize("reason", BAD)
 def test_unreadable_mesh_is_left_out_with_a_note(reason):
-    options = ReadOptions()
+    options = Reading()
     result = readable_meshes([BAD[reason], GOOD], options)
     assert [mesh.name for mesh in result] == ["/good"]
     assert options.notes[0].startswith("left out: meshes that cannot be read: /bad (")
@@ -62,19 +62,19 @@ def test_unreadable_mesh_is_left_out_with_a_note(reason):
 
 def test_meshes_with_changing_faces_are_kept():
     changing = SceneMesh("/late", np.arange(2.0), lambda frame: triangle(2 - frame))
-    result = readable_meshes([changing, GOOD], ReadOptions())
+    result = readable_meshes([changing, GOOD], Reading())
     assert [mesh.name for mesh in result] == ["/late", "/good"]
 
 
 def test_file_without_readable_meshes_is_an_error():
     with pytest.raises(FormatError, match=r"has no readable mesh: /bad \(its points are"):
-        readable_meshes([BAD["its points are damaged"]], ReadOptions())
+        readable_meshes([BAD["its points are damaged"]], Reading())
 
 
 def test_surface_of_a_readable_mesh_is_read_once():
     read_frames = []
     mesh = replace(GOOD, surface=lambda frame: read_frames.append(frame) or Surface())
-    result = readable_meshes([mesh], ReadOptions())
+    result = readable_meshes([mesh], Reading())
     result[0].surface(0)
     assert read_frames == [0]
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.merging import merge_meshes
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_mesh
@@ -38,7 +38,7 @@ def of_three(values, dtype=np.float64):
 def merged(tmp_path, *meshes):
     notes = Notes()
     whole = merge_meshes(meshes, "whole", notes)
-    return next(open_mesh(whole, tmp_path, ReadOptions(notes=notes))).tracks, notes
+    return next(open_mesh(whole, tmp_path, Reading(notes=notes))).tracks, notes
 
 
 def test_track_values_are_interpolated_between_frames(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 import meshreel
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.inspection import inspect_source
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.scenes.parts import split_parts
 from meshreel.formats.scenes.scene_mesh import SceneMesh
 from meshreel.formats.scenes.scene_source import open_scene
@@ -35,7 +35,7 @@ def scene_mesh(sequence, name, times_s=None):
 
 
 def opened(meshes, **options):
-    whole = open_scene(lambda path, options: meshes, PATH, ReadOptions(**options))
+    whole = open_scene(lambda path, options: meshes, PATH, Reading(**options))
     return whole.segments[0] if whole.n_segments == 1 else whole
 
 
@@ -236,7 +236,7 @@ def test_errors_name_the_file():
         raise FormatError("is not an archive")
 
     with pytest.raises(FormatError, match=r"scene\.abc: is not an archive"):
-        open_scene(read_meshes, PATH, ReadOptions())
+        open_scene(read_meshes, PATH, Reading())
 
 
 def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):
@@ -249,7 +249,7 @@ def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):
     assert (loaded.n_frames, loaded.fps, loaded.name) == (5, 12, tmp_path.name)
     np.testing.assert_allclose(loaded.vertices, sequence.vertices, atol=1e-4)
     assert meshreel.load(str(tmp_path / "f_*.glb")).fps == 0
-    info = inspect_source(str(tmp_path / "f_*.glb"), ReadOptions())
+    info = inspect_source(str(tmp_path / "f_*.glb"), Reading())
     assert (info.n_files, [mesh.n_frames for mesh in info.meshes]) == (5, [5])
 
 

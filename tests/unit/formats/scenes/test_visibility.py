@@ -5,7 +5,7 @@ import pytest
 
 import meshreel
 from meshreel.formats.inspection import inspect_source
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from samples import usd
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
@@ -67,7 +67,7 @@ def test_meshes_shown_in_turn_are_frames_of_one_mesh(write, place, n_empty, tmp_
     assert (loaded.n_segments, loaded.fps, loaded.name) == (1, 24.0, "m_0")
     expected = [SQUARE + np.float32([0, 0, z]) for z in range(3)]
     np.testing.assert_array_equal(loaded.vertices, expected)
-    assert [mesh.n_frames for mesh in inspect_source(path, ReadOptions()).meshes] == [3]
+    assert [mesh.n_frames for mesh in inspect_source(path, Reading()).meshes] == [3]
 
 
 @pytest.mark.parametrize(("write", "place"), WRITERS)

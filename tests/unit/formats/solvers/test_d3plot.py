@@ -6,7 +6,7 @@ from meshreel.app.batch.discovery import find_inputs
 from meshreel.errors import FormatError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
-from meshreel.formats.options import ReadOptions
+from meshreel.formats.options import Reading
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import files_of_source, find_files
 from meshreel.model.notes import Notes
@@ -406,7 +406,7 @@ def test_frames_stay_in_the_files_until_they_are_read(tmp_path):
     model = sheet()
     states = [state(index, moved(index, model.nodes)) for index in range(3)]
     path = write_family(tmp_path / "d3plot", model, [states])
-    opened = open_any(find_files(path), ReadOptions(max_loaded_bytes=0))
+    opened = open_any(find_files(path), Reading(max_loaded_bytes=0))
     (tmp_path / "d3plot01").write_bytes(padded(b"".join(state(i, model.nodes) for i in range(3))))
     assert (positions_of(opened) == model.nodes).all()
 
@@ -420,7 +420,7 @@ def test_batches_find_root_files_only(tmp_path):
 def test_inspection_counts_all_files(tmp_path):
     path = write_family(tmp_path / "d3plot", sheet(), [[state(0, sheet().nodes)]])
     write_family(tmp_path / "d3plotaa", sheet(5), [[state(1, sheet(5).nodes)]])
-    result = inspect_source(path, ReadOptions())
+    result = inspect_source(path, Reading())
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert (result.n_files, result.size_bytes, result.meshes[0].n_segments) == (4, size, 2)
     assert len(files_of_source(path)) == 4
