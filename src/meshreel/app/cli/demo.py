@@ -8,6 +8,8 @@ from meshreel.app.cli.parameters import JsonOption
 from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
+    from meshreel.codec.inspect import StreamInfo
+    from meshreel.metrics.compare import Quality
     from meshreel.rendering.scenes import Scene
     from meshreel.runtime.progress import Progress
 
@@ -49,7 +51,6 @@ def demo_command(
     from meshreel.operations.save import save
     from meshreel.rendering.scenes import Scene
     from meshreel.runtime.extras import RENDER
-    from meshreel.runtime.outputs.atomic import replace_when_done
     from meshreel.runtime.outputs.checks import check_output_folder, check_output_path
 
     check_output_folder(out)
@@ -64,23 +65,17 @@ def demo_command(
         sequence = simulate_flag(frames, progress=progress)
         save(sequence, raw, overwrite=force, progress=progress)
         data = encode(sequence, progress=progress)
-        with replace_when_done(reel, overwrite=force) as temporary:
-            temporary.write_bytes(data)
+        save(data, reel, overwrite=force)
         with open_player(reel, None, Reading(progress=progress)) as player:
             export_page(player, page, page=built_page(), overwrite=force, progress=progress)
-        decoded = decode(data, progress=progress)
+        decoded, stream = decode(data, progress=progress), info(data)
         quality = compare(sequence, decoded, progress=progress)
-        stream = info(data)
         scene = Scene(decoded, sequence, "distance")
         largest = scene.scales(range(frames), progress).heat
         assert largest is not None  # the scene has a heat map
         poses = []
         if RENDER.is_installed:
-            caption = (
-                f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, "
-                f"KG error {quality.kg_error_percent:.2f} %"
-            )
-            poses = _draw(scene, largest.frame, caption, picture, force=force, progress=progress)
+            poses = _draw(scene, largest.frame, _caption(stream, quality), picture, force, progress)
     paths = {name: str(path) for name, path in outputs.items()}
     if as_json:
         worst = {"max_error_frame": largest.frame, "picture_frames": poses}
@@ -89,15 +84,20 @@ def demo_command(
     rows = {**size_rows(stream), **quality_rows(quality)}
     rows["largest error"] += f", in frame {largest.frame}"
     print_table("The flag, compressed", rows)
-    if not poses:
-        paths["picture"] = f"not drawn; {RENDER.command}"
-    print_table("Written", paths)
+    print_table("Written", {"picture": f"not drawn; {RENDER.command}", **paths})
     print_line(f"To play it, open {page}; to compare it with the original:")
     print_line(f"meshreel view {reel} --original {raw}")
 
 
+def _caption(stream: "StreamInfo", quality: "Quality") -> str:
+    return (
+        f"{stream.ratio:.0f} x smaller, {stream.rate_bpvf:.2f} bits per vertex and frame, KG error "
+        f"{quality.kg_error_percent:.2f} %"
+    )
+
+
 def _draw(
-    scene: "Scene", worst: int, caption: str, path: Path, *, force: bool, progress: "Progress"
+    scene: "Scene", worst: int, caption: str, path: Path, overwrite: bool, progress: "Progress"
 ) -> list[int]:
     """Draw some frames, among them the worst; return their numbers."""
     from meshreel.rendering.picture import save_png
@@ -108,5 +108,5 @@ def _draw(
     numbers = range(scene.sequence.n_frames)
     poses = sorted({*representative_frames(numbers, N_POSES - 1), worst})
     image = still(scene, poses, View(), caption=caption, progress=progress)
-    save_png(image, path, overwrite=force)
+    save_png(image, path, overwrite=overwrite)
     return poses
