@@ -259,9 +259,10 @@ def test_equal_first_and_last_frames_have_equal_keys():
     np.testing.assert_array_equal(track.translations[0], track.translations[-1])
 
 
-def moments_of(points, targets, weights):
+def rigid_fit(points, targets, weights, former):
     lifted = np.column_stack([points, np.ones(len(points))]) * weights[:, np.newaxis]
-    return np.einsum("tva,vb->tab", targets, lifted), lifted.T @ lifted
+    moments = np.einsum("tva,vb->tab", targets, lifted)
+    return fit_rigid(moments, lifted.T @ lifted, former)
 
 
 @pytest.mark.parametrize("is_mirrored", [False, True])
@@ -271,7 +272,7 @@ def test_rigid_motion_is_found_exactly_without_reflections(is_mirrored):
     rotation, offset = turn(1.0) @ turn(-0.6, 0), rng.normal(size=3)
     matrix = rotation * [1, 1, -1] if is_mirrored else rotation
     targets = ((points @ matrix.T + offset) * weights[:, np.newaxis])[np.newaxis]
-    [found] = fit_rigid(*moments_of(points, targets, weights), np.eye(3, 4)[np.newaxis])
+    [found] = rigid_fit(points, targets, weights, np.eye(3, 4)[np.newaxis])
     if is_mirrored:
         assert np.linalg.det(found[:, :3]) == pytest.approx(1)
     else:
@@ -281,7 +282,7 @@ def test_rigid_motion_is_found_exactly_without_reflections(is_mirrored):
 def test_collinear_points_keep_the_free_rotation():
     points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0.0]])
     former = np.column_stack([turn(0.5, 0), np.zeros(3)])[np.newaxis]
-    found = fit_rigid(*moments_of(points, points[np.newaxis], np.ones(3)), former)
+    found = rigid_fit(points, points[np.newaxis], np.ones(3), former)
     np.testing.assert_allclose(found[0, :, :3], former[0, :, :3], atol=1e-3)
 
 
