@@ -43,9 +43,9 @@ def read_by_core(data, segment=None):
     info = opened.file.info
     return Reel(
         container=Container(header_of(opened), [], []),
-        internal_faces=opened.internal_faces.tolist(),
+        internal_faces=opened.file.stored_mesh[0].tolist(),
         faces=sequence.faces.tolist(),
-        order=opened.order.tolist(),
+        order=opened.file.stored_mesh[1].tolist(),
         blocks=blocks,
         surface=surface_of(sequence.surface, sequence.faces),
         start=info.start_s if leading(opened, Section.START) else None,
@@ -114,7 +114,7 @@ class Floats:
 
 def leading(opened, section):
     """Return the payloads of the leading sections with an id."""
-    return [opened.payload(other) for other in opened.leading if other.id == section]
+    return [opened.payload(other) for other in opened.file.leading if other.id == section]
 
 
 def header_of(opened):

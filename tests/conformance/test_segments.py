@@ -138,8 +138,9 @@ def plain_mesh(data):
 def mesh_of_core(data):
     """Return the same as `plain_mesh`, from the core."""
     try:
-        opened = whole_stream(data)
-        return opened.internal_faces.tolist(), opened.faces.tolist(), opened.order.tolist()
+        file = whole_stream(data).file
+        internal, order = file.stored_mesh
+        return internal.tolist(), file.faces.tolist(), order.tolist()
     except CorruptStreamError:
         return None
 

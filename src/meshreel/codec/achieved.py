@@ -175,7 +175,9 @@ def _uv_errors(sequence: FrameSource, opened: OpenStream) -> list[float]:
     internal = np.arange(sequence.n_verts)
     if order is Order.DROP and sequence.surface.attributes:
         internal = np.argsort(internal_numbers(sequence)[Domain.VERTEX])
-    attributes = surface_in_order(sequence.surface, order, faces, opened.faces, internal).attributes
+    attributes = surface_in_order(
+        sequence.surface, order, faces, opened.file.faces, internal
+    ).attributes
     if not any(map(is_quantized, attributes)):
         return []
     pairs = zip(attributes, opened.surface.attributes, strict=True)

@@ -88,7 +88,7 @@ def header_of(opened: OpenStream) -> Header:
 
 def leading_of(opened: OpenStream) -> Iterator[tuple[Section, bytes]]:
     """Yield the known sections before the first block, except SEGMENT and REFERENCE."""
-    return ((Section(section.id), opened.payload(section)) for section in opened.leading)
+    return ((Section(section.id), opened.payload(section)) for section in opened.file.leading)
 
 
 def blocks_of(opened: OpenStream) -> Iterator[tuple[int, list[tuple[Section, bytes]]]]:

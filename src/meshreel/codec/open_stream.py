@@ -8,7 +8,6 @@ from typing import BinaryIO, TypeVar
 
 import numpy as np
 
-from meshreel.arrays import Integers
 from meshreel.codec.bitstream.layout import (
     MESH_SECTIONS,
     SURFACE_SECTIONS,
@@ -22,7 +21,6 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.surface.decoded import decoded_surface
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword, UnsupportedVersionError
 from meshreel.kernel.files import FileSection, FileTrack, OpenFile
-from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface
 from meshreel.model.timing import Timing
 
@@ -135,43 +133,15 @@ class OpenStream:
         return len(frames) * sum(track.frame_bytes for track in self.file.tracks)
 
     @property
-    def internal_faces(self) -> Faces:
-        """Faces of shape (M, 3), in internal order; raises as `faces`."""
-        return self.file.stored_mesh[0]
-
-    @cached_property
-    def order(self) -> Integers:
-        """Internal number of each output vertex; raises as `faces`."""
-        return self.file.stored_mesh[1].astype(np.int64)
-
-    @property
-    def faces(self) -> Faces:
-        """Faces of shape (M, 3), in output order.
-
-        Raises
-        ------
-        CorruptStreamError
-            If connectivity or order are damaged.
-        MemoryLimitError
-            If the mesh is larger than allowed.
-        """
-        return self.file.faces
-
-    @property
-    def leading(self) -> tuple[FileSection, ...]:
-        """Known sections before the first block, those of an earlier segment first."""
-        return self.file.leading
-
-    @property
     def mesh_key(self) -> Hashable:
         """Key of the mesh: equal for segments of a file that share the sections of their mesh."""
-        offsets = (section.offset for section in self.leading if section.id in MESH_SECTIONS)
+        offsets = (section.offset for section in self.file.leading if section.id in MESH_SECTIONS)
         return self.order_kept, *sorted(offsets)
 
     @property
     def has_surface(self) -> bool:
         """Whether the stream stores more of the surface than triangles."""
-        ids = map(attrgetter("id"), self.leading)
+        ids = map(attrgetter("id"), self.file.leading)
         return not {Section.CELLS, *SURFACE_SECTIONS}.isdisjoint(ids)
 
     @cached_property

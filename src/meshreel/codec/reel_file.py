@@ -225,7 +225,7 @@ class ReelFile(Timed):
     @property
     def faces(self) -> Faces:
         """Vertex indices of each triangle, of shape (M, 3)."""
-        return self._opened.faces
+        return self._opened.file.faces
 
     @property
     def surface(self) -> Surface:

@@ -81,7 +81,7 @@ def only_section(opened: OpenStream, section: Section) -> bytes:
     CorruptStreamError
         If there is none, or more than one.
     """
-    payloads = [opened.payload(row) for row in opened.leading if row.id == section]
+    payloads = [opened.payload(row) for row in opened.file.leading if row.id == section]
     if len(payloads) != 1:
         raise CorruptStreamError(
             f"the stream has {len(payloads)} sections {section.name}; exactly 1 is allowed"

@@ -75,7 +75,8 @@ class PaperBlockDecoder:
         MemoryLimitError
             If it takes more memory than allowed.
         """
-        stored, order = stored_block(self._opened, number), self._opened.order
+        stored = stored_block(self._opened, number)
+        order = self._opened.file.stored_mesh[1].astype(np.int64)
         with np.errstate(over="ignore", invalid="ignore"):
             block = self.coded(stored, number).values
             if self._n_modes is not None:
@@ -174,7 +175,7 @@ def stored_mesh(opened: OpenStream, variant: Variant) -> MeshModel:
         shape = stored_shape(opened).values[:, 0].T
     is_trusted = opened.limit == UNLIMITED  # this process chose its number of graph frequencies
     return MeshModel(
-        faces=opened.internal_faces,
+        faces=opened.file.stored_mesh[0],
         n_verts=opened.n_verts,
         anchors=anchors,
         laplacian_choice=opened.laplacian,

@@ -286,12 +286,12 @@ def read(
         mesh = replace(mesh, basis_memory=limit.limit_bytes)
     stream = PaperStream(
         method=opened.method,
-        faces=opened.faces,
+        faces=opened.file.faces,
         blocks=(),
         origin=opened.frame.origin,
         scale=opened.frame.scale,
         dtype=opened.dtype,
-        order=opened.order,
+        order=opened.file.stored_mesh[1].astype(np.int64),
         mesh=mesh,
     )
     stored = map(partial(stored_block, opened), range(opened.n_blocks))

@@ -43,7 +43,7 @@ def round_trip(*meshes, **options):
 
 
 def sections_of(data, segment):
-    return [section.id for section in OpenStream(data, segment=segment).leading]
+    return [section.id for section in OpenStream(data, segment=segment).file.leading]
 
 
 def test_dropped_faces_are_listed_as_runs():
@@ -110,7 +110,7 @@ def test_edited_meshes_share_connectivity_and_order(options):
     assert shared[:3] == [Section.CONNECTIVITY, Section.ORDER, Section.EDIT]
     alone = meshreel.encode(sequence.segments[1], order="keep", **options)
     mesh_sections = (Section.CONNECTIVITY, Section.ORDER)
-    leading = OpenStream(alone).leading
+    leading = OpenStream(alone).file.leading
     stored = sum(section.payload_bytes for section in leading if section.id in mesh_sections)
     base = meshreel.encode(sequence.segments[0], order="keep", **options)
     assert len(data) < len(base) + len(alone) - stored / 2

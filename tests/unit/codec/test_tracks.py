@@ -75,7 +75,7 @@ def test_header_of_a_predicted_track_round_trips(coding):
 def test_decoded_values_have_the_shapes_of_the_headers(name):
     opened = whole_stream(stored(name))
     n_items = {
-        domain: opened.surface.n_items(domain, opened.n_verts, len(opened.faces))
+        domain: opened.surface.n_items(domain, opened.n_verts, len(opened.file.faces))
         for domain in Domain
     }
     result = track_values(stored(name))

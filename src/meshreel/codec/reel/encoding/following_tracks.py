@@ -54,7 +54,7 @@ class FollowingTracks:
         if tracks == source.tracks:
             return data
         opened = whole_stream(data, UNLIMITED)
-        bounds = (section for section in opened.leading if section.id == Section.ERROR_BOUND)
+        bounds = (section for section in opened.file.leading if section.id == Section.ERROR_BOUND)
         leading = [(Section.ERROR_BOUND, opened.payload(section)) for section in bounds]
         blocks = (
             (opened.file.block(number).n_frames, opened.group(number))
