@@ -9,7 +9,6 @@ from conformance.container import Container, Header
 from conformance.reader import Reel
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.decoder import decode
-from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.methods import method_named
 from meshreel.codec.open_stream import whole_stream
@@ -20,6 +19,7 @@ from meshreel.kernel.polygons import triangle_corners
 from meshreel.model.materials import SLOTS
 from meshreel.paper.blocks import stored_block
 from meshreel.paper.decoder import PaperBlockDecoder, stored_mesh, stored_shape
+from meshreel.paper.exact_values import decode_exact
 from meshreel.paper.variants import variant_named
 
 GROUP_KEYS = ("frames", "modes", "reference", "step", "n corrections")

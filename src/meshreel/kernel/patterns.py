@@ -29,6 +29,30 @@ class Predictors:
     """
 
 
+def no_predictors(n_rows: int) -> Predictors:
+    """Rows in order, without predictions."""
+    return Predictors(_in_order(n_rows), np.zeros(n_rows + 1, np.int64), np.zeros((0, 3), np.int32))
+
+
+def previous_predictors(n_rows: int) -> Predictors:
+    """Rows in order, each predicted to equal the previous one."""
+    previous = np.arange(max(n_rows - 1, 0), dtype=np.int32)
+    triples = np.stack([previous, previous, np.full_like(previous, -1)], axis=1)
+    starts = np.maximum(np.arange(-1, n_rows, dtype=np.int64), 0)
+    return Predictors(_in_order(n_rows), starts, triples)
+
+
+def linear_predictors(n_rows: int) -> Predictors:
+    """Rows in order, each predicted linearly from the previous two; the second, from the first."""
+    predictors = previous_predictors(n_rows)
+    predictors.triples[1:, 2] = predictors.triples[:-1, 0]
+    return predictors
+
+
+def _in_order(n_rows: int) -> npt.NDArray[np.int32]:
+    return np.arange(n_rows, dtype=np.int32)
+
+
 def face_predictors(faces: Numbers, twins: Numbers, n_rows: int) -> Predictors:
     """Find the predictors of the rows of a table, which are adjacent as in faces.
 

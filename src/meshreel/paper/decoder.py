@@ -8,7 +8,6 @@ import numpy as np
 
 from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.layout import Laplacian, Section
-from meshreel.codec.entropy.exact import decode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT, OWN_STREAM, UNLIMITED, MemoryLimit
 from meshreel.codec.open_stream import OpenStream, whole_stream
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -22,6 +21,7 @@ from meshreel.paper.blocks import (
     stored_block,
 )
 from meshreel.paper.decoded_block import DecodedBlock
+from meshreel.paper.exact_values import decode_exact
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import CodedBlock, Quantized, synthesise
 from meshreel.paper.reconstruction_system import factor_bytes

@@ -11,7 +11,6 @@ from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.bitstream.layout import Laplacian, Section
 from meshreel.codec.connectivity.order import inverse_permutation
-from meshreel.codec.entropy.exact import encode_exact
 from meshreel.codec.memory import DEFAULT_LIMIT
 from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.source import CodedMesh
@@ -21,6 +20,7 @@ from meshreel.model.tracks import Track
 from meshreel.paper import blocks
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import initial_basis, write_coded_block
+from meshreel.paper.exact_values import encode_exact
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.pipeline import Quantized, analyse, modes_needed, n_frequencies
 from meshreel.paper.quantization import step_for_all_rows

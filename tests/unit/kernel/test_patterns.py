@@ -4,10 +4,17 @@ import pytest
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.entropy.exact import linear_predictors, no_predictors, previous_predictors
 from meshreel.errors import MeshReelError
 from meshreel.kernel.order import opposite_sides
-from meshreel.kernel.patterns import Predictors, decode_patterns, encode_patterns, face_predictors
+from meshreel.kernel.patterns import (
+    Predictors,
+    decode_patterns,
+    encode_patterns,
+    face_predictors,
+    linear_predictors,
+    no_predictors,
+    previous_predictors,
+)
 
 TYPES = ["u1", "i4", "f4", "f8"]
 SHAPES = st.tuples(st.integers(0, 30), st.integers(1, 4))

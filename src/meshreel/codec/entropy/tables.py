@@ -7,10 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import rows_as_bytes
-from meshreel.codec.entropy.exact import no_predictors, previous_predictors
 from meshreel.codec.entropy.multiples import GRID, OFFSET_GRID, as_multiples, as_offset_grid
 from meshreel.kernel.order import opposite_sides
-from meshreel.kernel.patterns import encode_patterns, face_predictors
+from meshreel.kernel.patterns import (
+    encode_patterns,
+    face_predictors,
+    no_predictors,
+    previous_predictors,
+)
 from meshreel.kernel.surface_integers import MAX_VALUE, encode_on_surface
 
 Integers = npt.NDArray[np.integer]

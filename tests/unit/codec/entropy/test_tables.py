@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from meshreel.codec.entropy.exact import no_predictors, previous_predictors
 from meshreel.codec.entropy.multiples import (
     GRID,
     MAX_GRID_BITS,
@@ -22,7 +21,12 @@ from meshreel.codec.entropy.tables import (
     encode_table,
 )
 from meshreel.kernel.order import opposite_sides
-from meshreel.kernel.patterns import decode_patterns, face_predictors
+from meshreel.kernel.patterns import (
+    decode_patterns,
+    face_predictors,
+    no_predictors,
+    previous_predictors,
+)
 from samples.coded_meshes import decode_on_surface
 from samples.meshes import grid_faces
 

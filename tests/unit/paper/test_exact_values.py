@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.entropy.exact import decode_exact, encode_exact
 from meshreel.errors import CorruptStreamError
+from meshreel.paper.exact_values import decode_exact, encode_exact
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
