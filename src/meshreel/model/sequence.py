@@ -491,6 +491,8 @@ class MeshSequence(Timed):
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Vertices:
         """Positions of the only segment; raises ConnectivityChangeError for several."""
+        if copy is None:  # which NumPy 1 does not take
+            return np.asarray(self.vertices, dtype)
         return np.array(self.vertices, dtype, copy=copy)
 
     def __add__(self, other: "MeshSequence") -> "MeshSequence":
