@@ -35,13 +35,6 @@ def test_surface_of_solids_is_closed_and_faces_outward(cells):
     assert sequence.surface.n_faces(len(sequence.faces)) == n_sides * (1 if cells is BLOCK else 2)
 
 
-def test_collapsed_hexahedra_have_faces_of_their_different_nodes():
-    wedge = arrays([12], [0, 1, 2, 2, 3, 4, 5, 5])
-    assert sorted(wedge.surface(6).sizes) == [3, 3, 4, 4, 4]
-    beside = arrays([12, 13], [0, 1, 2, 2, 3, 4, 5, 5, 0, 2, 1, 6, 7, 8])
-    assert len(beside.surface(9).sizes) == 8  # they share the triangle 0, 1, 2
-
-
 def test_points_and_lines_have_no_faces():
     with pytest.raises(InvalidInputError, match=r"2 cells without a surface"):
         MeshSequence(POINTS[None], cells=Cells([1, 3], [0, 0, 1]))
