@@ -224,7 +224,6 @@ def test_materials_of_some_segments_and_hard_edges(tmp_path, extension):
     assert_data_as_of_single_segments(loaded, expected, tmp_path, f"a{extension}")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("extension", [".glb", ".gltf"])
 def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension, notes):
     options = WriteOptions(max_error=0.01)
@@ -232,13 +231,14 @@ def test_gltf_shows_the_mesh_of_each_segment(textured, tmp_path, extension, note
     loaded = meshreel.load(tmp_path / f"a{extension}")
     assert (loaded.starts, loaded.name) == (textured.starts, "mesh")
     assert loaded.fps == pytest.approx(FPS)
-    diagonal = np.linalg.norm(textured.extent.high - textured.extent.low)
+    diagonal, largest = np.linalg.norm(textured.extent.high - textured.extent.low), 0.0
     for one, other in zip(loaded, textured, strict=True):
         distance, nearest = cKDTree(one.vertices).query(other.vertices)
-        assert distance.max() <= 1.01e-4 * diagonal
+        largest = max(largest, 100 * distance.max() / diagonal)
         expected = np.sort(np.sort(nearest[other.faces], axis=1), axis=0)
         np.testing.assert_array_equal(np.sort(np.sort(one.faces, axis=1), axis=0), expected)
-    assert any("the largest error is" in note for note in notes)
+    assert any(f"the largest error is {largest:.4f} % of the diagonal" in note for note in notes)
+    assert largest <= 0.0101
     for segment in loaded.segments:
         [groups] = segment.surface.groups
         assert set(groups.labels) == {"skin", "cloth"}
