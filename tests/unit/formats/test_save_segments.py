@@ -262,7 +262,9 @@ def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
         ]
         expected = np.equal(segments, n_segments)[:, np.newaxis]
         np.testing.assert_array_equal(scales[before], np.repeat(expected, 3, axis=1))
-        assert nodes[channel["target"]["node"]].get("scale", [1, 1, 1])[0] == (n_segments == 0)
+        node = nodes[channel["target"]["node"]]
+        assert node.get("scale", [1, 1, 1])[0] == (n_segments == 0)
+        assert node["extras"] == {"meshreelSegmentStart": times[textured.starts[n_segments]]}
         n_segments += 1
     assert n_segments == 4
 
