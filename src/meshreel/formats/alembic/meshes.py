@@ -225,7 +225,7 @@ class Node:
         ]
         if not states:
             return SHOWN
-        times_s = np.unique(np.concatenate([times_s for times_s, _ in states]))
+        times_s = unite_times([times_s for times_s, _ in states])
         state = np.full(len(times_s), DEFERRED)
         for own_times_s, own_states in states:
             own = own_states[np.maximum(np.searchsorted(own_times_s, times_s, "right") - 1, 0)]

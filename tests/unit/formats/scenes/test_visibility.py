@@ -10,6 +10,8 @@ from samples import usd
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 TURNS = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+FIRST = 3
+"""Number of the first frame of a file."""
 
 
 def write_abc(folder, shown, place):
@@ -21,7 +23,7 @@ def write_abc(folder, shown, place):
         alembic.archive(folder / "a.abc"),
         alembic.AbcGeom.CreateVisibilityProperty,
     )
-    sampling = archive.addTimeSampling(alembic.uniform(1 / 24, 0.0))
+    sampling = archive.addTimeSampling(alembic.uniform(1 / 24, FIRST / 24))
     for z, row in enumerate(shown):
         group = alembic.add_transform(archive.getTop(), f"group_{z}", [])
         parent = alembic.add_transform(group, f"parent_{z}", [])
@@ -41,7 +43,8 @@ def write_usd(folder, shown, place, more=""):
     body = ""
     for z, row in enumerate(shown):
         states = (
-            f'{code}: "{"inherited" if now else "invisible"}"' for code, now in enumerate(row)
+            f'{code}: "{"inherited" if now else "invisible"}"'
+            for code, now in enumerate(row, FIRST)
         )
         visible = f"token visibility.timeSamples = {{ {', '.join(states)} }}\n"
         points = f"point3f[] points = [{', '.join(str((x, y, z)) for x, y, _ in SQUARE.tolist())}]"
@@ -62,7 +65,7 @@ WRITERS = [
 def test_meshes_shown_in_turn_are_frames_of_one_mesh(write, place, n_empty, tmp_path, notes):
     path = write(tmp_path, [[0] * n_empty + row for row in TURNS], place)
     loaded = meshreel.load(path, notes=notes)
-    np.testing.assert_allclose(loaded.times, (n_empty + np.arange(3)) / 24, atol=1e-12)
+    np.testing.assert_allclose(loaded.times, (FIRST + n_empty + np.arange(3)) / 24, atol=1e-12)
     assert ("left out: 2 frames without a mesh" in notes) == (n_empty == 2)
     assert (loaded.n_segments, loaded.fps, loaded.name) == (1, 24.0, "m_0")
     expected = [SQUARE + np.float32([0, 0, z]) for z in range(3)]
@@ -87,7 +90,7 @@ def test_meshes_with_other_colors_begin_segments(tmp_path):
 
 
 def test_visibility_is_sampled_at_the_requested_rate(tmp_path):
-    moves = "double3 xformOp:translate.timeSamples = {{ 0: (0, 0, 0), 4: (4, 0, 0) }}\n"
+    moves = "double3 xformOp:translate.timeSamples = {{ 3: (0, 0, 0), 7: (4, 0, 0) }}\n"
     moves += 'uniform token[] xformOpOrder = ["xformOp:translate"]'
     path = write_usd(tmp_path, [[1, 1, 0, 0], [0, 0, 1, 1]], "mesh", moves)
     loaded = meshreel.load(path, fps=12)
