@@ -9,6 +9,7 @@ import pytest
 import meshreel
 from conformance.container import METHODS, read_container
 from conformance.make import FOLDER, REFUSED_FOLDER, STREAMS
+from conformance.reader import number_of
 from meshreel.codec.open_stream import timing_of
 from meshreel.kernel.files import OpenFile
 from meshreel.kernel.library import library
@@ -245,6 +246,8 @@ def test_info_agrees_with_the_plain_reader():
             assert info.fps == ((len(times) - 1) / span_s if span_s else header.fps), name
             assert (info.laplacian, str(info.name)) == (header.laplacian, header.name), name
             assert METHODS[info.method] == header.method, name
+            bound_percent = number_of(container, "ERROR_BOUND") or 0
+            assert file.track(0).bound == bound_percent / 100 * header.scale, name
             assert info.is_whole, name
 
 

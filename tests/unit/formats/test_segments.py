@@ -12,6 +12,7 @@ from meshreel.formats.frames import frame_stream
 from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.options import Reading
+from meshreel.formats.segments import _describe_match as describe_match
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import find_files
 from meshreel.model.sequence import MeshSequence
@@ -85,6 +86,12 @@ def test_frames_in_another_order_are_matched_by_texture_coordinates(reordered, n
         "segment"
     ]
     assert load(reordered, attributes="none").segments[0].surface.attributes == ()
+
+
+def test_a_note_counts_the_faces_that_complete_matched_segments():
+    lacking = waving_grid(3).replace(faces=waving_grid(3).faces[2:])
+    text = describe_match([lacking, waving_grid(2)], [waving_grid(5)])
+    assert text.endswith("leaves 1 segment; 6 faces that add no area complete them")
 
 
 @pytest.mark.filterwarnings("ignore:the faces change", "ignore:matched 4 segments")
