@@ -9,13 +9,15 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.options import Reading
 from meshreel.formats.scenes.parts import split_parts
-from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.scene_mesh import SceneMesh, Visibility
 from meshreel.formats.scenes.scene_source import open_scene
 from meshreel.formats.scenes.timing import neighbors
+from meshreel.formats.scenes.visibility import meshes_in_turn
 from meshreel.formats.surfaces.polygons import PolygonMesh
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Part, Surface
+from meshreel.model.tracks import Track
 from samples.materials import dressed, look
 from samples.meshes import assert_same_surface, hard_sheet, quad_sheet, two_sheets, waving_grid
 
@@ -62,6 +64,22 @@ def test_larger_frames_than_allowed_stay_in_the_file(monkeypatch, surplus):
     assert result.read(0, sequence.n_frames).tobytes() == sequence.vertices.tobytes()
     assert_same_surface(result.surface, sequence.surface)
     np.testing.assert_array_equal(result.extent.low, sequence.extent.low)
+
+
+@pytest.mark.parametrize("with_track", [(), (0,), (1,)])
+def test_meshes_in_turn_share_a_surface_only_without_tracks(with_track, notes):
+    track = {"heat": Track(np.zeros((1, 30), np.float32))}
+    meshes = [
+        replace(
+            scene_mesh(quad_sheet(2 - number), f"/{number}"),
+            fps=24.0 + number,  # that of a single frame has no effect
+            visibility=Visibility(np.arange(2) / 24, np.arange(2) == number),
+            tracks=lambda frames, tracks=track if number in with_track else {}: tracks,
+        )
+        for number in range(2)
+    ]
+    result = meshes_in_turn(meshes, "", notes, merges=False)
+    assert (result.fps, result.keeps_surface(1)) == (24, not with_track)
 
 
 def test_error_lists_the_meshes_if_none_is_selected():
