@@ -394,7 +394,7 @@ def compare(
     from meshreel.operations.compare import compare as measure  # slow to import
 
     reading = Reading(progress=progress)
-    quality = measure(original, decoded, reading, surface=surface, n_samples=n_samples)
+    quality = measure(original, decoded, reading, Notes(), surface=surface, n_samples=n_samples)
     _warn(reading.notes, stacklevel=3)
     return quality
 

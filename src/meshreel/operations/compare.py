@@ -7,6 +7,7 @@ from meshreel.formats.options import Reading
 from meshreel.formats.supported_options import check_supported
 from meshreel.metrics.compare import Quality, measure_quality
 from meshreel.metrics.surface_distance import SurfaceQuality
+from meshreel.model.notes import Notes
 from meshreel.operations.convert import chosen_frames
 from meshreel.operations.inputs import AnyInput, check_inputs, loaded
 
@@ -18,6 +19,7 @@ def compare(
     original: AnyInput,
     decoded: AnyInput,
     reading: Reading,
+    notes: Notes,
     *,
     frames: slice | None = None,
     surface: bool | None = None,
@@ -28,12 +30,13 @@ def compare(
     Parameters
     ----------
     reading : Reading
-        Options for both files, but an animation is that of the original. Receives notes on
-        vertices that were matched, and on differences that are not of coding.
+        Options for both files, but an animation is that of the original.
+    notes : Notes
+        Receives notes on vertices that were matched, on differences that are not of coding, and on
+        frames that do not exist.
     frames : slice, optional
         The frames of both to compare. Default: all.
     """
-    notes = reading.notes
     check_inputs([original, decoded])
     check_supported([original, decoded], replace(reading, animation=None))
     check_supported([original], Reading(animation=reading.animation))

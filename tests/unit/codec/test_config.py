@@ -95,7 +95,7 @@ def test_config_reports_allowed_values_of_an_option(options, message):
     ("config", "changes", "message"),
     [
         (config_of("pca-qp", n_modes=5), {"energy": 0.9}, "exclude each other"),
-        (config_of("grid", step=0.001), {"step": None}, "set max_error or step"),
+        (config_of("grid", step=0.001), {"step": None}, "set max_error .or step"),
     ],
 )
 def test_changed_config_is_checked_too(config, changes, message):

@@ -65,6 +65,7 @@ def compare_command(
             original,
             decoded,
             replace(reading, progress=progress),
+            reading.notes,
             frames=frame_slice(frames),
             surface=surface or None,
             n_samples=samples,

@@ -29,7 +29,6 @@ def coded(sequence, tune, **target):
     return meshreel.decode(meshreel.encode(sequence, tune=tune, **(target or {"quality": 70})))
 
 
-@pytest.mark.filterwarnings("ignore:the order of vertices differs")
 @pytest.mark.usefixtures("few_grid_lines")
 def test_sliding_keeps_the_surface_nearer_in_equal_size():
     sequence = bending()
