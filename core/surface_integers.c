@@ -541,8 +541,8 @@ REEL_INLINE void code_rows(reel_range_coder *range_coder, surface_coder *coder, 
         for (int64_t group = 0; group < n_groups; group++) {
             code_columns(range_coder, coder, &row, index, group, n_groups, n_columns);
         }
-        input += input ? n_columns : 0;
-        decoded += decoded ? n_columns : 0;
+        input = input ? input + n_columns : NULL; /* NULL + 0 is undefined */
+        decoded = decoded ? decoded + n_columns : NULL;
     }
 }
 
