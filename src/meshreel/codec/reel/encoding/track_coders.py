@@ -1,9 +1,10 @@
 """Coders of the blocks of a track, within a bound or losslessly."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -41,31 +42,45 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
-class ExactTrackCoder:
-    """Codes blocks of a lossless track."""
+class _Coder:
+    """What coders of lossless and of bounded tracks share."""
 
     header: TrackHeader
     order: Integers | None
     """int64 array of shape (N,), or None. Given number of each internal item; None means internal
     order.
     """
-    graph: Neighbors
-    """Adjacency of its vertices, faces, corners or rows."""
-    surface: MovingSurface | None = None
-    keeps_vertex_order: bool = True
-    """As in `TrackCoder`."""
+    surface: MovingSurface | None = field(default=None, kw_only=True)
+    """The decoded mesh, if its positions predict the track."""
+    keeps_vertex_order: bool = field(default=True, kw_only=True)
+    """Whether decoded vertices are in the given order, and not in the internal one."""
 
     def leading_section(self) -> tuple[Section, bytes]:
         """Return the section before the first block."""
         return Section.TRACK, write_track(self.header)
 
+    def _residuals(
+        self, values: Values, positions: Vertices | None, residuals_of: Callable[..., Values]
+    ) -> tuple[Values, Integers | None]:
+        """Return what is coded of values, and the given number of each internal item of it."""
+        if self.surface is None or positions is None:
+            return values, self.order
+        if self.keeps_vertex_order:
+            return residuals_of(self.header, self.surface, positions, values), self.order
+        ordered = in_order(values, self.order)
+        return residuals_of(self.header, self.surface, positions, ordered), None
+
+
+@dataclass(frozen=True)
+class ExactTrackCoder(_Coder):
+    """Codes blocks of a lossless track."""
+
+    graph: Neighbors
+    """Adjacency of its vertices, faces, corners or rows."""
+
     def code(self, values: Values, positions: Vertices | None = None) -> Sections:
         """Encode the next block of values, of shape (T_b, N, C)."""
-        coded, order = values, self.order
-        if self.surface is not None and positions is not None:
-            if not self.keeps_vertex_order:
-                coded, order = in_order(values, order), None
-            coded = exact_residuals(self.header, self.surface, positions, coded)
+        coded, order = self._residuals(values, positions, exact_residuals)
         return list(write_exact_block(in_order(coded, order), self.graph))
 
     def with_prediction(
@@ -86,31 +101,18 @@ class PreparedValues:
 
 
 @dataclass(frozen=True)
-class TrackCoder:
+class TrackCoder(_Coder):
     """Codes blocks of a track within a bound."""
 
-    header: TrackHeader
-    order: Integers | None
-    """int64 array of shape (N,), or None. Given number of each internal item; None means internal
-    order.
-    """
     share: float
     """The bound, in diagonals of the range."""
     coder: FieldBlockCoder
-    surface: MovingSurface | None = None
-    """The decoded mesh, if its positions predict the track."""
-    rounding: float = 0.0
+    rounding: float
     """Largest rounding error of the number type, in units of the track."""
-    keeps_vertex_order: bool = True
-    """Whether decoded vertices are in the given order, and not in the internal one."""
 
     @cached_property
     def _blocks(self) -> KeyedBlocks:
         return KeyedBlocks(self.coder)
-
-    def leading_section(self) -> tuple[Section, bytes]:
-        """Return the section before the first block."""
-        return Section.TRACK, write_track(self.header)
 
     def code(self, values: Values, positions: Vertices | None = None) -> Sections:
         """Encode the next block; raises as `prepare`.
@@ -132,12 +134,8 @@ class TrackCoder:
             If values cannot be encoded within the bound.
         """
         check_values(self.header.name, values, self.header)
-        is_missing, order = np.isnan(values), self.order
-        coded, origin = values, self.header.origin
-        if self.surface is not None and positions is not None:
-            if not self.keeps_vertex_order:
-                coded, order = in_order(values, order), None
-            coded = residuals(self.header, self.surface, positions, coded)
+        is_missing, origin = np.isnan(values), self.header.origin
+        coded, order = self._residuals(values, positions, residuals)
         if not is_missing.any():
             return PreparedValues(self.coder.frames(coded, order), None)
         frames = self.coder.frames(fill_missing(coded, np.isnan(coded), origin), order)
@@ -171,9 +169,8 @@ class TrackCoder:
     @property
     def as_exact(self) -> ExactTrackCoder:
         """The lossless coder of the same track."""
-        header = exact_header(self.header.name, self.header, self.header.n_columns)
-        graph = self.coder.mesh.neighbors
-        return ExactTrackCoder(header, self.order, graph)
+        header = replace(self.header, coding=Coding.EXACT, bound=0.0)
+        return ExactTrackCoder(header, self.order, self.coder.mesh.neighbors)
 
     def with_step(self, step: float) -> "TrackCoder":
         """Return a coder with the closest allowed step, for the first block."""
@@ -189,22 +186,20 @@ def in_order(values: Values, order: Integers | None) -> Values:
 def exact_coder(name: str, track: TrackSource, mesh: CodedMesh) -> ExactTrackCoder:
     """Return the coder of a lossless track."""
     graph, order = _graph_of(name, track, mesh)
-    header = exact_header(name, track, track.shape[2])
+    frame = BoundingFrame((0.0,) * track.shape[2], 1.0)
+    header = _header(name, track, frame, coding=Coding.EXACT)
     return ExactTrackCoder(
         header, order, neighbors(*graph), keeps_vertex_order=mesh.keeps_vertex_order
     )
 
 
-def exact_header(name: str, track: TrackSource | TrackHeader, n_columns: int) -> TrackHeader:
-    """Return the header of a lossless track."""
+def _header(name: str, track: TrackSource, frame: BoundingFrame, **changes: Any) -> TrackHeader:
+    """Return the header of a track with numbers in this frame."""
+    if isinstance(track, SharedTrack):
+        changes |= {"sharing": track.sharing, "rows": track.rows}
     description = name, track.unit, track.kind, track.domain, track.dtype
-    earlier = track.earlier if isinstance(track, TrackHeader) else error_bound_of(track)
-    header = TrackHeader(
-        *description, 1.0, (0.0,) * n_columns, Coding.EXACT, earlier=earlier or 0.0
-    )
-    if isinstance(track, SharedTrack | TrackHeader):
-        return replace(header, sharing=track.sharing, rows=track.rows)
-    return header
+    earlier = error_bound_of(track) or 0.0
+    return TrackHeader(*description, frame.scale, frame.origin, earlier=earlier, **changes)
 
 
 def fill_missing(
@@ -259,19 +254,8 @@ def track_coder(
     assert isinstance(config, ReelOptions)  # the options of this method
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
     choices = choices_for(effort, Tune.GEOMETRY, None)
-    header = TrackHeader(
-        name,
-        track.unit,
-        track.kind,
-        track.domain,
-        track.dtype,
-        frame.scale,
-        frame.origin,
-        bound=bound.amount if bound.measure is Measure.ANGLE else allowed,
-        earlier=error_bound_of(track) or 0.0,
-    )
-    if isinstance(track, SharedTrack):
-        header = replace(header, sharing=track.sharing, rows=track.rows)
+    is_angle = bound.measure is Measure.ANGLE
+    header = _header(name, track, frame, bound=bound.amount if is_angle else allowed)
     coder = FieldBlockCoder(
         FieldMesh(graph.faces, graph.n_items, choices.stencil_size),
         frame,
@@ -279,8 +263,10 @@ def track_coder(
         sections_of=write_track_block,
         each_column=bound.measure is Measure.NUMBER,
     )
-    max_rounding = rounding * frame.scale
-    return TrackCoder(header, order, share, coder, None, max_rounding, mesh.keeps_vertex_order)
+    keeps_order = mesh.keeps_vertex_order
+    return TrackCoder(
+        header, order, share, coder, rounding * frame.scale, keeps_vertex_order=keeps_order
+    )
 
 
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
