@@ -126,11 +126,11 @@ def _path(name: str) -> Path:
 
 
 def with_lines(page: str) -> str:
-    """The page with the lines of every row, rounded to tens."""
+    """The page with the lines of every row, rounded to hundreds, so that it seldom changes."""
     names = [row[1] for row in ROW.findall(page)]
 
     def counted(row: re.Match[str]) -> str:
-        n_lines = max(10, round(lines_of(row[2], names), -1))
+        n_lines = max(100, round(lines_of(row[2], names), -2))
         return f"| {row[1]} | `{row[2]}` | {row[3]} | {n_lines:,} |"
 
     return ROW.sub(counted, page)
