@@ -37,18 +37,41 @@ def test_encode_prints_the_sizes_of_the_file_as_json(grid, tmp_path):
 
 def test_encode_prints_a_table_by_default(grid, tmp_path):
     done = run_ok("encode", grid, "-o", tmp_path / "a.reel")
-    for word in ("raw", "file", "ratio", "bits per vertex and frame", "12 frames, 99 vertices"):
-        assert word in done.stdout
+    for word in (
+        "x smaller than the input, ", "x smaller than the raw values, ", "12 frames, 99 vertices",
+        "bits per vertex and frame", "of the diagonal, ", "order of vertices and faces",
+    ):  # fmt: skip
+        assert done.stdout.count(word) == 1
 
 
 @pytest.mark.slow
 def test_encode_prints_the_error_that_shading_shows(grid, tmp_path):
     output = tmp_path / "a.reel"
-    printed = run_json("encode", grid, "-o", output, "--quality", "40")["normal_angle_mean_deg"]
+    printed = run_json("encode", grid, "-o", output, "--quality", "40")
     quality = run_json("compare", grid, tmp_path / "a.reel")
-    assert printed == pytest.approx(quality["normal_angle_mean_deg"], rel=0.2) != 0
+    for name in ("normal_angle_mean_deg", "sted_spatial"):
+        assert printed[name] == pytest.approx(quality[name], rel=0.2) != 0
     shown = run("encode", grid, "-o", output, "--force").stdout
     assert "degrees, seen in shading; in 10 frames" in shown
+    shape = next(line for line in shown.splitlines() if "shape of edges (STED)" in line)
+    assert f" {100 * float(shape.split()[4][:-1]):.2f} %;" in shape
+
+
+def test_encode_says_what_dropping_the_order_of_a_shuffled_mesh_saves(tmp_path):
+    grid = waving_grid(2, 40, 40)
+    moved = np.random.default_rng(3).permutation(grid.n_verts)
+    shuffled = meshreel.MeshSequence(grid.vertices[:, np.argsort(moved)], moved[grid.faces], 25)
+    meshreel.save(shuffled, tmp_path / "a.npz")
+    notes = run("encode", "a.npz", cwd=tmp_path).stderr
+    share = run_json("info", "a.reel", cwd=tmp_path)
+    percent = 100 * share["part_bytes"]["order"] / share["size_bytes"]
+    assert (
+        f"note: {percent:.0f} % of the file is the order of vertices and faces; --order dro"
+        in notes
+    )
+    for order in ("drop", "keep"):
+        done = run("encode", "a.npz", "--force", "--order", order, cwd=tmp_path)
+        assert "order" not in done.stderr
 
 
 def test_encode_names_the_output_after_the_input_by_default(grid, tmp_path):
@@ -216,7 +239,7 @@ def test_encode_compares_the_output_with_the_input_files_first(tmp_path):
     ratio = n_bytes / (tmp_path / "a.reel").stat().st_size
     lines = run("encode", ".", "-o", "b.reel", cwd=tmp_path).stdout.splitlines()
     assert lines[1].split()[0] == "size"
-    assert lines[1].endswith(f", {ratio:.1f} x smaller")
+    assert lines[2].strip().startswith(f"{ratio:.1f} x smaller than the input")
     part = run_json("convert", ".", "-o", "c.reel", "--frames", "0:3", cwd=tmp_path)
     assert part["input_size_bytes"] is None
 
@@ -229,7 +252,7 @@ def test_size_of_an_index_includes_the_files_that_it_refers_to(tmp_path):
 
 def test_convert_says_that_a_file_is_compact_and_grows(reel, tmp_path):
     shown = run("convert", reel, "-o", "b.reel", "--lossless", cwd=tmp_path).stdout
-    assert shown.splitlines()[1].endswith(" x larger")
+    assert " x larger than the input" in shown.splitlines()[2]
     assert "compact already: smaller than the raw values of all frames" in shown
 
 
@@ -243,7 +266,7 @@ def test_info_and_encode_count_the_same_raw_bytes(tmp_path):
 def test_encode_says_that_only_tracks_have_a_bound(tmp_path):
     heat = np.random.default_rng(0).random((12, 30), np.float32)
     meshreel.save(quad_sheet_with(heat=Track(heat)), tmp_path / "a.npz")
-    text = "positions     none, see --bound"
+    text = " none, see --bound"
     assert text in run("encode", "a.npz", cwd=tmp_path).stdout
     done = run("encode", "a.npz", "--max-error", "0.1", "-o", "b.reel", cwd=tmp_path)
     assert text not in done.stdout

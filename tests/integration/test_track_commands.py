@@ -64,7 +64,8 @@ def test_unit_that_the_file_does_not_name_is_left_out_with_a_note(folder):
 def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):
     figures = json.loads(run("convert", "a.reel", "-o", "b.reel", "--json").stdout)
     parts = figures["part_bytes"]
-    assert list(parts) == ["positions", "connectivity", "track heat", "track flow", "container"]
+    names = ["positions", "connectivity", "order", "track heat", "track flow", "container"]
+    assert list(parts) == names
     assert sum(parts.values()) == (folder / "b.reel").stat().st_size
     printed = run("convert", "a.reel", "-o", "c.reel").stdout
     for name, size_bytes in parts.items():

@@ -39,17 +39,42 @@ def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, st
 
 
 PART_HEADINGS = ("part", "bound", "largest error", "bytes", "share")
+PART_NAMES = {"order": "order of vertices and faces"}
+"""Names of parts in the table, where they differ."""
 
 
-def achieved_rows(achieved: "Achieved") -> dict[str, str]:
-    """Measured errors of a stream over all vertices."""
-    rows = {"KG error": f"{achieved.kg_error_percent:.4f} %"}
-    if achieved.normal_angle_mean_deg is not None:
-        sample = f"in {counted(achieved.n_normal_frames, 'frame')}"
-        rows["normal error"] = (
-            f"mean {achieved.normal_angle_mean_deg:.2f} degrees, seen in shading; {sample}"
-        )
-    return rows
+def encoded_rows(
+    stream: "StreamInfo", achieved: "Achieved", n_meshes: int, input_bytes: int | None
+) -> "dict[str, Cell]":
+    """Size of a stream relative to its input and to the raw values, and its measured errors."""
+    before = {"the raw values": stream.raw_size_bytes}
+    if input_bytes:
+        before = {"the input": input_bytes, **before}
+    sizes = [
+        f"{change_text(size, stream.size_bytes)} than {name}, {size_text(size)}"
+        for name, size in before.items()
+    ]
+    rows = size_rows(stream, n_meshes)
+    largest = achieved.max_error_percent
+    return {
+        "size": [size_text(stream.size_bytes), *sizes],
+        **{name: rows[name] for name in ("sequence", "method", "rate")},
+        "largest error": error_text(largest, stream.diagonal) if largest else "0",
+        "overall error (KG error)": f"{achieved.kg_error_percent:.4f} % of the extent of the shape",
+        **_shape_rows(achieved),
+    }
+
+
+def _shape_rows(achieved: "Achieved") -> dict[str, str]:
+    """Errors of edges and normals, if they were measured."""
+    sted, angle = achieved.sted_spatial, achieved.normal_angle_mean_deg
+    if sted is None or angle is None:
+        return {}
+    sample = f"in {counted(achieved.n_shape_frames, 'frame')}"
+    return {
+        STED: f"{sted:.5f}: edges stretch unevenly, by {100 * sted:.2f} %; {sample}",
+        "normal error": f"mean {angle:.2f} degrees, seen in shading; {sample}",
+    }
 
 
 def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]]:
@@ -67,8 +92,8 @@ def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]
         largest = f"{measured.largest:.4g}{unit}" if measured.largest else "0"
         errors[f"track {track.name}"] = bound, largest
     return [
-        (name, *errors.get(name, ("", "")), *_size_and_share(size_bytes, stream))
-        for name, size_bytes in stream.part_bytes.items()
+        (PART_NAMES.get(name, name), *errors.get(name, ("", "")), *_size_and_share(size, stream))
+        for name, size in stream.part_bytes.items()
     ]
 
 
@@ -121,7 +146,7 @@ def info_rows(stream: "StreamInfo") -> "dict[str, Cell]":
     rows: dict[str, Cell] = {
         "name": stream.name or "-",
         **size_rows(stream),
-        **timing_rows(stream.fps, stream.times),
+        **timing_rows(stream),
         "positions": stream.vertex_type,
         "Laplacian": stream.laplacian,
         "order": stream.order,
@@ -300,11 +325,14 @@ def mesh_text(
     return ", ".join([counts, *info.cells])
 
 
-def timing_rows(fps: float, times: Sequence[float] | None) -> "dict[str, Cell]":
-    """Frame rate, 0 if unknown, or times of frames that are not evenly spaced."""
-    if times is None:
-        return {"frame rate": f"{fps:g} fps" if fps else "unknown"}
-    return {"times": f"{times[0]:.6g} to {times[-1]:.6g} s, uneven; on average {fps:.6g} fps"}
+def timing_rows(info: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
+    """Duration, and frame rate or times of frames that are not evenly spaced."""
+    fps, times, seconds = info.fps, info.times, info.duration_s
+    rows: dict[str, Cell] = {"frame rate": f"{fps:g} fps" if fps else "unknown"}
+    if times is not None:
+        text = f"{times[0]:.6g} to {times[-1]:.6g} s, uneven; on average {fps:.6g} fps"
+        rows = {"times": text}
+    return rows | {"duration": "unknown" if seconds is None else f"{seconds:.4g} s"}
 
 
 def method_text(stream: "StreamInfo") -> str:

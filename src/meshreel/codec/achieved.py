@@ -22,6 +22,7 @@ from meshreel.errors import SolverError
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
+from meshreel.metrics.sted import EdgeErrors
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import evenly_spaced
@@ -29,9 +30,9 @@ from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute, Domain
 from meshreel.runtime.progress import Count, Progress, silent
 
-NORMAL_FRAMES = 10
-"""Number of evenly spaced frames in which normals are compared; all frames would take longer than
-encoding."""
+SHAPE_FRAMES = 10
+"""Number of evenly spaced frames in which normals and edges are compared; all frames would take
+longer than encoding."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +44,17 @@ class Achieved:
     tracks: dict[str, TrackErrors]
     normal_angle_mean_deg: float | None = None
     """Mean angle between normals of faces. None if it was not requested."""
-    n_normal_frames: int = 0
-    """Number of frames of which `normal_angle_mean_deg` is the mean."""
+    sted_spatial: float | None = None
+    """Spatial part of STED, close to STED. None if it was not requested."""
+    n_shape_frames: int = 0
+    """Number of frames of which the last two are the means."""
 
 
 def measure_stream(
     sequence: MeshSequence,
     data: bytes,
     *,
-    with_normals: bool = False,
+    with_shape: bool = False,
     extent: Extent | None = None,
     progress: Progress = silent,
 ) -> Achieved:
@@ -59,17 +62,19 @@ def measure_stream(
 
     Parameters
     ----------
-    with_normals : bool, default False
-        Whether to measure normals too.
+    with_shape : bool, default False
+        Whether to measure normals and edges too.
     extent : Extent, optional
         Extent whose diagonal errors are relative to. Default: that of the original.
     """
-    sums = ErrorSums(reference_of_extent(extent or sequence.extent))
+    reference = reference_of_extent(extent or sequence.extent)
+    sums = ErrorSums(reference)
     tracks: dict[str, list[TrackErrors]] = {}
     segments = sequence.segments
     n_frames, first_frame = sequence.n_frames, 0
-    normal_frames = evenly_spaced(n_frames, NORMAL_FRAMES if with_normals else 0)
+    shape_frames = evenly_spaced(n_frames, SHAPE_FRAMES if with_shape else 0)
     angles: list[float] = []
+    stretches: list[float] = []
     for number, segment in enumerate(segments):
 
         def decoded_blocks(
@@ -78,13 +83,16 @@ def measure_stream(
             first: int = first_frame,
             segment: FrameSource = segment,
         ) -> Iterator[Vertices]:
+            edges = None
             for start, frames in reel.pieces():
                 reordered = frames if internal is None else frames[:, internal]
                 for index in range(len(reordered)):
-                    if first + start + index in normal_frames:
+                    if first + start + index in shape_frames:
                         original = segment.read(start + index, start + index + 1)
                         pair = original, reordered[index : index + 1]
                         angles.append(normal_angles(*pair, segment.faces).mean_deg)
+                        edges = edges or EdgeErrors(segment.faces, segment.n_verts)
+                        stretches.append(edges.sted_spatial(*pair, reference))
                 yield reordered
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 
@@ -102,6 +110,7 @@ def measure_stream(
         position_errors.max_error_percent,
         {name: joined_errors(track_errors) for name, track_errors in tracks.items()},
         sum(angles) / len(angles) if angles else None,
+        sum(stretches) / len(stretches) if stretches else None,
         len(angles),
     )
 

@@ -16,10 +16,11 @@ from meshreel.kernel.files import OpenFile
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
+from meshreel.model.timing import duration_s
 from meshreel.model.tracks import TrackKind, error_bound_of, error_unit
 from meshreel.runtime.counting import change_text, counted
 
-CONNECTIVITY = (Section.CONNECTIVITY, Section.ORDER, Section.EDIT, Section.CELLS, Section.REFERENCE)
+CONNECTIVITY = (Section.CONNECTIVITY, Section.EDIT, Section.CELLS, Section.REFERENCE)
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 
@@ -111,9 +112,9 @@ class StreamInfo:
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     part_bytes : dict of str to int
-        Bytes of "positions", "connectivity" (with the order of vertices and faces), "surface"
-        (polygons, attributes, groups, parts, materials, images), each "track NAME" and the
-        "container", with truncated blocks; they sum to `size_bytes`. Parts of 0 bytes are omitted.
+        Bytes of "positions", "connectivity", "order" (of vertices and faces), "surface" (polygons,
+        attributes, groups, parts, materials, images), each "track NAME" and the "container", with
+        truncated blocks; they sum to `size_bytes`. Parts of 0 bytes are omitted.
     block_bytes : tuple of int
         Size of the sections of the positions in each block.
     error_bound_percent : float or None
@@ -190,6 +191,11 @@ class StreamInfo:
         n_positions = sum(segment.n_verts * segment.n_frames for segment in self.segments)
         return 8 * self.size_bytes / n_positions
 
+    @property
+    def duration_s(self) -> float | None:
+        """Duration in seconds, as `meshreel.model.timing.duration_s`."""
+        return duration_s(self.n_frames, self.fps, self.times)
+
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
@@ -204,7 +210,8 @@ class StreamInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """The attributes as plain types, for JSON."""
-        return {**asdict(self), "ratio": self.ratio, "rate_bpvf": self.rate_bpvf}
+        derived = {name: getattr(self, name) for name in ("ratio", "rate_bpvf", "duration_s")}
+        return {**asdict(self), **derived}
 
 
 def info(data: bytes, segment: int | None = None) -> StreamInfo:
@@ -485,6 +492,7 @@ def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> di
     parts = {
         "positions": blocks + sum(sizes.of_sections[section] for section in POSITIONS),
         "connectivity": sum(sizes.of_sections[section] for section in CONNECTIVITY),
+        "order": sizes.of_sections[Section.ORDER],
         "surface": sum(sizes.of_sections[section] for section in SURFACE_SECTIONS),
         **{f"track {track.name}": track.size_bytes for track in tracks},
     }

@@ -19,6 +19,7 @@ from meshreel.formats.supported_options import check_read_options
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import FrameSource, MeshSequence, positions_size_bytes
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
+from meshreel.model.timing import duration_s
 from meshreel.model.tracks import describe_track, size_bytes
 from meshreel.runtime.progress import Progress
 
@@ -70,8 +71,8 @@ class MeshInfo:
 
     @property
     def duration_s(self) -> float | None:
-        """Duration of all frames in seconds; None if the frame rate is unknown."""
-        return self.n_frames / self.fps if self.fps else None
+        """Duration in seconds, as `meshreel.model.timing.duration_s`."""
+        return duration_s(self.n_frames, self.fps, self.times)
 
     def as_dict(self) -> dict[str, Any]:
         """Everything in plain types, for JSON."""

@@ -68,24 +68,36 @@ def sted(original: Vertices, decoded: Vertices, faces: Faces) -> Sted:
     IEEE TVCG 17(2), 2011.
     """
     reference = shared_reference(original, decoded)
-    spatial = _spatial_error(original, decoded, undirected_edges(faces), reference)
+    edges = EdgeErrors(faces, original.shape[1])
+    spatial = edges.sted_spatial(original, decoded, reference)
     temporal = _temporal_error(original, decoded, reference)
     return Sted(spatial, temporal, math.hypot(spatial, TEMPORAL_WEIGHT * temporal))
 
 
-def _spatial_error(
-    original: Vertices, decoded: Vertices, edges: Integers, reference: Reference
-) -> float:
-    neighborhoods = EdgeNeighborhoods(edges, original.shape[1])
-    total, n_measured = 0.0, 0
-    for frame, displacement in paired_frames(original, decoded, reference):
-        lengths, errors = relative_edge_errors(frame, displacement, edges)
-        deviations, weights = neighborhoods.weighted_deviation(lengths, errors)
-        total += float(deviations.sum())  # a neighborhood of zero length adds 0
-        n_measured += int(np.count_nonzero(weights))
-    if math.isnan(total):  # a decoded edge too long for float64
-        return math.inf
-    return total / max(n_measured, 1)
+class EdgeErrors:
+    """Measures the spatial part of STED of frames of one mesh.
+
+    Parameters
+    ----------
+    faces : integer array of shape (M, 3)
+    n_verts : int
+    """
+
+    def __init__(self, faces: Faces, n_verts: int) -> None:
+        self._edges = undirected_edges(faces)
+        self._neighborhoods = EdgeNeighborhoods(self._edges, n_verts)
+
+    def sted_spatial(self, original: Vertices, decoded: Vertices, reference: Reference) -> float:
+        """Spatial part of STED of frames of shape (T, V, 3); `reference` is that of all frames."""
+        total, n_measured = 0.0, 0
+        for frame, displacement in paired_frames(original, decoded, reference):
+            lengths, errors = relative_edge_errors(frame, displacement, self._edges)
+            deviations, weights = self._neighborhoods.weighted_deviation(lengths, errors)
+            total += float(deviations.sum())  # a neighborhood of zero length adds 0
+            n_measured += int(np.count_nonzero(weights))
+        if math.isnan(total):  # a decoded edge too long for float64
+            return math.inf
+        return total / max(n_measured, 1)
 
 
 def relative_edge_errors(

@@ -221,6 +221,16 @@ class Timed:
         return self.timing.frame_at(time_s, self.n_frames)
 
 
+def duration_s(n_frames: int, fps: float, times: Sequence[float] | None) -> float | None:
+    """Seconds from the first time to the last, of frames at a rate to the end of the last frame.
+
+    None if the frame rate is unknown.
+    """
+    if times is not None:
+        return times[-1] - times[0]
+    return n_frames / fps if fps else None
+
+
 UNTIMED = Timing()
 """Frames from 0 s on at an unknown rate."""
 

@@ -11,9 +11,13 @@ from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
 from meshreel.codec.track_bounds import TrackTargets, without_units
+from meshreel.errors import Keyword, Message
 from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.runtime.progress import Progress, silent
+
+MAX_ORDER_SHARE, MIN_ORDER_BYTES = 0.15, 1000
+"""Share of a stream and size above which a note says how to drop the order."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,25 @@ class Encoded:
         }
 
 
+def _note_large_order(notes: Notes, stream: StreamInfo) -> None:
+    """Note the option that drops the order if the order takes much of a stream."""
+    size_bytes = stream.part_bytes.get("order", 0)
+    share = size_bytes / stream.size_bytes
+    if size_bytes < MIN_ORDER_BYTES or share <= MAX_ORDER_SHARE:
+        return
+    lost = ["polygons"] if stream.n_polygons != stream.n_faces else []
+    lost += ["parts"] if stream.parts else []
+    also = f"; {' and '.join(lost)} are lost" if lost else ""
+    notes.result(
+        Message(
+            f"{100 * share:.0f} % of the file is the order of vertices and faces; ",
+            Keyword("order", "drop"),
+            f" leaves it out: the model is the same, but vertices and faces get other numbers, so "
+            f"that other files which refer to these no longer fit{also}",
+        )
+    )
+
+
 def size_figures(stream: StreamInfo) -> dict[str, Any]:
     """Sizes and counts of a stream, as `encode` prints them as JSON."""
     figures = stream.as_dict()
@@ -78,10 +101,12 @@ def encode_and_measure(
     notes += filter(None, [joined_note(original, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
     data = encode_with(config, sequence, tracks=tracks, progress=progress)
-    achieved = measure_stream(sequence, data, with_normals=True, progress=progress)
+    achieved = measure_stream(sequence, data, with_shape=True, progress=progress)
     stream = info(data)
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
+    if config.order is None:
+        _note_large_order(notes, stream)
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
     notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

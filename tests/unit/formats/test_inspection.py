@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from meshreel.codec.encoder import encode
+from meshreel.codec.inspect import info
 from meshreel.formats.inspection import inspect_source
 from meshreel.formats.kinds import AnimationInfo
 from meshreel.formats.options import Reading
@@ -32,6 +34,13 @@ def test_inspection_agrees_with_the_loaded_sequence(tmp_path, extension):
     off = 0.02 if extension in (".glb", ".reel") else 1e-6
     np.testing.assert_allclose(result.low, sequence.extent.low, atol=off)
     np.testing.assert_allclose(result.high, sequence.extent.high, atol=off)
+
+
+def test_the_duration_of_uneven_times_is_that_between_the_ends(tmp_path):
+    uneven = waving_grid().replace(times=[*range(11), 20])
+    save(uneven, tmp_path / "a.npz")
+    assert only_mesh(tmp_path / "a.npz").duration_s == 20
+    assert info(encode(uneven)).as_dict()["duration_s"] == 20
 
 
 def test_inspection_counts_frame_files(tmp_path):

@@ -172,8 +172,7 @@ def _mesh_rows(mesh: "MeshInfo") -> "dict[str, Cell]":
         "name": mesh.name or "-",
         "sequence": mesh_text(mesh, mesh.n_segments, mesh.n_meshes),
         "raw": size_text(mesh.raw_size_bytes),
-        **timing_rows(mesh.fps, mesh.times),
-        "duration": f"{mesh.duration_s:.4g} s" if mesh.duration_s else "unknown",
+        **timing_rows(mesh),
         "positions": mesh.vertex_type,
     }
     rows |= surface_rows(mesh)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from meshreel.app.cli.console import print_columns, print_json, print_notes, print_table
-from meshreel.app.figures import PART_HEADINGS, achieved_rows, part_table, size_rows, uv_rows
+from meshreel.app.figures import PART_HEADINGS, encoded_rows, part_table, uv_rows
 from meshreel.formats.registry import FRAME_FORMATS
-from meshreel.runtime.counting import change_text, counted, counts_text, size_text
+from meshreel.runtime.counting import counted, counts_text, size_text
 
 if TYPE_CHECKING:
     from meshreel.operations.convert import Result, Written
@@ -38,23 +38,12 @@ def _print_stream(written: "Written") -> None:
     """Print a table of figures, and the bound, largest error and bytes of each part."""
     encoded = written.encoded
     assert encoded is not None
-    rows = size_rows(encoded.stream, encoded.n_meshes) | achieved_rows(encoded.achieved)
-    rows["ratio"] += " than raw values"
-    rows = _input_rows(written) | rows | uv_rows(encoded.uv)
-    print_table(str(written.paths[0]), rows)
-    print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, encoded.stream))
-
-
-def _input_rows(written: "Written") -> dict[str, str]:
-    """Return a row that compares the sizes of the input files and of the output."""
-    if not written.input_bytes or written.encoded is None:
-        return {}
-    size, raw = written.size_bytes, written.encoded.stream.raw_size_bytes
-    change = change_text(written.input_bytes, size)
-    rows = {"size": f"{size_text(written.input_bytes)} -> {size_text(size)}, {change}"}
-    if written.input_bytes < MAX_COMPACT_SHARE * raw:
+    stream, size = encoded.stream, written.input_bytes
+    rows = encoded_rows(stream, encoded.achieved, encoded.n_meshes, size) | uv_rows(encoded.uv)
+    if size and size < MAX_COMPACT_SHARE * stream.raw_size_bytes:
         rows["input"] = "compact already: smaller than the raw values of all frames"
-    return rows
+    print_table(str(written.paths[0]), rows)
+    print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, stream))
 
 
 def _print_files(written: "Written") -> None:
