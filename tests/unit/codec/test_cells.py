@@ -42,6 +42,7 @@ def test_order_and_values_are_kept(is_shuffled):
     assert_close(found.vertices, vertices)
 
 
+@pytest.mark.filterwarnings("ignore:the order of vertices differs")
 def test_cells_of_a_dropped_order_are_the_same_up_to_it():
     given = MeshSequence(waving(np.random.default_rng(1).random((64, 3))), cells=mixed_cells())
     data = meshreel.encode(given, max_error="0.1%", order="drop")
@@ -55,6 +56,7 @@ def test_cells_of_a_dropped_order_are_the_same_up_to_it():
     assert meshreel.compare(given, data).max_error_percent <= 0.1
 
 
+@pytest.mark.filterwarnings("ignore:the order of vertices differs")
 @pytest.mark.parametrize("stress_bound", ["0.1%", "exact"])
 def test_values_of_cells_follow_them_where_the_order_is_dropped(stress_bound):
     points = np.random.default_rng(4).random((60, 3))
@@ -74,12 +76,6 @@ def test_values_of_cells_follow_them_where_the_order_is_dropped(stress_bound):
     assert np.abs(found.tracks["stress"].values[..., 0] - expected).max() <= 0.002 * np.ptp(stress)
     compared = meshreel.compare(given, data)
     assert compared.tracks["stress"].largest <= 0.001 * np.ptp(stress)
-
-
-def test_lossless_streams_keep_every_bit():
-    given = MeshSequence(waving(boxes(3, 3, 3)[0]), cells=of_type(12, boxes(3, 3, 3)[1]))
-    found = meshreel.decode(meshreel.encode(given, lossless=True))
-    np.testing.assert_array_equal(found.vertices, given.vertices)
 
 
 def test_segments_share_equal_cells():

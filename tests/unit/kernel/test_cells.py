@@ -9,7 +9,6 @@ from conformance.sources import mixed_cells, of_type
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.cells import cell_links, cell_sizes, cell_surface, encode_cells
 
-TETRAHEDRA = [[0, 1, 2, 3], [1, 2, 3, 4], [3, 4, 5, 6]]
 TYPES = np.flatnonzero(cell_sizes())
 
 
@@ -48,7 +47,7 @@ def test_plain_reader_finds_the_same_cells_surface_and_graphs(seed):
 
 @pytest.mark.parametrize("last", [[-1], [7], [], [6, 6]])
 def test_nodes_that_are_no_vertices_or_of_no_cell_are_refused(last):
-    types, nodes = np.full(3, 10, np.uint8), np.array(TETRAHEDRA, np.int32).ravel()
+    types, nodes = np.full(3, 10, np.uint8), np.int32([0, 1, 2, 3, 1, 2, 3, 4, 3, 4, 5, 6])
     assert len(cell_surface(types, nodes, 7).sizes) == 10
     with pytest.raises(InvalidInputError):
         cell_surface(types, np.append(nodes[:-1], np.int32(last)), 7)

@@ -48,12 +48,6 @@ def sheet(n_frames=5, **options):
     return waving_grid(n_frames).replace(**options)
 
 
-def test_uneven_times_are_kept_and_even_ones_become_a_rate():
-    assert sheet(times=UNEVEN).times.tolist() == UNEVEN
-    even = sheet(4, times=UNEVEN[:4])
-    assert (even.timing, even.fps) == (Timing(200), 200)
-
-
 @pytest.mark.parametrize(
     ("times", "fps"),
     [

@@ -223,31 +223,25 @@ def switching_file(by, shown):
 
 
 @pytest.mark.parametrize("by", ["visible", "scale"])
-def test_meshes_shown_in_turn_are_segments(tmp_path, by):
-    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 0, 0], "back": [0, 0, 0, 1, 1]}
-    loaded = meshreel.load(switching_file(by, shown).save(tmp_path / "a.glb"))
-    assert loaded.starts == (0, 2, 3, 5)
-    assert loaded.fps == 4
-    for segment, faces in zip(loaded.segments, FACES.values(), strict=True):
+@pytest.mark.parametrize(
+    ("shown", "starts", "groups"),
+    [
+        ([[1, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 1]], (0, 2, 3, 5), "tri|quad|back"),
+        ([[1, 0, 0, 1, 1], [0, 1, 1, 0, 0]], (0, 1, 3, 5), "tri|quad|tri"),
+        ([[1, 1, 0, 0, 0], [0, 0, 1, 1, 1], [0, 0, 1, 1, 1]], (0, 2, 5), "tri|quad back"),
+    ],
+)
+def test_meshes_shown_in_turn_are_segments(tmp_path, by, shown, starts, groups):
+    file = switching_file(by, dict(zip(FACES, shown, strict=False)))
+    loaded = meshreel.load(file.save(tmp_path / "a.glb"))
+    assert (loaded.starts, loaded.fps, loaded.n_meshes) == (starts, 4, len({*groups.split("|")}))
+    for segment, group in zip(loaded.segments, groups.split("|"), strict=True):
+        points, faces = np.empty((0, 3), np.float32), []
+        for name in group.split():
+            faces += (np.array(FACES[name]) + len(points)).tolist()
+            points = np.concatenate([points, CORNERS[: 3 + (name != "tri")]])
         np.testing.assert_array_equal(segment.faces, faces)
-        np.testing.assert_array_equal(
-            segment.read(0, segment.n_frames)[0], CORNERS[: segment.n_verts]
-        )
-
-
-@pytest.mark.parametrize("by", ["visible", "scale"])
-def test_a_mesh_that_returns_is_a_further_segment(tmp_path, by):
-    shown = {"tri": [1, 0, 0, 1, 1], "quad": [0, 1, 1, 0, 0]}
-    loaded = meshreel.load(switching_file(by, shown).save(tmp_path / "a.gltf"))
-    assert loaded.starts == (0, 1, 3, 5)
-    assert (loaded.n_segments, loaded.n_meshes) == (3, 2)
-
-
-def test_nodes_shown_together_are_parts_of_a_segment(tmp_path):
-    shown = {"tri": [1, 1, 0, 0, 0], "quad": [0, 0, 1, 1, 1], "back": [0, 0, 1, 1, 1]}
-    loaded = meshreel.load(switching_file("visible", shown).save(tmp_path / "a.glb"))
-    assert loaded.starts == (0, 2, 5)
-    assert [part.name for part in loaded.segments[1].surface.parts] == ["/quad", "/back"]
+        np.testing.assert_array_equal(segment.read(0, segment.n_frames)[0], points)
 
 
 def test_visibility_of_a_node_above_hides_its_meshes(tmp_path):
