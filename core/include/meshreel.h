@@ -16,7 +16,40 @@
    hold more memory than `memory_limit`.
 
    Functions that can fail return a `meshreel_code` and fill `error`, which may be NULL. After a
-   failure output buffers hold unspecified values; the file and the decoder remain usable. */
+   failure output buffers hold unspecified values; the file and the decoder remain usable.
+
+   This program writes the positions of the first frame of a file, as floats:
+
+       #include <meshreel.h>
+       #include <stdio.h>
+       #include <stdlib.h>
+       static void *allocate(void *user, size_t size) {
+           return aligned_alloc(64, (size + 63) / 64 * 64);
+       }
+       static void release(void *user, void *memory, size_t size) { free(memory); }
+       static int read_range(void *user, uint64_t offset, void *to, size_t size) {
+           return fseek(user, (long)offset, SEEK_SET) || fread(to, 1, size, user) != size;
+       }
+       int main(int count, char **words) {
+           FILE *input = count > 1 ? fopen(words[1], "rb") : NULL;
+           if (!input || fseek(input, 0, SEEK_END)) return 2;
+           meshreel_source source = {.size = ftell(input), .read = read_range, .user = input};
+           meshreel_host host = {.allocate = allocate, .release = release};
+           meshreel_layout floats = {.type = MESHREEL_FLOAT32}; // converts doubles, too
+           meshreel_file *file = NULL;
+           meshreel_decoder *decoder = NULL;
+           meshreel_error error;
+           int failed = meshreel_open(&source, &host, &file, &error) ||
+                        meshreel_read_mesh(file, &error) || meshreel_begin(file, &decoder, &error);
+           size_t n_floats = failed ? 0 : 3 * (size_t)meshreel_info_of(file)->n_verts;
+           float *positions = malloc(n_floats * sizeof(float));
+           failed = failed || meshreel_decode(decoder, 0, 0, 1, 0, &floats, positions, &error);
+           if (failed) fprintf(stderr, "%s\n", error.message);
+           else fwrite(positions, sizeof(float), n_floats, stdout);
+           meshreel_end(decoder);
+           meshreel_close(file);
+           return failed;
+       } */
 
 #ifndef MESHREEL_H
 #define MESHREEL_H

@@ -76,14 +76,21 @@ def has_sdl():
     return bool(shutil.which("pkg-config")) and not subprocess.run(command, check=False).returncode
 
 
-def test_program_links_with_pkg_config_and_decodes_the_same_bits(installed, expected, tmp_path):
+def test_example_of_the_header_links_with_pkg_config_and_decodes_the_same_bits(
+    installed, expected, tmp_path
+):
     prefix, compiler = installed
     moved = tmp_path / "elsewhere"
     shutil.copytree(prefix, moved, symlinks=True)
-    program = tmp_path / "program"
-    at_run_time = f"-Wl,-rpath,{moved / 'lib'}"
-    run(compiler, SOURCE, *flags_of(moved, "meshreel"), at_run_time, "-o", program)
-    assert run(program, STREAM) == expected
+    source, program = tmp_path / "example.c", tmp_path / "example"
+    head = (CORE / "include" / "meshreel.h").read_text(encoding="utf-8").partition("*/")[0]
+    source.write_text("\n".join(line for line in head.split("\n") if line.startswith(" " * 7)))
+    options = "-Wall", "-Werror", f"-Wl,-rpath,{moved / 'lib'}"
+    run(compiler, source, *flags_of(moved, "meshreel"), *options, "-o", program)
+    first = run(program, STREAM)
+    assert first and expected.startswith(first)
+    refused = subprocess.run([program, source], capture_output=True, timeout=TIME_LIMIT_S)
+    assert (refused.returncode, refused.stderr) == (1, b"not a .reel stream\n")
 
 
 def test_cpp_program_links_the_static_library(installed, expected, tmp_path):
