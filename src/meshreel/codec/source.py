@@ -39,6 +39,7 @@ from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import TrackSource, error_bound_of
+from meshreel.runtime.progress import Count, Progress
 
 
 @dataclass(frozen=True)
@@ -336,3 +337,15 @@ class Source:
             fps=sequence.timing.fps,
             name=sequence.name,
         )
+
+
+def reporting_frames(
+    blocks: Iterable[tuple[int, Sections]], n_frames: int, progress: Progress
+) -> Iterator[tuple[int, Sections]]:
+    """Yield the number of frames and the sections of each block; report the encoded frames."""
+    n_done = 0
+    progress("encoding", Count(n_done, n_frames, "frames"))
+    for n_coded, sections in blocks:
+        yield n_coded, sections
+        n_done += n_coded
+        progress("encoding", Count(n_done, n_frames, "frames"))

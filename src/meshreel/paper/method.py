@@ -3,19 +3,18 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.methods import LiveStart
 from meshreel.codec.open_stream import OpenStream
 from meshreel.codec.option import COUNT
 from meshreel.codec.paper_options import PaperOptions
-from meshreel.codec.source import Source
+from meshreel.codec.source import Source, reporting_frames
 from meshreel.errors import CorruptStreamError
 from meshreel.paper import settings
 from meshreel.paper.decoder import DecodedFrames, PaperBlockDecoder
 from meshreel.paper.encoder import PaperBlockCoder
 from meshreel.paper.variants import VARIANTS, Variant
-from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,9 @@ class PaperMethod:
         """Yield the stream of the only source."""
         (source,) = sources
         coder = PaperBlockCoder(source.mesh, source.frame, source.blocks(), progress)
-        yield source.stream(coder.leading_sections(), _code_blocks(source, coder, progress))
+        blocks = ((len(vertices), coder.code(vertices)) for vertices in source.blocks())
+        coded = reporting_frames(blocks, source.n_frames, progress)
+        yield source.stream(coder.leading_sections(), coded)
 
     def live_coder(self, start: LiveStart) -> PaperBlockCoder:
         """The coder of live frames; without tracks."""
@@ -61,18 +62,6 @@ class PaperMethod:
                 f"streams of method {self.name} have no tracks; this one declares tracks"
             )
         return DecodedFrames(PaperBlockDecoder(opened, self.variant, n_modes), opened.starts)
-
-
-def _code_blocks(
-    source: Source, coder: PaperBlockCoder, progress: Progress
-) -> Iterator[tuple[int, Sections]]:
-    """Yield the number of frames and the sections of each block."""
-    n_coded, n_frames = 0, source.sequence.n_frames
-    for vertices in source.blocks():
-        progress("encoding", Count(n_coded, n_frames, "frames"))
-        yield len(vertices), coder.code(vertices)
-        n_coded += len(vertices)
-    progress("encoding", Count(n_frames, n_frames, "frames"))
 
 
 METHODS = {variant.name: PaperMethod(variant) for variant in VARIANTS}

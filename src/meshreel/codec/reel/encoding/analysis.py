@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.reel.encoding.basis_coding import choose_coding
+from meshreel.codec.reel.encoding.basis_coding import choose_coding, geometric_bits
 from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_INTEGER, BlockFrames
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout, decode_basis, with_reused
@@ -115,8 +115,7 @@ def _estimated_bits(rows: npt.NDArray[np.int32]) -> float:
     if not rows.size:
         return 0.0
     mean = np.abs(rows.astype(np.float64)).mean(axis=1)
-    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
-    return float(np.sum(magnitudes + mean / (1.0 + mean)) * rows.shape[1])
+    return float(np.sum(geometric_bits(mean)) * rows.shape[1])
 
 
 def analyze_fields(

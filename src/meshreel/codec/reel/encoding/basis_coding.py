@@ -116,9 +116,14 @@ def _cost(targets: Floats, rate_weight: float, coding: BasisCoding) -> float:
     squared_error = float(np.square(decoded.transpose(2, 0, 1) - targets).sum())
     order, starts, counts = _groups(targets.shape[2], coding.has_cosines)
     mean = np.add.reduceat(np.abs(coded[:, :, order].astype(np.float64)), starts, axis=2) / counts
-    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
-    bits = float(((magnitudes + mean / (1.0 + mean)) * counts).sum())
+    bits = float((geometric_bits(mean) * counts).sum())
     return bits + (ERROR_WEIGHT * squared_error / rate_weight if rate_weight else 0.0)
+
+
+def geometric_bits(mean: Floats) -> Floats:
+    """Return the bits of an integer with geometrically distributed magnitude, given its mean."""
+    magnitudes = np.log2(1.0 + mean) + mean * np.log2(1.0 + 1.0 / np.maximum(mean, 1e-300))
+    return np.asarray(magnitudes + mean / (1.0 + mean))
 
 
 @lru_cache(maxsize=8)

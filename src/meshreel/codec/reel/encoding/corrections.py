@@ -24,16 +24,6 @@ MAX_POSITIONS_PER_PASS = 1 << 21
 """Number of positions that are decoded and corrected together."""
 
 
-def allowed_error(bound: float, rounding: float) -> float:
-    """Return the part of a bound that errors of the codec may use, in diagonals."""
-    return bound - FLOOR - rounding
-
-
-def least_bound(rounding: float) -> float:
-    """Return the smallest bound, in diagonals, that can be guaranteed."""
-    return rounding + FLOOR
-
-
 def check_error_bound(bound: float, rounding: float, dtype: np.dtype[np.floating]) -> None:
     """Check that an error bound exceeds the rounding of positions.
 
@@ -42,7 +32,7 @@ def check_error_bound(bound: float, rounding: float, dtype: np.dtype[np.floating
     InvalidInputError
         If the bound cannot be guaranteed.
     """
-    least = least_bound(rounding)
+    least = rounding + FLOOR
     if bound > least:
         return
     remedy = "" if dtype == np.float64 else "give positions as float64, "
@@ -110,7 +100,7 @@ def find_corrections(
     -------
     Corrections, ordered by vertex, then by frame
     """
-    allowed = allowed_error(bound, rounding)
+    allowed = bound - FLOOR - rounding
     n_together = 1 if each_column else len(errors)
     step = np.float32(min(STEP_OF_BOUND * np.sqrt(3.0 / n_together) * allowed, MAX_STEP))
     if each_column:

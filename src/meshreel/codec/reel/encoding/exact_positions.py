@@ -11,18 +11,18 @@ import numpy.typing as npt
 
 from meshreel.arrays import Vertices
 from meshreel.codec.achieved import require_exact
-from meshreel.codec.bitstream.container import Sections, error_bound_sections
+from meshreel.codec.bitstream.container import error_bound_sections
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.stored_grid import grid_of_frame
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.normative.blocks import write_exact_positions, write_on_surface
 from meshreel.codec.reel.normative.grid import PositionGrid
-from meshreel.codec.source import Source
+from meshreel.codec.source import Source, reporting_frames
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.kernel.surface_integers import MAX_VALUE
 from meshreel.model.sequence import Faces
-from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.progress import Progress
 from meshreel.runtime.threads import in_threads, n_cores
 
 FacesAndTwins = tuple[Faces, npt.NDArray[np.int32]]
@@ -124,7 +124,7 @@ def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes
     """Encode the source to a stream; its tracks are already encoded."""
     n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
     blocks = _encode_blocks(coder, source.blocks(), n_together)
-    coded = _report_progress(blocks, source.sequence.n_frames, progress)
+    coded = reporting_frames(blocks, source.n_frames, progress)
     data = source.stream([], coded, 0.0 if coder.is_exact else coder.bound)
     return FollowingTracks(source, progress).stream(data) if source.tracks else data
 
@@ -145,15 +145,3 @@ def _encode_in_parallel(coder: PositionCoder, blocks: list[Vertices]) -> list[Co
 
     in_threads(code, range(len(blocks)))
     return [(len(vertices), coded[number]) for number, vertices in enumerate(blocks)]
-
-
-def _report_progress(
-    blocks: Iterator[CodedBlock], n_frames: int, progress: Progress
-) -> Iterator[tuple[int, Sections]]:
-    """Yield the blocks, and report the number of encoded frames."""
-    n_done = 0
-    progress("encoding", Count(n_done, n_frames, "frames"))
-    for n_coded, sections in blocks:
-        yield n_coded, sections
-        n_done += n_coded
-        progress("encoding", Count(n_done, n_frames, "frames"))

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers
 from meshreel.codec.bitstream.container import write_block_counts, write_varint, write_varints
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
@@ -167,8 +166,10 @@ def write_corrections(corrections: Corrections) -> bytes:
     """Encode the corrections of a block: vertices, their numbers of frames, frames, offsets."""
     vertices, counts = np.unique(corrections.vertices, return_counts=True)
     firsts = np.cumsum(counts) - counts
-    frame_steps = _first_or_difference(corrections.frames, firsts)
-    follows = _follows(frame_steps, firsts)
+    frame_steps = np.diff(corrections.frames, prepend=0)
+    frame_steps[firsts] = corrections.frames[firsts]
+    follows = frame_steps == 1
+    follows[firsts] = False
     # In a run of frames, an offset resembles the previous one.
     offsets = corrections.offsets.copy()
     offsets[follows] -= corrections.offsets[np.flatnonzero(follows) - 1]
@@ -182,17 +183,3 @@ def write_corrections(corrections: Corrections) -> bytes:
             encode_integers(rows, tables),
         ]
     )
-
-
-def _first_or_difference(values: Integers, firsts: Integers) -> Integers:
-    """Differences to the previous value; at the first of each run, the value."""
-    steps = np.diff(values, prepend=0)
-    steps[firsts] = values[firsts]
-    return steps
-
-
-def _follows(frame_steps: Integers, firsts: Integers) -> npt.NDArray[np.bool_]:
-    """Whether each correction has the vertex and the next frame of the previous one."""
-    follows = np.asarray(frame_steps == 1)
-    follows[firsts] = False
-    return follows
