@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from meshreel.errors import FormatError
-from meshreel.formats.surfaces.cells import CELL_FACES, PIXEL, SOLIDS, Cells, extract_surface
+from meshreel.formats.surfaces.cells import CELL_FACES, SOLIDS, Cells, cell_mesh, extract_surface
 from meshreel.kernel.cells import cell_sizes
 from meshreel.model.cells import Cells as VolumeCells
 
@@ -42,7 +42,7 @@ def test_faces_and_solids_are_those_of_vtk(kind):
     for number in range(cell.GetNumberOfFaces() if is_solid else 1):
         part = cell.GetFace(number) if is_solid else cell
         points = [part.GetPointId(corner) for corner in range(part.GetNumberOfEdges())]
-        if part.GetCellType() == PIXEL:  # whose points are in rows
+        if part.GetCellType() == 8:  # a pixel, whose points are in rows
             points[2:] = points[:1:-1]
         expected.add(from_lowest(points[::-1] if kind in WEDGES else points))
     found = extract_surface(cells_of([kind], [range(n_points)]), n_points)
@@ -68,6 +68,16 @@ def test_faces_of_cells_that_are_no_polyhedra_are_refused(n_faces):
     assert cells.with_faces(np.array([4, 0]), *faces).counts.tolist() == [17, 4]
     with pytest.raises(FormatError, match=f"faces of {len(n_faces)} cells do not fit"):
         cells.with_faces(np.array(n_faces), *faces)
+
+
+def test_cells_keep_their_places_where_points_are_left_out():
+    points = np.random.default_rng(1).random((8, 3))
+    cells = cells_of([10, 10], [[0, 1, 2, 3], [2, 3, 5, 6]])
+    whole = cell_mesh(cells, 8)
+    mesh = whole.without_points(np.isin(np.arange(8), [4, 7])).mesh(points)
+    np.testing.assert_array_equal(mesh.vertices, np.delete(points, [4, 7], axis=0))
+    np.testing.assert_array_equal(mesh.vertices[mesh.cells.nodes], points[cells.points])
+    np.testing.assert_array_equal(mesh.vertices[mesh.corners], points[whole.corners])
 
 
 @pytest.mark.parametrize("seed", range(5))
