@@ -288,12 +288,15 @@ def heard(**target):
 
 @pytest.mark.parametrize("target", [{"kg": 0.5}, {"size": 1500}, {"max_error": 0.05}])
 @pytest.mark.parametrize("block_frames", [None, 4])
-def test_search_never_reports_completion_of_a_trial(target, block_frames):
+def test_search_reports_shares_of_all_tries_that_rise(target, block_frames):
     result = heard(**target, block_frames=block_frames)
-    tries = {stage for stage, _ in result if stage.startswith("encoding, try")}
-    assert len(tries) > 1
-    assert all(share < 1 for stage, share in result if stage in tries)
-    assert all((stage, 0.0) in result for stage in tries)
+    tries = [(stage, share) for stage, share in result if stage.startswith("encoding, try")]
+    stages, shares = zip(*tries, strict=True)
+    assert tries[0] == ("encoding, try 1 of about 6", 0.0)
+    assert ("encoding, try 2 of about 6", 1 / 6) in tries
+    assert "encoding, try 7 of about 6" not in stages
+    assert list(shares) == sorted(shares)
+    assert shares[-1] < 1
 
 
 def test_single_trial_reports_completion():

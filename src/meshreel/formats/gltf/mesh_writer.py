@@ -43,6 +43,7 @@ from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Progress, silent
 
 Rows = npt.NDArray[Any]
 
@@ -90,6 +91,7 @@ def fit_part(
     bound: float,
     options: WriteOptions,
     shading: ShadingMesh | None = None,
+    progress: Progress = silent,
 ) -> MorphMesh:
     """Return a part fitted by a base mesh and morph targets.
 
@@ -103,6 +105,8 @@ def fit_part(
         Normals are animated by all targets if they are requested, by default by as few as needed.
     shading : ShadingMesh, optional
         For a mesh with hard edges, which always gets normals. Default: one normal per vertex.
+    progress : callable, optional
+        Called with the completed share of the fit.
     """
     if shading is None:
         shading = ShadingMesh(np.arange(frames.shape[1]), faces, has_hard_edges=False)
@@ -116,9 +120,11 @@ def fit_part(
     placement, integers, displacements = place_frames(frames, base)
     bound = max(0.0, bound / placement.scale - MARGIN)
     if has_normals:
-        morphs, normals = _fit_both(frames, shading, displacements, bound, options)
+        morphs, normals = _fit_both(frames, shading, displacements, bound, options, progress)
     else:
-        morphs = fit_morphs(displacements, bound, is_compressed=options.compression)
+        morphs = fit_morphs(
+            displacements, bound, is_compressed=options.compression, progress=progress
+        )
         normals = None
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
@@ -129,12 +135,15 @@ def _fit_both(
     displacements: npt.NDArray[np.float32],
     bound: float,
     options: WriteOptions,
+    progress: Progress,
 ) -> tuple[Morphs, NormalTargets]:
     """Return morphs of positions and normals, with the larger share of the bound that works."""
     length_error = LENGTH_ERROR if options.normals is None else 0.0
     shading_frames = frames[:, shading.vertices]
     for share in POSITION_SHARES:
-        morphs = fit_morphs(displacements, share * bound, is_compressed=options.compression)
+        morphs = fit_morphs(
+            displacements, share * bound, is_compressed=options.compression, progress=progress
+        )
         fitted = fit_normals(shading_frames, shading.faces, displacements, morphs, length_error)
         if fitted[0].error <= bound:
             break

@@ -28,6 +28,7 @@ from meshreel.formats.gltf.container import IDENTITY, Placement
 from meshreel.model.geometry.hard_edges import shared_edges
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces, Vertices
+from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.threads import chunks, in_threads
 
 BYTE, SHORT = 127, 32767
@@ -242,6 +243,8 @@ ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 compressed targets is reached, the other one usually not."""
 
 MAX_ROUNDS = 60
+SHARE_LEFT = 0.97
+"""Share of the remaining progress after each round; most searches take 20 to 80 rounds."""
 PIECE_FRAMES = 8
 
 
@@ -261,13 +264,19 @@ class Morphs:
         return float(self.errors.max())
 
 
-def fit_morphs(displacements: Singles, bound: float, *, is_compressed: bool = False) -> Morphs:
+def fit_morphs(
+    displacements: Singles,
+    bound: float,
+    *,
+    is_compressed: bool = False,
+    progress: Progress = silent,
+) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
     If int16 is too coarse for the bound, return those with the smallest error found. Compressed
     targets have fewer levels.
     """
-    search = _Search(displacements, is_compressed=is_compressed)
+    search = _Search(displacements, is_compressed=is_compressed, progress=progress)
     n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
     best = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
@@ -312,13 +321,16 @@ def _frame_errors(displacements: Singles, weights: Singles, fields: Singles) -> 
 class _Search:
     """Target displacements, updated round by round."""
 
-    def __init__(self, displacements: Singles, *, is_compressed: bool) -> None:
+    def __init__(self, displacements: Singles, *, is_compressed: bool, progress: Progress) -> None:
         self._displacements, self._is_compressed = displacements, is_compressed
+        self._progress, self._n_rounds = progress, 0
         self._adjusted = displacements.copy()
         self._excess = np.zeros_like(displacements)
 
     def round(self, n_targets: int, bound: float) -> Morphs:
         """Return morph targets for the adjusted displacements, to which excess errors are added."""
+        self._progress("morph targets", 1 - SHARE_LEFT**self._n_rounds)
+        self._n_rounds += 1
         _, time_vectors = joint_trajectories(self._adjusted[None], n_targets)
         max_weights = np.abs(time_vectors).max(axis=0)
         fields = project(time_vectors.astype(np.float32), self._adjusted)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from meshreel.model.notes import Notes, written_times
 from meshreel.model.rig import Rig
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted
+from meshreel.runtime.progress import Progress
 
 DEFAULT_MAX_ERROR = 0.1
 """Percent of the diagonal: one pixel in a thousand, for a mesh that fills the image."""
@@ -79,8 +81,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     allowed, budget = requested_budget(
         low, high, options, DEFAULT_MAX_ERROR, consumer="morph targets"
     )
-    stream.progress("morph targets", 0.0)
-    scene = _MorphScene(stream.name, times_s, budget.max_added, options, notes)
+    scene = _MorphScene(stream.name, times_s, budget.max_added, options, notes, stream.progress)
     for segment in segments:
         scene.add_segment(segment)
     document = scene.document()
@@ -197,8 +198,10 @@ class _MorphScene(SceneWriter):
         bound: float,
         options: WriteOptions,
         notes: Notes,
+        progress: Progress,
     ) -> None:
         super().__init__(name, times_s, options, notes)
+        self._progress = progress
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
         self.has_hard_edges = False
@@ -216,12 +219,19 @@ class _MorphScene(SceneWriter):
         self.has_hard_edges = self.has_hard_edges or segment.surface.hard_edges is not None
         parent_path = "" if segment.n_frames == len(self._times_s) else self._group(frames)
         n_before = len(self.morph_meshes)
-        parts = split_parts(segment.faces, segment.surface, segment.n_verts, self._name)
-        for part in sorted(parts, key=lambda part: len(path_of(part.name))):
+        parts = [*split_parts(segment.faces, segment.surface, segment.n_verts, self._name)]
+        part_share = segment.n_frames / (len(parts) * len(self._times_s))
+        for number, part in enumerate(sorted(parts, key=lambda part: len(path_of(part.name)))):
+            done = first / len(self._times_s) + number * part_share
+            progress = partial(self._report, done, part_share)
             path = "/".join([parent_path, *path_of(part.name)]) if parent_path else part.name
-            self._add_part(replace(part, name=path), segment, frames, materials)
+            self._add_part(replace(part, name=path), segment, frames, materials, progress)
         errors = [mesh.errors for mesh in self.morph_meshes[n_before:]]
         self.errors.append(np.max(errors, axis=0) if errors else np.zeros(segment.n_frames))
+
+    def _report(self, done: float, part_share: float, stage: str, share: float) -> None:
+        """Report the share of all parts, of which the current one begins at `done`."""
+        self._progress(stage, done + part_share * share)
 
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the animation."""
@@ -243,7 +253,12 @@ class _MorphScene(SceneWriter):
         return f"/{label}"
 
     def _add_part(
-        self, part: PartMesh, sequence: MeshSequence, frames: slice, materials: Materials
+        self,
+        part: PartMesh,
+        sequence: MeshSequence,
+        frames: slice,
+        materials: Materials,
+        progress: Progress,
     ) -> None:
         """Add a part of a segment with these frames; skip a part without faces."""
         split, shading, has_hard_edges = self._split_part(part)
@@ -262,7 +277,9 @@ class _MorphScene(SceneWriter):
         )
         positions = sequence.vertices[:, part.verts]
         used_positions = positions if is_used_vertex.all() else positions[:, is_used_vertex]
-        morph_mesh = fit_part(used_positions, faces, self._bound, self._options, shading_mesh)
+        morph_mesh = fit_part(
+            used_positions, faces, self._bound, self._options, shading_mesh, progress
+        )
         split = split.with_indices(vertex_indices, row_indices)
         node = self.tree.add(part.name, len(self.meshes), morph_mesh.placement)
         self._nodes.append((node, frames))

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+import meshreel
 from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.formats.gltf.mesh_writer import describe_losses, fit_part, split_at_seams
 from meshreel.formats.gltf.morphs import (
@@ -287,3 +288,14 @@ def test_describe_losses_names_what_gltf_cannot_store():
         "left out attribute 'id': glTF does not support 1 components of int32",
         "left out face groups 'group': glTF supports only materials",
     ]
+
+
+def test_the_fit_of_all_parts_and_segments_reports_a_share_that_rises(tmp_path):
+    flag = meshreel.simulate_flag(6, n_rows=6, n_columns=8)
+    both = meshreel.concatenate([flag, flag.replace(faces=flag.faces[::-1])])
+    heard = []
+    meshreel.save(both, tmp_path / "a.glb", progress=lambda *state: heard.append(state))
+    shares = [share for stage, share in heard if stage == "morph targets"]
+    assert shares == sorted(shares)
+    assert (shares[0], 0.5 in shares, len(shares) > 10) == (0, True, True)
+    assert 0.5 < shares[-1] < 1

@@ -9,7 +9,7 @@ from meshreel.codec.reel.encoding import whole
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
-from meshreel.codec.reel.encoding.target_step import FIRST_STEP, step_within_limit
+from meshreel.codec.reel.encoding.target_step import FIRST_STEP, report_try, step_within_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
@@ -58,7 +58,8 @@ def encode_segments(
     def encode_one(source: Source) -> tuple[bytes, int]:
         if _n_positions(source) <= SMALL_POSITIONS:
             return encode(source, silent), source.n_frames
-        return encode(source, _after(progress, n_done, total)), source.n_frames
+        report = _after(progress, n_done, source.n_frames, total)
+        return encode(source, report), source.n_frames
 
     progress("encoding", Count(n_done, total, "frames"))
     for stream, n_frames in results_in_order(encode_one, sources, _is_parallel):
@@ -71,12 +72,12 @@ def _is_parallel(source: Source) -> bool:
     return TINY_POSITIONS < _n_positions(source) <= SMALL_POSITIONS
 
 
-def _after(progress: Progress, n_done: int, total: int) -> Progress:
-    """Return a callback for one segment that reports the frames of all."""
+def _after(progress: Progress, n_done: int, n_frames: int, total: int) -> Progress:
+    """Return a callback for a segment of `n_frames` that reports the frames of all."""
 
     def report(stage: str, share: float) -> None:
-        if isinstance(share, Count) and share.unit == "frames":
-            progress(stage, Count(n_done + share.done, total, "frames"))
+        if stage.partition(",")[0] in ("encoding", "measuring"):
+            progress(stage, Count(n_done + int(share * n_frames), total, "frames"))
 
     return report
 
@@ -91,7 +92,7 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
     cached = list(_searches(sources)) if fits else None
 
     def measure(step: float) -> float:
-        progress(f"encoding, trial {next(numbers)}", 0.0)
+        report_try(progress, next(numbers))
         if config.target.kind is TargetKind.KG:
             meter = KgMeter()
             for search in cached or _searches(sources):

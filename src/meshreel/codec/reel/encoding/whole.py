@@ -18,7 +18,7 @@ from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import GridBids, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
-from meshreel.codec.reel.encoding.target_step import step_for_target
+from meshreel.codec.reel.encoding.target_step import report_try, step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
@@ -67,7 +67,7 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
         return grid_positions.encode(source, progress, step)
     if source.bounds:
         source = source.with_changes(tracks=encode_tracks(source, progress))
-    sequence = RateSearch(source, progress)
+    sequence = RateSearch(source, progress, has_step=step is not None)
     bound = None
     if step is None:
         step, bound = step_for_target(config, sequence, has_tracks=bool(source.tracks))
@@ -122,6 +122,8 @@ class RateSearch:
     ----------
     source, progress
         As in `encode`.
+    has_step : bool
+        Whether the step is known, so that a single trial is reported.
 
     Attributes
     ----------
@@ -129,8 +131,8 @@ class RateSearch:
         Number type of the positions.
     """
 
-    def __init__(self, source: Source, progress: Progress) -> None:
-        self._source = source
+    def __init__(self, source: Source, progress: Progress, *, has_step: bool = False) -> None:
+        self._source, self._has_step = source, has_step
         self._n_frames = source.n_frames
         self.dtype: np.dtype[np.floating] = source.dtype
         config = source.config
@@ -329,11 +331,12 @@ class RateSearch:
             self._report(n_done)
 
     def _report(self, n_done: int) -> None:
-        """Report encoded frames; a search never reports completion, because trials may follow."""
-        number = 1 + len(self._coded) + len(self._errors)
-        stage = "encoding" if self._is_single_trial else f"encoding, try {number}"
-        if self._is_single_trial or n_done < self._n_frames:
-            self._progress(stage, Count(n_done, self._n_frames, "frames"))
+        """Report encoded frames, of a search as a share of its tries."""
+        if self._is_single_trial or self._has_step:
+            self._progress("encoding", Count(n_done, self._n_frames, "frames"))
+        else:
+            number = 1 + len(self._coded) + len(self._errors)
+            report_try(self._progress, number, n_done / self._n_frames)
 
 
 def _size_bytes(sections: Sections) -> int:
