@@ -17,7 +17,7 @@ from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
 from meshreel.model.timing import duration_s
-from meshreel.model.tracks import TrackKind, error_bound_of, error_unit
+from meshreel.model.tracks import TrackKind, describe_values, error_bound_of, error_unit
 from meshreel.runtime.counting import change_text, counted
 
 CONNECTIVITY = (Section.CONNECTIVITY, Section.EDIT, Section.CELLS, Section.REFERENCE)
@@ -56,16 +56,12 @@ class TrackInfo:
     raw_size_bytes: int
 
     def __str__(self) -> str:
-        width = f"{self.n_columns} x " if self.n_columns > 1 else ""
         accuracy = "exact" if self.is_exact else "no bound"
         if self.bound:
             unit = error_unit(TrackKind(self.kind), self.unit)
             accuracy = f"within {self.bound:.4g} {unit}".rstrip()
-        return (
-            f"{self.name}: {self.kind} of each {self.domain}, {width}{self.number_type}"
-            + (f" in {self.unit}" if self.unit else "")
-            + f", {accuracy}"
-        )
+        values = self.kind, self.domain, self.n_columns, self.number_type, self.unit
+        return f"{self.name}: {describe_values(*values)}, {accuracy}"
 
 
 @dataclass(frozen=True)

@@ -41,9 +41,8 @@ class Coding(IntEnum):
     @property
     def difference(self) -> "Coding | None":
         """Difference of positions over time that, times a rate, predicts velocities; or None."""
-        if self in DIFFERENCES:
-            return self
-        return DIFFERENCES[EXACT_DIFFERENCES.index(self)] if self in EXACT_DIFFERENCES else None
+        is_difference = self >= Coding.BACKWARD
+        return DIFFERENCES[(self - Coding.BACKWARD) % len(DIFFERENCES)] if is_difference else None
 
     @property
     def has_rate(self) -> bool:
@@ -58,12 +57,12 @@ class Coding(IntEnum):
     @property
     def is_exact(self) -> bool:
         """Whether values are lossless."""
-        return self is Coding.EXACT or self in EXACT_DIFFERENCES
+        return self is Coding.EXACT or self >= Coding.EXACT_BACKWARD
 
     @property
     def as_exact(self) -> "Coding":
         """The lossless coding by the same difference."""
-        return EXACT_DIFFERENCES[DIFFERENCES.index(self)]
+        return Coding(self + len(DIFFERENCES))
 
 
 WITH_BOUND = 16
@@ -74,9 +73,6 @@ OF_CELLS = 5
 
 DIFFERENCES = Coding.BACKWARD, Coding.CENTRAL, Coding.FORWARD
 """Differences from the previous position, between both neighbors, and to the next position."""
-
-EXACT_DIFFERENCES = Coding.EXACT_BACKWARD, Coding.EXACT_CENTRAL, Coding.EXACT_FORWARD
-"""Codings of lossless values by the same differences."""
 
 ROTATION_COLUMNS = 2
 """Numbers that rotate a surface normal to the normal of a track."""
@@ -143,10 +139,6 @@ class TrackHeader:
     def total_bound(self) -> float:
         """Guaranteed largest error relative to the original; 0 guarantees nothing, unless exact."""
         return total_bound(self.bound, self.earlier) if self.bound or self.is_exact else 0.0
-
-    def __str__(self) -> str:
-        unit = f" in {self.unit}" if self.unit else ""
-        return f"{self.name!r}: {self.n_columns} x {self.dtype} of each {self.domain}{unit}"
 
 
 def write_track(track: TrackHeader) -> bytes:

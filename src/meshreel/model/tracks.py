@@ -278,10 +278,13 @@ def error_unit(kind: TrackKind, unit: str) -> str:
 
 def describe_track(track: TrackSource) -> str:
     """Text about a track, such as "scalar of each vertex, float32 in Pa"."""
-    n_columns = track.shape[2]
+    return describe_values(track.kind, track.domain, track.shape[2], str(track.dtype), track.unit)
+
+
+def describe_values(kind: str, domain: str, n_columns: int, number_type: str, unit: str) -> str:
+    """Text about the values of a track, as `describe_track`."""
     width = f"{n_columns} x " if n_columns > 1 else ""
-    unit = f" in {track.unit}" if track.unit else ""
-    return f"{track.kind} of each {track.domain}, {width}{track.dtype}{unit}"
+    return f"{kind} of each {domain}, {width}{number_type}" + (f" in {unit}" if unit else "")
 
 
 def validated_tracks(

@@ -12,7 +12,7 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.encoding.analysis import AnalyzedFields, FieldChoices, analyze_fields
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
-from meshreel.codec.reel.encoding.corrections import check_error_bound, corrections_of_block
+from meshreel.codec.reel.encoding.corrections import corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock
@@ -172,17 +172,3 @@ def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     choices = choices_of(mesh.config)
     field_mesh = FieldMesh(mesh.links, mesh.n_verts, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
-
-
-def checked_frames(coder: FieldBlockCoder, vertices: Vertices) -> BlockFrames:
-    """Wrap a block, and check that its number type allows the guaranteed bound.
-
-    Raises
-    ------
-    InvalidInputError
-        If its number type is too coarse.
-    """
-    frames = coder.frames(vertices)
-    if coder.bound is not None:
-        check_error_bound(coder.bound, frames.rounding, vertices.dtype)
-    return frames

@@ -7,7 +7,6 @@ from meshreel.codec.reel.encoding.analysis import FieldChoices
 from meshreel.codec.reel.encoding.block_frames import LARGEST_INTEGER
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.targets import Target, TargetKind
-from meshreel.errors import InvalidInputError
 
 STEPS_OF_BOUND = 7.0
 """Ratio of an error bound to the first step tried; corrections of rare larger errors are cheap."""
@@ -76,10 +75,3 @@ def finest_step(n_columns: int = 3) -> float:
 
 FINEST_STEP = finest_step()
 """Finest step of positions, in diagonals."""
-
-
-def checked_step(step: float) -> float:
-    """Return the step of positions; raise InvalidInputError if it is too fine."""
-    if step < FINEST_STEP:
-        raise InvalidInputError(f"step {step:g} is too fine; at least {FINEST_STEP:.2g} is allowed")
-    return step

@@ -19,10 +19,10 @@ from meshreel.codec.methods import LiveStart
 from meshreel.codec.reel.encoding.block_coder import (
     FieldBlockCoder,
     KeyedBlocks,
-    checked_frames,
     coder_of,
 )
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
+from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import FINEST_STEP
 from meshreel.codec.reel.encoding.exact_positions import ExactPositionCoder, PositionCoder
 from meshreel.codec.reel.encoding.grid_positions import grid_coder
@@ -102,7 +102,9 @@ class _ModeBlocks:
         self.leading_sections = self._coder.leading_sections
 
     def code(self, vertices: Vertices) -> tuple[Sections, Decoded]:
-        frames = checked_frames(self._coder, vertices)
+        frames, bound = self._coder.frames(vertices), self._coder.bound
+        if bound is not None:
+            check_error_bound(bound, frames.rounding, vertices.dtype)
         coded = self._blocks.code(frames)
         return coded.sections, lambda: coded.decoded(frames)
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from meshreel.codec.reel.encoding.corrections import check_error_bound
-from meshreel.codec.reel.encoding.effort import FINEST_STEP, STEPS_OF_BOUND, checked_step
+from meshreel.codec.reel.encoding.effort import FINEST_STEP, STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import least_cost, meet_limit
 from meshreel.codec.reel.encoding.surface_errors import SLIDING_STEP
 from meshreel.codec.reel_options import ReelOptions, Tune
@@ -78,7 +78,11 @@ def step_for_target(
     """
     target = config.target
     if target.kind is TargetKind.STEP:
-        return checked_step(target.value), None
+        if target.value < FINEST_STEP:
+            raise InvalidInputError(
+                f"step {target.value:g} is too fine; at least {FINEST_STEP:.2g} is allowed"
+            )
+        return target.value, None
     if target.kind is TargetKind.QUALITY:
         step = model.step_of_quality(target.value)
         step *= SLIDING_STEP if config.tune == Tune.SURFACE.value else 1.0
