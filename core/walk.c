@@ -133,8 +133,7 @@ static void set_behind(reel_walk *walk, int32_t n, int32_t m, int32_t c, visited
     nodes[n].behind = face.last;
 }
 
-/* Create a node for a point that is first met, not yet in a ring; n and m are as in
-   `reel_code_degree`. */
+/* Create a node for a new point, not yet in a ring; n and m are as in `reel_code_degree`. */
 static int32_t meet_point(reel_walk *walk, int32_t n, int32_t m, int32_t point) {
     int32_t vertex = REEL_CAP, degree = 0;
     if (reel_is_encoder(&walk->coder)) {

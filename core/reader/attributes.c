@@ -228,7 +228,7 @@ static void find_rows_of_triangles(const reel_faces *faces, const meshreel_attri
     }
 }
 
-/* Find the row at each corner of a triangle, and the twins of the sides of these triangles. */
+/* Find the row at each corner of a triangle, and the twins of their half-edges. */
 static int find_row_faces(reel_call *call, const reel_faces *faces,
                           const meshreel_attribute *output, int32_t **triangles, int32_t **twins) {
     uint64_t n_faces = faces->outline->n_faces;

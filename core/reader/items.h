@@ -9,7 +9,7 @@
 
 typedef struct {
     reel_graph graph;
-    /* The first four are NULL if numbers are the same. */
+    /* The first four are NULL if they would be 0, 1, 2, ... */
     const int32_t *order;    /* item of each value, before values are shared */
     const int32_t *inverse;  /* value of each item */
     const int32_t *value_of; /* value of each output item */

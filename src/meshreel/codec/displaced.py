@@ -15,16 +15,16 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.tracks import value_range
 
 HIDDEN_SHARE = 0.1
-"""Share of the motion from which an error of positions is noted."""
+"""A note reports errors of positions that exceed this share of the motion."""
 
 MIN_ROUNDINGS = 4.0
 """Smallest bound of positions, in roundings of their largest coordinate."""
 
 
 def with_bound_of_motion(config: EncoderConfig, sequence: MeshSequence) -> EncoderConfig:
-    """Return the options for positions: a bound of everything also bounds the motion of a track.
+    """Return options whose bound of positions also holds for the motion that a track added.
 
-    The bound in percent then also refers to the range of the displacement, enlarged by its factor.
+    A bound in percent then also refers to the range of the displacements, enlarged by their factor.
     """
     motions = [motion for _, motion in _motions(sequence) if motion]
     percent = config.bound_percent

@@ -66,7 +66,7 @@ class Coding(IntEnum):
 
 
 WITH_BOUND = 16
-"""Added to the code of an exact coding if values that were encoded are not the original."""
+"""Added to the code of an exact coding if the encoded values come from a lossy file."""
 
 OF_CELLS = 5
 """Code of the domain of cells; it follows the codes of corners that share values."""

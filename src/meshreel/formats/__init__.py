@@ -6,7 +6,7 @@ registry, kinds                        a row for each format, with lazily import
 options, supported_options             read and write options, and the formats that support them
 file_errors, file_references           errors that name a file, and references from one file to
                                        another
-extras                                 optional libraries, installed as extras of the package
+needed_extras                          the extras of the package that files need
 frames, scenes, surfaces, hdf, text    code that the readers and writers of several formats share
 
 Every other folder is a format or a family of formats. It is imported through the registry only, and

@@ -9,7 +9,7 @@ from meshreel.formats.sources import AnyPath, Source
 from meshreel.runtime.extras import REGISTER_PILLOW, REGISTER_SCIPY, REGISTER_XATLAS, VIDEO, Extra
 
 VIDEOS = (".mp4", ".mov", ".webm", ".mkv", ".avi")
-"""Extensions of videos of textures."""
+"""Extensions of texture videos."""
 
 REGISTRATION = (REGISTER_SCIPY,)
 

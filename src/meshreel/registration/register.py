@@ -57,14 +57,14 @@ CACHED_FACES = 4_000_000
 MIN_CACHED_FRAMES = 4
 
 MIN_UNSUPPORTED_PERCENT = 0.05
-"""Smallest share of the surface without raw surface that notes mention."""
+"""Notes mention the share of the registered surface that raw frames lack if it is at least this."""
 
 SAMPLING_MARGIN = 1.05
-"""Safety factor for a tolerance that is met at the coarser samples of a larger one: of 100 frames,
-one needed 1.04, all others at most 1.02."""
+"""Factor on measured distances: a smaller tolerance is checked at denser samples. Of 100 frames one
+needed 1.04, all others at most 1.02."""
 
 MAX_STATED_SHARE = 0.75
-"""Largest share of the tolerance that notes state as a smaller one that every frame meets."""
+"""Notes state a tolerance that every frame meets if it is below this share of the given one."""
 
 MAX_CUTS = 8
 """Maximum number of cuts that notes list."""
@@ -243,10 +243,10 @@ class Registration:
     def tuned(
         self, config: EncoderConfig, notes: Notes, *, bakes_textures: bool = False
     ) -> EncoderConfig:
-        """Return options that let vertices slide along the surface, unless that could be seen.
+        """Return options that let vertices slide along the surface, unless that would be visible.
 
-        Values of vertices and texture coordinates would move too, if textures are not baked for the
-        decoded surface. An explicit tune or bound of vertex errors stays.
+        Sliding shifts vertex values, and textures that are not baked for the decoded surface. An
+        explicit tune or bound of vertex errors is kept.
         """
         if not isinstance(config, ReelOptions) or config.tune or config.lossless:
             return config

@@ -269,7 +269,7 @@ class Tracker:
         return normal, rhs.ravel()
 
     def _rigidity_rows(self, pose: Pose, weight: float) -> tuple[Any, Floats]:
-        """Return the derivatives and values of how differently neighboring nodes move."""
+        """Return the Jacobian of differences between motions of neighbors, and the differences."""
         sparse = REGISTER_SCIPY.load("sparse")
         nodes, (first, second) = self._graph.nodes, self._graph.edges.T
         turned = np.einsum("eij,ej->ei", pose.rotations[first], nodes[second] - nodes[first])

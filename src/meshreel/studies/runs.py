@@ -164,7 +164,7 @@ def usable(results: Iterable[Result]) -> list[Result]:
 
 
 def without_identities(results: Iterable[Result]) -> list[Result]:
-    """The results without what identifies their setting."""
+    """The results without the identities of their runs."""
     return [
         {name: value for name, value in result.items() if name != "identity"} for result in results
     ]

@@ -25,16 +25,16 @@ from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
 
 MIN_SUBMITTED = 256
-"""Limit of inputs that are submitted and not yet written, unless two per worker are more.
+"""Maximum number of inputs submitted and not yet written, or two per worker if that is more.
 
-It bounds the memory for finished streams, and suffices for workers that join a cluster later.
+It bounds the memory of finished streams, and keeps workers busy that join a cluster later.
 """
 
 POLL_S = 0.5
 
 MAX_MANIFEST_SHARE, QUICK_S = 0.1, 0.02
-"""Share of the time for writing the manifest, which is large with many inputs; faster writes than
-`QUICK_S` are not limited."""
+"""Maximum share of the run time spent on writing the manifest, which is large with many inputs; it
+does not limit writes faster than `QUICK_S`."""
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def decode_command(
 ) -> None:
     """Decode the animation of a .reel file.
 
-    Files of a pattern have the numbers of their frames.
+    An output such as frame_%04d.obj is one file per frame, numbered like the frame.
 
     Examples:
 

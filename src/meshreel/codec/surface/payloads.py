@@ -169,7 +169,7 @@ def surface_of_internal_cells(
 
 
 def order_notes(surfaces: Iterable[Surface], order_names: str, *, is_chosen: bool) -> list[Note]:
-    """Describe what a stream omits of the surfaces of its segments because of the orders it keeps.
+    """Describe what a stream omits of its surfaces because it does not keep the order of elements.
 
     Parameters
     ----------

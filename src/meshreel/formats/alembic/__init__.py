@@ -1,1 +1,1 @@
-"""Alembic, in which programs hand over animation that is baked into vertices."""
+"""Alembic, in which programs exchange animation baked into vertices."""

@@ -1,4 +1,4 @@
-"""Notes on everything that an Alembic file holds and the reader did not read."""
+"""Notes on everything in an Alembic file that was not read."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter

@@ -242,7 +242,7 @@ def no_mesh_error(document: Document, nodes: Nodes) -> FormatError:
 
 
 class Visibilities:
-    """When meshes are shown: those below hidden nodes, or at a scale of zero that steps, are not.
+    """When meshes are shown: not below hidden nodes, nor at a scale that steps to zero.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Notes on everything that a stage holds and the reader did not read."""
+"""Notes on everything in a stage that was not read."""
 
 import re
 from collections import defaultdict
@@ -27,7 +27,7 @@ MAX_PRIMS = 1_000_000
 """Limit, since nested instances can make a small file expand to any number of prims."""
 
 METADATA = ("assetInfo", "customData", "customLayerData")
-"""Keys of metadata that has contents, besides those of meshreel."""
+"""Metadata that notes mention, except for entries that meshreel wrote."""
 
 CONTAINERS = ("", "Xform", "Scope", "SkelRoot", "NodeGraph")
 """Types of prims without content unless they have properties."""
@@ -42,7 +42,7 @@ SUBJECTS = {
     "inputs:": "inputs of materials",
     "": "other properties",
 }
-"""Subjects of notes on properties by pattern, of which the first counts."""
+"""Subjects of notes on properties by pattern of their names; the first match applies."""
 
 Unread = tuple[str, str]  # the subject of the note and a name
 
@@ -100,7 +100,7 @@ class StageContents:
     def note_others(self, used: Collection[Any]) -> None:
         """Note prims that no mesh uses, variants that are not selected, and metadata.
 
-        The meshes are used, and what they use besides prims above and below them.
+        `used` are the meshes, and prims that they refer to, such as materials.
         """
         mesh, material = USD.load("UsdGeom").Mesh, USD.load("UsdShade").Material
         parts = {prim.GetPath() for prim in used if prim.IsA(mesh)}

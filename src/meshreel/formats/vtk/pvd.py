@@ -29,7 +29,7 @@ from meshreel.model.surface import Surface
 from meshreel.model.tracks import TrackSource
 
 TIMES = ("TimeValue", "TIME")
-"""Field data with the time of a file, in place of which the collection's is used."""
+"""Field data with the time of a file; the time in the collection takes precedence."""
 
 READERS = {".vtu": read_vtk_xml, ".vtp": read_vtk_xml, ".vtk": read_vtk_legacy}
 READABLE = (*READERS, ".pvtu", ".pvtp")
@@ -116,7 +116,7 @@ def _files_with_faces(
 
 
 def _equal_times_error(time: float, n_files: Mapping[float, int]) -> InvalidInputError:
-    """Return the error for several files of a time, given the number of files of each time."""
+    """Return the error for a time with several files, given the number of files of each time."""
     text = f"lists {n_files[time]} files for the time {time:g}"
     file_order_advice = "read each file as a frame, in file order, with ", Keyword("fps")
     single = next((other for other, count in n_files.items() if count == 1), None)
@@ -266,7 +266,7 @@ def _frame_of(piece: SceneMesh, index: int, time: float) -> SceneMesh:
 
 
 def _file_frames(files: list[tuple[Path, float]], steps: _FileSteps, notes: Notes) -> StepFrames:
-    """Return the frames of files with one step each, given with their times."""
+    """Return one frame per file, given with its time."""
 
     def read(index: int) -> Step:
         return steps.read(*files[index], files[index - 1][0] if index else None)

@@ -30,12 +30,12 @@ class Corners:
     values: Rows
     """Distinct values of all corners as bytes, ascending."""
     faces: Integers
-    """int32 array of shape (M, 3). Numbers of the values at the corners of each face, which begins
-    with the corner that makes them lowest.
+    """int32 array of shape (M, 3). Numbers of the values at the corners of each face, rotated to
+    the lexicographically smallest order.
     """
     opposite: Integers
-    """int32 array of shape (M, 3). Number of the value opposite to the side after each corner, in
-    the face across it.
+    """int32 array of shape (M, 3). Number of the value opposite to the half-edge from each corner,
+    in the face across it.
     """
     corners: Integers
     """int32 array of shape (M, 3). Number of each of these corners in the segment."""

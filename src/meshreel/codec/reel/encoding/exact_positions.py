@@ -74,7 +74,7 @@ class ExactPositionCoder(PositionCoder):
 
     @property
     def is_exact(self) -> bool:
-        """True."""
+        """Always true."""
         return True
 
     def code(self, vertices: Vertices) -> list[tuple[Section, bytes]]:

@@ -24,7 +24,7 @@ from meshreel.model.tracks import TrackSource, value_range
 from meshreel.runtime.progress import Count, Progress
 
 CLEAR_RATIO = 1.15
-"""An alternative that takes this many times more bytes at its first step is not tried further."""
+"""An alternative that is this many times larger at its first step is abandoned."""
 
 FEW_TRIALS = 3
 """Number of steps tried to estimate the size of a track."""

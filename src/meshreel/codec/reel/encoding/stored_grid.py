@@ -13,7 +13,7 @@ from meshreel.codec.source import Source
 from meshreel.model.extent import Extent
 
 MIN_STEP = 8
-"""Minimum step of a grid, in tolerances; a finer step is only the last digit of text."""
+"""Minimum step of a grid, in tolerances; a finer step is the rounding of decimal text."""
 
 MAX_CELLS, MIN_GAIN = 64, 1.5
 """Limits of a coarse grid: cells along a side of the bounding box, and the ratio of its step to

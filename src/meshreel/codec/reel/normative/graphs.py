@@ -1,7 +1,7 @@
 """Graphs of faces, corners and rows, over which their tracks are predicted.
 
 Faces are adjacent across an edge; corners within a triangle, and across an edge at the same vertex;
-rows if any of their corners are; cells if they share a side. `docs/format.md`, "Tracks".
+rows if any of their corners are; cells if they share a face. `docs/format.md`, "Tracks".
 """
 
 from typing import NamedTuple
