@@ -38,6 +38,7 @@ NORMAL = 3
 PAPER_STREAMS = [name for name in STREAMS if name.startswith("paper_")]
 DECODABLE = [name for name in STREAMS if name not in PAPER_STREAMS]
 VARIED = (
+    "cells_with_values",
     "corners_in_rows",
     "everything_quantised",
     "exact_of_faces",
