@@ -296,8 +296,11 @@ def in_orders(sequence, *frames):
 def test_segments_in_another_order_are_joined_exactly():
     sequence = textured()
     frames = range(2), range(2, 3), range(3, 6)
-    joined = without_reordering(in_orders(sequence, *frames), "drop")
+    *others, last = in_orders(sequence, *frames).segments
+    lossy = last.replace(tracks={"heat": Track(last.tracks["heat"].values, error_bound=0.5)})
+    joined = without_reordering(MeshSequence.of_segments([*others, lossy]), "drop")
     [result] = joined.segments
+    assert result.tracks["heat"].error_bound == 0.5
     expected = shuffled(sequence, 0)  # the order of the first segment
     np.testing.assert_array_equal(result.faces, expected.faces)
     np.testing.assert_array_equal(positions_of(result), expected.vertices)
