@@ -125,24 +125,24 @@ static int32_t *add_face(int32_t *end, int32_t a, int32_t b, int32_t c) {
     return a != b || b != c ? end + 3 : end;
 }
 
-static int64_t side_after(int64_t side) { return side % 3 == 2 ? side - 2 : side + 1; }
+static int64_t half_edge_after(int64_t he) { return he % 3 == 2 ? he - 2 : he + 1; }
 
 int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins, const int32_t *items,
                         int64_t n_triangles, int32_t *faces) {
     int32_t *end = faces;
-    for (int64_t side = 0; side < 3 * n_triangles; side++) {
-        int64_t twin = twins[side], after = side_after(side), twin_after = side_after(twin);
-        if (side % 3 == 0) {
-            end = add_face(end, items[side], items[side + 1], items[side + 2]);
+    for (int64_t he = 0; he < 3 * n_triangles; he++) {
+        int64_t twin = twins[he], after = half_edge_after(he), twin_after = half_edge_after(twin);
+        if (he % 3 == 0) {
+            end = add_face(end, items[he], items[he + 1], items[he + 2]);
         }
-        if (twin <= side) {
+        if (twin <= he) {
             continue;
         }
-        bool is_opposite = triangles[side] == triangles[twin_after];
+        bool is_opposite = triangles[he] == triangles[twin_after];
         int32_t first = items[is_opposite ? twin_after : twin];
         int32_t second = items[is_opposite ? twin : twin_after];
-        end = add_face(end, items[side], first, first);
-        if (items[after] != items[side] || second != first) {
+        end = add_face(end, items[he], first, first);
+        if (items[after] != items[he] || second != first) {
             end = add_face(end, items[after], second, second);
         }
     }

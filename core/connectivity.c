@@ -32,10 +32,10 @@ static int64_t code_bounded_count(reel_walk *walk, int64_t count, int64_t limit)
    face. */
 static void write_parts(reel_walk *walk) {
     const reel_surface *surface = &walk->surface;
-    int64_t n_mesh_sides = 3 * surface->n_faces, n_sides = n_mesh_sides + 3 * surface->n_closing;
-    for (int64_t side = n_mesh_sides + 2; side < n_sides && !walk->failed; side += 3) {
-        if (!walk->is_met[surface->point[side]]) {
-            reel_walk_part(walk, (int32_t)side);
+    int64_t n_given = 3 * surface->n_faces, n_half_edges = n_given + 3 * surface->n_closing;
+    for (int64_t he = n_given + 2; he < n_half_edges && !walk->failed; he += 3) {
+        if (!walk->is_met[surface->point[he]]) {
+            reel_walk_part(walk, (int32_t)he);
         }
     }
     for (int64_t f = 0; f < surface->n_faces && !walk->failed; f++) {
@@ -122,8 +122,8 @@ static bool find_twins(const reel_walk *walk, reel_arena *arena) {
 
 /* Before the walk, each half-edge is its own twin. */
 static void start_twins(const reel_walk *walk) {
-    for (int32_t side = 0; walk->twins && side < 3 * walk->n_faces; side++) {
-        walk->twins[side] = side;
+    for (int32_t he = 0; walk->twins && he < 3 * walk->n_faces; he++) {
+        walk->twins[he] = he;
     }
 }
 
@@ -160,7 +160,7 @@ static int64_t write_face_list(reel_walk *walk, const int32_t *faces) {
 static int64_t write_walks(reel_walk *walk, reel_arena *arena, const int32_t *faces) {
     size_t n_verts = (size_t)walk->n_verts, n_faces = (size_t)walk->n_faces;
     walk->numbers = reel_allocate(arena, n_verts, sizeof *walk->numbers);
-    walk->side = reel_allocate(arena, max_nodes(walk->n_faces), sizeof *walk->side);
+    walk->half_edge = reel_allocate(arena, max_nodes(walk->n_faces), sizeof *walk->half_edge);
     walk->is_met = reel_allocate(arena, 6 * n_faces, 1);
     if (arena->failed ||
         !reel_find_surface(arena, faces, walk->n_faces, walk->n_verts, &walk->surface)) {

@@ -9,9 +9,9 @@
 
 enum corner_code { BEST = 0, NEW = 1, EXPLICIT = 2 }; /* 3 and more: further candidates */
 
-/* State of a side at a corner, by the rows of this and the neighboring face at its other end. OPEN:
-   this face's row is not coded yet; NO_NEIGHBOR: there is no coded face across the side. */
-enum side_state { SAME = 0, OPEN = 1, SEAM = 2, NO_NEIGHBOR = 3 };
+/* State of a half-edge at a corner, by the rows of this and the neighboring face at its other end.
+   OPEN: this face's row is not coded yet; NO_NEIGHBOR: no coded face is across the half-edge. */
+enum seam_state { SAME = 0, OPEN = 1, SEAM = 2, NO_NEIGHBOR = 3 };
 
 typedef struct {
     const int32_t *triangles, *twins, *items;
@@ -40,12 +40,12 @@ static void add_candidate(candidate_list *list, int32_t row) {
     list->rows[list->n++] = row;
 }
 
-/* Examine a side between `corner` and `other`; returns its state, and the row of the neighboring
-   face at the vertex of `corner`. */
-static int examine_side(const corner_walk *walk, int32_t side, int32_t corner, int32_t other,
-                        int32_t *row) {
-    int32_t twin = walk->twins[side];
-    if (twin / 3 >= side / 3) {
+/* Examine a half-edge between `corner` and `other`; returns its state, and the row of the
+   neighboring face at the vertex of `corner`. */
+static int examine_half_edge(const corner_walk *walk, int32_t he, int32_t corner, int32_t other,
+                             int32_t *row) {
+    int32_t twin = walk->twins[he];
+    if (twin / 3 >= he / 3) {
         return NO_NEIGHBOR;
     }
     int32_t next = corner_after(twin);
@@ -57,8 +57,8 @@ static int examine_side(const corner_walk *walk, int32_t side, int32_t corner, i
 
 static candidate_list find_candidates(const corner_walk *walk, int32_t corner) {
     int32_t next = corner_after(corner), previous = corner_after(next), rows[2];
-    int states[2] = {examine_side(walk, previous, corner, previous, &rows[0]),
-                     examine_side(walk, corner, corner, next, &rows[1])};
+    int states[2] = {examine_half_edge(walk, previous, corner, previous, &rows[0]),
+                     examine_half_edge(walk, corner, corner, next, &rows[1])};
     int first = states[1] < states[0];
     int32_t vertex = walk->triangles[corner];
     const int32_t *recent = walk->recent + (int64_t)vertex * MAX_RECENT;

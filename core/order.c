@@ -2,13 +2,13 @@
    connectivity.
 
    docs/format.md, "ORDER". Face lists follow the mesh: the next face is usually near the last two,
-   or across an open side of an earlier face. Open sides are kept in the order in which they opened,
-   because lists that sweep over the mesh close them in about that order. Vertices are coded
-   likewise; they also follow the order in which the faces first use them. */
+   or across an open half-edge of an earlier face. Open half-edges are kept in the order in which
+   they opened, because lists that sweep over the mesh close them in about that order. Vertices are
+   coded likewise; they also follow the order in which the faces first use them. */
 
 #include "order_items.h"
 
-/* Ways in which a face is coded: 0..5: across a side; 6..17: across two sides; FAR: all else. */
+/* Codes of faces: 0..5: across a half-edge; 6..17: across two half-edges; FAR: all else. */
 #define FAR 18
 
 typedef struct {
@@ -37,23 +37,23 @@ typedef struct {
 typedef struct {
     face_models *models;
     reel_ranks uncoded; /* faces not yet coded */
-    reel_ranks open;    /* opening times of open sides: between coded and uncoded faces */
-    int32_t *opened_at; /* opening time of each side, or -1 */
-    int32_t *side_at;   /* side that opened at each time */
+    reel_ranks open;    /* opening times of open half-edges: between coded and uncoded faces */
+    int32_t *opened_at; /* opening time of each half-edge, or -1 */
+    int32_t *half_edge_at;   /* half-edge that opened at each time */
     int32_t clock;
-    /* Positions of the last leaps: opening time of the side reached, and face reached. */
+    /* Positions of the last leaps: opening time of the half-edge reached, and face reached. */
     int64_t last_open, last_any;
 } face_state;
 
-/* The side `by` corners (0..2) after a corner of its face. */
+/* The half-edge `by` corners (0..2) after a corner of its face. */
 static int32_t side_of(int32_t corner, int by) {
     return corner + by - (corner % 3 + by > 2 ? 3 : 0);
 }
 
-/* The corner at which the face across a side is entered, or -1 if there is no uncoded face. */
-static int32_t entry(const mesh_order *mesh, const face_state *state, int32_t side) {
-    int32_t twin = mesh->twins[side];
-    return twin != side && reel_ranks_has(&state->uncoded, twin / 3) ? twin : -1;
+/* The corner at which the face across a half-edge is entered, or -1 if there is no uncoded face. */
+static int32_t entry(const mesh_order *mesh, const face_state *state, int32_t he) {
+    int32_t twin = mesh->twins[he];
+    return twin != he && reel_ranks_has(&state->uncoded, twin / 3) ? twin : -1;
 }
 
 /* Distinct uncoded faces near the last two: where each is entered, and by which way. They are found
@@ -131,7 +131,7 @@ static int32_t code_near(reel_range_coder *coder, const mesh_order *mesh, face_s
     return near.entries[index];
 }
 
-/* Choose the open side from which to reach a face: its rank is nearest to that of the last one. */
+/* Choose the open half-edge from which to reach a face, of the rank nearest to that of the last. */
 static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_t face) {
     int64_t result = -1, min_distance = 0, last = reel_ranks_rank(&state->open, state->last_open);
     for (int i = 0; i < 3; i++) {
@@ -149,7 +149,7 @@ static int64_t best_time(const mesh_order *mesh, const face_state *state, int64_
     return result;
 }
 
-/* Code a face across an open side, and return the corner entered; or among all: -1 - face. */
+/* Code a face across an open half-edge, and return the corner entered; or among all: -1 - face. */
 static int32_t code_far(reel_range_coder *coder, const mesh_order *mesh, face_state *state,
                         int64_t target) {
     face_models *models = state->models;
@@ -157,7 +157,7 @@ static int32_t code_far(reel_range_coder *coder, const mesh_order *mesh, face_st
     if (state->open.size && reel_bit(coder, &models->open[models->last_ways[0]], time >= 0)) {
         time = reel_code_leap(coder, &models->leap, &state->open, state->last_open, time);
         state->last_open = time;
-        return mesh->twins[state->side_at[time]];
+        return mesh->twins[state->half_edge_at[time]];
     }
     int64_t face =
         reel_code_leap(coder, &models->leap_any, &state->uncoded, state->last_any, target);
@@ -175,22 +175,22 @@ static int code_turn(reel_range_coder *coder, face_models *models, int way, int 
     return 1 + reel_bit_in_context(coder, &shared[1], &context[1], turn > 1);
 }
 
-/* Mark a face as coded: sides towards it close, its own open. */
+/* Mark a face as coded: half-edges towards it close, its own open. */
 static void mark_coded(const mesh_order *mesh, face_state *state, int32_t corner) {
     int32_t face = corner / 3;
     reel_ranks_change(&state->uncoded, face, -1);
     for (int i = 0; i < 3; i++) {
-        int32_t side = side_of(corner, i), twin = mesh->twins[side];
-        if (twin != side && state->opened_at[twin] >= 0) {
+        int32_t he = side_of(corner, i), twin = mesh->twins[he];
+        if (twin != he && state->opened_at[twin] >= 0) {
             reel_ranks_change(&state->open, state->opened_at[twin], -1);
             state->opened_at[twin] = -1;
         }
     }
     for (int i = 0; i < 3; i++) {
-        int32_t side = side_of(corner, i);
-        if (entry(mesh, state, side) >= 0) {
-            state->opened_at[side] = state->clock;
-            state->side_at[state->clock] = side;
+        int32_t he = side_of(corner, i);
+        if (entry(mesh, state, he) >= 0) {
+            state->opened_at[he] = state->clock;
+            state->half_edge_at[state->clock] = he;
             reel_ranks_change(&state->open, state->clock++, 1);
         }
     }
@@ -203,16 +203,16 @@ static size_t face_coder_bytes(int64_t n_faces) {
 }
 
 static face_state start_face_coder(reel_arena *arena, const mesh_order *mesh) {
-    int64_t n_sides = 3 * mesh->n_faces;
+    int64_t n_half_edges = 3 * mesh->n_faces;
     face_state state = {.models = reel_allocate(arena, 1, sizeof(face_models))};
     state.uncoded = reel_ranks_of(arena, mesh->n_faces, true);
-    state.open = reel_ranks_of(arena, n_sides, false);
-    state.opened_at = reel_allocate(arena, (size_t)n_sides, sizeof(int32_t));
-    state.side_at = reel_allocate(arena, (size_t)n_sides, sizeof(int32_t));
+    state.open = reel_ranks_of(arena, n_half_edges, false);
+    state.opened_at = reel_allocate(arena, (size_t)n_half_edges, sizeof(int32_t));
+    state.half_edge_at = reel_allocate(arena, (size_t)n_half_edges, sizeof(int32_t));
     if (arena->failed) {
         return state;
     }
-    for (int64_t i = 0; i < n_sides; i++) {
+    for (int64_t i = 0; i < n_half_edges; i++) {
         state.opened_at[i] = -1;
     }
     face_models *models = state.models;

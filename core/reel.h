@@ -415,7 +415,7 @@ REEL_API int64_t reel_corner_rows(void *memory, size_t memory_size, const int32_
                                   const int32_t *differences, int64_t n_explicit, int32_t *rows);
 
 /* The rows that predict each row of a table along the faces (row_predictors.c), as
-   reel_patterns_encode takes them. `faces` are triples of rows 0..n_rows-1, and twins[side] is the
+   reel_patterns_encode takes them. `faces` are triples of rows 0..n_rows-1, and twins[h] is the
    other half-edge with the same two rows, or itself; an involution. `triples` has space for 3
    n_faces + n_rows triples; returns their number. */
 REEL_API size_t reel_predictors_memory(int64_t n_rows, int64_t n_faces);

@@ -1,14 +1,14 @@
 /* Finds the rows that predict each row of a table, along the faces of the mesh.
 
-   docs/format.md, "Along the faces". Faces are traversed across their sides. A new row is predicted
-   by the parallelograms of the faces around it whose other rows are coded. Sides that lead to rows
-   with many parallelograms go first. */
+   docs/format.md, "Along the faces". Faces are traversed across their half-edges. A new row is
+   predicted by the parallelograms of the faces around it whose other rows are coded. Half-edges
+   that lead to rows with many parallelograms go first. */
 
 #include "base.h"
 
 #define MAX_TRIPLES 8
 #define MAX_CORNERS 32 /* corners of a row that are searched */
-/* Priorities of sides, by the number of parallelograms that predict the row across. */
+/* Priorities of half-edges, by the number of parallelograms that predict the row across. */
 #define N_PRIORITIES 4
 
 typedef struct {
@@ -21,7 +21,7 @@ typedef struct {
     bool *is_coded, *is_visited; /* per row; per face */
     int64_t *firsts;             /* start of the corners of each row in `corners` */
     int32_t *corners;            /* corners by row */
-    /* Stacks of sides to cross, one per priority, as linked lists. */
+    /* Stacks of half-edges to cross, one per priority, as linked lists. */
     int32_t *below, top[N_PRIORITIES];
 } traversal;
 
@@ -76,10 +76,10 @@ static int parallelograms(const traversal *walk, int32_t row, int32_t *triples_o
     int n = 0;
     end = end - first > MAX_CORNERS ? first + MAX_CORNERS : end;
     for (int64_t i = first; i < end && n < MAX_TRIPLES; i++) {
-        int32_t side = rotated_corner(walk->corners[i], 1), twin = walk->twins[side];
-        int32_t a = walk->faces[side], b = walk->faces[rotated_corner(side, 1)];
+        int32_t he = rotated_corner(walk->corners[i], 1), twin = walk->twins[he];
+        int32_t a = walk->faces[he], b = walk->faces[rotated_corner(he, 1)];
         int32_t c = walk->faces[rotated_corner(twin, 2)];
-        if (twin != side && walk->is_coded[a] && walk->is_coded[b] && walk->is_coded[c]) {
+        if (twin != he && walk->is_coded[a] && walk->is_coded[b] && walk->is_coded[c]) {
             triples_out[3 * n] = a;
             triples_out[3 * n + 1] = b;
             triples_out[3 * n + 2] = c;
@@ -105,31 +105,31 @@ static void add_row(traversal *walk, int32_t row, int32_t fallback) {
     walk->starts[walk->n_coded] = walk->n_triples;
 }
 
-static void push_side(traversal *walk, int32_t side) {
-    int32_t twin = walk->twins[side], triples_out[3 * MAX_TRIPLES];
-    if (twin == side || walk->is_visited[twin / 3]) {
+static void push_half_edge(traversal *walk, int32_t he) {
+    int32_t twin = walk->twins[he], triples_out[3 * MAX_TRIPLES];
+    if (twin == he || walk->is_visited[twin / 3]) {
         return;
     }
     int32_t row = walk->faces[rotated_corner(twin, 2)];
     int priority = walk->is_coded[row] ? N_PRIORITIES - 1 : parallelograms(walk, row, triples_out);
     priority = priority < N_PRIORITIES - 1 ? priority : N_PRIORITIES - 1;
-    walk->below[side] = walk->top[priority];
-    walk->top[priority] = side;
+    walk->below[he] = walk->top[priority];
+    walk->top[priority] = he;
 }
 
-/* Pop the side to cross next, or return -1. */
-static int32_t pop_side(traversal *walk) {
+/* Pop the half-edge to cross next, or return -1. */
+static int32_t pop_half_edge(traversal *walk) {
     for (int priority = N_PRIORITIES - 1; priority >= 0; priority--) {
-        int32_t side = walk->top[priority];
-        if (side >= 0) {
-            walk->top[priority] = walk->below[side];
-            return side;
+        int32_t he = walk->top[priority];
+        if (he >= 0) {
+            walk->top[priority] = walk->below[he];
+            return he;
         }
     }
     return -1;
 }
 
-/* Traverse the faces connected to one across sides. */
+/* Traverse the faces connected to one across half-edges. */
 static void traverse_from(traversal *walk, int32_t face) {
     walk->is_visited[face] = true;
     for (int i = 0; i < 3; i++) {
@@ -140,10 +140,10 @@ static void traverse_from(traversal *walk, int32_t face) {
         }
     }
     for (int i = 0; i < 3; i++) {
-        push_side(walk, 3 * face + i);
+        push_half_edge(walk, 3 * face + i);
     }
-    for (int32_t side = pop_side(walk); side >= 0; side = pop_side(walk)) {
-        int32_t twin = walk->twins[side], row = walk->faces[rotated_corner(twin, 2)];
+    for (int32_t he = pop_half_edge(walk); he >= 0; he = pop_half_edge(walk)) {
+        int32_t twin = walk->twins[he], row = walk->faces[rotated_corner(twin, 2)];
         if (walk->is_visited[twin / 3]) {
             continue;
         }
@@ -151,8 +151,8 @@ static void traverse_from(traversal *walk, int32_t face) {
         if (!walk->is_coded[row]) {
             add_row(walk, row, walk->faces[twin]);
         }
-        push_side(walk, rotated_corner(twin, 1));
-        push_side(walk, rotated_corner(twin, 2));
+        push_half_edge(walk, rotated_corner(twin, 1));
+        push_half_edge(walk, rotated_corner(twin, 2));
     }
 }
 

@@ -1,6 +1,6 @@
 /* A face list as closed, oriented manifold surfaces: what the connectivity encoder traverses.
 
-   Half-edge (side) 3 f + k of face f goes from its corner k to corner (k + 1) mod 3. Every
+   Half-edge he = 3 f + k of face f goes from its corner k to corner (k + 1) mod 3. Every
    half-edge has a twin, the same edge seen from the other face. Each boundary edge is closed by an
    additional face whose third corner is a cap: a virtual point that closes a whole boundary loop. A
    point is a corner shared by the faces around it; a vertex where several fans of faces meet is
@@ -30,12 +30,12 @@ typedef struct {
 } reel_surface;
 
 /* The next and the previous half-edge of the same face. */
-REEL_INLINE int32_t reel_side_after(int32_t side) {
-    return side % 3 == 2 ? side - 2 : side + 1;
+REEL_INLINE int32_t reel_next_half_edge(int32_t he) {
+    return he % 3 == 2 ? he - 2 : he + 1;
 }
 
-REEL_INLINE int32_t reel_side_before(int32_t side) {
-    return side % 3 == 0 ? side + 2 : side - 1;
+REEL_INLINE int32_t reel_previous_half_edge(int32_t he) {
+    return he % 3 == 0 ? he + 2 : he - 1;
 }
 
 /* Bytes of the arena that `reel_find_surface` takes. */

@@ -46,8 +46,8 @@ typedef uint32_t vec4u __attribute__((vector_size(4 * LANES), may_alias));
 typedef int64_t vec4l __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 typedef double vec4d __attribute__((vector_size(8 * LANES), aligned(16), may_alias));
 
-/* Rows that predict a row as a + b - c: a and b are the ends of the side opposite to the row in one
-   of its triangles, and c is the vertex across this side. */
+/* Rows that predict a row as a + b - c: a and b are the ends of the half-edge opposite to the row
+   in one of its triangles, and c is the vertex across this half-edge. */
 typedef struct {
     int32_t a, b, c;
 } parallelogram;
@@ -81,7 +81,7 @@ typedef struct {
 
 typedef struct {
     int64_t n_frames, n_rows, n_columns, n_groups, n_faces;
-    const int32_t *faces, *twins; /* rows of each triangle; opposite half-edge of each side */
+    const int32_t *faces, *twins; /* rows of each triangle; opposite half-edge of each half-edge */
     /* corners[starts[i]..starts[i + 1] - 1]: the corners, as 4 * face + corner, at which row i is
        the latest of its triangle. */
     int32_t *starts, *corners;
@@ -171,8 +171,8 @@ REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
     int32_t n_around = 0, n_parallelograms = 0;
     for (int32_t i = coder->starts[row]; i < coder->starts[row + 1]; i++) {
         int32_t first = coder->corners[i] / 4 * 3, corner = coder->corners[i] & 3;
-        int32_t side = first + after[corner], twin = coder->twins[side];
-        int32_t a = coder->faces[side], b = coder->faces[first + before[corner]];
+        int32_t he = first + after[corner], twin = coder->twins[he];
+        int32_t a = coder->faces[he], b = coder->faces[first + before[corner]];
         int32_t c = coder->faces[twin % 3 ? twin - 1 : twin + 2];
         if (a == b || a == row || b == row) {
             continue;
@@ -184,7 +184,7 @@ REEL_INLINE void find_neighbors(surface_coder *coder, int32_t row) {
         n_around += coder->seen_at[b] != row;
         coder->seen_at[b] = row;
         coder->parallelograms[n_parallelograms] = (parallelogram){a, b, c};
-        n_parallelograms += (twin != side) & (c < row);
+        n_parallelograms += (twin != he) & (c < row);
     }
     coder->n_around = n_around;
     coder->n_parallelograms = n_parallelograms;

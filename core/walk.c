@@ -61,10 +61,10 @@ static void link_nodes(reel_walk *walk, int32_t n, int32_t next) {
 }
 
 /* Encoder: set the half-edge of a node. On a ring, -1 - node is stored as its twin. */
-static void set_half_edge(reel_walk *walk, int32_t n, int32_t side) {
+static void set_half_edge(reel_walk *walk, int32_t n, int32_t he) {
     if (reel_is_encoder(&walk->coder)) {
-        walk->side[n] = side;
-        walk->surface.twin[side] = -1 - n;
+        walk->half_edge[n] = he;
+        walk->surface.twin[he] = -1 - n;
     }
 }
 
@@ -73,8 +73,8 @@ static int32_t half_edge_behind(const reel_walk *walk, int32_t n, bool is_next) 
     if (!reel_is_encoder(&walk->coder)) {
         return REEL_NONE;
     }
-    int32_t side = walk->side[n];
-    return walk->surface.twin[is_next ? reel_side_after(side) : reel_side_before(side)];
+    int32_t he = walk->half_edge[n];
+    return walk->surface.twin[is_next ? reel_next_half_edge(he) : reel_previous_half_edge(he)];
 }
 
 /* A visited face a, b, c: whether it is flipped, and its half-edges between b and c, c and a. */
@@ -84,10 +84,10 @@ typedef struct {
 } visited_face;
 
 /* Make two half-edges twins, unless one is REEL_NONE. */
-static void pair_twins(const reel_walk *walk, int32_t side, int32_t twin) {
-    if (walk->twins && side != REEL_NONE && twin != REEL_NONE) {
-        walk->twins[side] = twin;
-        walk->twins[twin] = side;
+static void pair_twins(const reel_walk *walk, int32_t he, int32_t twin) {
+    if (walk->twins && he != REEL_NONE && twin != REEL_NONE) {
+        walk->twins[he] = twin;
+        walk->twins[twin] = he;
     }
 }
 
@@ -106,18 +106,18 @@ static visited_face add_face(reel_walk *walk, int32_t a, int32_t b, int32_t c) {
         walk->failed = true;
         return (visited_face){false, REEL_NONE, REEL_NONE};
     }
-    bool flipped = reel_is_encoder(&walk->coder) && walk->surface.flipped[walk->side[a] / 3];
+    bool flipped = reel_is_encoder(&walk->coder) && walk->surface.flipped[walk->half_edge[a] / 3];
     flipped = reel_code_flipped(walk, a, flipped);
-    int32_t side = 3 * (int32_t)walk->n_visited++, *face = walk->faces + side;
+    int32_t he = 3 * (int32_t)walk->n_visited++, *face = walk->faces + he;
     face[0] = u;
     face[1] = flipped ? w : v;
     face[2] = flipped ? v : w;
-    int32_t first = flipped ? side + 2 : side;
+    int32_t first = flipped ? he + 2 : he;
     pair_twins(walk, first, nodes[a].behind);
     if (starts_part) {
         nodes[b].behind = first; /* both edges of the ring are the same edge */
     }
-    return (visited_face){flipped, side + 1, flipped ? side : side + 2};
+    return (visited_face){flipped, he + 1, flipped ? he : he + 2};
 }
 
 /* Record that the face n, m, c now lies behind the edges n to c and c to m. */
@@ -212,7 +212,7 @@ static void grow_to_node(reel_walk *walk, int32_t n, int32_t m, int32_t w, int32
    between it and the edge to the next node. Searches from both ends, as degrees may be high. */
 static int32_t find_node(const reel_walk *walk, int32_t start, int32_t *share) {
     const int32_t *twin = walk->surface.twin;
-    int32_t back = start, ahead = reel_side_before(start);
+    int32_t back = start, ahead = reel_previous_half_edge(start);
     for (int32_t steps = 0;; steps++) {
         if (twin[back] < 0) {
             *share = steps - 1;
@@ -223,8 +223,8 @@ static int32_t find_node(const reel_walk *walk, int32_t start, int32_t *share) {
             *share = walk->nodes[node].remaining - steps - 1;
             return node;
         }
-        back = reel_side_after(twin[back]);
-        ahead = reel_side_before(twin[ahead]);
+        back = reel_next_half_edge(twin[back]);
+        ahead = reel_previous_half_edge(twin[ahead]);
     }
 }
 
@@ -234,7 +234,7 @@ static void grow(reel_walk *walk, int32_t n) {
     int32_t point = REEL_NONE, target = REEL_NONE, share = 0;
     bool meets = false;
     if (reel_is_encoder(&walk->coder)) {
-        int32_t third = reel_side_before(walk->side[n]);
+        int32_t third = reel_previous_half_edge(walk->half_edge[n]);
         point = walk->surface.point[third];
         meets = walk->is_met[point];
         if (meets) {
@@ -278,11 +278,11 @@ static void fill(reel_walk *walk, int32_t n) {
 }
 
 /* Start a part with a ring of two nodes: one edge, seen from both of its faces. */
-static void start_part(reel_walk *walk, int32_t side) {
+static void start_part(reel_walk *walk, int32_t he) {
     int32_t twin = REEL_NONE, points[2] = {REEL_NONE, REEL_NONE};
     if (reel_is_encoder(&walk->coder)) {
-        twin = walk->surface.twin[side];
-        points[0] = walk->surface.point[side];
+        twin = walk->surface.twin[he];
+        points[0] = walk->surface.point[he];
         points[1] = walk->surface.point[twin];
     }
     int32_t a = meet_point(walk, REEL_NONE, REEL_NONE, points[0]);
@@ -293,7 +293,7 @@ static void start_part(reel_walk *walk, int32_t side) {
     walk->starts_part = true;
     link_nodes(walk, a, b);
     link_nodes(walk, b, a);
-    set_half_edge(walk, a, side);
+    set_half_edge(walk, a, he);
     set_half_edge(walk, b, twin);
     walk->nodes[a].remaining++; /* both ring edges are the same edge */
     walk->nodes[b].remaining++;
@@ -301,8 +301,8 @@ static void start_part(reel_walk *walk, int32_t side) {
     push_node(walk, b);
 }
 
-void reel_walk_part(reel_walk *walk, int32_t side) {
-    start_part(walk, side);
+void reel_walk_part(reel_walk *walk, int32_t he) {
+    start_part(walk, he);
     while (!walk->failed && walk->filled) {
         int stack = __builtin_ctz(walk->filled);
         int32_t n = walk->nodes[REEL_HEAD(stack)].below;

@@ -62,10 +62,10 @@ typedef struct {
     uint32_t filled;   /* one bit per stack: 0 if it is empty */
     /* Encoder only. */
     reel_surface surface;
-    int32_t *side;    /* per node: the half-edge to its next, of an unvisited face */
-    uint8_t *is_met;  /* per point: was it met? */
-    int32_t *numbers; /* internal number of each given vertex */
-    int32_t *given;   /* its inverse */
+    int32_t *half_edge; /* per node: the half-edge to its next, of an unvisited face */
+    uint8_t *is_met;    /* per point: was it met? */
+    int32_t *numbers;   /* internal number of each given vertex */
+    int32_t *given;     /* its inverse */
 } reel_walk;
 
 /* Coded decisions: the encoder passes the actual value, and both sides get it back. */
@@ -79,6 +79,6 @@ int32_t reel_code_degree(reel_walk *walk, int32_t n, int32_t m, int32_t degree);
 int32_t reel_code_vertex(reel_walk *walk, int32_t vertex);
 
 /* Traverse one connected part of the surface; the encoder passes the half-edge to start from. */
-void reel_walk_part(reel_walk *walk, int32_t side);
+void reel_walk_part(reel_walk *walk, int32_t he);
 
 #endif

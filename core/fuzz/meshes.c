@@ -14,23 +14,23 @@ int32_t *fuzz_permutation(int64_t n) {
 
 /* Pair the half-edges at random, and leave some unpaired. */
 void fuzz_shuffle_twins(fuzz_mesh *mesh) {
-    int64_t n_sides = 3 * mesh->n_faces, i = 0;
-    const int32_t *order = fuzz_permutation(n_sides);
-    for (; i + 1 < n_sides; i += 2) {
+    int64_t n_half_edges = 3 * mesh->n_faces, i = 0;
+    const int32_t *order = fuzz_permutation(n_half_edges);
+    for (; i + 1 < n_half_edges; i += 2) {
         bool is_unpaired = fuzz_one_in(6);
         mesh->twins[order[i]] = order[is_unpaired ? i : i + 1];
         mesh->twins[order[i + 1]] = order[is_unpaired ? i + 1 : i];
     }
-    if (i < n_sides) {
+    if (i < n_half_edges) {
         mesh->twins[order[i]] = order[i];
     }
 }
 
-static void make_grid(fuzz_mesh *mesh, int64_t side) {
+static void make_grid(fuzz_mesh *mesh, int64_t he) {
     int32_t *face = mesh->faces;
-    for (int64_t i = 0; i + 1 < side; i++) {
-        for (int64_t j = 0; j + 1 < side; j++) {
-            int32_t corner = (int32_t)(i * side + j), below = corner + (int32_t)side;
+    for (int64_t i = 0; i + 1 < he; i++) {
+        for (int64_t j = 0; j + 1 < he; j++) {
+            int32_t corner = (int32_t)(i * he + j), below = corner + (int32_t)he;
             int32_t corners[6] = {corner, below, corner + 1, corner + 1, below, below + 1};
             for (int k = 0; k < 6; k++) {
                 *face++ = corners[k];
@@ -69,15 +69,15 @@ static void damage_mesh(fuzz_mesh *mesh) {
 
 fuzz_mesh fuzz_make_mesh(int64_t max_verts) {
     fuzz_mesh mesh = {.n_verts = fuzz_below(max_verts)};
-    int64_t kind = fuzz_below(4), side = 0;
-    while ((side + 1) * (side + 1) <= mesh.n_verts) {
-        side++;
+    int64_t kind = fuzz_below(4), he = 0;
+    while ((he + 1) * (he + 1) <= mesh.n_verts) {
+        he++;
     }
     mesh.n_faces = mesh.n_verts ? fuzz_below(2 * mesh.n_verts) : 0;
     int32_t *faces = fuzz_allocate(6 * mesh.n_verts, sizeof *faces);
     mesh.faces = faces;
     if (kind == 0) {
-        make_grid(&mesh, side);
+        make_grid(&mesh, he);
     } else if (kind == 1 && mesh.n_verts > 4) {
         make_fan(&mesh, fuzz_one_in(2));
     } else {
