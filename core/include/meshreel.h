@@ -18,22 +18,16 @@
    Functions that can fail return a `meshreel_code` and fill `error`, which may be NULL. After a
    failure output buffers hold unspecified values; the file and the decoder remain usable.
 
-   This program writes the positions of the first frame of a file, as floats:
+   This program reads a file and writes the positions of its first frame, as floats:
 
        #include <meshreel.h>
        #include <stdio.h>
        #include <stdlib.h>
-       static void *allocate(void *user, size_t size) {
-           return aligned_alloc(64, (size + 63) / 64 * 64);
-       }
+       static void *allocate(void *user, size_t size) { return aligned_alloc(64, (size | 63) + 1); }
        static void release(void *user, void *memory, size_t size) { free(memory); }
-       static int read_range(void *user, uint64_t offset, void *to, size_t size) {
-           return fseek(user, (long)offset, SEEK_SET) || fread(to, 1, size, user) != size;
-       }
-       int main(int count, char **words) {
-           FILE *input = count > 1 ? fopen(words[1], "rb") : NULL;
-           if (!input || fseek(input, 0, SEEK_END)) return 2;
-           meshreel_source source = {.size = ftell(input), .read = read_range, .user = input};
+       int main(void) {
+           static char bytes[1 << 24]; // or a callback that reads ranges
+           meshreel_source source = {.bytes = bytes, .size = fread(bytes, 1, sizeof bytes, stdin)};
            meshreel_host host = {.allocate = allocate, .release = release};
            meshreel_layout floats = {.type = MESHREEL_FLOAT32}; // converts doubles, too
            meshreel_file *file = NULL;
@@ -46,6 +40,7 @@
            failed = failed || meshreel_decode(decoder, 0, 0, 1, 0, &floats, positions, &error);
            if (failed) fprintf(stderr, "%s\n", error.message);
            else fwrite(positions, sizeof(float), n_floats, stdout);
+           free(positions);
            meshreel_end(decoder);
            meshreel_close(file);
            return failed;

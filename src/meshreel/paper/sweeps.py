@@ -160,9 +160,8 @@ AS_PRINTED = TableSettings(
     choices=FINE_ANCHORS,
     allocation=Allocation.CONSTANT.value,
 )
-"""Settings that give the printed rates q of Samba within 13 %. If every row uses all of its bits, 8
-of 175 rows take .7314 at 16 bits, .1829 at 4 and .4571 at 10; 2 rows of 4 bits in each block of 25
-frames take .32."""
+"""They give the printed q of Samba within 13 %: if rows use all of their bits, 8 of 175 rows of 16,
+4 and 10 bits take .7314, .1829 and .4571, 2 rows of 4 bits in each block of 25 frames .32."""
 
 DEFAULTS = TableSettings()
 PRESETS = {"usual": DEFAULTS, "printed": AS_PRINTED}

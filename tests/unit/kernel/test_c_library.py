@@ -87,9 +87,11 @@ def test_example_of_the_header_links_with_pkg_config_and_decodes_the_same_bits(
     source.write_text("\n".join(line for line in head.split("\n") if line.startswith(" " * 7)))
     options = "-Wall", "-Werror", f"-Wl,-rpath,{moved / 'lib'}"
     run(compiler, source, *flags_of(moved, "meshreel"), *options, "-o", program)
-    first = run(program, STREAM)
-    assert first == expected[: len(first)] != b""
-    refused = subprocess.run([program, source], capture_output=True, timeout=TIME_LIMIT_S)
+    first, refused = (
+        subprocess.run([program], input=data, capture_output=True, timeout=TIME_LIMIT_S)
+        for data in (STREAM.read_bytes(), b"other")
+    )
+    assert first.stdout == expected[: len(first.stdout)] != b""
     assert (refused.returncode, refused.stderr) == (1, b"not a .reel stream\n")
 
 

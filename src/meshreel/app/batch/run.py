@@ -25,10 +25,8 @@ from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
 
 MIN_SUBMITTED = 256
-"""Maximum number of inputs submitted and not yet written, or two per worker if that is more.
-
-It bounds the memory of finished streams, and keeps workers busy that join a cluster later.
-"""
+"""Maximum number of inputs submitted and not yet written, or two per worker if that is more: bounds
+the memory of finished streams, and keeps workers busy that join a cluster later."""
 
 POLL_S = 0.5
 

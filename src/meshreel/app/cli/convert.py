@@ -50,8 +50,7 @@ def convert_command(
     """Write an animated mesh in another format, without loss as far as the format allows.
 
     A .reel output is encoded with the options of `meshreel encode`, which only apply to .reel, and
-    its error is printed. An output such as frame_%04d.obj is one file per frame, numbered like the
-    frame.
+    its error is printed. Outputs such as frame_%04d.obj are numbered like their frames.
 
     Examples:
 

@@ -49,7 +49,7 @@ def decode_command(
 ) -> None:
     """Decode the animation of a .reel file.
 
-    An output such as frame_%04d.obj is one file per frame, numbered like the frame.
+    Outputs such as frame_%04d.obj are numbered like their frames.
 
     Examples:
 
