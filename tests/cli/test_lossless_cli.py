@@ -43,7 +43,7 @@ def assert_same_positions(sequence):
 @pytest.mark.parametrize("command", ["encode", "convert"])
 def test_positions_round_trip_bit_for_bit_and_output_says_so(command):
     output = output_of(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
-    assert "method lossless raw" in output
+    assert "method lossless rate" in output
     assert "positions exact 0 " in output
     assert "track heat exact 0 " in output
     decoded = meshreel.decode(f"{command}.reel")

@@ -22,7 +22,7 @@ from meshreel.errors import SolverError
 from meshreel.metrics.normals import normal_angles
 from meshreel.metrics.position_errors import ErrorSums, add_blocks
 from meshreel.metrics.reference import reference_of_extent
-from meshreel.metrics.sted import EdgeErrors
+from meshreel.metrics.sted import LocalSted
 from meshreel.metrics.track_errors import TrackErrors, errors_of_tracks, joined_errors
 from meshreel.model.extent import Extent
 from meshreel.model.frame_choice import evenly_spaced
@@ -83,7 +83,7 @@ def measure_stream(
             first: int = first_frame,
             segment: FrameSource = segment,
         ) -> Iterator[Vertices]:
-            edges = None
+            local = None
             for start, frames in reel.pieces():
                 reordered = frames if internal is None else frames[:, internal]
                 for index in range(len(reordered)):
@@ -91,8 +91,8 @@ def measure_stream(
                         original = segment.read(start + index, start + index + 1)
                         pair = original, reordered[index : index + 1]
                         angles.append(normal_angles(*pair, segment.faces).mean_deg)
-                        edges = edges or EdgeErrors(segment.faces, segment.n_verts)
-                        stretches.append(edges.sted_spatial(*pair, reference))
+                        local = local or LocalSted(segment.faces, segment.n_verts)
+                        stretches.append(local.mean(*pair, reference))
                 yield reordered
                 progress("measuring", Count(first + start + len(frames), n_frames, "frames"))
 

@@ -28,7 +28,6 @@ from meshreel.model.sequence import (
     frame_of,
     frames_by_segment,
     frames_of,
-    joined_parts,
 )
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import Surface
@@ -139,14 +138,8 @@ class ReelFile(Timed):
     def _segment(self, number: int) -> "ReelFile":
         with self._lock:
             if number not in self._decoded:
-                self._decoded[number] = ReelFile(
-                    self._file,
-                    self._n_modes,
-                    self._memory,
-                    number,
-                    opened=self._whole,
-                    reopen=self._reopen,
-                )
+                part = partial(ReelFile, self._file, self._n_modes, self._memory, number)
+                self._decoded[number] = part(opened=self._whole, reopen=self._reopen)
                 if len(self._decoded) > MAX_OPEN_SEGMENTS:
                     self._decoded.popitem(last=False)
             self._decoded.move_to_end(number)
@@ -309,16 +302,19 @@ class ReelFile(Timed):
         if not isinstance(index, slice):
             return frame_of(self.segments, self.starts, index)
         selected = frame_range(index, self.n_frames, with_step=True)
-        parts, decoded_bytes = [], 0
+        parts, decoded_bytes, n_done = [], 0, 0
+        timing = self.timing.part(selected)
         for number, frames in frames_by_segment(self.starts, selected):
             segment = self.segments[number]
             segment._opened.require_frames(frames)
             frames_bytes = len(frames) * segment.n_verts * 3 * segment.dtype.itemsize
             subject = f"frames {selected.start}:{selected.stop} of {self!r}"
             self._limit.require(decoded_bytes + frames_bytes, subject)
-            parts.append(frames_of(segment, frames, hand_over))
+            own_timing = timing.part(range(n_done, n_done + len(frames)))
+            parts.append(frames_of(segment, frames, own_timing, hand_over))
+            n_done += len(frames)
             decoded_bytes += parts[-1].raw_size_bytes
-        return joined_parts(parts, self.name, self.timing.part(selected), selected.step)
+        return MeshSequence.of_segments(parts, self.name, timing)
 
     def frames(self, numbers: npt.ArrayLike, out: Vertices | None = None) -> Vertices:
         """Decode positions of several frames, such as the windows of a batch.

@@ -9,11 +9,9 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.kernel.closest import TriangleTree
-from meshreel.metrics.edge_neighborhoods import EdgeNeighborhoods
 from meshreel.metrics.normals import DEGENERATE_AREA, face_angles_deg
 from meshreel.metrics.reference import Reference, paired_frames, shared_reference
-from meshreel.metrics.sted import relative_edge_errors
-from meshreel.model.geometry.connectivity import undirected_edges
+from meshreel.metrics.sted import LocalSted
 from meshreel.model.sequence import Faces
 
 Frame = npt.NDArray[np.floating]
@@ -142,39 +140,3 @@ def vertex_normal_angle_deg(original: Frame, decoded: Frame, faces: Faces) -> Fl
     sums = np.bincount(corners, np.repeat(angles[valid], 3), n_verts)
     counts = np.bincount(corners, minlength=n_verts)
     return np.divide(sums, counts, out=np.zeros(n_verts), where=counts > 0)
-
-
-class LocalSted:
-    """The spatial part of STED per vertex, before averaging.
-
-    The standard deviation of the relative errors of edge lengths, weighted by length, over all
-    edges that touch a vertex or one of its neighbors; see `meshreel.metrics.sted.sted`. The mean
-    over all vertices with edges of positive length is the spatial STED of the frame.
-
-    Parameters
-    ----------
-    faces : integer array of shape (M, 3)
-    """
-
-    def __init__(self, faces: Faces, n_verts: int) -> None:
-        self._edges = undirected_edges(faces)
-        self._neighborhoods = EdgeNeighborhoods(self._edges, n_verts)
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def field(self, original: Frame, decoded: Frame) -> Floats:
-        """Values of shape (V,); 0 for vertices without stretched edges.
-
-        Parameters
-        ----------
-        original, decoded : float arrays of shape (V, 3), in model units, all finite
-
-        Raises
-        ------
-        InvalidInputError
-            If the shapes differ.
-        """
-        reference = shared_reference(original[np.newaxis], decoded[np.newaxis])
-        pairs = paired_frames(original[np.newaxis], decoded[np.newaxis], reference)
-        lengths, errors = relative_edge_errors(*next(pairs), self._edges)
-        deviations, _ = self._neighborhoods.weighted_deviation(lengths, errors)
-        return deviations

@@ -1,6 +1,7 @@
 """STED: a perceptual error of edge lengths and vertex speeds."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,14 +69,16 @@ def sted(original: Vertices, decoded: Vertices, faces: Faces) -> Sted:
     IEEE TVCG 17(2), 2011.
     """
     reference = shared_reference(original, decoded)
-    edges = EdgeErrors(faces, original.shape[1])
-    spatial = edges.sted_spatial(original, decoded, reference)
+    spatial = LocalSted(faces, original.shape[1]).mean(original, decoded, reference)
     temporal = _temporal_error(original, decoded, reference)
     return Sted(spatial, temporal, math.hypot(spatial, TEMPORAL_WEIGHT * temporal))
 
 
-class EdgeErrors:
-    """Measures the spatial part of STED of frames of one mesh.
+class LocalSted:
+    """Standard deviations of relative edge errors around each vertex, of frames of one mesh.
+
+    They are weighted by length, over all edges that touch a vertex or one of its neighbors; see
+    `sted`. Their mean over vertices with edges of positive length is the spatial STED.
 
     Parameters
     ----------
@@ -87,17 +90,32 @@ class EdgeErrors:
         self._edges = undirected_edges(faces)
         self._neighborhoods = EdgeNeighborhoods(self._edges, n_verts)
 
-    def sted_spatial(self, original: Vertices, decoded: Vertices, reference: Reference) -> float:
-        """Spatial part of STED of frames of shape (T, V, 3); `reference` is that of all frames."""
+    @np.errstate(over="ignore", invalid="ignore")
+    def field(self, original: Vertices, decoded: Vertices) -> Floats:
+        """Values of a frame, of shape (V,); 0 for vertices without stretched edges.
+
+        Parameters and errors are those of `sted`, for positions of shape (V, 3).
+        """
+        pair = original[np.newaxis], decoded[np.newaxis]
+        return next(self._fields(*pair, shared_reference(*pair)))[0]
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def mean(self, original: Vertices, decoded: Vertices, reference: Reference) -> float:
+        """Spatial STED of frames of shape (T, V, 3)."""
         total, n_measured = 0.0, 0
-        for frame, displacement in paired_frames(original, decoded, reference):
-            lengths, errors = relative_edge_errors(frame, displacement, self._edges)
-            deviations, weights = self._neighborhoods.weighted_deviation(lengths, errors)
+        for deviations, weights in self._fields(original, decoded, reference):
             total += float(deviations.sum())  # a neighborhood of zero length adds 0
             n_measured += int(np.count_nonzero(weights))
         if math.isnan(total):  # a decoded edge too long for float64
             return math.inf
         return total / max(n_measured, 1)
+
+    def _fields(
+        self, original: Vertices, decoded: Vertices, reference: Reference
+    ) -> Iterator[tuple[Floats, Floats]]:
+        """Yield the deviations and weights of each frame, of shape (V,)."""
+        for pair in paired_frames(original, decoded, reference):
+            yield self._neighborhoods.weighted_deviation(*relative_edge_errors(*pair, self._edges))
 
 
 def relative_edge_errors(

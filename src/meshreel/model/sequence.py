@@ -20,7 +20,7 @@ from meshreel.model.extent import Extent, Vertices, extent_of
 from meshreel.model.frame_choice import frame_number, frame_range
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
-from meshreel.model.timing import UNTIMED, Timed, Timing
+from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import (
     Track,
     TrackKind,
@@ -49,7 +49,6 @@ __all__ = [
     "frames_by_segment",
     "frames_of",
     "is_still",
-    "joined_parts",
     "mesh_digest",
     "positions_size_bytes",
     "segment_of_frame",
@@ -501,11 +500,15 @@ class MeshSequence(Timed):
     def part(self, frames: range) -> "MeshSequence":
         """Return some frames; segments that are cut are loaded, with their tracks."""
         parts: list[FrameSource] = []
+        timing, n_done = self.timing.part(frames), 0
         for number, local_frames in frames_by_segment(self.starts, frames):
             segment = self.segments[number]
             is_whole = local_frames == range(segment.n_frames) and frames.step > 0
-            parts.append(segment if is_whole else frames_of(segment, local_frames))
-        return joined_parts(parts, self.name, self.timing.part(frames), frames.step)
+            n_frames = len(local_frames)
+            own_timing = timing.part(range(n_done, n_done + n_frames))
+            parts.append(segment if is_whole else frames_of(segment, local_frames, own_timing))
+            n_done += n_frames
+        return MeshSequence.of_segments(parts, self.name, timing)
 
     _repr_html_ = notebook_html
     show = show
@@ -606,7 +609,12 @@ def frame_of(segments: Sequence[Any], starts: tuple[int, ...], number: SupportsI
     return MeshFrame(segment.read(frame, frame + 1)[0], segment.faces)
 
 
-def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = frozen) -> MeshSequence:
+def frames_of(
+    segment: Any,
+    frames: range,
+    timing: Timing | None = None,
+    prepare: Callable[[Any], Any] = frozen,
+) -> MeshSequence:
     """Load some frames of a `FrameSource` or a `ReelFile` of one segment, with tracks.
 
     `prepare` makes the arrays read-only that the segment returns: `hand_over` if they are new. With
@@ -626,20 +634,11 @@ def frames_of(segment: Any, frames: range, prepare: Callable[[Any], Any] = froze
         vertices if isinstance(segment, MeshSequence) else validate_vertices(vertices),
         segment.faces,
         segment.name,
-        segment.timing.part(frames),
+        segment.timing.part(frames) if timing is None else timing,
         segment.surface,
         {name: track_like(track, read(track)) for name, track in segment.tracks.items()},
         error_bound_of(segment),
     )
-
-
-def joined_parts(
-    parts: Iterable[FrameSource], name: str, timing: Timing, step: int
-) -> MeshSequence:
-    """Return the sequence of segments that were cut to frames of this step."""
-    if step > 0:
-        return MeshSequence.of_segments(parts, name, timing)
-    return MeshSequence.of_segments(parts, name, UNTIMED).replace(timing=timing)
 
 
 def concatenate(sequences: Iterable[MeshSequence]) -> MeshSequence:

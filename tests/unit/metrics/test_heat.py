@@ -6,7 +6,6 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import (
     HEATS,
-    LocalSted,
     heat_field,
     surface_distance_percent,
     vertex_distance_percent,
@@ -14,7 +13,7 @@ from meshreel.metrics.heat import (
 )
 from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.reference import bounding_box_reference
-from meshreel.metrics.sted import sted
+from meshreel.metrics.sted import LocalSted, sted
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
