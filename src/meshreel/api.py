@@ -50,6 +50,10 @@ def _accept_files(
     def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
         if not kwargs.keys() <= signature.parameters.keys():
             check_names(kwargs, signature.parameters)
+        if isinstance(sequence, MeshSequence):
+            data = encode(sequence, *args, **kwargs)
+            _warn(streams.bound_notes(sequence, data), stacklevel=3)
+            return data
         memory: Any = kwargs.get("memory")
         reading = Reading(matches_frames=kwargs.get("order") in (None, "drop"))
         limit = None if memory is None else bytes_of(memory, "memory")

@@ -26,9 +26,11 @@ def with_bound_of_motion(config: EncoderConfig, sequence: MeshSequence) -> Encod
 
     A bound in percent then also refers to the range of the displacements, enlarged by their factor.
     """
-    motions = [motion for _, motion in _motions(sequence) if motion]
     percent = config.bound_percent
-    if percent is None or not motions or not isinstance(config, ReelOptions):
+    if percent is None or not isinstance(config, ReelOptions):
+        return config
+    motions = [motion for _, motion in _motions(sequence) if motion]
+    if not motions:
         return config
     extent = sequence.extent
     largest = max(np.abs(extent.low).max(), np.abs(extent.high).max())

@@ -122,14 +122,19 @@ def encode_with(
         If no segment has an attribute or a track of a selected name, the mesh is too large for the
         method or changes, or no stream meets the target.
     """
-    segments, has_several = sequence.segments, sequence.n_segments > 1
+    segments = sequence.segments
+    has_several = len(segments) > 1
     if config.positions_only and has_several:
         raise InvalidInputError(
             f"method {config.method} needs constant connectivity, and the sequence has "
-            f"{sequence.n_segments} segments; use reel or lossless"
+            f"{len(segments)} segments; use reel or lossless"
         )
-    _check_names(sequence, attributes, tracks or {})
-    surfaces = [select(part.surface, attributes, ignore_missing=True) for part in segments]
+    given_surfaces = [segment.surface for segment in segments]
+    if missing := missing_everywhere(given_surfaces, attributes):
+        raise InvalidInputError(describe_missing(given_surfaces[0], missing))
+    for name in tracks or ():
+        track_by_name(tracks_of_all(sequence), name)  # raises if no segment has it
+    surfaces = [select(surface, attributes, ignore_missing=True) for surface in given_surfaces]
     if config.positions_only and surfaces[0].cells is not None:
         raise InvalidInputError(
             f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"
@@ -141,7 +146,7 @@ def encode_with(
     positions_config = with_bound_of_motion(config, sequence)
     extent = sequence.extent if has_several else None
     ranges: dict[str, float] = {}
-    sources, edits = [], MeshEdits()
+    sources, edits = [], MeshEdits() if has_several else None
     for segment, surface in zip(segments, surfaces, strict=True):
         targets = {name: bound for name, bound in (tracks or {}).items() if name in segment.tracks}
         bounds = kept_bounds(config, segment.tracks, targets)
@@ -150,23 +155,13 @@ def encode_with(
                 ranges[name] = _range_size(sequence, name)
             bounds[name] = _in_units(bound, ranges.get(name))
         source = Source(segment, positions_config, surface, bounds, whole_extent=extent)
-        if source.mesh.may_be_edited:
+        if edits is not None and source.mesh.may_be_edited:
             source = replace(source, edit=edits.edit_to(segment.faces, segment.n_verts))
         sources.append(source)
     streams = list(method_named(config.method).encode(sources, progress))
     if not has_several:
         return streams[0]
     return join_streams(streams, name=sequence.name, timing=sequence.timing)
-
-
-def _check_names(sequence: MeshSequence, attributes: Names, tracks: TrackTargets) -> None:
-    """Raise InvalidInputError if no segment has an attribute or track of a name."""
-    surfaces = [segment.surface for segment in sequence.segments]
-    if missing := missing_everywhere(surfaces, attributes):
-        raise InvalidInputError(describe_missing(surfaces[0], missing))
-    all_tracks = tracks_of_all(sequence)
-    for name in tracks:
-        track_by_name(all_tracks, name)
 
 
 def _range_size(sequence: MeshSequence, name: str) -> float:

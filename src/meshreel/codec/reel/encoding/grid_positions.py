@@ -218,7 +218,7 @@ class GridBids:
 
         Options that require modes exclude them.
         """
-        bids = (self.of_target, self.of_stored_grid) if _takes_grid(self.source.config) else ()
+        bids = (self.of_target, self.of_stored_grid) if _takes_grid(self._config) else ()
         for bid in sorted(filter(None, bids), key=lambda bid: bid.estimated_bytes):
             if bid.estimated_bytes < self.n_bytes:
                 yield stream_of(bid.source, bid.coder, progress)
@@ -233,6 +233,8 @@ class GridBids:
         is_unknown = self.has_one_shape or self.source.n_frames <= FEW_FRAMES
         if is_unknown or _resting_share(self.source) >= RESTING_SHARE:
             return Bid(0.0, *self.on_target_grid)
+        if self._moving_bytes >= self.n_bytes:
+            return None  # the grid need not be chosen
         return Bid(self._moving_bytes, *self.on_target_grid)
 
     @property
@@ -271,10 +273,15 @@ class GridBids:
             return source.with_changes(origin=coarse.frame.origin), replace(coder, grid=coarse)
         return source, coder
 
+    @cached_property
+    def _config(self) -> ReelOptions:
+        config = self.source.config
+        assert isinstance(config, ReelOptions)  # the options of this method
+        return config
+
     @property
     def _target(self) -> TargetKind:
-        assert isinstance(self.source.config, ReelOptions)  # the options of this method
-        return self.source.config.target.kind
+        return self._config.target.kind
 
     @cached_property
     def _stored_grid(self) -> PositionGrid | None:
@@ -289,9 +296,10 @@ class GridBids:
 
 def _resting_share(source: Source) -> float:
     """Return the mean share of vertices that rest between some frames and the frames after them."""
+    sequence, n_frames = source.sequence, source.n_frames
     shares = []
-    for first in range(0, source.n_frames - 1, math.ceil(source.n_frames / N_COMPARED)):
-        frame, following = source.sequence.read(first, first + 2)
+    for first in range(0, n_frames - 1, math.ceil(n_frames / N_COMPARED)):
+        frame, following = sequence.read(first, first + 2)
         shares.append(np.mean((frame == following).all(axis=1)))
     return float(np.mean(shares))
 
