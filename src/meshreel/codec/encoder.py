@@ -129,12 +129,13 @@ def encode_with(
             f"method {config.method} needs constant connectivity, and the sequence has "
             f"{len(segments)} segments; use reel or lossless"
         )
-    given_surfaces = [segment.surface for segment in segments]
-    if missing := missing_everywhere(given_surfaces, attributes):
-        raise InvalidInputError(describe_missing(given_surfaces[0], missing))
+    surfaces = [segment.surface for segment in segments]
+    if attributes != ALL:
+        if missing := missing_everywhere(surfaces, attributes):
+            raise InvalidInputError(describe_missing(surfaces[0], missing))
+        surfaces = [select(surface, attributes, ignore_missing=True) for surface in surfaces]
     for name in tracks or ():
         track_by_name(tracks_of_all(sequence), name)  # raises if no segment has it
-    surfaces = [select(surface, attributes, ignore_missing=True) for surface in given_surfaces]
     if config.positions_only and surfaces[0].cells is not None:
         raise InvalidInputError(
             f"method {config.method} stores faces, and the mesh has cells; use reel or lossless"

@@ -9,6 +9,10 @@ The fraction may be a `Count`.
 """
 
 
+USUAL_TRIES, MAX_SHARE = 6, 0.95
+"""Number of tries of most searches, and the share of the progress that they report at most."""
+
+
 class Count(float):
     """A completed fraction, 0..1, with the number of items done and their total."""
 
@@ -40,3 +44,9 @@ class _Silent:
 
 silent: Progress = _Silent()
 """The default callback, which ignores progress."""
+
+
+def report_try(progress: Progress, number: int, share: float = 0.0) -> None:
+    """Report the share of a try of a search, numbered from 1, as a share of all tries."""
+    usual = f" of about {USUAL_TRIES}" if number <= USUAL_TRIES else ""
+    progress(f"encoding, try {number}{usual}", min((number - 1 + share) / USUAL_TRIES, MAX_SHARE))

@@ -9,11 +9,11 @@ from meshreel.codec.reel.encoding import whole
 from meshreel.codec.reel.encoding.block_frames import BlockFrames
 from meshreel.codec.reel.encoding.grid_positions import frame_error, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
-from meshreel.codec.reel.encoding.target_step import FIRST_STEP, report_try, step_within_limit
+from meshreel.codec.reel.encoding.target_step import FIRST_STEP, step_within_limit
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import Source
 from meshreel.codec.targets import TargetKind
-from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.progress import Count, Progress, report_try, silent
 from meshreel.runtime.threads import results_in_order
 
 TINY_POSITIONS, SMALL_POSITIONS = 1 << 10, 1 << 20

@@ -17,10 +17,6 @@ from meshreel.codec.reel.encoding.surface_errors import SLIDING_STEP
 from meshreel.codec.reel_options import ReelOptions, Tune
 from meshreel.codec.targets import Target, TargetKind
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.runtime.progress import Progress
-
-USUAL_TRIES, MAX_SHARE = 6, 0.95
-"""Number of tries of most searches, and the share of the progress that they report at most."""
 
 FIRST_STEP = 1.3e-4
 """Step at which the search for an error or a size starts, in diagonals of the model."""
@@ -53,12 +49,6 @@ class RateModel(Protocol):
 
     def measure(self, step: float) -> float:
         """Return the quantity that the target limits, for a step: an error or bytes."""
-
-
-def report_try(progress: Progress, number: int, share: float = 0.0) -> None:
-    """Report the share of a try of a search, numbered from 1, as a share of all tries."""
-    usual = f" of about {USUAL_TRIES}" if number <= USUAL_TRIES else ""
-    progress(f"encoding, try {number}{usual}", min((number - 1 + share) / USUAL_TRIES, MAX_SHARE))
 
 
 def step_for_target(

@@ -18,7 +18,7 @@ from meshreel.codec.reel.encoding.following_tracks import FollowingTracks
 from meshreel.codec.reel.encoding.grid_positions import GridBids, suits_one_frame
 from meshreel.codec.reel.encoding.meters import KgMeter
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
-from meshreel.codec.reel.encoding.target_step import report_try, step_for_target
+from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.tracks import encode_tracks
 from meshreel.codec.reel.encoding.visibility import MAX_BLOCKS, Steps, steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
@@ -27,7 +27,7 @@ from meshreel.codec.targets import TargetKind
 from meshreel.errors import Keyword, SolverError
 from meshreel.model.sequence import MeshSequence, is_still
 from meshreel.model.tracks import error_bound_of
-from meshreel.runtime.progress import Count, Progress, silent
+from meshreel.runtime.progress import Count, Progress, report_try, silent
 from meshreel.runtime.threads import one_blas_thread
 
 SINGLE_TRIALS = TargetKind.QUALITY, TargetKind.STEP
