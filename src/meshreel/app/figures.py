@@ -47,12 +47,13 @@ def encoded_rows(
     stream: "StreamInfo", achieved: "Achieved", n_meshes: int, input_bytes: int | None
 ) -> "dict[str, Cell]":
     """Size of a stream relative to its input and to the raw values, and its measured errors."""
-    before = {"the raw values": stream.raw_size_bytes}
-    if input_bytes:
-        before = {"the input": input_bytes, **before}
     sizes = [
         f"{change_text(size, stream.size_bytes)} than {name}, {size_text(size)}"
-        for name, size in before.items()
+        for name, size in {
+            "the input": input_bytes,
+            "the raw values": stream.raw_size_bytes,
+        }.items()
+        if size
     ]
     rows = size_rows(stream, n_meshes)
     largest = achieved.max_error_percent
@@ -328,11 +329,11 @@ def mesh_text(
 def timing_rows(info: "StreamInfo | MeshInfo") -> "dict[str, Cell]":
     """Duration, and frame rate or times of frames that are not evenly spaced."""
     fps, times, seconds = info.fps, info.times, info.duration_s
-    rows: dict[str, Cell] = {"frame rate": f"{fps:g} fps" if fps else "unknown"}
-    if times is not None:
-        text = f"{times[0]:.6g} to {times[-1]:.6g} s, uneven; on average {fps:.6g} fps"
-        rows = {"times": text}
-    return rows | {"duration": "unknown" if seconds is None else f"{seconds:.4g} s"}
+    duration = "unknown" if seconds is None else f"{seconds:.4g} s"
+    if times is None:
+        return {"frame rate": f"{fps:g} fps" if fps else "unknown", "duration": duration}
+    text = f"{times[0]:.6g} to {times[-1]:.6g} s, uneven; on average {fps:.6g} fps"
+    return {"times": text, "duration": duration}
 
 
 def method_text(stream: "StreamInfo") -> str:

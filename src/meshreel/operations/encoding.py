@@ -54,18 +54,18 @@ class Encoded:
 def _note_large_order(notes: Notes, stream: StreamInfo) -> None:
     """Note the option that drops the order if the order takes much of a stream."""
     size_bytes = stream.part_bytes.get("order", 0)
-    share = size_bytes / stream.size_bytes
-    if size_bytes < MIN_ORDER_BYTES or share <= MAX_ORDER_SHARE:
+    if size_bytes < max(MIN_ORDER_BYTES, MAX_ORDER_SHARE * stream.size_bytes):
         return
-    lost = ["polygons"] if stream.n_polygons != stream.n_faces else []
-    lost += ["parts"] if stream.parts else []
-    also = f"; {' and '.join(lost)} are lost" if lost else ""
+    lost = {"polygons": stream.n_polygons != stream.n_faces, "parts": stream.parts}
+    names = " and ".join(name for name, is_lost in lost.items() if is_lost)
     notes.result(
         Message(
-            f"{100 * share:.0f} % of the file is the order of vertices and faces; ",
+            f"{100 * size_bytes / stream.size_bytes:.0f} % of the file is the order of vertices "
+            "and faces; ",
             Keyword("order", "drop"),
-            f" leaves it out: the model is the same, but vertices and faces get other numbers, so "
-            f"that other files which refer to these no longer fit{also}",
+            " leaves it out: the model is the same, but vertices and faces get other numbers, so "
+            "that other files which refer to these no longer fit",
+            f"; {names} are lost" if names else "",
         )
     )
 

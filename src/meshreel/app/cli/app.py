@@ -13,8 +13,6 @@ from meshreel.runtime.version import __version__
 NAME = "meshreel"
 HELP_WIDTH = 100
 """Largest width of the help in columns."""
-INTERRUPTED = 130
-"""Exit code after ctrl-C, 128 and the number of its signal, as of programs that it ends."""
 
 
 @click.group(
@@ -54,7 +52,7 @@ def main() -> None:
     except OSError as error:
         _fail(f"{error.strerror or error}: {error.filename}" if error.filename else str(error))
     except (KeyboardInterrupt, click.Abort):
-        _fail("stopped", INTERRUPTED)
+        _fail("stopped", 130)  # 128 and the number of the signal
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -1,7 +1,8 @@
 """Parts of a sequence as base mesh and morph targets, written as meshes of a glTF scene."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -119,13 +120,12 @@ def fit_part(
         return MorphMesh(placement, rest, None, normals, distances)
     placement, integers, displacements = place_frames(frames, base)
     bound = max(0.0, bound / placement.scale - MARGIN)
+    normals = None
+    fit = partial(fit_morphs, displacements, is_compressed=options.compression, progress=progress)
     if has_normals:
-        morphs, normals = _fit_both(frames, shading, displacements, bound, options, progress)
+        morphs, normals = _fit_both(frames, shading, displacements, bound, options, fit)
     else:
-        morphs = fit_morphs(
-            displacements, bound, is_compressed=options.compression, progress=progress
-        )
-        normals = None
+        morphs = fit(bound)
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
 
@@ -135,15 +135,13 @@ def _fit_both(
     displacements: npt.NDArray[np.float32],
     bound: float,
     options: WriteOptions,
-    progress: Progress,
+    fit: Callable[[float], Morphs],
 ) -> tuple[Morphs, NormalTargets]:
     """Return morphs of positions and normals, with the larger share of the bound that works."""
     length_error = LENGTH_ERROR if options.normals is None else 0.0
     shading_frames = frames[:, shading.vertices]
     for share in POSITION_SHARES:
-        morphs = fit_morphs(
-            displacements, share * bound, is_compressed=options.compression, progress=progress
-        )
+        morphs = fit(share * bound)
         fitted = fit_normals(shading_frames, shading.faces, displacements, morphs, length_error)
         if fitted[0].error <= bound:
             break

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -201,7 +200,7 @@ class _MorphScene(SceneWriter):
         progress: Progress,
     ) -> None:
         super().__init__(name, times_s, options, notes)
-        self._progress = progress
+        self._progress, self._reported = progress, (0.0, 1.0)  # start and share of a part
         self.morph_meshes: list[MorphMesh] = []
         self.errors: list[npt.NDArray[np.floating]] = []
         self.has_hard_edges = False
@@ -220,18 +219,18 @@ class _MorphScene(SceneWriter):
         parent_path = "" if segment.n_frames == len(self._times_s) else self._group(frames)
         n_before = len(self.morph_meshes)
         parts = [*split_parts(segment.faces, segment.surface, segment.n_verts, self._name)]
-        part_share = segment.n_frames / (len(parts) * len(self._times_s))
+        share = segment.n_frames / len(self._times_s) / len(parts)
         for number, part in enumerate(sorted(parts, key=lambda part: len(path_of(part.name)))):
-            done = first / len(self._times_s) + number * part_share
-            progress = partial(self._report, done, part_share)
+            self._reported = first / len(self._times_s) + number * share, share
             path = "/".join([parent_path, *path_of(part.name)]) if parent_path else part.name
-            self._add_part(replace(part, name=path), segment, frames, materials, progress)
+            self._add_part(replace(part, name=path), segment, frames, materials)
         errors = [mesh.errors for mesh in self.morph_meshes[n_before:]]
         self.errors.append(np.max(errors, axis=0) if errors else np.zeros(segment.n_frames))
 
-    def _report(self, done: float, part_share: float, stage: str, share: float) -> None:
-        """Report the share of all parts, of which the current one begins at `done`."""
-        self._progress(stage, done + part_share * share)
+    def _report(self, stage: str, share: float) -> None:
+        """Report the share of all parts, given that of the current one."""
+        first, part_share = self._reported
+        self._progress(stage, first + part_share * share)
 
     def document(self) -> Json:
         """Return the JSON of the file, without the buffer, after adding the animation."""
@@ -253,12 +252,7 @@ class _MorphScene(SceneWriter):
         return f"/{label}"
 
     def _add_part(
-        self,
-        part: PartMesh,
-        sequence: MeshSequence,
-        frames: slice,
-        materials: Materials,
-        progress: Progress,
+        self, part: PartMesh, sequence: MeshSequence, frames: slice, materials: Materials
     ) -> None:
         """Add a part of a segment with these frames; skip a part without faces."""
         split, shading, has_hard_edges = self._split_part(part)
@@ -278,7 +272,7 @@ class _MorphScene(SceneWriter):
         positions = sequence.vertices[:, part.verts]
         used_positions = positions if is_used_vertex.all() else positions[:, is_used_vertex]
         morph_mesh = fit_part(
-            used_positions, faces, self._bound, self._options, shading_mesh, progress
+            used_positions, faces, self._bound, self._options, shading_mesh, self._report
         )
         split = split.with_indices(vertex_indices, row_indices)
         node = self.tree.add(part.name, len(self.meshes), morph_mesh.placement)
