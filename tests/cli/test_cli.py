@@ -74,6 +74,13 @@ def test_encode_says_what_dropping_the_order_of_a_shuffled_mesh_saves(tmp_path):
         assert "order" not in done.stderr
 
 
+def test_the_note_on_the_order_names_what_is_lost_without_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("meshreel.operations.encoding.MIN_ORDER_BYTES", 1)
+    monkeypatch.setattr("meshreel.operations.encoding.MAX_ORDER_SHARE", 0)
+    meshreel.save(quad_sheet_with(), tmp_path / "a.npz")
+    assert "no longer fit; polygons are lost\n" in run("encode", "a.npz", cwd=tmp_path).stderr
+
+
 def test_encode_names_the_output_after_the_input_by_default(grid, tmp_path):
     (tmp_path / "elsewhere").mkdir()
     assert run("encode", grid, cwd=tmp_path / "elsewhere").returncode == 0
