@@ -50,8 +50,7 @@ static void join_edge(pairing *pairs, const int32_t *group, int64_t n) {
 }
 
 /* Find the degenerate faces; sort the half-edges of the others, unpaired, by their lower end. */
-static void list_half_edges(pairing *pairs, reel_surface *surface, int32_t *starts,
-                            int64_t n_verts) {
+static void start_pairs(pairing *pairs, reel_surface *surface, int32_t *starts, int64_t n_verts) {
     int32_t *ends = starts + 1;
     reel_zero(starts, (size_t)(n_verts + 2) * sizeof *starts);
     for (int pass = 0; pass < 2; pass++) {
@@ -244,7 +243,7 @@ bool reel_find_surface(reel_arena *arena, const int32_t *faces, int64_t n_faces,
     if (arena->failed) {
         return false;
     }
-    list_half_edges(&pairs, result, starts, n_verts);
+    start_pairs(&pairs, result, starts, n_verts);
     for (int64_t i = 0; i < n_verts; i++) {
         pairs.first[i] = NONE;
     }

@@ -4,8 +4,7 @@ load, save, inspection, segments      entry points for the library and the comma
 sources, outputs                       resolve an input or output to its files
 registry, kinds                        a row for each format, with lazily imported functions
 options, supported_options             read and write options, and the formats that support them
-file_errors, file_references           errors that name a file, and references from one file to
-                                       another
+file_errors, file_references           errors that name a file, and references between files
 needed_extras                          the extras of the package that files need
 frames, scenes, surfaces, hdf, text    code that the readers and writers of several formats share
 

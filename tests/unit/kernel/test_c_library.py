@@ -57,7 +57,7 @@ def installed(request, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected():
-    """Predictors output of the program."""
+    """Positions of the stream, as the programs write them."""
     return np.ascontiguousarray(meshreel.decode(STREAM).vertices).tobytes()
 
 

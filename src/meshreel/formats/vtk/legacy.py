@@ -68,8 +68,7 @@ class LegacyTokens:
     """
 
     def __init__(self, data: bytes) -> None:
-        self._data = data
-        self.position: int = 0
+        self._data, self.position = data, 0
         self.is_text = True
 
     def raw_line(self) -> str:
