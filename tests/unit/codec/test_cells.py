@@ -42,7 +42,6 @@ def test_order_and_values_are_kept(is_shuffled):
     assert_close(found.vertices, vertices)
 
 
-@pytest.mark.filterwarnings("ignore:the order of vertices differs")
 def test_cells_of_a_dropped_order_are_the_same_up_to_it():
     given = MeshSequence(waving(np.random.default_rng(1).random((64, 3))), cells=mixed_cells())
     data = meshreel.encode(given, max_error="0.1%", order="drop")
@@ -56,7 +55,6 @@ def test_cells_of_a_dropped_order_are_the_same_up_to_it():
     assert meshreel.compare(given, data).max_error_percent <= 0.1
 
 
-@pytest.mark.filterwarnings("ignore:the order of vertices differs")
 @pytest.mark.parametrize("stress_bound", ["0.1%", "exact"])
 def test_values_of_cells_follow_them_where_the_order_is_dropped(stress_bound):
     points = np.random.default_rng(4).random((60, 3))
