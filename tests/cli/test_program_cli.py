@@ -167,8 +167,8 @@ def test_help_shows_common_options_and_help_all_every_one():
         for param in command_named("encode").params
         if param.name != "inputs"
     } - {"--help-all"}
-    assert "--uv-bits" not in shown
-    assert "--uv-bits" in every
+    assert "--block-frames" not in shown
+    assert "--block-frames" in every
 
 
 def test_ctrl_c_is_reported_with_the_exit_code_of_its_signal(monkeypatch, tmp_path):
