@@ -3,51 +3,38 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from meshreel.codec.surface.codes import DOMAINS, KINDS
-from meshreel.model.surface import Domain
 from meshreel.model.tracks import KIND_ROWS
 
 ROOT = Path(__file__).parents[3]
-PLURALS = dict(zip(("vertices", "faces", "corners", "cells"), Domain, strict=True))
+SINGULARS = {"vertices": "vertex", "faces": "face", "corners": "corner", "cells": "cell"}
 
 
-def in_c(name, prefix="MESHREEL_"):
-    [body] = re.findall(rf"enum {name} {{(.*?)}}", read("core/include/meshreel.h"), re.DOTALL)
-    return {
-        word.lower(): int(number) for word, number in re.findall(rf"{prefix}(\w+) = (\d+)", body)
-    }
+def entries(path, begin, entry, end="}"):
+    """Return the groups of each entry of an enumeration in a source."""
+    body = (ROOT / path).read_text("utf-8").split(begin, 1)[1].split(end, 1)[0]
+    return re.findall(entry, body)
 
 
-def in_csharp(name):
-    [body] = re.findall(
-        rf"enum {name}\s*{{(.*?)}}", read("integrations/csharp/Meshreel.cs"), re.DOTALL
-    )
-    return {word.lower(): int(number) for word, number in re.findall(r"(\w+) = (\d+)", body)}
-
-
-def in_typescript(name, file):
-    [body] = re.findall(rf"const {name} = \[(.*?)\] as const", read(f"npm/src/core/{file}.ts"))
-    return {word: number for number, word in enumerate(re.findall(r'"(\w+)"', body))}
-
-
-def read(path):
-    return (ROOT / path).read_text("utf-8")
-
-
-def test_kinds_of_tracks():
-    kinds = {kind.value: row.code for kind, row in KIND_ROWS.items()}
-    assert in_c("meshreel_track_kind", "MESHREEL_TRACK_") == kinds
-    assert in_csharp("ReelTrackKind") == in_typescript("KINDS", "file") == kinds
-
-
-def test_kinds_of_attributes():
-    kinds = {kind.value: number for number, kind in enumerate(KINDS)}
-    assert in_c("meshreel_attribute_kind") == in_csharp("ReelAttributeKind") == kinds
-    assert in_typescript("KINDS", "surface") == kinds
-
-
-def test_domains():
-    domains = {domain.value: number for number, domain in enumerate(DOMAINS)}
-    assert in_typescript("DOMAINS", "file") == domains
-    for found in (in_c("meshreel_domain"), in_csharp("ReelDomain")):
-        assert {PLURALS[name].value: number for name, number in found.items()} == domains
+@pytest.mark.parametrize(
+    ("numbers", "name", "prefix", "in_csharp", "in_typescript"),
+    [
+        ({kind.value: row.code for kind, row in KIND_ROWS.items()}, "meshreel_track_kind",
+         "MESHREEL_TRACK_", "ReelTrackKind", "file.ts const KINDS"),
+        ({kind.value: number for number, kind in enumerate(KINDS)}, "meshreel_attribute_kind",
+         "MESHREEL_", "ReelAttributeKind", "surface.ts const KINDS"),
+        ({domain.value: number for number, domain in enumerate(DOMAINS)}, "meshreel_domain",
+         "MESHREEL_", "ReelDomain", "file.ts const DOMAINS"),
+    ],
+)  # fmt: skip
+def test_numbers_are_the_same_everywhere(numbers, name, prefix, in_csharp, in_typescript):
+    in_c = entries("core/include/meshreel.h", f"enum {name} {{", rf"{prefix}(\w+) = (\d+)")
+    found = entries("integrations/csharp/Meshreel.cs", f"enum {in_csharp} {{", r"(\w+) = (\d+)")
+    for pairs in (in_c, found):
+        lower = {word.lower(): int(number) for word, number in pairs}
+        assert {SINGULARS.get(word, word): number for word, number in lower.items()} == numbers
+    file, begin = in_typescript.split(" ", 1)
+    names = entries(f"npm/src/core/{file}", f"{begin} = [", r'"(\w+)"', "]")
+    assert {word: number for number, word in enumerate(names)} == numbers
