@@ -35,7 +35,7 @@ CODECS = {
     "pco": ("#3B7D80", "P"),
     "fpzip": ("#8E5572", "*"),
     "famc": ("#1F1F5F", "X"),
-    "vdmc_tm4_motion": ("#6B8E23", "<"),
+    "vdmc_tm4_motion": ("#3FA34D", "<"),
     "gltfpack_cc": ("#A0785A", ">"),
     "o3dgc_dv": ("#8899AA", "h"),
     "o3dgc_sc3dmc": ("#5F7F9F", "p"),
