@@ -8,8 +8,7 @@ from meshreel.formats.supported_options import check_supported
 from meshreel.metrics.compare import Quality, measure_quality
 from meshreel.metrics.surface_distance import SurfaceQuality
 from meshreel.model.notes import Notes
-from meshreel.operations.convert import chosen_frames
-from meshreel.operations.inputs import AnyInput, check_inputs, loaded
+from meshreel.operations.inputs import AnyInput, check_inputs, chosen_frames, loaded
 
 MAX_CODING_PERCENT = 10.0
 """Larger differences, in percent of the diagonal, are not coding errors."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.options import config_of
 from meshreel.codec.reel_options import quality_of
-from meshreel.errors import InvalidInputError, Keyword, Message
+from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.load import loading_for
 from meshreel.formats.needed_extras import extras_to_read, extras_to_write
@@ -22,18 +22,18 @@ from meshreel.formats.reel import origin_of_file
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, files_of_source, find_files
-from meshreel.model.frame_choice import frame_range, slice_text
+from meshreel.model.frame_choice import frame_range
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
-from meshreel.operations.inputs import STANDARD_INPUT, local_input
+from meshreel.operations.inputs import chosen_frames, local_input
 from meshreel.operations.registering import Registered, Registering
 from meshreel.operations.rigs import sizes_of_alternatives
 from meshreel.operations.save import save_frames
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
-from meshreel.runtime.stores.address import is_remote
+from meshreel.runtime.stores.address import STANDARD_INPUT, is_remote
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
@@ -286,27 +286,6 @@ def decode(
         if not reel.is_whole:
             notes.result(f"{source} is truncated: these are the frames of its complete blocks")
         return Result([written], is_whole=reel.is_whole)
-
-
-def chosen_frames(selection: slice | None, n_frames: int, notes: Notes) -> range:
-    """Return the frames of a slice; adds a note if the slice exceeds the ends.
-
-    Raises
-    ------
-    InvalidInputError
-        If the slice selects no frame.
-    """
-    frames = frame_range(selection, n_frames)
-    ends = [] if selection is None else [selection.start, selection.stop]
-    if any(end is not None and not -n_frames <= end <= n_frames for end in ends):
-        notes.result(
-            Message(
-                Keyword("frames"),
-                f" {slice_text(selection)} exceeds the frames 0:{n_frames}; using "
-                f"{frames.start}:{frames.stop}",
-            )
-        )
-    return frames
 
 
 def _known_frames(files: Sequence[Path], selection: slice | None) -> range | None:

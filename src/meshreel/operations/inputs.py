@@ -9,23 +9,22 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from meshreel.codec.reel_file import ReelFile
-from meshreel.formats.load import is_path, loading_for, sequence_of
+from meshreel.errors import Keyword, Message
+from meshreel.formats.load import is_path, open_for_encoding, sequence_of
 from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, files_of_source, find_files
 from meshreel.formats.supported_options import supported_only
+from meshreel.model.frame_choice import frame_range, slice_text
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.runtime.extras import Extra, require
-from meshreel.runtime.stores.address import is_remote
+from meshreel.runtime.stores.address import STANDARD_INPUT, is_remote
 
 Stream = bytes | bytearray | memoryview
 AnyInput = MeshSequence | FrameSource | ReelFile | Stream | Source
-
-STANDARD_INPUT = "-"
-"""On the command line, a .reel that another program writes to standard input."""
 
 
 @contextmanager
@@ -73,7 +72,7 @@ def opened(
 @contextmanager
 def _opened_files(source: Source, reading: Reading, memory: float | None) -> Iterator[MeshSequence]:
     with local_input(source) as files:
-        yield open_any(find_files(files), loading_for(memory, reading))
+        yield open_for_encoding(files, memory, reading)
 
 
 def check_inputs(sources: Iterable[AnyInput | None], *extras: Extra) -> list[Path]:
@@ -109,3 +108,24 @@ def loaded(source: AnyInput, reading: Reading) -> MeshSequence:
     with local_input(source, memory=reading.memory) as files:  # type: ignore[arg-type]
         found = find_files(files)
         return open_any(found, supported_only(reading, found.paths[0]))
+
+
+def chosen_frames(selection: slice | None, n_frames: int, notes: Notes) -> range:
+    """Return the frames of a slice; adds a note if the slice exceeds the ends.
+
+    Raises
+    ------
+    InvalidInputError
+        If the slice selects no frame.
+    """
+    frames = frame_range(selection, n_frames)
+    ends = [] if selection is None else [selection.start, selection.stop]
+    if any(end is not None and not -n_frames <= end <= n_frames for end in ends):
+        notes.result(
+            Message(
+                Keyword("frames"),
+                f" {slice_text(selection)} exceeds the frames 0:{n_frames}; using "
+                f"{frames.start}:{frames.stop}",
+            )
+        )
+    return frames

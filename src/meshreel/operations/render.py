@@ -9,8 +9,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.options import Reading
 from meshreel.formats.supported_options import check_supported, supported_only
 from meshreel.model.notes import Notes
-from meshreel.operations.convert import chosen_frames
-from meshreel.operations.inputs import check_inputs, opened
+from meshreel.operations.inputs import check_inputs, chosen_frames, opened
 from meshreel.rendering.cuts import Cut
 from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View, guess_up, parse_view

@@ -9,9 +9,10 @@ import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import MESHES, STANDARD_INPUT, SegmentOption, reading
+from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
 from meshreel.app.figures import mesh_text, surface_rows, timing_rows
 from meshreel.runtime.counting import counted, size_text
+from meshreel.runtime.stores.address import STANDARD_INPUT
 
 if TYPE_CHECKING:
     from meshreel.app.figures import Cell

@@ -8,7 +8,7 @@ from typing import Annotated
 from meshreel.app.cli.parameters import Group
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.formats.options import READING, LoadOptions, Reading
-from meshreel.runtime.stores.address import is_remote, name_of, without_query
+from meshreel.runtime.stores.address import STANDARD_INPUT, is_remote, name_of, without_query
 
 SegmentOption = Annotated[
     int | None,
@@ -25,9 +25,6 @@ SplitOption = Annotated[
         group=READING,
     ),
 ]
-
-STANDARD_INPUT = "-"
-"""Name of a .reel that another program writes to standard input."""
 
 MESHES = ("object", "merge", "skip_bad", "allow_outside", "animation")
 """Options that select meshes of a file, by their names in `Reading`."""

@@ -9,6 +9,9 @@ from meshreel.errors import StoreError
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(?:://|::)")
 """A scheme and its separator; at least two letters, because one is a drive of Windows."""
 
+STANDARD_INPUT = "-"
+"""On the command line, a .reel that another program writes to standard input."""
+
 
 def is_remote(source: object) -> TypeGuard[str]:
     """Whether it is an address such as ``s3://bucket/walk.reel``, not a local path."""
