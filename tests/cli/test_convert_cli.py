@@ -195,3 +195,9 @@ def test_glb_is_rejected_when_its_bound_is_below_that_of_the_stream(folder, tmp_
     done = run(command, folder / "kept.reel", "-o", tmp_path / "a.glb", "--max-error", 0.04)
     assert_fails(done, "leaves nothing for morph targets", "itself has an error of up to 0.05")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_split_of_a_single_segment_is_compared_with_its_input(tmp_path):
+    meshreel.save(meshreel.simulate_flag(2), path := tmp_path / "flag.npz")
+    [whole] = run_json("encode", path, "-o", tmp_path / "a.reel", "--split")["outputs"]
+    assert whole["input_size_bytes"] == path.stat().st_size

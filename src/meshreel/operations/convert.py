@@ -221,8 +221,11 @@ def convert(
         target = replace(target, options=replace(target.options, origin=origin))
         is_matched = not splits and registering is None
         opened = open_any(find_files(local), _loading(target, reading, matches=is_matched))
+        input_bytes = _size_bytes({*files} | reading.referenced) if reading.object is None else None
         if splits:
-            return Result(_write_segments(opened, target, files, notes, progress))
+            parts = _write_segments(opened, target, files, notes, progress)
+            parts[0].input_bytes = input_bytes if len(parts) == 1 else None
+            return Result(parts)
         registered = None
         if registering is not None:
             if writes_stream:
@@ -236,8 +239,7 @@ def convert(
             notes += registered.notes(is_reported=writes_stream and reports)
         numbers = chosen_frames(frames, opened.n_frames, notes)
         written = target.write(opened, numbers, files, notes, progress)
-        if len(numbers) == opened.n_frames and reading.object is None:
-            written.input_bytes = _size_bytes({*files} | reading.referenced)
+        written.input_bytes = input_bytes if len(numbers) == opened.n_frames else None
         result = Result([written], registered)
         if registered is not None and writes_stream:
             with open_reel(written.paths[0]) as reel:
