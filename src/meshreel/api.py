@@ -89,8 +89,8 @@ def decode(
         A complete stream from `encode`, its file, or its address, such as
         ``s3://bucket/walk.reel`` (extra ``[s3]``).
     frames : slice, optional
-        Frames to return, a Python slice without a step; only the blocks that contain them are
-        decoded. Default: all.
+        Frames to return, as ``sequence[frames]``; only the blocks that contain them are decoded.
+        Default: all.
     n_modes : int, optional
         Number of leading modes to decode in each block; fewer give a coarser animation, faster,
         without corrections. In streams of `reel` further modes, at least up to the 16th, keep their
@@ -110,8 +110,8 @@ def decode(
     Raises
     ------
     InvalidInputError
-        If the file or segment does not exist, `frames` selects no frame or has a step, or `n_modes`
-        is below 1 or does not apply to this stream.
+        If the file or segment does not exist, `frames` selects no frame, or `n_modes` is below 1 or
+        does not apply to this stream.
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If `data` is not a complete stream that this build reads; the error names the file.
     MemoryLimitError

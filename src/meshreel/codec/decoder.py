@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator
 from concurrent.futures import Future
+from io import BytesIO
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from meshreel.codec.memory import MemoryLimit, memory_limit
 from meshreel.codec.methods import method_named
 from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
+from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.errors import CorruptStreamError, InvalidInputError
@@ -43,13 +45,16 @@ def decode(
     memory: float | str | None = None,
     progress: Progress = silent,
 ) -> MeshSequence:
-    """Return the sequence, or a range of its frames, that a `.reel` stream contains.
+    """Return the sequence, or some of its frames, that a `.reel` stream contains.
 
     Parameters and errors are those of `meshreel.decode`, without files.
     """
     limit = memory_limit(memory)
     progress("decoding connectivity", 0.0)
     file = whole_file(bytes(data), limit)
+    if isinstance(frames, slice) and frames.step not in (None, 1):
+        with ReelFile(BytesIO(data), n_modes, memory, segment) as reel:
+            return reel[frames]
     if segment is not None:
         file = file.segment(segment)
     if file.info.n_segments > 1:

@@ -301,7 +301,7 @@ class ReelFile(Timed):
         """
         if not isinstance(index, slice):
             return frame_of(self.segments, self.starts, index)
-        selected = frame_range(index, self.n_frames, with_step=True)
+        selected = frame_range(index, self.n_frames)
         parts, decoded_bytes, n_done = [], 0, 0
         timing = self.timing.part(selected)
         for number, frames in frames_by_segment(self.starts, selected):

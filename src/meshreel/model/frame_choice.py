@@ -79,13 +79,13 @@ def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, rang
         yield start, range(first, first + int(starts[run + 1]) - start)
 
 
-def frame_range(frames: slice | None, n_frames: int, *, with_step: bool = False) -> range:
+def frame_range(frames: slice | None, n_frames: int) -> range:
     """The frames that a slice selects from `n_frames`; all for None.
 
     Raises
     ------
     InvalidInputError
-        If it is not a slice of whole numbers, selects no frame, or has a step without `with_step`.
+        If it is not a slice of whole numbers, or selects no frame.
     """
     try:
         chosen = range(*(slice(None) if frames is None else frames).indices(n_frames))
@@ -94,11 +94,6 @@ def frame_range(frames: slice | None, n_frames: int, *, with_step: bool = False)
             f"frames must be a slice such as slice(0, 10); got {frames!r:.60}; "
             "meshreel.open(path) decodes single frames and lists of frames"
         ) from None
-    if chosen.step != 1 and not with_step:
-        raise InvalidInputError(
-            f"frames must have no step; got {frames}; sequences and files have every second frame "
-            "as [::2]"
-        )
     if not chosen:
         raise InvalidInputError(
             Keyword("frames"),
@@ -108,9 +103,10 @@ def frame_range(frames: slice | None, n_frames: int, *, with_step: bool = False)
 
 
 def slice_text(frames: slice | None) -> str:
-    """A slice without a step in Python's notation, such as 2:5."""
-    start, stop = (frames.start, frames.stop) if frames else (None, None)
-    return ":".join("" if end is None else str(end) for end in (start, stop))
+    """A slice in Python's notation, such as 2:5 or ::2."""
+    start, stop, step = (frames.start, frames.stop, frames.step) if frames else (None,) * 3
+    numbers = (start, stop) if step is None else (start, stop, step)
+    return ":".join("" if number is None else str(number) for number in numbers)
 
 
 def evenly_spaced(n: int, n_chosen: int) -> list[int]:

@@ -479,7 +479,7 @@ class MeshSequence(Timed):
     def __getitem__(self, index: SupportsIndex | slice) -> "MeshFrame | MeshSequence":
         """Return a frame, or the frames of a slice as a sequence."""
         if isinstance(index, slice):
-            return self.part(frame_range(index, self.n_frames, with_step=True))
+            return self.part(frame_range(index, self.n_frames))
         return frame_of(self.segments, self.starts, index)
 
     def __iter__(self) -> Iterator[MeshFrame]:
