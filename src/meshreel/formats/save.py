@@ -1,6 +1,6 @@
 """Saving of sequences and of streamed frames in any format."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -49,7 +49,7 @@ def save_part(
     progress: Progress = silent,
     notes: Notes | None = None,
     figures: dict[str, Any] | None = None,
-    rig: FittedRig | None = None,
+    fit_rig: Callable[[SegmentedStream, WriteOptions], FittedRig] | None = None,
 ) -> list[Path]:
     """Save a range of frames; return the written files. See `meshreel.save`.
 
@@ -63,8 +63,8 @@ def save_part(
         Further input files, which are never replaced.
     figures : dict of str to any, optional
         Receives the sizes of a rig, which otherwise are notes.
-    rig : FittedRig, optional
-        Rig of these frames; required if the options request one.
+    fit_rig : callable, optional
+        Returns the rig of a stream, which takes long; required if the options request one.
     sequence, output, overwrite, options, progress, notes
         As in `meshreel.save`.
 
@@ -76,7 +76,6 @@ def save_part(
     if options.origin is None:
         options = replace(options, origin=origin_of(sequence))
     stream = SegmentedStream(sequence, frames, progress=progress, notes=notes, figures=figures)
-    stream.rig = rig
     stream = stream.map_segments(partial(_with_supported_tracks, output))
     paths = _check_paths(
         output,
@@ -87,6 +86,8 @@ def save_part(
         inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
     )
+    if options.rig and fit_rig is not None:
+        stream.rig = fit_rig(stream, options)
     return _save(stream, paths, output, overwrite=overwrite, options=options)
 
 

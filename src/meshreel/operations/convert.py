@@ -20,6 +20,7 @@ from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, numbering
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import origin_of_file
 from meshreel.formats.registry import FRAME_FORMATS
+from meshreel.formats.save import save_part
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, files_of_source, find_files
 from meshreel.model.frame_choice import frame_range
@@ -28,8 +29,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
 from meshreel.operations.inputs import chosen_frames, local_input
 from meshreel.operations.registering import Registered, Registering
-from meshreel.operations.rigs import sizes_of_alternatives
-from meshreel.operations.save import save_frames
+from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
@@ -101,10 +101,10 @@ class Target:
                 temporary.write_bytes(encoded.data)
             return Written([path], sequence, len(frames), encoded)
         figures: dict[str, Any] = {}
-        paths = save_frames(
+        paths = save_part(
             sequence, frames, self.output,
             overwrite=self.overwrite, start_number=self._number(frames, first), inputs=inputs,
-            options=self.options, progress=progress, notes=notes, figures=figures,
+            options=self.options, progress=progress, notes=notes, figures=figures, fit_rig=fit_rig,
         )  # fmt: skip
         if "rig" in figures:
             figures["alternatives_bytes"] = sizes_of_alternatives(

@@ -29,17 +29,8 @@ if TYPE_CHECKING:
 GLTF = (".glb", ".gltf")
 
 
-def fit_rig(
-    sequence: "AnySource",
-    frames: range,
-    options: WriteOptions,
-    notes: Notes,
-    figures: dict[str, Any] | None,
-    progress: Progress,
-) -> FittedRig:
-    """Return a rig of frames within the error bounds of the options.
-
-    The figures receive its errors; without them, the notes.
+def fit_rig(stream: SegmentedStream, options: WriteOptions) -> FittedRig:
+    """Return a rig of a stream within the error bounds of the options, and report its errors.
 
     Raises
     ------
@@ -48,7 +39,6 @@ def fit_rig(
     InvalidInputError
         As `meshreel.rigging.fitting.fit_sequence`.
     """
-    stream = SegmentedStream(sequence, frames, progress=progress)
     if stream.n_segments > 1:
         raise ConnectivityChangeError(
             f"a rig needs the same faces in all frames; got {stream.n_segments} segments; register "
@@ -56,7 +46,7 @@ def fit_rig(
             Keyword("rig"),
             ")",
         )
-    gathered = stream.only().gather()
+    gathered = next(stream.meshes()).gather()
     low, high = gathered.extent.low, gathered.extent.high
     diagonal = float(np.linalg.norm(high - low))
     bounds = bounds_of(
@@ -69,14 +59,11 @@ def fit_rig(
         written_times(stream.timing, stream.n_frames, Notes()),
         bones=None if options.rig is True else options.rig,
         bounds=bounds,
-        progress=progress,
+        progress=stream.progress,
     )
-    if figures is None:
-        notes.result(describe_rig(rig))
-    else:
-        figures["rig"] = rig_figures(rig, bounds)
+    stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
     largest = rig.errors.largest_percent / 100 * diagonal
-    notes += budget.describe(largest)
+    stream.notes += budget.describe(largest)
     return FittedRig(rig, gathered.extent, budget.total(largest))
 
 

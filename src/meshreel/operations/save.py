@@ -10,9 +10,11 @@ from meshreel.codec.option import lists_fields
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
+from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.load import is_path, sequence_of
-from meshreel.formats.options import WriteOptions, origin_of
-from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, numbering
+from meshreel.formats.options import WriteOptions
+from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output
+from meshreel.formats.rigs import FittedRig
 from meshreel.formats.save import save_part
 from meshreel.formats.sources import AnyPath
 from meshreel.model.notes import Notes
@@ -94,16 +96,11 @@ def save(
         return _save_stream(bytes(sequence), output, overwrite=overwrite)  # type: ignore[arg-type]
     source = sequence if isinstance(sequence, ReelFile) else sequence_of(sequence)
     new_notes = None if notes is None else Notes()
-    paths = save_frames(
-        source,
-        range(source.n_frames),
-        output,
-        overwrite=overwrite,
-        start_number=start_number,
-        options=options,
-        progress=progress,
-        notes=new_notes,
-    )
+    paths = save_part(
+        source, range(source.n_frames), output,
+        overwrite=overwrite, start_number=start_number, options=options, progress=progress,
+        notes=new_notes, fit_rig=_fit_rig,
+    )  # fmt: skip
     if notes is not None:
         notes.extend(new_notes or ())
     return paths
@@ -118,44 +115,7 @@ def _save_stream(data: bytes, output: AnyPath, *, overwrite: bool) -> list[Path]
     return paths
 
 
-def save_frames(
-    sequence: "AnySource",
-    frames: range,
-    output: AnyPath,
-    *,
-    options: WriteOptions,
-    notes: Notes | None = None,
-    figures: dict[str, Any] | None = None,
-    progress: Progress = silent,
-    **places: Any,
-) -> list[Path]:
-    """Save a range of frames, or a rig that is fitted to them; return the written files.
+def _fit_rig(stream: SegmentedStream, options: WriteOptions) -> FittedRig:
+    from meshreel.operations.rigs import fit_rig  # slow to import
 
-    Parameters
-    ----------
-    sequence, frames, output, options, notes, figures, progress
-        As in `meshreel.formats.save.save_part`.
-    **places
-        Its `overwrite`, `start_number` and `inputs`.
-
-    Raises
-    ------
-    FormatError, InvalidInputError
-        As `save`.
-    """
-    rig = None
-    if options.rig:
-        from meshreel.operations.rigs import fit_rig  # slow to import
-
-        if options.origin is None:
-            options = replace(options, origin=origin_of(sequence))
-        start = numbering(output, frames, places.get("start_number"))
-        check_output(
-            output, len(frames), options=options, **{**places, "start_number": start}
-        )  # before the fit, which takes long
-        notes = Notes() if notes is None else notes
-        rig = fit_rig(sequence, frames, options, notes, figures, progress)
-    return save_part(
-        sequence, frames, output,
-        options=options, notes=notes, figures=figures, progress=progress, rig=rig, **places,
-    )  # fmt: skip
+    return fit_rig(stream, options)

@@ -11,10 +11,11 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.options import Origin, WriteOptions
+from meshreel.formats.save import save_part
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from meshreel.operations.save import save, save_frames
+from meshreel.operations.save import save
 from samples.glb import Glb, largest_error_percent, stream_of, written
 from samples.meshes import irregular_sequence, waving_grid
 from samples.surfaces import rich_cube, srgb
@@ -340,7 +341,7 @@ def write_frames(reel, path, frames=None, **options):
     notes = Notes()
     wanted = range(reel.n_frames) if frames is None else frames
     plain = WriteOptions(**options, compression=False)  # keeps the order of vertices
-    save_frames(reel, wanted, path, options=plain, notes=notes)
+    save_part(reel, wanted, path, options=plain, notes=notes)
     return Glb.read(path.read_bytes()).world("sheet"), notes
 
 
