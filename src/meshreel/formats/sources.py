@@ -43,6 +43,15 @@ class SourceFiles:
         """The files that continue a file of a whole sequence."""
         return self.format.other_files(self.paths[0])
 
+    def with_companions(self, topology: AnyPath | None = None) -> list[Path]:
+        """Return all files, with the mesh of a point cache: `topology`, or that of its name."""
+        files = list(self.paths)
+        if topology is not None:
+            files.append(Path(topology))
+        elif self.format.companion:
+            files += [path.with_suffix(self.format.companion) for path in self.paths]
+        return files + self.other_files
+
 
 def find_files(source: Source) -> SourceFiles:
     """Return the files of a source.
@@ -94,30 +103,6 @@ def missing_source(path: AnyPath) -> str:
     if not similar:
         return f"{message}; check it"
     return f"{message}; did you mean {str(path.with_name(names[similar[0]]))!r}?"
-
-
-def files_of_source(source: Source, topology: AnyPath | None = None) -> list[Path]:
-    """Return the files of a source and their companions, such as the mesh of a point cache.
-
-    Parameters
-    ----------
-    source : str, Path, or list or tuple of them
-        As in `find_files`.
-    topology : path, optional
-        A mesh file with the faces of a point cache.
-
-    Raises
-    ------
-    InvalidInputError, FormatError
-        As `find_files`.
-    """
-    source_files = find_files(source)
-    files = list(source_files.paths)
-    if topology is not None:
-        files.append(Path(topology))
-    elif source_files.format.companion:
-        files += [path.with_suffix(source_files.format.companion) for path in source_files.paths]
-    return files + source_files.other_files
 
 
 def natural_order(paths: Iterable[Named], name_of: Callable[[Named], str] = str) -> list[Named]:

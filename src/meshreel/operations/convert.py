@@ -22,7 +22,7 @@ from meshreel.formats.reel import origin_of_file
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.save import save_part
 from meshreel.formats.segments import open_any
-from meshreel.formats.sources import AnyPath, Source, files_of_source, find_files
+from meshreel.formats.sources import AnyPath, Source, find_files
 from meshreel.model.frame_choice import frame_range
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
@@ -213,14 +213,15 @@ def convert(
     notes, progress = reading.notes, reading.progress
     writes_stream = is_stream(target.output)
     with local_input(source, notes) as local:
-        files = files_of_source(local, reading.topology)
+        found = find_files(local)
+        files = found.with_companions(reading.topology)
         extras = [*extras_to_read(files), *extras_to_write(target.output)]
         require([*extras, *([] if registering is None else registering.extras)])
         target.check(files, None if splits else _known_frames(files, frames))
         origin = None if writes_stream or len(files) > 1 else origin_of_file(files[0])
         target = replace(target, options=replace(target.options, origin=origin))
         is_matched = not splits and registering is None
-        opened = open_any(find_files(local), _loading(target, reading, matches=is_matched))
+        opened = open_any(found, _loading(target, reading, matches=is_matched))
         input_bytes = _size_bytes({*files} | reading.referenced) if reading.object is None else None
         if splits:
             parts = _write_segments(opened, target, files, notes, progress)

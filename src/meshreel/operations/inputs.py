@@ -15,7 +15,7 @@ from meshreel.formats.needed_extras import extras_to_read
 from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
-from meshreel.formats.sources import Source, files_of_source, find_files
+from meshreel.formats.sources import Source, find_files
 from meshreel.formats.supported_options import supported_only
 from meshreel.model.frame_choice import frame_range, slice_text
 from meshreel.model.notes import Notes
@@ -88,7 +88,7 @@ def check_inputs(sources: Iterable[AnyInput | None], *extras: Extra) -> list[Pat
     for path in paths:
         items = [path] if isinstance(path, str | os.PathLike) else path
         if path != STANDARD_INPUT and not any(map(is_remote, items)):  # type: ignore[arg-type]
-            files += files_of_source(path)  # type: ignore[arg-type]
+            files += find_files(path).with_companions()  # type: ignore[arg-type]
     require([*extras, *extras_to_read(files)])
     return files
 

@@ -57,13 +57,13 @@ def export_command(
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.sources import files_of_source
+    from meshreel.formats.sources import find_files
     from meshreel.runtime.counting import size_text
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     look = track_look(track, component, range, colormap)
     check_extension(output, EXTENSIONS, OTHER_OUTPUTS)
-    files = [source, *(files_of_source(original) if original else [])]
+    files = [source, *(find_files(original).with_companions() if original else [])]
     check_output_path(output, overwrite=force, inputs=files)
     page = built_page()
     with (

@@ -8,7 +8,7 @@ from meshreel.formats.inspection import inspect_source
 from meshreel.formats.load import load
 from meshreel.formats.options import Reading
 from meshreel.formats.segments import open_any
-from meshreel.formats.sources import files_of_source, find_files
+from meshreel.formats.sources import find_files
 from meshreel.model.notes import Notes
 from meshreel.model.surface import Domain
 from samples.d3plot import END, Model, padded, root, state, words_of, write_family
@@ -423,7 +423,7 @@ def test_inspection_counts_all_files(tmp_path):
     result = inspect_source(path, Reading())
     size = sum(path.stat().st_size for path in tmp_path.iterdir())
     assert (result.n_files, result.size_bytes, result.meshes[0].n_segments) == (4, size, 2)
-    assert len(files_of_source(path)) == 4
+    assert len(find_files(path).with_companions()) == 4
 
 
 def test_deleted_elements_survive_encoding(tmp_path):
