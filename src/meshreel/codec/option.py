@@ -17,6 +17,7 @@ from typing import (
     Concatenate,
     ParamSpec,
     TypeVar,
+    Union,
     get_args,
     get_origin,
     get_type_hints,
@@ -122,6 +123,11 @@ class Option:
     """Type of the field, without the metadata."""
     default: Any = None
 
+    def of_field(self, name: str, annotation: Any, default: Any) -> "Option":
+        """Return the option of a field or a parameter."""
+        flag = self.flag or f"--{name.replace('_', '-')}"
+        return replace(self, name=name, annotation=annotation, default=default, flag=flag)
+
     @property
     def types(self) -> tuple[Any, ...]:
         """Types of a value, except None."""
@@ -131,7 +137,7 @@ class Option:
     @property
     def has_several_types(self) -> bool:
         """Whether the annotation is a union."""
-        return isinstance(self.annotation, UnionType)
+        return get_origin(self.annotation) in (Union, UnionType)
 
     def help_naming(self, name_of: Callable[[str], str]) -> str:
         """Return the help; `name_of` returns the names of other options in it."""
@@ -199,9 +205,7 @@ def _options_of_fields(record: Any) -> tuple[Option, ...]:
     for row in fields(record):
         if get_origin(hints[row.name]) is Annotated:
             annotation, option = get_args(hints[row.name])
-            flag = option.flag or f"--{row.name.replace('_', '-')}"
-            derived = {"name": row.name, "annotation": annotation, "default": row.default}
-            options.append(replace(option, flag=flag, **derived))
+            options.append(option.of_field(row.name, annotation, row.default))
     return tuple(options)
 
 

@@ -1,7 +1,6 @@
 """Pictures and films of an animation."""
 
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +9,8 @@ from meshreel.formats.options import Reading
 from meshreel.formats.supported_options import check_supported, supported_only
 from meshreel.model.notes import Notes
 from meshreel.operations.inputs import check_inputs, chosen_frames, opened
-from meshreel.rendering.cuts import Cut
-from meshreel.rendering.track_colors import TrackLook
+from meshreel.rendering.cuts import parse_cut
+from meshreel.rendering.looks import Look
 from meshreel.rendering.views import View, guess_up, parse_view
 from meshreel.runtime.extras import RENDER, VIDEO, VIDEO_PILLOW
 from meshreel.runtime.outputs.checks import check_extension, check_output_path
@@ -25,26 +24,6 @@ SHEET_FRAMES, COMPARED_FRAMES = 8, 3
 
 FrameList = slice | tuple[int, ...] | None
 """A range of frames, frames by number, or all."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Look:
-    """How an animation is drawn."""
-
-    heatmap: str | None = None
-    """Error that colors the decoded mesh, as of `Scene`."""
-    track: TrackLook | None = None
-    cut: Cut | None = None
-    view: str = "front"
-    """As of `parse_view`."""
-    up: str | None = None
-    """Default: z for meshes on the floor, else y."""
-    follow: bool | None = None
-    """Whether the camera follows the mesh. Default: if that helps."""
-    size: tuple[int, int] | None = None
-    """Of the whole picture in pixels. Default: depends on the content."""
-    background: str = "white"
-    """A name of CSS, or #rrggbb."""
 
 
 def render(
@@ -71,7 +50,9 @@ def render(
     """
     is_film = output.suffix.lower() != ".png"
     check_extension(output, EXTENSIONS)
-    parse_view(look.view, look.up or "y")  # raises before the files are read
+    # These raise before the files are read.
+    parse_view(look.view, look.up or "y")
+    cut, size = None if look.cut is None else parse_cut(look.cut), look.size_px
     sources = [source] if original is None else [source, original]
     drawing = [VIDEO, VIDEO_PILLOW] if output.suffix.lower() == ".mp4" else [RENDER]
     files = check_inputs(sources, *drawing)
@@ -89,7 +70,7 @@ def render(
         numbers = _frame_numbers(frames, sequence.n_frames, reading.notes)
         scene = Scene(
             sequence, others[0] if others else None, look.heatmap,
-            background=_color(look.background), track=look.track, cut=look.cut,
+            background=_color(look.background), track=look.track, cut=cut,
         )  # fmt: skip
         view = parse_view(look.view, look.up or guess_up(scene.framed_sequence.extent))
         if is_film:
@@ -108,7 +89,7 @@ def render(
                 numbers = choose(numbers, n)
             picture = still(
                 scene, numbers, view,
-                size=look.size, is_followed=look.follow, progress=reading.progress,
+                size=size, is_followed=look.follow, progress=reading.progress,
             )  # fmt: skip
             save_png(picture, output, overwrite=overwrite)
             figures = {"size_px": list(picture.size), "frames": numbers}
@@ -130,7 +111,7 @@ def _write_film(
 
     pictures = film(
         scene, numbers, view,
-        size=look.size,
+        size=look.size_px,
         max_size=GIF_PX if output.suffix.lower() == ".gif" else FILM_PX,
         is_followed=look.follow, progress=reading.progress,
     )  # fmt: skip

@@ -36,9 +36,10 @@ from meshreel.model.tracks import FACE_MASKS, describe_track, track_by_name
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.colormap import colorize, round_up
 from meshreel.rendering.cuts import Cut, cut_open
+from meshreel.rendering.looks import TrackLook
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
-from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, TrackScale
+from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackScale
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
 

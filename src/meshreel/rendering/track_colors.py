@@ -1,6 +1,5 @@
 """Color a mesh by a track: component, range and color map."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from meshreel.model.colors import unit_colors
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackKind, TrackSource, error_unit
 from meshreel.rendering.colormap import NOT_A_NUMBER, Image, check_colormap, colorize, short_number
+from meshreel.rendering.looks import TrackLook, parse_range
 from meshreel.runtime.counting import counted
 
 AXES = ("x", "y", "z")
@@ -20,28 +20,8 @@ MAGNITUDE = "magnitude"
 MAX_MAGNITUDE_COLUMNS = 3
 """Values of more components have no magnitude."""
 
-_END = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)\s*(%?)\s*", re.I)
 _N_QUANTILES = 1000
 """Quantiles per frame that represent its values."""
-
-
-@dataclass(frozen=True)
-class TrackLook:
-    """How to show a track."""
-
-    name: str
-    component: str | None = None
-    """"x", "y", "z", a column number from 0, or "magnitude" of up to three columns. Default: the
-    only column; "x" of normals; colors directly; else the magnitude.
-    """
-    range: str | None = None
-    """Color range "LOW:HIGH", each a number or a percentile such as "2%". Default: that of
-    the kind.
-    """
-    colormap: str | None = None
-    """One of `meshreel.rendering.colormap.COLORMAPS`. Default: "diverging" if 0 is inside the
-    range, else "sequential".
-    """
 
 
 @dataclass(frozen=True)
@@ -213,27 +193,6 @@ class FrameNumbers:
     def percentile(self, percent: float) -> float:
         """Percentile of all numbers; 0 without numbers."""
         return float(np.percentile(self._quantiles, percent)) if self._quantiles else 0.0
-
-
-def parse_range(text: str) -> tuple[tuple[float, bool], tuple[float, bool]]:
-    """Both ends of "LOW:HIGH", each a number and whether it is a percentile.
-
-    Raises
-    ------
-    InvalidInputError
-        If the text is not a range.
-    """
-    ends = [_END.fullmatch(part) for part in text.split(":")]
-    if len(ends) == 2 and ends[0] and ends[1]:
-        low, high = ((float(end[1]), end[2] == "%") for end in ends if end)
-        is_inside = all(0 <= amount <= 100 for amount, is_percent in (low, high) if is_percent)
-        is_finite = bool(np.isfinite([low[0], high[0]]).all())
-        if is_inside and is_finite and (low[0] < high[0] or low[1] != high[1]):
-            return low, high
-    raise InvalidInputError(
-        "a range is LOW:HIGH, low first, each a number or a percentile of 0% to 100%, such as "
-        f"0:500, -1:1 or 2%:98%; got {text!r}"
-    )
 
 
 def _select_columns(look: TrackLook, track: TrackSource) -> tuple[Sequence[int], str]:

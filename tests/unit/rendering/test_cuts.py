@@ -9,8 +9,8 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import Track
 from meshreel.rendering.cuts import Cut, cut_open, parse_cut
+from meshreel.rendering.looks import TrackLook
 from meshreel.rendering.scenes import Scene
-from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View
 from samples.meshes import waving_grid
 

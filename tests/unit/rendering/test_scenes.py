@@ -10,10 +10,10 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import FACE_MASKS, Track
 from meshreel.rendering.camera import fit_camera
+from meshreel.rendering.looks import TrackLook
 from meshreel.rendering.rasterizer import CLAY, render
 from meshreel.rendering.scenes import NO_SCALES, Scene
 from meshreel.rendering.shots import scene_annotations
-from meshreel.rendering.track_colors import TrackLook
 from meshreel.rendering.views import View
 from samples.meshes import hard_box, quad_sheet, waving_grid
 

@@ -7,8 +7,9 @@ from meshreel.errors import InvalidInputError
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
 from meshreel.rendering.colormap import DIVERGING, HEAT, NOT_A_NUMBER
+from meshreel.rendering.looks import TrackLook, parse_range
 from meshreel.rendering.scenes import surface_colors
-from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackLook, parse_range
+from meshreel.rendering.track_colors import FrameNumbers, TrackColors
 from samples.meshes import quad_sheet
 
 

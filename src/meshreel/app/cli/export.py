@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import JsonOption
-from meshreel.app.cli.player import OriginalOption, ShownTrackOption, SourceArgument, TextureOption
+from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
 from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
@@ -22,11 +22,8 @@ def export_command(
     source: SourceArgument,
     output: Annotated[Path, Option("The page to write.", flag="--output -o", metavar="PAGE.html")],
     reading: Annotated["Reading", reading(*MESHES, "memory")],
+    look: TrackLookOption,
     original: OriginalOption = None,
-    track: ShownTrackOption = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
     force: Annotated[bool, Option("Replace the page if it exists.", flag="--force -f")] = False,
     split: Annotated[
         bool,
@@ -53,7 +50,6 @@ def export_command(
 
     from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
     from meshreel.app.cli.player import open_player
-    from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.formats.file_errors import errors_naming
@@ -61,7 +57,6 @@ def export_command(
     from meshreel.runtime.counting import size_text
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
-    look = track_look(track, component, range, colormap)
     check_extension(output, EXTENSIONS, OTHER_OUTPUTS)
     files = [source, *(find_files(original).with_companions() if original else [])]
     check_output_path(output, overwrite=force, inputs=files)

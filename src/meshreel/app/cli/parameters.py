@@ -10,10 +10,9 @@
 
 import inspect
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, NewType, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, NewType, get_args, get_origin
 
 import click
 from click.shell_completion import CompletionItem
@@ -121,15 +120,9 @@ def with_parameters(
                 _click_argument(parameter.name, annotation, declaration, required=is_required)
             )
         else:
-            default = parameter.default
-            is_required = default is inspect.Parameter.empty
-            option = replace(
-                declaration,
-                name=parameter.name,
-                annotation=_value_type(annotation),
-                default=None if is_required else default,
-                flag=declaration.flag or f"--{parameter.name.replace('_', '-')}",
-            )
+            is_required = parameter.default is inspect.Parameter.empty
+            default = None if is_required else parameter.default
+            option = declaration.of_field(parameter.name, annotation, default)
             parameters.append(click_option(option, required=is_required))
 
     def call(**values: Any) -> Any:
@@ -166,14 +159,6 @@ def click_option(option: Option, *, required: bool = False, is_rare: bool = Fals
     )
     parameter.panel, parameter.is_rare = option.group, is_rare
     return parameter
-
-
-def _value_type(annotation: Any) -> Any:
-    """The type of a value other than None."""
-    if get_origin(annotation) not in (Union, UnionType):
-        return annotation
-    (kind,) = [kind for kind in get_args(annotation) if kind is not type(None)]
-    return kind
 
 
 def _click_argument(

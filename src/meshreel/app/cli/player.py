@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.parameters import Argument, File
 from meshreel.app.cli.read_options import MESHES
-from meshreel.app.cli.track_options import COLORS
 from meshreel.codec.option import Option
 from meshreel.errors import Keyword
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from meshreel.app.viewer.player_data import PlayerData
     from meshreel.codec.reel_file import ReelFile
     from meshreel.formats.options import Reading
-    from meshreel.rendering.track_colors import TrackLook
+    from meshreel.rendering.looks import TrackLook
 
 SourceArgument = Annotated[Path, Argument("FILE.reel", "The stream to play.")]
 OriginalOption = Annotated[
@@ -24,14 +23,6 @@ OriginalOption = Annotated[
     Option(
         "The original (any input of `encode`), shown alongside with heat maps of the error.",
         metavar="INPUT",
-    ),
-]
-ShownTrackOption = Annotated[
-    str | None,
-    Option(
-        "Color the mesh initially by a track, such as stress; color tracks are shown directly.",
-        metavar="NAME",
-        group=COLORS,
     ),
 ]
 TextureOption = Annotated[

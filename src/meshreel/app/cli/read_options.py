@@ -53,9 +53,7 @@ def reading(*names: str) -> Group:
     *names
         Fields of `Reading`.
     """
-    options = [replace(_OPTIONS[name], flag=f"--{name.replace('_', '-')}") for name in names]
-
-    return Group(options, lambda values: Reading(**values), COMMON)
+    return Group([_OPTIONS[name] for name in names], lambda values: Reading(**values), COMMON)
 
 
 def source_of(inputs: Sequence[str]) -> "str | list[Path] | list[str]":

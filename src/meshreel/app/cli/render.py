@@ -1,21 +1,17 @@
 """`meshreel render`: pictures and films of an animation."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import click
+from typing import TYPE_CHECKING, Annotated, Any
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.track_options import COLORS, ColormapOption, ComponentOption, RangeOption
+from meshreel.app.cli.render_options import LookOption, frame_list
 from meshreel.codec.option import Option
 from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
     from meshreel.formats.options import Reading
-
-LOOK = "Look"
 
 
 @command
@@ -30,38 +26,9 @@ def render_command(
     ],
     output: Annotated[Path, Option("A picture (.png) or a film (.mp4, .gif).", flag="--output -o")],
     reading: Annotated["Reading", reading("fps", *MESHES, "displace", "memory")],
+    look: LookOption,
     original: Annotated[
         File | None, Option("The original of FILE, shown alongside.", metavar="INPUT")
-    ] = None,
-    heatmap: Annotated[
-        Literal["distance", "angle", "sted", "track"] | None,
-        Option(
-            "Color the decoded mesh by its error: vertex distance, angle between normals, local "
-            "STED, or error of --track in its unit. If the meshes differ, distance is that to the "
-            "surface of the original."
-        ),
-    ] = None,
-    track: Annotated[
-        str | None,
-        Option(
-            "Color the mesh by a track, such as stress, with a color bar; color tracks are shown "
-            "directly.",
-            metavar="NAME",
-            group=COLORS,
-        ),
-    ] = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
-    cut: Annotated[
-        str | None,
-        Option(
-            "Hide the cells of a volume mesh beyond a plane, so that the inside is visible: x=40% "
-            "of the box, x=0.2 in model units, x for the middle; -x keeps the other side. The "
-            "first frame decides which cells.",
-            metavar="AXIS[=POSITION]",
-            group=LOOK,
-        ),
     ] = None,
     frames: Annotated[
         str | None,
@@ -71,38 +38,6 @@ def render_command(
             metavar="A:B|N,N,...",
         ),
     ] = None,
-    view: Annotated[
-        str,
-        Option(
-            "View direction: front, side, top, or degrees to the right and up.",
-            metavar="AZ,EL",
-            group=LOOK,
-        ),
-    ] = "30,12",
-    up: Annotated[
-        Literal["x", "y", "z"] | None,
-        Option("The up axis. Default: z for meshes that stand on z = 0, else y.", group=LOOK),
-    ] = None,
-    follow: Annotated[
-        bool | None,
-        Option(
-            "Whether the camera follows the mesh. Default: if the mesh would look small, or "
-            "off-center in a picture.",
-            flag="--follow/--no-follow",
-            group=LOOK,
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        Option(
-            "Size of the whole picture in pixels. Default: depends on the content.",
-            metavar="WxH",
-            group=LOOK,
-        ),
-    ] = None,
-    background: Annotated[
-        str, Option("A name, or #rrggbb.", metavar="COLOR", group=LOOK)
-    ] = "white",
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -126,24 +61,8 @@ def render_command(
     from dataclasses import replace
 
     from meshreel.app.cli.console import print_json, print_notes, shown_progress
-    from meshreel.app.cli.render_options import frame_list, picture_size, track_look
-    from meshreel.operations.render import Look, render
-    from meshreel.rendering.cuts import parse_cut
+    from meshreel.operations.render import render
 
-    if heatmap is not None and original is None:
-        raise click.UsageError(
-            "--heatmap shows the error of FILE relative to its original; give that with --original"
-        )
-    look = Look(
-        heatmap=heatmap,
-        track=track_look(track, component, range, colormap, heatmap),
-        cut=None if cut is None else parse_cut(cut),
-        view=view,
-        up=up,
-        follow=follow,
-        size=picture_size(size),
-        background=background,
-    )
     with shown_progress() as progress:
         figures = render(
             source,

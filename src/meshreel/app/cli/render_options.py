@@ -1,14 +1,38 @@
-"""Parse the options of `meshreel render`: frames, size, color, track."""
+"""Options of commands that draw meshes, derived from `rendering.looks`, and their frames."""
 
-import re
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import Annotated, Any
 
 import click
 
+from meshreel.app.cli.parameters import Group
 from meshreel.app.cli.write_options import frame_slice
+from meshreel.codec.option import options_of_fields
+from meshreel.rendering.looks import Look, TrackLook
 
-if TYPE_CHECKING:
-    from meshreel.rendering.track_colors import TrackLook
+_NAME, *_OF_TRACK = options_of_fields(TrackLook)
+_TRACK = replace(_NAME, name="track", default=None), *_OF_TRACK
+
+
+def _track_look(values: dict[str, Any]) -> TrackLook | None:
+    """Take the options of a track from values; None without a track."""
+    name, *others = (values.pop(option.name) for option in _TRACK)
+    if name is not None:
+        return TrackLook(name, *others)
+    for option, value in zip(_OF_TRACK, others, strict=True):
+        if value is not None:
+            raise click.UsageError(f"{option.flag} applies to a track; name it with --track")
+    return None
+
+
+TrackLookOption = Annotated[TrackLook | None, Group(_TRACK, _track_look)]
+LookOption = Annotated[
+    Look,
+    Group(
+        (*options_of_fields(Look), *_TRACK),
+        lambda values: Look(track=_track_look(values), **values),
+    ),
+]
 
 
 def frame_list(text: str | None) -> slice | tuple[int, ...] | None:
@@ -21,47 +45,3 @@ def frame_list(text: str | None) -> slice | tuple[int, ...] | None:
         raise click.UsageError(
             f"--frames takes A:B or a list such as 0,10,20 with whole numbers; got {text!r}"
         ) from None
-
-
-def picture_size(text: str | None) -> tuple[int, int] | None:
-    """Width and height of 'WxH'."""
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text.lower())
-    if not match:
-        message = f"--size takes WIDTHxHEIGHT in pixels, such as 1280x720; got {text!r}"
-        raise click.UsageError(message)
-    return int(match[1]), int(match[2])
-
-
-def track_look(
-    track: str | None,
-    component: str | None,
-    ends: str | None,
-    colormap: str | None,
-    heatmap: str | None = None,
-) -> "TrackLook | None":
-    """The look of a track; None without a track.
-
-    Raises
-    ------
-    click.UsageError
-        If options for the look are set without a track.
-    """
-    from meshreel.rendering.colormap import check_colormap
-    from meshreel.rendering.scenes import TRACK_HEAT
-    from meshreel.rendering.track_colors import TrackLook, parse_range
-
-    if track is None:
-        options = {"--component": component, "--range": ends, "--colormap": colormap}
-        unused = next((name for name, value in options.items() if value is not None), None)
-        if heatmap == TRACK_HEAT:
-            raise click.UsageError("--heatmap track shows the error of a track; name it: --track")
-        if unused:
-            raise click.UsageError(f"{unused} applies to a track; name it with --track")
-        return None
-    if ends is not None:
-        parse_range(ends)
-    if colormap is not None:
-        check_colormap(colormap)
-    return TrackLook(track, component, ends, colormap)

@@ -1,4 +1,4 @@
-"""Options for the error bounds of tracks, and for coloring meshes by tracks."""
+"""Options for the error bounds of tracks."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -15,38 +15,6 @@ TrackOption = Annotated[
         "that of --bound; without it, normals 0.5deg, colors 8bit, integers exact, others 0.1%.",
         metavar="NAME=BOUND",
         group="Tracks",
-    ),
-]
-
-COLORS = "Coloring by a track"
-ComponentOption = Annotated[
-    str | None,
-    Option(
-        "Component of the values; INDEX counts from 0. Default: the magnitude of vectors, x of "
-        "normals.",
-        names=("x", "y", "z", "magnitude"),
-        metavar="x|y|z|magnitude|INDEX",
-        group=COLORS,
-    ),
-]
-RangeOption = Annotated[
-    str | None,
-    Option(
-        "Ends of the color range, numbers or percentiles of the frames shown, such as 0:500 or "
-        "2%:98%. Percentiles of opposite sign give a range symmetric about 0. Default: 2%:98%; for "
-        "normals -1:1.",
-        metavar="LOW:HIGH",
-        group=COLORS,
-    ),
-]
-ColormapOption = Annotated[
-    str | None,
-    Option(
-        "Violet to yellow, or blue over gray to red. Default: diverging if 0 is inside the range, "
-        "else sequential.",
-        names=("sequential", "diverging"),
-        metavar="sequential|diverging",
-        group=COLORS,
     ),
 ]
 

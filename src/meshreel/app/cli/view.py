@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.player import OriginalOption, ShownTrackOption, SourceArgument, TextureOption
+from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
 from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.track_options import ColormapOption, ComponentOption, RangeOption
+from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option, Range
 
 if TYPE_CHECKING:
@@ -19,11 +19,8 @@ if TYPE_CHECKING:
 def view_command(
     source: SourceArgument,
     reading: Annotated["Reading", reading(*MESHES, "memory")],
+    look: TrackLookOption,
     original: OriginalOption = None,
-    track: ShownTrackOption = None,
-    component: ComponentOption = None,
-    range: RangeOption = None,
-    colormap: ColormapOption = None,
     texture: TextureOption = None,
     no_open: Annotated[bool, Option("Do not open the browser; only print the address.")] = False,
     port: Annotated[
@@ -49,11 +46,9 @@ def view_command(
     from meshreel.app.cli.console import print_notes, shown_progress
     from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import open_player
-    from meshreel.app.cli.render_options import track_look
     from meshreel.app.viewer.page import built_page
     from meshreel.app.viewer.server import ViewerServer
 
-    look = track_look(track, component, range, colormap)
     page = built_page()
     with ExitStack() as stack:
         with shown_progress() as progress:

@@ -16,7 +16,8 @@ from meshreel.app.viewer.track_comparison import TrackComparison
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import ConnectivityChangeError, CorruptStreamError, InvalidInputError
-from meshreel.rendering.track_colors import TrackColors, TrackLook
+from meshreel.rendering.looks import TrackLook
+from meshreel.rendering.track_colors import TrackColors
 from meshreel.runtime.progress import Progress, silent
 
 Rows = Mapping[str, str]

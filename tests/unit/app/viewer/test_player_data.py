@@ -22,7 +22,7 @@ from meshreel.metrics.heat import HEATS
 from meshreel.model.sequence import MeshSequence, concatenate
 from meshreel.model.surface import Surface
 from meshreel.model.tracks import Track
-from meshreel.rendering.track_colors import TrackLook
+from meshreel.rendering.looks import TrackLook
 from samples.meshes import irregular_sequence, quad_sheet, waving_grid
 from samples.players import opened_api
 
