@@ -37,9 +37,10 @@ def walk(path: Path) -> Iterator[Item]:
             elif leaf == "Points":
                 yield Item(Sort.POSITIONS, name, node[()])
             elif folder in ("PointData", "CellData"):
-                title, kind = node.attrs.get("name", leaf), node.attrs.get("kind", "")
+                is_uv = node.attrs.get("Attribute") == b"TCoords"
+                kind = "uv" if is_uv else node.attrs.get("kind", "")
                 unit = node.attrs.get("unit", node.attrs.get("units", ""))
                 values = None if kind in ("color", "uv") else node[()]
-                yield from valued(title, values, kind, unit, ("inside",))
+                yield from valued(node.attrs.get("name", leaf), values, kind, unit, ("inside",))
             elif leaf not in STRUCTURE and "Steps" not in name:
                 yield Item(Sort.OTHER, name)

@@ -11,14 +11,16 @@ from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredTrack, parse_track_kind
 from meshreel.model.colors import unit_colors
 from meshreel.model.notes import Notes
-from meshreel.model.surface import Domain
+from meshreel.model.surface import Domain, Kind
 from meshreel.model.tracks import MAX_COLUMNS, NUMBER_TYPES, TrackKind, default_kind
 from meshreel.runtime.counting import plural
 
 Key = tuple[Domain, str]
 """Domain and name of an array."""
 
-NORMALS = "Normals"
+NORMALS, TEXTURE_COORDINATES = "Normals", "TCoords"
+"""Active attributes of VTK, which also name the roles of quantities of other formats."""
+
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
 
@@ -44,8 +46,8 @@ class Field:
     role: str = ""
     """Its role as an active attribute of VTK, such as "TCoords" or "Normals"."""
     kind: str = ""
+    """Kind that the file declares, for an attribute or a track."""
     unit: str = ""
-    """Track kind and unit that the file declares."""
     is_track: bool = False
     """Whether the file declares it a track, even if its values never change."""
 
@@ -156,6 +158,16 @@ def _track(
     return StoredTrack(key[0], kind, fields[0].unit, dtype, shape, read_range)
 
 
+def attribute_kind(name: str, field: Field, dtype: np.dtype[Any]) -> Kind:
+    """Return the kind of attribute that an array represents, given its number type."""
+    name, is_float = name.lower(), dtype.kind == "f"
+    is_uv = field.kind == Kind.UV or field.role == TEXTURE_COORDINATES or name in UV_NAMES
+    if field.n_columns == 2 and is_float and is_uv:
+        return Kind.UV
+    is_color = dtype == np.uint8 or (is_float and (field.kind == Kind.COLOR or name in COLOR_NAMES))
+    return Kind.COLOR if field.n_columns in (3, 4) and is_color else Kind.OTHER
+
+
 def _kind(
     name: str,
     field: Field,
@@ -163,14 +175,13 @@ def _kind(
     frames: Iterable[Values],
 ) -> TrackKind:
     """Infer the track kind from the declared kind, the name and the values of an array."""
-    width, is_float, lower_name = field.n_columns, dtype.kind == "f", name.lower()
+    width = field.n_columns
     if declared_kind := parse_track_kind(field.kind, width, dtype):
         return declared_kind
-    if width in (3, 4) and (dtype == np.uint8 or (is_float and lower_name in COLOR_NAMES)):
-        return TrackKind.COLOR
-    if width == 2 and is_float and lower_name in UV_NAMES:
-        return TrackKind.UV
-    if width == 3 and is_float and (lower_name == "normals" or field.role == NORMALS):
+    if (kind := attribute_kind(name, field, dtype)) is not Kind.OTHER:
+        return TrackKind(kind)
+    is_normal = name.lower() == "normals" or field.role == NORMALS
+    if width == 3 and dtype.kind == "f" and is_normal:
         return TrackKind.NORMAL if all(map(_are_unit, frames)) else TrackKind.VECTOR
     return default_kind(width)
 

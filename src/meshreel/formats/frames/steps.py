@@ -15,12 +15,11 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import (
-    COLOR_NAMES,
     NORMALS,
-    UV_NAMES,
     Field,
     Key,
     add_field,
+    attribute_kind,
     field_tracks,
 )
 from meshreel.formats.frames.frame import Frame
@@ -42,7 +41,6 @@ from meshreel.model.surface import (
 from meshreel.model.tracks import TrackSource
 from meshreel.runtime.counting import counted
 
-TEXTURE_COORDINATES = "TCoords"
 UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_COMPONENTS} components"
 """How notes name arrays that attributes cannot hold."""
 
@@ -66,10 +64,6 @@ class DataArray:
     """Returns a key that is equal in two steps if the values are equal."""
     describe: Callable[[], Field]
     """Returns the description; raises FormatError if the array cannot be read."""
-    role: str = ""
-    """The active attribute of VTK that it is: "TCoords", "Normals" or another."""
-    kind: str = ""
-    """Kind that the file declares, for an attribute or a track."""
     is_track: bool = False
     """Whether the file declares it a track, even if it never changes."""
     is_attribute: bool = False
@@ -100,8 +94,6 @@ def loaded_array(
         lambda: values,
         cache(lambda: tuple(values.ravel()) if is_text else checksum(values)),
         lambda: field,
-        role,
-        kind,
         is_track,
         bool(kind) and not is_track,
     )
@@ -173,8 +165,8 @@ class Step:
         attributes, groups, unsupported, has_normals = [], [], [], False
         for domain in self.sizes:
             for array in (array for array in arrays if array.domain is domain):
-                values = self.values(array)
-                if array.role == NORMALS:
+                values, field = self.values(array), array.describe()
+                if field.role == NORMALS:
                     has_normals = True
                 elif _is_text_of_cells(array.domain, values):
                     group, cell_numbers = self._groups(array.name, array.read())
@@ -183,7 +175,7 @@ class Step:
                 elif values.dtype.kind not in "iuf" or values.shape[1] > MAX_COMPONENTS:
                     unsupported.append(array.name)
                 else:
-                    kind = _attribute_kind(array, values.dtype, values.shape[1])
+                    kind = attribute_kind(array.name, field, values.dtype)
                     attributes.append(Attribute(array.name, kind, domain, _as_value_type(values)))
         if has_normals:
             note_normals(notes)
@@ -220,7 +212,7 @@ class Step:
             if _is_text_of_cells(array.domain, values):
                 attributes.append(array)
                 continue
-            kind = _attribute_kind(array, values.dtype, values.shape[1])
+            kind = attribute_kind(array.name, field, values.dtype)
             is_attribute = array.is_attribute or kind is not Kind.OTHER
             if is_attribute:
                 attributes.append(array)
@@ -263,29 +255,17 @@ def _exceeds_int32(values: npt.NDArray[Any]) -> bool:
     return not is_empty and bool(values.min() < limits.min or values.max() > limits.max)
 
 
-def _attribute_kind(array: DataArray, dtype: np.dtype[Any], width: int) -> Kind:
-    """Return the kind of attribute that an array represents, given its numbers per value."""
-    name, is_float = array.name.lower(), dtype.kind == "f"
-    is_uv = array.kind == Kind.UV or array.role == TEXTURE_COORDINATES
-    if width == 2 and is_float and (is_uv or name in UV_NAMES):
-        return Kind.UV
-    is_color = array.kind == Kind.COLOR or name in COLOR_NAMES
-    if width in (3, 4) and (dtype == np.uint8 or (is_float and is_color)):
-        return Kind.COLOR
-    return Kind.OTHER
-
-
 def _is_track(array: DataArray, field: Field) -> bool:
     """Whether an array is a track even if it never changes.
 
     It is if the file declares so, or if its values are real numbers, or integers that attributes
     cannot hold.
     """
-    if array.is_track or array.is_attribute or array.role == NORMALS:
+    if array.is_track or array.is_attribute or field.role == NORMALS:
         return array.is_track
     if field.dtype.kind in "iu":
         return field.dtype.itemsize >= 4 and _exceeds_int32(array.read())
-    is_other = _attribute_kind(array, field.dtype, field.n_columns) is Kind.OTHER
+    is_other = attribute_kind(array.name, field, field.dtype) is Kind.OTHER
     return field.dtype.kind == "f" and is_other
 
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from meshreel.arrays import Values
-from meshreel.formats.frames.field_tracks import NORMALS
-from meshreel.formats.frames.steps import TEXTURE_COORDINATES
+from meshreel.formats.frames.field_tracks import NORMALS, TEXTURE_COORDINATES
 from meshreel.model.notes import Notes, listed, note_unwritten
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import TrackKind, TrackSource

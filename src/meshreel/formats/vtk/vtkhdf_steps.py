@@ -287,8 +287,6 @@ class StoredArray:
             read,
             lambda: start,
             describe,
-            role,
-            kind,
             is_track=read_text_attribute(self.dataset, "domain") in set(Domain),
             is_attribute=bool(self.dataset.attrs.get(IS_ATTRIBUTE, False)),
         )

@@ -15,10 +15,9 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS
+from meshreel.formats.frames.field_tracks import NORMALS, TEXTURE_COORDINATES
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.frames.steps import (
-    TEXTURE_COORDINATES,
     DataArray,
     LeftOut,
     Piece,

@@ -77,7 +77,11 @@ def test_arrays_added_by_another_program_are_tracks(tmp_path):
     change(path, "PointData/flow", flow)  # without offsets, rows follow those of Points
     area = RNG.integers(0, 9, 3 * n_faces)
     change(path, "CellData/area", area, np.arange(3) * n_faces)
+    change(path, "PointData/map", RNG.random((90, 2)))
+    with h5py.File(path, "a") as file:
+        file["VTKHDF/PointData/map"].attrs["Attribute"] = np.bytes_("TCoords")
     tracks = load(path).tracks
+    assert tracks["map"].kind is TrackKind.UV
     assert np.array_equal(tracks["flow"].values, flow.reshape(3, 30, 3))
     assert (tracks["flow"].kind, tracks["flow"].domain) == (TrackKind.VECTOR, "vertex")
     assert np.array_equal(tracks["area"].values[..., 0], area.reshape(3, n_faces))
