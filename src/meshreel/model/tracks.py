@@ -61,9 +61,8 @@ class KindRow:
     """Allowed numbers of components."""
     needs_floats: bool = False
     has_unit: bool = False
-    """Whether values are a physical quantity."""
+    """Whether values are a physical quantity, which can be interpolated over time."""
     error: ErrorMeasure = ErrorMeasure.LENGTH
-    """Directions, whose error is an angle, have length 1, or 0 if missing."""
     default_bound: str = "0.1%"
     """Default error bound of floats."""
     follows: str = ""
@@ -72,6 +71,11 @@ class KindRow:
     """Component of several that is shown by default; "color" shows all directly."""
     range: str = "2%:98%"
     """Default color range."""
+
+    @property
+    def is_direction(self) -> bool:
+        """Whether values have length 1, or 0 if missing; their error is an angle."""
+        return self.error is ErrorMeasure.ANGLE
 
 
 KIND_ROWS: Mapping[TrackKind, KindRow] = {
@@ -273,7 +277,12 @@ def error_bound_of(*sources: Any) -> float | None:
 
 def error_unit(kind: TrackKind, unit: str) -> str:
     """Return the unit of the errors of a track: its own, or "deg" for directions."""
-    return "deg" if KIND_ROWS[kind].error is ErrorMeasure.ANGLE else unit
+    return "deg" if KIND_ROWS[kind].is_direction else unit
+
+
+def is_color(kind: str, dtype: np.dtype[Any]) -> bool:
+    """Whether values are colors of a type that most files support: floats or bytes."""
+    return kind == TrackKind.COLOR and (dtype.kind == "f" or dtype == np.uint8)
 
 
 def describe_track(track: TrackSource) -> str:

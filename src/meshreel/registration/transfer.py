@@ -162,6 +162,6 @@ def _fits(before: Track, track: Track | None) -> bool:
 
 def _at_points(frame: MeshSequence, track: Track, points: SurfacePoints) -> Track:
     values = interpolated(track[0], items_at_corners(frame, track.domain), points)
-    if track.kind is TrackKind.NORMAL:
+    if KIND_ROWS[track.kind].is_direction:
         values = unit(values)
     return Track(values[None], Domain.VERTEX, track.kind, track.unit)

@@ -10,7 +10,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.metrics.track_errors import value_errors
 from meshreel.model.colors import unit_colors
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackKind, TrackSource, error_unit
+from meshreel.model.tracks import KIND_ROWS, TrackKind, TrackSource, error_unit
 from meshreel.rendering.colormap import NOT_A_NUMBER, Image, check_colormap, colorize, short_number
 from meshreel.rendering.looks import TrackLook, parse_range
 from meshreel.runtime.counting import counted
@@ -55,8 +55,8 @@ class TrackColors:
         self.domain: Domain = track.domain
         self.error_unit: str = error_unit(track.kind, track.unit)
         self.n_columns: int = track.shape[2]
-        is_length = KIND_ROWS[track.kind].error is not ErrorMeasure.ANGLE
-        self._error_bound: float = (is_length and getattr(track, "error_bound", 0.0)) or 0.0
+        bound = 0.0 if KIND_ROWS[track.kind].is_direction else getattr(track, "error_bound", 0.0)
+        self._error_bound: float = bound or 0.0
         self.component: str
         self._columns, self.component = _select_columns(look, track)
         self.shows_colors: bool = self.component == "color"

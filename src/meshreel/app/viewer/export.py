@@ -19,7 +19,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Surface
-from meshreel.model.tracks import Track, TrackKind, track_like
+from meshreel.model.tracks import Track, error_unit, track_like
 from meshreel.runtime.outputs.atomic import replace_all_when_done
 from meshreel.runtime.outputs.checks import check_output_paths
 from meshreel.runtime.progress import Progress, silent
@@ -221,8 +221,8 @@ def _track_targets(tracks: TrackComparison) -> dict[str, str]:
     targets = {}
     for heat in tracks.heat_maps():
         bound = SHARE_OF_RANGE * heat["range"]
-        is_normal = tracks.kind(heat["track"]) is TrackKind.NORMAL
-        targets[heat["track"]] = f"{bound!r}{'deg' if is_normal else ''}" if bound else "exact"
+        unit = error_unit(tracks.kind(heat["track"]), "")
+        targets[heat["track"]] = f"{bound!r}{unit}" if bound else "exact"
     exact = (name for name in tracks.names if name not in targets)
     return targets | {name: "exact" for name in exact if tracks.differs(name)}
 

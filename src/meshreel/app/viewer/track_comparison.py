@@ -9,7 +9,7 @@ from meshreel.arrays import Values
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.reel_track import ReelTrack
 from meshreel.metrics.track_errors import value_errors
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import KIND_ROWS, TrackKind, TrackSource
 
 N_SAMPLES = 8
 """Number of frames from which the largest error of tracks without a bound is estimated."""
@@ -73,7 +73,7 @@ class TrackComparison:
 
     def _heat_map(self, number: int, name: str) -> dict[str, Any]:
         track = self._reel.tracks[name]
-        unit = "\N{DEGREE SIGN}" if track.kind is TrackKind.NORMAL else track.unit
+        unit = "\N{DEGREE SIGN}" if KIND_ROWS[track.kind].is_direction else track.unit
         largest = track.error_bound  # the page shortens labels at ", up to"
         bound = "" if largest is None else f", up to {float(f'{largest:.4g}'):g} {unit}".rstrip()
         if largest is None:

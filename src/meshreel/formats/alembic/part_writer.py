@@ -33,7 +33,7 @@ from meshreel.model.colors import unit_colors
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, note_name, note_track_type, note_unwritten_units
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, is_color
 from meshreel.runtime.extras import ALEMBIC
 
 STANDARD_NAMES = {
@@ -296,8 +296,8 @@ class PartWriter:
             self._track_params[name] = self._param(
                 written_name, track.domain, kind, entries, is_indexed=False
             )
-        if track.dtype == np.uint8 and track.kind is TrackKind.COLOR:
-            values = values / 255
+        if is_color(track.kind, track.dtype):
+            values = unit_colors(values)
         values = values.astype(_written_type(track))
         self._track_params[name].set(param_sample(*kind[:2], track.domain, values))
 
@@ -318,7 +318,7 @@ def _attribute_type(attribute: Attribute) -> PropertyType:
 
 def _track_type(track: TrackSource) -> PropertyType:
     width, letter = track.shape[2], track.dtype.str[1:]
-    if _is_color(track):
+    if is_color(track.kind, track.dtype):
         return f"C{width}f", f"C{width}f", 1
     precision = {"f4": "f", "f8": "d"}.get(letter)
     if precision and (width == 3 or track.kind is TrackKind.UV):
@@ -326,13 +326,8 @@ def _track_type(track: TrackSource) -> PropertyType:
     return *NUMBER_TYPES[letter], width
 
 
-def _is_color(track: TrackSource) -> bool:
-    has_color_type = track.dtype.kind == "f" or track.dtype == np.uint8
-    return track.kind is TrackKind.COLOR and has_color_type
-
-
 def _written_type(track: TrackSource) -> np.dtype[Any]:
     """Return the number type of the geometry parameter in the file."""
-    if _is_color(track):
+    if is_color(track.kind, track.dtype):
         return np.dtype(np.float32)
     return np.dtype(np.int32) if track.dtype.str[1:] in ("i1", "i2", "u2") else track.dtype

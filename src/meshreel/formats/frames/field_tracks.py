@@ -22,7 +22,15 @@ NORMALS, TEXTURE_COORDINATES = "Normals", "TCoords"
 """Active attributes of VTK, which also name the roles of quantities of other formats."""
 
 UV_NAMES = {"uv", "uvmap", "st", "tcoords", "texturecoordinates", "texture coordinates"}
+NORMALS_NAME = "normals"
 COLOR_NAMES = {"color", "colors", "colour", "colours", "rgb", "rgba", "cd"}
+
+PLAIN_NAMES: Mapping[str, str] = {
+    TrackKind.COLOR: "color",
+    TrackKind.UV: "uv",
+    TrackKind.NORMAL: NORMALS_NAME,
+}
+"""Names of the kinds that formats without names of tracks store."""
 
 SUFFIXES = {
     Domain.VERTEX: "_",
@@ -180,7 +188,7 @@ def _kind(
         return declared_kind
     if (kind := attribute_kind(name, field, dtype)) is not Kind.OTHER:
         return TrackKind(kind)
-    is_normal = name.lower() == "normals" or field.role == NORMALS
+    is_normal = name.lower() == NORMALS_NAME or field.role == NORMALS
     if width == 3 and dtype.kind == "f" and is_normal:
         return TrackKind.NORMAL if all(map(_are_unit, frames)) else TrackKind.VECTOR
     return default_kind(width)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Field
+from meshreel.formats.frames.field_tracks import NORMALS, NORMALS_NAME, Field
 from meshreel.formats.frames.frame import Frame, fields_of
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.surfaces.hard_edges import find_hard_edges
@@ -33,7 +33,6 @@ POSITION, NORMAL, COLOR, UV = range(4)
 """Attribute types of Draco; 4 is generic."""
 
 TYPE_NAMES = ("positions", "normals", "color", "uv", "generic")
-NORMALS_NAME = "normals"
 
 
 def read_drc(data: bytes) -> Frame:

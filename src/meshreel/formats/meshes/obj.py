@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from meshreel.arrays import Integers
 from meshreel.errors import FormatError
-from meshreel.formats.frames.field_tracks import NORMALS, Field
+from meshreel.formats.frames.field_tracks import NORMALS, NORMALS_NAME, Field
 from meshreel.formats.frames.frame import Frame, fields_of
 from meshreel.formats.kinds import VERTEX_FACE_CORNER, FrameFormat
-from meshreel.formats.meshes.obj_writing import NORMALS_NAME, STATEMENTS, obj_encoder
+from meshreel.formats.meshes.obj_writing import STATEMENTS, obj_encoder
 from meshreel.formats.surfaces.hard_edges import HardEdges, edges_between_groups, find_hard_edges
 from meshreel.formats.surfaces.polygons import PolygonMesh, polygon_mesh
 from meshreel.formats.text.token_lines import TokenLines, split_lines

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.arrays import Values
+from meshreel.formats.frames.field_tracks import PLAIN_NAMES
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
 from meshreel.formats.text.decimal_text import face_rows, number_rows, vertex_rows
@@ -29,19 +30,13 @@ from meshreel.model.notes import (
 )
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, is_color
 
 STATEMENTS = {"material": b"usemtl", "group": b"g", "object": b"o"}
 """Statement that begins a face group, by the name of the groups."""
 
-NORMALS_NAME = "normals"
-"""Name of the track with the normals."""
-
 SMOOTHING = "s"
 """OBJ statement of smoothing groups."""
-
-READ_AS = {TrackKind.COLOR: "color", TrackKind.UV: "uv", TrackKind.NORMAL: NORMALS_NAME}
-"""Names of tracks of these kinds when they are read back."""
 
 UNSUPPORTED = "tracks other than vertex colors, normals and UV coordinates"
 
@@ -270,7 +265,7 @@ def select_tracks(
         else:
             used_kinds.add(track.kind)
             name_of_kind[track.kind] = name
-            note_name("track", name, READ_AS[track.kind], ".obj", notes)
+            note_name("track", name, PLAIN_NAMES[track.kind], ".obj", notes)
             note_track_type(name, track.dtype, np.dtype(np.float32), notes)
             if track.kind is TrackKind.COLOR and track.shape[2] > len("rgb"):
                 notes.unwritten(name, f"alpha of track {name!r} left out: .obj does not store it")
@@ -282,7 +277,6 @@ def select_tracks(
 
 
 def _is_supported(track: TrackSource) -> bool:
-    can_be_color = track.dtype.kind == "f" or track.dtype == np.uint8
     if track.kind is TrackKind.COLOR:
-        return track.domain is Domain.VERTEX and can_be_color
+        return track.domain is Domain.VERTEX and is_color(track.kind, track.dtype)
     return track.kind in (TrackKind.UV, TrackKind.NORMAL) and track.domain is not Domain.FACE

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from meshreel.arrays import Values
 from meshreel.errors import FormatError
 from meshreel.formats.frames.field_tracks import NORMALS as NORMALS_ROLE
-from meshreel.formats.frames.field_tracks import Field, Key
+from meshreel.formats.frames.field_tracks import NORMALS_NAME, Field, Key
 from meshreel.formats.frames.frame import Frame
 from meshreel.formats.kinds import VERTEX_FACE_CORNER, FrameFormat
 from meshreel.formats.meshes.ply_header import PlyProperty, read_ply_header
@@ -28,7 +28,6 @@ from meshreel.formats.meshes.ply_writing import (
     CORNER_UV_NAME,
     INDEX_NAMES,
     NORMALS,
-    NORMALS_NAME,
     NOT_ATTRIBUTES,
     UV_NAMES,
     ply_encoder,

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Values
+from meshreel.formats.frames.field_tracks import PLAIN_NAMES
 from meshreel.formats.frames.frame_stream import FrameStream
 from meshreel.formats.kinds import Encode
 from meshreel.model.colors import unit_colors
@@ -27,7 +28,7 @@ from meshreel.model.notes import (
 )
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import SURFACE_DOMAINS, Attribute, Domain, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource, track_blocks, value_range
+from meshreel.model.tracks import TrackKind, TrackSource, is_color, track_blocks, value_range
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 COLOR_NAMES = (
@@ -38,7 +39,6 @@ COLOR_NAMES = (
 UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNER_UV_NAME = "texcoord"
 NORMALS = ("nx", "ny", "nz")
-NORMALS_NAME = "normals"
 NOT_ATTRIBUTES = ("x", "y", "z", *NORMALS)
 
 TYPE_NAMES = {
@@ -61,9 +61,6 @@ RESERVED = {*NOT_ATTRIBUTES, *COLOR_NAMES[0], *(name for names in UV_NAMES for n
 
 RESERVED |= {*INDEX_NAMES, CORNER_UV_NAME, *(names[1] for names in COLOR_NAMES)}
 """Property names with a fixed meaning. Without green, other names of channels are no color."""
-
-READ_AS = {TrackKind.COLOR: "color", TrackKind.UV: "uv", TrackKind.NORMAL: NORMALS_NAME}
-"""Names of tracks of these kinds when they are read back."""
 
 UNSUPPORTED = "vectors, or several components that are not colors, normals or UV coordinates"
 
@@ -246,7 +243,7 @@ def select_tracks(
             missing.setdefault(reason, []).append(name)
             continue
         is_scalar = len(properties) == 1
-        key = properties[0] if is_scalar else READ_AS[track.kind]
+        key = properties[0] if is_scalar else PLAIN_NAMES[track.kind]
         while is_scalar and (track.domain, key) in used_keys:
             key += "_"
         if (track.domain, key) in used_keys:
@@ -268,14 +265,13 @@ def select_tracks(
 
 def _attribute_key(attribute: Attribute) -> str:
     """Return the name under which an attribute is read back."""
-    return {Kind.COLOR: "color", Kind.UV: "uv"}.get(attribute.kind, attribute.name)
+    return PLAIN_NAMES.get(attribute.kind, attribute.name)
 
 
 def _properties(name: str, track: TrackSource) -> tuple[str, ...] | None:
     """Properties for a track, empty for a corner list; None if PLY cannot store the track."""
     width, is_corner = track.shape[2], track.domain is Domain.CORNER
-    can_be_color = track.dtype.kind == "f" or track.dtype == np.uint8
-    if track.kind is TrackKind.COLOR and not is_corner and can_be_color:
+    if is_color(track.kind, track.dtype) and not is_corner:
         return COLOR_NAMES[0][:width]
     if track.kind is TrackKind.UV and track.domain is not Domain.FACE:
         return () if is_corner else UV_NAMES[0]

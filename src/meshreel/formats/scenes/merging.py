@@ -23,9 +23,9 @@ from meshreel.model.materials import Image, Material, renumber_images
 from meshreel.model.notes import Notes, listed
 from meshreel.model.sequence import Vertices
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from meshreel.model.tracks import TrackKind, TrackSource, error_bound_of
+from meshreel.model.tracks import KIND_ROWS, TrackKind, TrackSource, error_bound_of
 
-BLENDED = (TrackKind.SCALAR, TrackKind.VECTOR, TrackKind.VELOCITY, TrackKind.OTHER)
+BLENDED = [kind for kind, row in KIND_ROWS.items() if row.has_unit]
 """Kinds whose float values are interpolated linearly between frames."""
 
 

@@ -6,7 +6,7 @@ text files and packages are made from that file.
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -41,7 +41,7 @@ from meshreel.model.colors import to_linear
 from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Notes, note_track_type, written_rate
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
-from meshreel.model.tracks import TrackKind, TrackSource
+from meshreel.model.tracks import TrackKind, TrackSource, is_color
 from meshreel.runtime.extras import USD
 
 UNSAVED_BYTES = 1 << 25
@@ -63,13 +63,17 @@ ELEMENTS = {
 """USD's element type for each number type, without loss."""
 
 VELOCITIES, NORMALS = "velocities", "normals"
-TRACK_NAMES = {
-    TrackKind.VELOCITY: VELOCITIES,
-    TrackKind.NORMAL: NORMALS,
-    TrackKind.COLOR: COLOR,
-    TrackKind.UV: UVS,
+NAMES_AND_TYPES: Mapping[str, tuple[str, str]] = {
+    TrackKind.VECTOR: ("", "vector"),
+    TrackKind.VELOCITY: (VELOCITIES, "vector"),
+    TrackKind.NORMAL: (NORMALS, "normal"),
+    TrackKind.COLOR: (COLOR, "color"),
+    TrackKind.UV: (UVS, "texCoord"),
 }
-"""Standard names of tracks, which programs use by default."""
+"""For each kind, the standard name, which programs use by default, and the type of floats."""
+
+TYPES = "vector3", "normal3", "color3", "color4", "texCoord2"
+"""USD's types of several floats, without their precision."""
 
 NARROW_COLORS = "colors are rounded to float32"
 
@@ -359,9 +363,9 @@ class MeshWriter:
         if self._shading is not None:
             normals = self._shading.of_frames(points[np.newaxis])[0]
             self._normals.Set(usd_array("float3", normals), time)
-        for name, items, columns, type_name, is_color, attribute in self._tracks:
+        for name, items, columns, type_name, has_colors, attribute in self._tracks:
             rows = values[name][items]
-            rows = to_linear(rows) if is_color else rows
+            rows = to_linear(rows) if has_colors else rows
             attribute.Set(usd_array(type_name, rows[:, columns]), time)
 
     def _write_attribute(self, attribute: Attribute, name: str, codes: Codes, notes: Notes) -> None:
@@ -399,16 +403,15 @@ class MeshWriter:
         The first vertex velocities and normals become those of the mesh; the first colors are
         called ``displayColor`` and the first UVs ``st``, unless attributes have these names.
         """
-        standard_name = TRACK_NAMES.get(track.kind, "")
+        standard_name, _ = NAMES_AND_TYPES.get(track.kind, ("", ""))
         is_possible = standard_name != VELOCITIES or track.domain is Domain.VERTEX
         has_opacity = standard_name == COLOR and OPACITY in used
         if standard_name and is_possible and standard_name not in used and not has_opacity:
             used.add(written_name := standard_name)
         else:  # programs would misinterpret other tracks with standard names
-            reserved = used | {*TRACK_NAMES.values(), OPACITY}
+            reserved = used | {OPACITY, *(name for name, _ in NAMES_AND_TYPES.values())}
             used.add(written_name := unique_name(prim_name(name), reserved))
-        has_color_type = track.dtype.kind == "f" or track.dtype == np.uint8
-        is_color = track.kind is TrackKind.COLOR and has_color_type
+        has_colors = is_color(track.kind, track.dtype)
         for primvar_name, columns in _columns(written_name, track.shape[2]):
             used.add(primvar_name)
             n_columns = len(range(track.shape[2])[columns])
@@ -420,7 +423,7 @@ class MeshWriter:
             for key, text in entries.items():
                 if text:
                     attribute.SetCustomDataByKey(key, text.encode("utf-8", "replace").decode())
-            yield name, self._part.items[track.domain], columns, type_name, is_color, attribute
+            yield name, self._part.items[track.domain], columns, type_name, has_colors, attribute
 
     def _track_attribute(
         self, name: str, type_name: str, track: TrackSource, n_columns: int
@@ -485,22 +488,13 @@ def _columns(name: str, n_columns: int) -> list[tuple[str, slice]]:
 
 def _type_name(kind: Kind | TrackKind, name: str, dtype: np.dtype[Any], n_columns: int) -> str:
     """Return USD's name of the type of the values of an attribute or a track."""
-    element = ELEMENTS[dtype.str[1:]]
-    if name in (VELOCITIES, NORMALS) and isinstance(kind, TrackKind):
-        return {VELOCITIES: "vector3f", NORMALS: "normal3f"}[name]
-    if name == OPACITY and kind == TrackKind.COLOR and n_columns == 1:
-        return "float"
-    if kind == TrackKind.COLOR and n_columns in (3, 4) and (dtype.kind == "f" or dtype == np.uint8):
-        return f"color{n_columns}{'d' if dtype == np.float64 and name != COLOR else 'f'}"
-    if element in ("float", "double"):
-        letter = element[0]
-        if kind == TrackKind.UV and n_columns == 2:
-            return f"texCoord2{letter}"
-        if kind in (TrackKind.VECTOR, TrackKind.VELOCITY) and n_columns == 3:
-            return f"vector3{letter}"
-        if kind == TrackKind.NORMAL:
-            return f"normal3{letter}"
-    return element
+    standard_name, role = NAMES_AND_TYPES.get(kind, ("", ""))
+    type_name = f"{role}{n_columns}"
+    if type_name in TYPES and (dtype.kind == "f" or is_color(kind, dtype)):
+        is_single = dtype != np.float64 or (name == standard_name and name != UVS)
+        return f"{type_name}{'f' if is_single else 'd'}"
+    is_opacity = kind == TrackKind.COLOR and name == OPACITY and n_columns == 1
+    return "float" if is_opacity else ELEMENTS[dtype.str[1:]]
 
 
 def usd_array(type_name: str, values: npt.NDArray[Any]) -> Any:

@@ -15,13 +15,7 @@ from meshreel.codec.surface.rows import distinct_rows
 from meshreel.codec.tracks import Sharing
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import (
-    KIND_ROWS,
-    DerivedTrack,
-    ErrorMeasure,
-    TrackSource,
-    track_blocks,
-)
+from meshreel.model.tracks import KIND_ROWS, DerivedTrack, TrackSource, track_blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +58,7 @@ class SharedTrack(DerivedTrack):
     def read(self, start: int, stop: int) -> Values:
         """Read values of frames start..stop - 1, of shape (stop - start, n, C)."""
         values = self.whole.read(start, stop).take(self.corners, axis=1)
-        if KIND_ROWS[self.kind].error is ErrorMeasure.ANGLE:
+        if KIND_ROWS[self.kind].is_direction:
             values[:, self.is_unused] = 0
         return values
 

@@ -30,7 +30,7 @@ from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.model.extent import Extent
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackSource, error_bound_of
+from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of
 
 Sections = list[tuple[Section, bytes]]
 
@@ -293,7 +293,7 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
             f"track {name!r} has {values[frame, item, column]} at {header.domain} {item}, which no "
             "error bound allows; use exact"
         )
-    if KIND_ROWS[header.kind].error is not ErrorMeasure.ANGLE:
+    if not KIND_ROWS[header.kind].is_direction:
         return
     lengths = np.linalg.norm(values.astype(np.float64), axis=2)
     is_invalid = (np.abs(lengths - 1.0) > UNIT_LENGTH_TOLERANCE) & (lengths != 0)
