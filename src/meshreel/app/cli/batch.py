@@ -15,6 +15,7 @@ from meshreel.app.cli.registering import RegisteringOption
 from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
+from meshreel.formats.options import Reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from meshreel.app.batch.manifest import Record
     from meshreel.app.batch.plan import Plan
     from meshreel.app.batch.run import BatchReport
-    from meshreel.formats.options import Reading
 
 SEQUENCE_EXTENSIONS = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf "
@@ -55,7 +55,7 @@ def batch_command(
     ],
     encoding: Annotated[Encoding, ENCODING],
     reading: Annotated[
-        "Reading",
+        Reading,
         reading("attributes", "fps", "merge", "skip_bad", "allow_outside"),
     ],
     registering: RegisteringOption,

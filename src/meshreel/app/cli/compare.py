@@ -1,15 +1,13 @@
 """`meshreel compare`: errors of a decoded animation relative to its original."""
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.write_options import FramesOption, frame_slice
 from meshreel.codec.option import COUNT, Option
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import Reading
+from meshreel.formats.options import Reading
 
 
 @command
@@ -23,7 +21,7 @@ def compare_command(
         ),
     ],
     decoded: Annotated[str, Argument("DECODED", "A file or frames, as above.")],
-    reading: Annotated["Reading", reading(*MESHES, "memory")],
+    reading: Annotated[Reading, reading(*MESHES, "memory")],
     frames: FramesOption = None,
     surface: Annotated[
         bool, Option("Measure distances between the surfaces also if the faces are the same.")

@@ -16,6 +16,9 @@ from meshreel.app.cli.write_options import (
     FramesOption,
     OutputOption,
     StartNumberOption,
+    checked_bound,
+    frame_slice,
+    refuse_stream_options,
 )
 from meshreel.formats.options import Reading, WriteOptions
 
@@ -63,18 +66,9 @@ def convert_command(
     - `meshreel convert walk.abc -o part.reel --frames 100:200 --max-error 0.1`
     - `meshreel convert walk.abc -o out/frame_%04d.obj --start-number 1001`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import shown_progress
-    from meshreel.app.cli.read_options import source_of
-    from meshreel.app.cli.write_options import (
-        checked_bound,
-        frame_slice,
-        refuse_stream_options,
-    )
-    from meshreel.app.cli.written import print_result
+    from meshreel.app.cli.written import convert_and_print
     from meshreel.codec.options import config_of
-    from meshreel.operations.convert import Target, convert, is_stream
+    from meshreel.operations.convert import Target, is_stream
 
     options = WriteOptions()
     if not is_stream(output):
@@ -90,14 +84,5 @@ def convert_command(
         start_number=start_number,
         overwrite=force,
     )
-    with shown_progress() as progress:
-        reading = replace(reading, progress=progress)
-        result = convert(
-            source_of(inputs),
-            target,
-            reading,
-            registering=registering,
-            frames=frame_slice(frames),
-            splits=split,
-        )
-    print_result(result, reading.notes, is_split=split, as_json=as_json)
+    choices = {"registering": registering, "frames": frame_slice(frames), "splits": split}
+    convert_and_print(inputs, target, reading, as_json=as_json, **choices)

@@ -1,24 +1,15 @@
 """`meshreel encode`: encode an animation as a .reel."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
-from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
 from meshreel.app.cli.registering import RegisteringOption
 from meshreel.app.cli.track_options import TrackOption, track_targets
-from meshreel.app.cli.write_options import StreamOption
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import Reading
-
-OTHER_OUTPUTS = (
-    "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
-    "`meshreel export` pages"
-)
-"""Advice for outputs with other extensions."""
+from meshreel.app.cli.write_options import StreamOption, stream_output
+from meshreel.formats.options import Reading
 
 
 @command
@@ -67,20 +58,16 @@ def encode_command(
     - `meshreel encode huge_frames/ --memory 1GiB`
     - `meshreel encode walk.npz --method pca-qp --modes 30`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import shown_progress
-    from meshreel.app.cli.read_options import output_stem, source_of
-    from meshreel.app.cli.written import print_result
+    from meshreel.app.cli.written import convert_and_print
     from meshreel.codec.options import config_of
-    from meshreel.operations.convert import Target, convert
-    from meshreel.runtime.outputs.checks import check_extension
+    from meshreel.operations.convert import Target
 
-    output = output or File(f"{output_stem(inputs[0])}.reel")
-    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
-    config, tracks = config_of(**encoding), track_targets(track)
-    target = Target(output=output, config=config, tracks=tracks, overwrite=force)
-    with shown_progress() as progress:
-        reading = replace(reading, progress=progress)
-        result = convert(source_of(inputs), target, reading, registering=registering, splits=split)
-    print_result(result, reading.notes, is_split=split, as_json=as_json)
+    target = Target(
+        output=stream_output(output, inputs),
+        config=config_of(**encoding),
+        tracks=track_targets(track),
+        overwrite=force,
+    )
+    convert_and_print(
+        inputs, target, reading, registering=registering, splits=split, as_json=as_json
+    )

@@ -1,7 +1,7 @@
 """`meshreel export`: write a .reel and its player as a web page."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import JsonOption
@@ -9,9 +9,7 @@ from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOptio
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import Reading
+from meshreel.formats.options import Reading
 
 EXTENSIONS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
@@ -21,7 +19,7 @@ OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictu
 def export_command(
     source: SourceArgument,
     output: Annotated[Path, Option("The page to write.", flag="--output -o", metavar="PAGE.html")],
-    reading: Annotated["Reading", reading(*MESHES, "memory")],
+    reading: Annotated[Reading, reading(*MESHES, "memory")],
     look: TrackLookOption,
     original: OriginalOption = None,
     force: Annotated[bool, Option("Replace the page if it exists.", flag="--force -f")] = False,

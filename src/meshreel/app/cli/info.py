@@ -11,6 +11,7 @@ from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
 from meshreel.app.figures import mesh_text, surface_rows, timing_rows
+from meshreel.formats.options import Reading
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.stores.address import STANDARD_INPUT
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from meshreel.app.figures import Cell
     from meshreel.formats.inspection import MeshInfo, SourceInfo
     from meshreel.formats.kinds import AnimationInfo
-    from meshreel.formats.options import Reading
 
 
 HEADINGS = ("mesh", "frames", "vertices", "faces", "fps", "box")
@@ -37,7 +37,7 @@ def info_command(
             "only its index and section headers are downloaded.",
         ),
     ],
-    reading: Annotated["Reading", reading("fps", *MESHES, "topology", "dataset", "memory")],
+    reading: Annotated[Reading, reading("fps", *MESHES, "topology", "dataset", "memory")],
     segment: SegmentOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -55,7 +55,6 @@ def info_command(
     from dataclasses import replace
 
     from meshreel.app.cli.read_options import is_stream_file, source_of
-    from meshreel.formats.options import Reading
 
     if len(inputs) == 1 and is_stream_file(inputs[0]):
         if replace(reading, memory=None) != Reading():
@@ -96,7 +95,7 @@ def _show_stream(
 
 
 def _show_source(
-    source: "str | list[Path] | list[str]", reading: "Reading", *, as_json: bool
+    source: "str | list[Path] | list[str]", reading: Reading, *, as_json: bool
 ) -> None:
     from dataclasses import replace
 

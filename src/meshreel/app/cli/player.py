@@ -9,12 +9,12 @@ from meshreel.app.cli.parameters import Argument, File
 from meshreel.app.cli.read_options import MESHES
 from meshreel.codec.option import Option
 from meshreel.errors import Keyword
+from meshreel.formats.options import Reading
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.player_data import PlayerData
     from meshreel.codec.reel_file import ReelFile
-    from meshreel.formats.options import Reading
     from meshreel.rendering.looks import TrackLook
 
 SourceArgument = Annotated[Path, Argument("FILE.reel", "The stream to play.")]
@@ -35,7 +35,7 @@ TextureOption = Annotated[
 def open_player(
     source: Path,
     original: str | None,
-    reading: "Reading",
+    reading: Reading,
     look: "TrackLook | None" = None,
     texture: Path | None = None,
 ) -> Iterator["PlayerData"]:
@@ -83,7 +83,7 @@ def _check_is_encoded(source: Path) -> None:
     refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")
 
 
-def _check_options_of_original(original: str | None, reading: "Reading") -> None:
+def _check_options_of_original(original: str | None, reading: Reading) -> None:
     """Reject options for reading the original if there is none."""
     from meshreel.errors import InvalidInputError
 
@@ -95,7 +95,7 @@ def _check_options_of_original(original: str | None, reading: "Reading") -> None
         )
 
 
-def _comparison(reel: "ReelFile", original: str, reading: "Reading") -> "Comparison":
+def _comparison(reel: "ReelFile", original: str, reading: Reading) -> "Comparison":
     from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.original import Original
     from meshreel.formats.file_errors import errors_naming

@@ -1,20 +1,18 @@
 """`meshreel register`: follow the surface of a raw capture, and encode the result."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
-from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.registering import KeepHolesOption
-from meshreel.app.cli.write_options import StreamOption
+from meshreel.app.cli.write_options import StreamOption, stream_output
 from meshreel.codec.option import Option
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import Reading
+from meshreel.formats.options import Reading
 
 
 @command
@@ -28,7 +26,7 @@ def register_command(
             "...). Or addresses (s3://, gs://, https://), which are downloaded.",
         ),
     ],
-    reading: Annotated["Reading", reading("fps", *MESHES, "dataset", "attributes")],
+    reading: Annotated[Reading, reading("fps", *MESHES, "dataset", "attributes")],
     encoding: Annotated[Encoding, ENCODING],
     output: StreamOption = None,
     tolerance: Annotated[
@@ -89,22 +87,15 @@ def register_command(
     - `meshreel register capture/ --size 2MB`
     - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import shown_progress
-    from meshreel.app.cli.encode import OTHER_OUTPUTS
-    from meshreel.app.cli.read_options import output_stem, source_of
-    from meshreel.app.cli.written import print_result
+    from meshreel.app.cli.written import convert_and_print
     from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.codec.options import config_of
-    from meshreel.operations.convert import Target, convert
+    from meshreel.operations.convert import Target
     from meshreel.operations.registering import Registering
-    from meshreel.runtime.outputs.checks import check_extension
 
     if texture_output is not None and texture is None:
         raise click.UsageError("--texture-output names the textures of --texture; give both")
-    output = output or File(f"{output_stem(inputs[0])}.reel")
-    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
+    output = stream_output(output, inputs)
     is_length = tolerance.strip().lower().endswith(tuple(METERS))
     bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
     if is_length and encoding["max_error"] is None:
@@ -117,9 +108,6 @@ def register_command(
         overwrite=force,
     )
     target = Target(output=output, config=config_of(**encoding), overwrite=force)
-    with shown_progress() as progress:
-        reading = replace(reading, progress=progress)
-        result = convert(
-            source_of(inputs), target, reading, registering=registering, reports=measure
-        )
-    print_result(result, reading.notes, as_json=as_json)
+    convert_and_print(
+        inputs, target, reading, registering=registering, reports=measure, as_json=as_json
+    )

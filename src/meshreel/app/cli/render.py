@@ -1,17 +1,15 @@
 """`meshreel render`: pictures and films of an animation."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.render_options import LookOption, frame_list
 from meshreel.codec.option import Option
+from meshreel.formats.options import Reading
 from meshreel.runtime.counting import counted
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import Reading
 
 
 @command
@@ -25,7 +23,7 @@ def render_command(
         ),
     ],
     output: Annotated[Path, Option("A picture (.png) or a film (.mp4, .gif).", flag="--output -o")],
-    reading: Annotated["Reading", reading("fps", *MESHES, "displace", "memory")],
+    reading: Annotated[Reading, reading("fps", *MESHES, "displace", "memory")],
     look: LookOption,
     original: Annotated[
         File | None, Option("The original of FILE, shown alongside.", metavar="INPUT")

@@ -9,16 +9,16 @@ from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOptio
 from meshreel.app.cli.read_options import MESHES, reading
 from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option, Range
+from meshreel.formats.options import Reading
 
 if TYPE_CHECKING:
     from meshreel.app.viewer.server import ViewerServer
-    from meshreel.formats.options import Reading
 
 
 @command
 def view_command(
     source: SourceArgument,
-    reading: Annotated["Reading", reading(*MESHES, "memory")],
+    reading: Annotated[Reading, reading(*MESHES, "memory")],
     look: TrackLookOption,
     original: OriginalOption = None,
     texture: TextureOption = None,

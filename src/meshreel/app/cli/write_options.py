@@ -1,20 +1,18 @@
 """Options for writing files of other formats, and figures of the written files."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import click
 
 from meshreel.app.cli.parameters import File, Group
+from meshreel.app.cli.read_options import output_stem
 from meshreel.codec.option import Option, options_of_fields
 from meshreel.codec.targets import DIAGONAL_OF_ALL
 from meshreel.formats.options import WriteOptions
 from meshreel.model.rig_bounds import DEFAULT_KG_PERCENT
-
-if TYPE_CHECKING:
-    pass
 
 OutputOption = Annotated[
     File,
@@ -55,6 +53,12 @@ OUTPUT_ERROR = (
 """Help of `--max-error` for all outputs."""
 
 
+OTHER_OUTPUTS = (
+    "`meshreel convert` writes other formats, `meshreel render` pictures and films, "
+    "`meshreel export` pages"
+)
+"""Advice for outputs of `meshreel encode` with other extensions."""
+
 _OPTIONS = {option.name: option for option in options_of_fields(WriteOptions)}
 """By name in `WriteOptions`."""
 _OPTIONS["rig"] = replace(_OPTIONS["rig"], annotation=int)
@@ -93,6 +97,15 @@ def frame_slice(text: str | None) -> slice | None:
             raise click.UsageError("--frames takes A:B; got nothing")
         return slice(start, start + 1 or None)
     return slice(start, stop)
+
+
+def stream_output(output: File | None, inputs: Sequence[str]) -> File:
+    """The .reel to write, by default named after the first input."""
+    from meshreel.runtime.outputs.checks import check_extension
+
+    output = output or File(f"{output_stem(inputs[0])}.reel")
+    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
+    return output
 
 
 def refuse_stream_options(names: Collection[str], output: str) -> None:

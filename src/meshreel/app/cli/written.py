@@ -1,20 +1,47 @@
 """Figures of the files that a command wrote, as tables or JSON."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from meshreel.app.cli.console import print_columns, print_json, print_notes, print_table
+from meshreel.app.cli.console import (
+    print_columns,
+    print_json,
+    print_notes,
+    print_table,
+    shown_progress,
+)
+from meshreel.app.cli.read_options import source_of
 from meshreel.app.figures import PART_HEADINGS, encoded_rows, part_table, uv_rows
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.runtime.counting import counted, counts_text, size_text
 
 if TYPE_CHECKING:
-    from meshreel.operations.convert import Result, Written
+    from meshreel.formats.options import Reading
+    from meshreel.operations.convert import Result, Target, Written
 
 PARTS = "parts, positions in percent of the diagonal and in model units (u)"
 
 MAX_COMPACT_SHARE = 0.7
 """Files below this share of the raw values describe motion by a skin, or compress it."""
+
+
+def convert_and_print(
+    inputs: Sequence[str], target: "Target", reading: "Reading", *, as_json: bool, **choices: Any
+) -> None:
+    """Convert the input of a command with progress, and print the result.
+
+    Parameters
+    ----------
+    **choices
+        As in `meshreel.operations.convert.convert`.
+    """
+    from meshreel.operations.convert import convert
+
+    with shown_progress() as progress:
+        reading = replace(reading, progress=progress)
+        result = convert(source_of(inputs), target, reading, **choices)
+    print_result(result, reading.notes, is_split=choices.get("splits", False), as_json=as_json)
 
 
 def print_result(
