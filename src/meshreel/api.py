@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar,
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
-from meshreel.codec.error_bounds import bound_of
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of, memory_limit
+from meshreel.codec.option import takes_fields
 from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
-from meshreel.codec.targets import DEFAULT_QUALITY
-from meshreel.errors import InvalidInputError, Keyword
+from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
 from meshreel.formats.options import Reading
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
-from meshreel.formats.sources import AnyPath, Source
+from meshreel.formats.sources import AnyPath
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.inputs import AnyInput, Stream, loaded, opened
-from meshreel.operations.registering import Registering
+from meshreel.operations.registering import extras_to_register, register_frames
+from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
@@ -167,19 +167,8 @@ def info(data: Stream | AnyPath | ReelFile, *, segment: int | None = None) -> St
     return _with_stream(data, "info", lambda stream: streams.info(stream, segment))
 
 
-def register(
-    source: AnyInput,
-    *,
-    tolerance: float | str = "0.2%",
-    unit: str | None = None,
-    keep_holes: bool = False,
-    quality: float = DEFAULT_QUALITY,
-    folder: str | os.PathLike[str] | None = None,
-    texture: Source | None = None,
-    texture_output: AnyPath | None = None,
-    overwrite: bool = False,
-    progress: Progress = silent,
-) -> MeshSequence:
+@takes_fields(RegisterOptions)
+def register(source: AnyInput, options: RegisterOptions) -> MeshSequence:
     """Replace the meshes of a raw capture by few meshes that follow its surface.
 
     A capture has a new mesh in every frame. Registration deforms the mesh of a key frame to fit
@@ -191,33 +180,8 @@ def register(
     source : MeshSequence, path, bytes, or ReelFile
         Raw frames, as `encode` accepts them. Frames that stay in their files are read three or four
         times.
-    tolerance : float or str, default "0.2%"
-        Largest distance between a registered surface and the raw one, in the syntax of
-        `max_error`: percent of the diagonal of the box of all frames ("0.2%"), model units
-        ("0.5u"), or a length ("1mm", with `unit`). 99 % of both surfaces, in every frame, are
-        within it, and no connected patch beyond it is larger than a square whose side is ten times
-        the tolerance.
-    unit : {"mm", "cm", "m", "km", "in", "ft"}, optional
-        Length unit of the model, for a `tolerance` that is a length.
-    keep_holes : bool, default False
-        Keep the holes of scans, which registered surfaces close: segments get a track ``scanned``,
-        1 for the faces that the raw frame has, otherwise 0. Players and pictures hide the others.
-    quality : float, default 80
-        The quality at which the result will be encoded, 1 to 100. Meshes keep more vertices for a
-        higher one.
-    folder : path, optional
-        Stores the registered frames: after an interruption, the same call continues. The result
-        reads its frames from the folder; remove it when they are not needed any more. Default:
-        frames are in temporary files (in `TMPDIR`), which vanish with the result.
-    texture : path, or list of paths, optional
-        Textures of the raw frames: a folder or a pattern of images in frame order, a list of them,
-        or a video. They are baked into the texture coordinates of the segments: every texel gets
-        the color at the closest point of the raw surface. Their size is that of the first image.
-    texture_output : path, optional
-        Where to write the baked textures: a video (``walk.mp4``; needs the extra [video]), or a
-        pattern of images (``walk_%04d.png``). Required with `texture`.
-    overwrite : bool, default False
-        Whether existing textures may be replaced.
+    options
+        The fields of `RegisterOptions`.
     progress : callable, optional
         Called with the stage and the completed fraction, 0..1.
 
@@ -238,29 +202,13 @@ def register(
     FormatError
         If a texture cannot be read, or its output has another format.
     """
-    if (texture is None) != (texture_output is None):
-        raise InvalidInputError(
-            Keyword("texture"),
-            " and ",
-            Keyword("texture_output"),
-            " belong together; give both or none",
-        )
-    registering = Registering(
-        tolerance=bound_of(tolerance, unit, "tolerance"),
-        keep_holes=keep_holes,
-        quality=quality,
-        folder=None if folder is None else Path(folder),
-        texture=texture,
-        texture_output=texture_output or "",
-        overwrite=overwrite,
-    )
-    require(registering.extras)
+    require(extras_to_register(options))
     reading, notes = Reading(matches_frames=False), Notes()
     with opened(source, reading) as frames:
-        _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS], stacklevel=3)
-        registered = registering.register(frames, notes, progress)
-        registered.bake(registered.sequence, progress)
-    _warn([*registered.registration.changes, *notes], stacklevel=3)
+        _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS])
+        registered = register_frames(frames, options, notes, options.progress)
+        registered.bake(registered.sequence, options.progress)
+    _warn([*registered.registration.changes, *notes])
     return registered.sequence
 
 

@@ -287,4 +287,7 @@ def type_text(option: Option) -> str:
 def _type_name(kind: Any) -> str:
     if (special := {Mapping: "mapping", os.PathLike: "path"}.get(get_origin(kind))) is not None:
         return special
-    return f"sequence of {get_args(kind)[0].__name__}" if get_origin(kind) else kind.__name__
+    if not get_origin(kind):
+        return str(kind.__name__)
+    [item] = get_args(kind)
+    return f"sequence of {' or '.join(map(_type_name, get_args(item) or [item]))}"

@@ -28,8 +28,9 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
 from meshreel.operations.inputs import chosen_frames, local_input
-from meshreel.operations.registering import Registered, Registering
+from meshreel.operations.registering import Registered, extras_to_register, register_frames
 from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
+from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
 from meshreel.runtime.progress import Progress, silent
@@ -175,7 +176,7 @@ def convert(
     target: Target,
     reading: Reading,
     *,
-    registering: Registering | None = None,
+    registering: RegisterOptions | None = None,
     frames: slice | None = None,
     splits: bool = False,
     reports: bool = True,
@@ -189,7 +190,7 @@ def convert(
     target : Target
     reading : Reading
         Receives the notes.
-    registering : Registering, optional
+    registering : RegisterOptions, optional
         Registers the frames first; for a .reel with its quality and in a folder beside it, from
         which a second run continues if the first is stopped.
     frames : slice, optional
@@ -216,7 +217,7 @@ def convert(
         found = find_files(local)
         files = found.with_companions(reading.topology)
         extras = [*extras_to_read(files), *extras_to_write(target.output)]
-        require([*extras, *([] if registering is None else registering.extras)])
+        require([*extras, *([] if registering is None else extras_to_register(registering))])
         target.check(files, None if splits else _known_frames(files, frames))
         origin = None if writes_stream or len(files) > 1 else origin_of_file(files[0])
         target = replace(target, options=replace(target.options, origin=origin))
@@ -234,7 +235,7 @@ def convert(
                 folder = Path(target.output).with_suffix(".registration")
                 quality = quality_of(target.config)
                 registering = replace(registering, quality=quality, folder=folder)
-            registered = registering.register(opened, notes, progress)
+            registered = register_frames(opened, registering, notes, progress)
             opened = registered.sequence
             target = replace(target, config=registered.tuned(target.config, notes))
             notes += registered.notes(is_reported=writes_stream and reports)

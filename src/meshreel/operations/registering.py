@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshreel.codec.error_bounds import ErrorBound
-from meshreel.codec.targets import DEFAULT_QUALITY
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
-from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.notes import Note, Notes
 from meshreel.model.sequence import MeshSequence
+from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import Extra
-from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from meshreel.codec.config import EncoderConfig
@@ -22,53 +20,41 @@ if TYPE_CHECKING:
     from meshreel.registration.report import Report
 
 
-@dataclass(frozen=True, kw_only=True)
-class Registering:
-    """How raw frames are registered; fields as the parameters of `meshreel.register`."""
+def extras_to_register(options: RegisterOptions) -> list[Extra]:
+    """Return the extras that registration and the textures need."""
+    if options.texture is None:
+        return [*REGISTRATION]
+    return [*REGISTRATION, *extras_to_bake(options.texture, options.texture_output or "")]
 
-    tolerance: ErrorBound
-    keep_holes: bool = False
-    quality: float = DEFAULT_QUALITY
-    folder: Path | None = None
-    texture: Source | None = None
-    texture_output: AnyPath = ""
-    overwrite: bool = False
 
-    @property
-    def extras(self) -> list[Extra]:
-        """The extras that registration and the textures need."""
-        if self.texture is None:
-            return [*REGISTRATION]
-        return [*REGISTRATION, *extras_to_bake(self.texture, self.texture_output)]
+def register_frames(
+    raw: MeshSequence, options: RegisterOptions, notes: Notes, progress: Progress
+) -> "Registered":
+    """Register raw frames, with texture coordinates that fit the textures.
 
-    def register(
-        self, raw: MeshSequence, notes: Notes, progress: Progress = silent
-    ) -> "Registered":
-        """Register frames, with texture coordinates that fit the textures.
+    Raises
+    ------
+    InvalidInputError, FormatError
+        As `meshreel.register`.
+    """
+    from meshreel.registration.register import register  # imports SciPy
 
-        Raises
-        ------
-        InvalidInputError, FormatError
-            As `meshreel.register`.
-        """
-        from meshreel.registration.register import register  # imports SciPy
+    job = None
+    if options.texture is not None and options.texture_output is not None:
+        from meshreel.operations.textures import TextureJob  # imports Pillow
 
-        job = None
-        if self.texture is not None:
-            from meshreel.operations.textures import TextureJob  # imports Pillow
-
-            job = TextureJob.checked(
-                self.texture, self.texture_output, raw, overwrite=self.overwrite
-            )
-        registration = register(
-            raw,
-            self.tolerance,
-            progress,
-            self.folder,
-            keep_holes=self.keep_holes,
-            quality=self.quality,
+        job = TextureJob.checked(
+            options.texture, options.texture_output, raw, overwrite=options.overwrite
         )
-        return Registered(registration if job is None else job.prepared(registration, notes), job)
+    registration = register(
+        raw,
+        options.bound,
+        progress,
+        None if options.folder is None else Path(options.folder),
+        keep_holes=options.keep_holes,
+        quality=options.quality,
+    )
+    return Registered(registration if job is None else job.prepared(registration, notes), job)
 
 
 @dataclass(frozen=True)

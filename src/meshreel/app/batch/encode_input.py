@@ -20,7 +20,8 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.operations.encoding import encode_and_measure
-from meshreel.operations.registering import Registered, Registering
+from meshreel.operations.registering import Registered, register_frames
+from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import silent
 from meshreel.runtime.version import __version__
@@ -41,7 +42,7 @@ class EncodeOptions:
     """Options that do not apply to the format of an input are ignored; an input without a selected
     attribute gets a note.
     """
-    registering: Registering | None = None
+    registering: RegisterOptions | None = None
     """Registers inputs whose faces change."""
     tracks: dict[str, float | str] | None = None
     """Error bounds of tracks. An input without one of them gets a note."""
@@ -69,7 +70,7 @@ class EncodeOptions:
             name: value for name, value in reading.items() if value != getattr(Reading, name)
         }
         if self.registering is not None:
-            options["register"] = self.registering.tolerance.plain
+            options["register"] = self.registering.bound.plain
             options |= {"keep_holes": True} if self.registering.keep_holes else {}
         return {**options, "tracks": self.tracks} if self.tracks else options
 
@@ -117,7 +118,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
         opened = open_for_encoding(files, _memory(options), reading)
         if registering is not None and opened.n_segments > 1:
             registering = replace(registering, quality=quality_of(options.config))
-            registered = registering.register(opened, notes)
+            registered = register_frames(opened, registering, notes, silent)
             opened = registered.sequence
             notes += registered.notes(is_reported=False)
         elif registering is not None:

@@ -1,18 +1,18 @@
 """`meshreel register`: follow the surface of a raw capture, and encode the result."""
 
 from pathlib import Path
-from typing import Annotated
-
-import click
+from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
 from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.registering import KeepHolesOption
+from meshreel.app.cli.registering import REGISTERING
 from meshreel.app.cli.write_options import StreamOption, stream_output
+from meshreel.codec.error_bounds import METERS
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading
+from meshreel.registration.options import RegisterOptions
 
 
 @command
@@ -28,33 +28,8 @@ def register_command(
     ],
     reading: Annotated[Reading, reading("fps", *MESHES, "dataset", "attributes")],
     encoding: Annotated[Encoding, ENCODING],
+    registering: Annotated[dict[str, Any], REGISTERING],
     output: StreamOption = None,
-    tolerance: Annotated[
-        str,
-        Option(
-            "Largest distance between the registered and the raw surface: percent of the diagonal "
-            "of the box of all frames (0.2%), model units (0.5u), or a length (1mm, with --unit). "
-            "In every frame, 99 % of both surfaces are within it, and no connected patch beyond it "
-            "is larger than a square of ten tolerances.",
-            metavar="LENGTH",
-        ),
-    ] = "0.2%",
-    texture: Annotated[
-        str | None,
-        Option(
-            "Textures of the raw frames: a folder or a quoted glob of images in frame order, or a "
-            "video. They are baked into the texture coordinates of the segments.",
-            metavar="IMAGES",
-        ),
-    ] = None,
-    texture_output: Annotated[
-        Path | None,
-        Option(
-            "The video (walk.mp4, needs [video]) or the images (walk_%04d.png) to write with "
-            "--texture. Default: a video named after the output.",
-            metavar="FILE",
-        ),
-    ] = None,
     measure: Annotated[
         bool,
         Option(
@@ -63,7 +38,6 @@ def register_command(
             flag="--measure/--no-measure",
         ),
     ] = True,
-    keep_holes: KeepHolesOption = False,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -88,26 +62,19 @@ def register_command(
     - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
     """
     from meshreel.app.cli.written import convert_and_print
-    from meshreel.codec.error_bounds import METERS, bound_of
     from meshreel.codec.options import config_of
     from meshreel.operations.convert import Target
-    from meshreel.operations.registering import Registering
 
-    if texture_output is not None and texture is None:
-        raise click.UsageError("--texture-output names the textures of --texture; give both")
     output = stream_output(output, inputs)
-    is_length = tolerance.strip().lower().endswith(tuple(METERS))
-    bound = bound_of(tolerance, encoding["unit"] if is_length else None, "tolerance")
-    if is_length and encoding["max_error"] is None:
-        encoding = {**encoding, "unit": None}
-    registering = Registering(
-        tolerance=bound,
-        keep_holes=keep_holes,
-        texture=texture,
-        texture_output=texture_output or Path(output).with_suffix(".mp4"),
-        overwrite=force,
-    )
+    unit = None
+    if registering["tolerance"].strip().lower().endswith(tuple(METERS)):
+        unit = encoding["unit"]
+        encoding = {**encoding, "unit": unit if encoding["max_error"] is not None else None}
+    if registering["texture"] is not None and registering["texture_output"] is None:
+        registering["texture_output"] = Path(output).with_suffix(".mp4")
     target = Target(output=output, config=config_of(**encoding), overwrite=force)
     convert_and_print(
-        inputs, target, reading, registering=registering, reports=measure, as_json=as_json
-    )
+        inputs, target, reading,
+        registering=RegisterOptions(**registering, unit=unit, overwrite=force), reports=measure,
+        as_json=as_json,
+    )  # fmt: skip

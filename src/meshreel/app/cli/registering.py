@@ -1,49 +1,51 @@
-"""Options of commands that register raw captures."""
+"""Options of commands that register raw captures, derived from `registration.options`."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import click
 
 from meshreel.app.cli.parameters import Group
-from meshreel.codec.option import Option
-from meshreel.formats.options import READING
+from meshreel.codec.error_bounds import bound_of
+from meshreel.codec.option import options_of_fields
+from meshreel.registration.options import RegisterOptions
 
-if TYPE_CHECKING:
-    from meshreel.operations.registering import Registering
-
-HOLES = Option(
-    "Keep the holes of scans, which registered surfaces close: a track scanned is 1 for the faces "
-    "that the raw frame has, otherwise 0. Players and pictures hide the others.",
-    group=READING,
+_OPTIONS = {option.name: option for option in options_of_fields(RegisterOptions)}
+_OUTPUT = replace(
+    _OPTIONS["texture_output"],
+    annotation=Path,
+    help=f"{_OPTIONS['texture_output'].help} Default: a video named after the output.",
 )
-KeepHolesOption = Annotated[bool, HOLES]
-_REGISTER = Option(
-    "Follow the surface of a raw capture, which has a new mesh in every frame, with few meshes, up "
-    "to this distance: 0.2% of the diagonal, or 0.5u in model units (needs [register]; see "
-    "`meshreel register`).",
+REGISTERING = Group(
+    (_OPTIONS["tolerance"], _OPTIONS["texture"], _OUTPUT, _OPTIONS["keep_holes"]), dict
+)
+"""Options of `meshreel register`."""
+
+_REGISTER = replace(
+    _OPTIONS["tolerance"],
     name="register",
-    annotation=str,
-    group=READING,
-    metavar="TOLERANCE",
     flag="--register",
+    default=None,
+    help="Follow the surface of a raw capture, which has a new mesh in every frame, with few "
+    "meshes, up to this distance: 0.2% of the diagonal, or 0.5u in model units (needs [register]; "
+    "see `meshreel register`).",
+    group=_OPTIONS["keep_holes"].group,
+    metavar="TOLERANCE",
 )
-_KEEP_HOLES = replace(HOLES, name="keep_holes", annotation=bool, default=False, flag="--keep-holes")
 
 
-def _registering(values: dict[str, Any]) -> "Registering | None":
+def _registering(values: dict[str, Any]) -> RegisterOptions | None:
     tolerance, keep_holes = values["register"], values["keep_holes"]
     if tolerance is None:
         if keep_holes:
             raise click.UsageError("--keep-holes is for captures; add --register")
         return None
-    from meshreel.codec.error_bounds import bound_of
-    from meshreel.operations.registering import Registering
-
-    return Registering(tolerance=bound_of(tolerance, option="register"), keep_holes=keep_holes)
+    bound = bound_of(tolerance, option="register")
+    return RegisterOptions(tolerance=bound.plain, keep_holes=keep_holes)
 
 
 RegisteringOption = Annotated[
-    "Registering | None", Group((_REGISTER, _KEEP_HOLES), _registering, ())
+    RegisterOptions | None, Group((_REGISTER, _OPTIONS["keep_holes"]), _registering, ())
 ]
 """Options of commands that can register their input before they write it."""
