@@ -4,10 +4,20 @@
 
 #include "names.h"
 
-#define MAX_COLUMNS 256
 #define WITH_BOUND 16
-#define LAST_KIND MESHREEL_TRACK_SCALAR
 #define OF_CELLS ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS + 1)
+
+/* Least and greatest number of columns of each kind. */
+static const uint16_t WIDTHS[][2] = {
+    [MESHREEL_TRACK_OTHER] = {1, 256},
+    [MESHREEL_TRACK_VECTOR] = {2, 3},
+    [MESHREEL_TRACK_VELOCITY] = {3, 3},
+    [MESHREEL_TRACK_NORMAL] = {3, 3},
+    [MESHREEL_TRACK_COLOR] = {3, 4},
+    [MESHREEL_TRACK_UV] = {2, 2},
+    [MESHREEL_TRACK_SCALAR] = {1, 1},
+};
+#define N_KINDS (sizeof WIDTHS / sizeof *WIDTHS)
 
 static int fail_track(reel_call *call, const reel_section *section, const char *message) {
     return reel_corrupt(call, section->payload.offset, message);
@@ -21,24 +31,6 @@ static bool has_type(reel_track *track, uint32_t code) {
     track->is_float = kind == 0;
     track->is_signed = kind == 2;
     return is_integer || (kind == 0 && (size == 4 || size == 8));
-}
-
-static bool is_valid_width(uint32_t kind, uint64_t n_columns) {
-    switch (kind) {
-    case MESHREEL_TRACK_VECTOR:
-        return n_columns == 2 || n_columns == 3;
-    case MESHREEL_TRACK_VELOCITY:
-    case MESHREEL_TRACK_NORMAL:
-        return n_columns == 3;
-    case MESHREEL_TRACK_COLOR:
-        return n_columns == 3 || n_columns == 4;
-    case MESHREEL_TRACK_UV:
-        return n_columns == 2;
-    case MESHREEL_TRACK_SCALAR:
-        return n_columns == 1;
-    default:
-        return true;
-    }
 }
 
 /* Whether a predicted coding matches the kind and domain of a track. */
@@ -92,12 +84,12 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     REEL_TRY(reel_read_text(call, pool, &input, &info->unit));
     REEL_TRY(reel_read_varint(call, &input, &n_columns));
     bool has_bound = codes[3] & WITH_BOUND;
-    if (codes[0] > LAST_KIND || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
+    if (codes[0] >= N_KINDS || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
         codes[3] - (has_bound ? WITH_BOUND : 0) > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.offset,
                          "a track needs a newer version; update meshreel");
     }
-    if (!n_columns || n_columns > MAX_COLUMNS || !is_valid_width(codes[0], n_columns)) {
+    if (n_columns < WIDTHS[codes[0]][0] || n_columns > WIDTHS[codes[0]][1]) {
         return fail_track(call, section,
                           "the number of columns of a track does not match its kind");
     }
