@@ -18,8 +18,6 @@ namespace Meshreel
         Limit = 9, Segments = 10
     }
 
-    public enum ReelDomain { Vertices = 0, Faces = 1, Corners = 2, Cells = 3 }
-
     /// <summary>Number type; `Own` is that of the track.</summary>
     public enum ReelType
     {
@@ -27,9 +25,6 @@ namespace Meshreel
         Int32 = 36, Int64 = 40
     }
 
-    /// <summary>Colors are in sRGB (IEC 61966-2-1), with linear opacity: floats 0..1, integers 0..255.</summary>
-    public enum ReelAttributeKind { Uv = 0, Color = 1, Other = 2 }
-    public enum ReelTrackKind { Other = 0, Vector = 1, Velocity = 2, Normal = 3, Color = 4, Uv = 5, Scalar = 6 }
     public enum ReelAlphaMode { Opaque = 0, Mask = 1, Blend = 2 }
     public enum ReelWrap { Repeat = 0, Mirror = 1, Clamp = 2, Black = 3, Metadata = 4 }
 
@@ -164,7 +159,7 @@ namespace Meshreel
     }
 
     /// <summary>Values that do not change over time. Item i of the domain has row `Rows[i]`; row i without
-    /// `Rows`.</summary>
+    /// `Rows`. Colors are in sRGB (IEC 61966-2-1), with linear opacity: floats 0..1, integers 0..255.</summary>
     public sealed class ReelAttribute
     {
         public string Name { get; internal set; }

@@ -6,6 +6,10 @@ using System.Runtime.InteropServices;
 
 namespace Meshreel
 {
+    public enum ReelDomain { Vertices = 0, Faces = 1, Corners = 2, Cells = 3 }
+    public enum ReelAttributeKind { Uv = 0, Color = 1, Other = 2 }
+    public enum ReelTrackKind { Other = 0, Vector = 1, Velocity = 2, Normal = 3, Color = 4, Uv = 5, Scalar = 6 }
+
     internal static partial class Native
     {
 #if UNITY_IOS && !UNITY_EDITOR

@@ -19,6 +19,8 @@ VECTORS = {"2": "pair", "3": "triple", "4": "quadruple"}
 """Structures in place of arrays of doubles, by their length."""
 HANDLES = {"file": "FileHandle", "decoder": "DecoderHandle"}
 """Safe handles of opaque structures, which the functions that release them do not take."""
+ENUMERATIONS = ("domain", "attribute_kind", "track_kind")
+"""Enumerations whose names are those of the header, in capitals there."""
 RELEASING = ("meshreel_close", "meshreel_end")
 WIDTH = 120
 
@@ -31,6 +33,7 @@ using System.Runtime.InteropServices;
 
 namespace Meshreel
 {
+%s
     internal static partial class Native
     {
 #if UNITY_IOS && !UNITY_EDITOR
@@ -54,9 +57,9 @@ def generated() -> str:
     """Return the text of Native.cs."""
     header = re.sub(r"/\*.*?\*/", "", HEADER.read_text(encoding="utf-8"), flags=re.DOTALL)
     (abi,) = re.findall(r"#define MESHREEL_ABI (\d+)", header)
-    (body,) = re.findall(r"enum meshreel_slot \{(.*?)\}", header, re.DOTALL)
-    slots = re.findall(r"MESHREEL_(\w+) = \d+,", body)
-    text = HEAD % (abi, ", ".join(map(str.lower, slots)))
+    enumerations = "".join(_enumeration(name, _members(header, name)) for name in ENUMERATIONS)
+    *slots, _ = _members(header, "slot")
+    text = HEAD % (enumerations, abi, ", ".join(name.lower() for name, _ in slots))
     for name, fields in re.findall(r"typedef struct meshreel_(\w+) \{(.*?)\n\}", header, re.DOTALL):
         text += _structure(name, [" ".join(field.split()) for field in fields.split(";")[:-1]])
     for result, name, parameters in re.findall(
@@ -64,6 +67,16 @@ def generated() -> str:
     ):
         text += _function(result.strip(), name, " ".join(parameters.split()).split(", "))
     return text + "    }\n}\n"
+
+
+def _members(header: str, name: str) -> list[tuple[str, str]]:
+    (body,) = re.findall(rf"enum meshreel_{name} \{{(.*?)\}}", header, re.DOTALL)
+    return re.findall(r"MESHREEL_(?:TRACK_)?(\w+) = (\d+)", body)
+
+
+def _enumeration(name: str, members: list[tuple[str, str]]) -> str:
+    inner = ", ".join(f"{member.capitalize()} = {number}" for member, number in members)
+    return f"    public enum Reel{name.title().replace('_', '')} {{ {inner} }}\n"
 
 
 def _structure(name: str, fields: list[str]) -> str:
