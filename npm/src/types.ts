@@ -1,5 +1,7 @@
 // Types that are shared by all modules of the package.
 
+import type { KINDS } from "./track_kinds.js";
+
 /** Random access to the bytes of a file. */
 export interface ByteSource {
   /** Size in bytes; null while unknown. */
@@ -91,14 +93,7 @@ export interface TrackInfo {
   readonly name: string;
   /** Unit, such as "Pa"; empty if unknown. */
   readonly unit: string;
-  readonly kind:
-    | "scalar"
-    | "vector"
-    | "velocity"
-    | "normal"
-    | "color"
-    | "uv"
-    | "other";
+  readonly kind: (typeof KINDS)[number];
   /** What has values. */
   readonly domain: Domain;
   /** Numbers per value. */

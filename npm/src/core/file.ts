@@ -1,6 +1,7 @@
 // Metadata of an open file: segments, frames, blocks and tracks.
 
 import { UnsupportedVersionError } from "../errors.js";
+import { KINDS } from "../track_kinds.js";
 import type { BlockInfo, FileInfo, ReelInfo, SegmentInfo, TrackInfo } from "../types.js";
 import type { Library } from "./library.js";
 import { copyNumbers, NUMBER_TYPES } from "./numbers.js";
@@ -10,7 +11,6 @@ import { Struct } from "./struct.js";
 const OTHER_METHODS = ["pca-qp", "pca", "pca-q", "v2v", "pca-qs", "blocks", "gft"];
 const METHODS = ["reel", "lossless", "grid"] as const;
 const FIRST_METHOD = 7;
-const KINDS = ["other", "vector", "velocity", "normal", "color", "uv", "scalar"] as const;
 const DOMAINS = ["vertex", "face", "corner", "cell"] as const;
 const STRUCT_BYTES = 64;
 const FLOAT64 = 8;

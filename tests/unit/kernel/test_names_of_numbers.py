@@ -22,7 +22,7 @@ def entries(path, begin, entry, end="}"):
     ("numbers", "name", "prefix", "in_typescript"),
     [
         ({kind.value: row.code for kind, row in KIND_ROWS.items()}, "meshreel_track_kind",
-         "MESHREEL_TRACK_", "core/file.ts const KINDS"),
+         "MESHREEL_TRACK_", "track_kinds.ts const KINDS"),
         ({kind.value: number for number, kind in enumerate(KINDS)}, "meshreel_attribute_kind",
          "MESHREEL_", "core/surface.ts const KINDS"),
         ({domain.value: number for number, domain in enumerate(DOMAINS)}, "meshreel_domain",

@@ -3,6 +3,7 @@
 import type { Surface, TrackInfo, TrackValues } from "../../index.js";
 
 import { createItemLookup } from "../../three/corners.js";
+import { KIND_ROWS } from "../../track_kinds.js";
 
 /**
  * Compute the errors of a track at all vertices: the length of the difference, in the unit of the
@@ -24,7 +25,7 @@ export function trackErrors(
       originalValue[column] = Number(original[item * nColumns + column]);
       decodedValue[column] = Number(decoded[item * nColumns + column]);
     }
-    errors[item] = valueError(kind, originalValue, decodedValue);
+    errors[item] = valueError(KIND_ROWS[kind]?.error, originalValue, decodedValue);
   }
   if (domain === "vertex") return errors;
   const maxima = new Float32Array(nVerts).fill(NaN);
@@ -36,13 +37,13 @@ export function trackErrors(
   return maxima;
 }
 
-function valueError(kind: TrackInfo["kind"], originalValue: Float64Array, decodedValue: Float64Array): number {
+function valueError(measure: string | undefined, originalValue: Float64Array, decodedValue: Float64Array): number {
   const isMissing = [originalValue, decodedValue].map((value) => value.some(Number.isNaN));
   if (isMissing[0] !== isMissing[1]) return Infinity;
   if (isMissing[0]) return NaN;
-  if (kind === "normal") return angleDeg(originalValue, decodedValue);
+  if (measure === "angle") return angleDeg(originalValue, decodedValue);
   const differences = decodedValue.map((value, column) => Math.abs(value - originalValue[column]));
-  return kind === "color" ? Math.max(...differences) : Math.hypot(...differences);
+  return measure === "number" ? Math.max(...differences) : Math.hypot(...differences);
 }
 
 /** Angle in degrees; 180 if only one of the vectors is 0. */

@@ -2,6 +2,7 @@
 
 import { type LegendContent, trackTitle } from "../../player/legend.js";
 import { DEFAULT_RANGE } from "../../three/color/color_range.js";
+import { KIND_ROWS } from "../../track_kinds.js";
 import type { ColorLegend } from "../../three/color/track_colors.js";
 
 import type { Reel, TrackSettings } from "../facts.js";
@@ -149,7 +150,7 @@ export class TrackPanel {
     byId("track-options").hidden = settings === null;
     if (!settings || !legend) return;
     const { nColumns, kind } = this.reel.file.track(settings.track).info;
-    const range = settings.range ?? (kind === "normal" ? "-1:1" : DEFAULT_RANGE);
+    const range = settings.range ?? KIND_ROWS[kind]?.range ?? DEFAULT_RANGE;
     const columns = Array.from({ length: nColumns }, (_, c) => formatComponent(c, nColumns));
     const components = nColumns <= MAX_MAGNITUDE_COLUMNS ? ["magnitude", ...columns] : columns;
     if (kind === "color") components.unshift("color");

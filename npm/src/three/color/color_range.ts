@@ -1,6 +1,7 @@
 // Selects the values of a track to show, and the range of the color map.
 
 import { InvalidInputError } from "../../errors.js";
+import { KIND_ROWS } from "../../track_kinds.js";
 import type { BlockInfo, OpenTrack, ReelInfo, TrackInfo, TrackValues } from "../../types.js";
 
 /** Limit of selected columns: the GPU computes sums of three components. */
@@ -37,10 +38,10 @@ export function selectColumns(
   component: Component | undefined,
 ): Selection {
   const all = Array.from({ length: nColumns }, (_, column) => column);
-  if (component === undefined && kind === "color") return { columns: [0, 1, 2], as: "color" };
+  const usual = KIND_ROWS[kind]?.component;
+  if ((component ?? usual) === "color") return { columns: [0, 1, 2], as: "color" };
   const axes = nColumns > 1 && nColumns <= MAX_COLUMNS ? AXES.slice(0, nColumns) : [];
-  const defaultComponent = nColumns === 1 ? 0 : kind === "normal" ? "x" : "magnitude";
-  const requested = component ?? defaultComponent;
+  const requested = component ?? (nColumns === 1 ? 0 : (usual ?? "magnitude"));
   if (requested === "magnitude" && nColumns <= MAX_COLUMNS) return { columns: all, as: "magnitude" };
   const column = axes.includes(requested as string) ? axes.indexOf(requested as string) : requested;
   if (all.includes(column as number)) return { columns: [column as number], as: "number" };
@@ -141,7 +142,7 @@ export async function resolveRange(
 
 /** Error bound of a value, in its unit; 0 if unknown. */
 function valueErrorBound({ kind, errorBound }: Pick<TrackInfo, "kind" | "errorBound">): number {
-  return kind === "normal" ? 0 : (errorBound ?? 0); // the bound of normals is an angle
+  return KIND_ROWS[kind]?.error === "angle" ? 0 : (errorBound ?? 0);
 }
 
 /**

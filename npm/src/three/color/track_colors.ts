@@ -3,6 +3,7 @@
 import * as THREE from "three";
 
 import { InvalidInputError } from "../../errors.js";
+import { KIND_ROWS } from "../../track_kinds.js";
 import type {
   BlockFields,
   BlockInfo,
@@ -150,11 +151,11 @@ export class TrackColors {
     this.#texture = createColorTexture(colors);
     this.#texture.channel = this.#channel;
     const [low, high] = range;
-    const { name, unit, kind } = track.info;
+    const { name, kind } = track.info;
     const { as, columns } = selection;
     this.legend = {
       name,
-      unit: kind === "normal" || as === "color" ? "" : unit, // components of unit vectors and colors have no unit
+      unit: KIND_ROWS[kind] ? "" : track.info.unit, // components of unit vectors and colors have no unit
       range: as === "color" ? null : range,
       component: as === "number" ? columns[0] : as,
       colorOf: (value) => colorAt(colors, (value - low) / (high - low)),
@@ -179,8 +180,7 @@ export class TrackColors {
     }
     const track = first.track(name);
     const { map, wholeFile = false } = options;
-    const isNormal = track.info.kind === "normal" && options.component !== "magnitude";
-    const ends = parseRange(options.range ?? (isNormal ? [-1, 1] : DEFAULT_RANGE));
+    const ends = parseRange(options.range ?? KIND_ROWS[track.info.kind]?.range ?? DEFAULT_RANGE);
     if (map !== undefined) resolveColorMap(map);
     await track.frame(0, { signal }); // throws if the track cannot be decoded
     const selection = selectColumns(track.info, options.component);
