@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from meshreel.app.batch.manifest import MEASURED
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.decoder import decode
 from meshreel.codec.reel_options import quality_of
@@ -20,7 +21,7 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
 from meshreel.operations.encoding import encode_and_measure
-from meshreel.operations.registering import Registered, register_frames
+from meshreel.operations.registering import register_frames
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import silent
@@ -123,50 +124,27 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
             notes += registered.notes(is_reported=False)
         elif registering is not None:
             notes.result("not registered: all frames have the same faces")
-        return _encode_source(opened, registered, options, notes, began)
+        sequence, config = _apply_options(opened, options, notes)
+        if registered is not None:
+            config = registered.tuned(config, notes)
+        encoded = encode_and_measure(
+            sequence, config, _track_bounds(sequence, options, notes), notes
+        )
+        if registered is not None:
+            notes += registered.report(decode(encoded.data), silent).notes()
+    figures = encoded.as_dict()
+    figures["tracks"] = {
+        name: {key: errors[key] for key in ("largest", "rms", "unit")}
+        for name, errors in figures["tracks"].items()
+    }
+    measured = {name: _finite(figures.get(name)) for name in MEASURED}
+    seconds = round(time.perf_counter() - began, 3)
+    return EncodedInput(encoded.data, {"seconds": seconds, **measured, "notes": notes})
 
 
 def _memory(options: EncodeOptions) -> float | None:
     """Memory limit of encoding; 0 after memory ran out, so that frames are read on demand."""
     return options.config.memory_bytes if options.block_share == 1 else 0.0
-
-
-def _encode_source(
-    source: MeshSequence,
-    registered: Registered | None,
-    options: EncodeOptions,
-    notes: Notes,
-    began: float,
-) -> EncodedInput:
-    """Encode and measure an opened input."""
-    sequence, config = _apply_options(source, options, notes)
-    if registered is not None:
-        config = registered.tuned(config, notes)
-    tracks = _track_bounds(sequence, options, notes)
-    encoded = encode_and_measure(sequence, config, tracks, notes)
-    if registered is not None:
-        notes += registered.report(decode(encoded.data), silent).notes()
-    stream, achieved = encoded.stream, encoded.achieved
-    figures = {
-        "seconds": round(time.perf_counter() - began, 3),
-        "raw_size_bytes": stream.raw_size_bytes,
-        "size_bytes": stream.size_bytes,
-        "ratio": stream.ratio,
-        "kg_error_percent": _finite(achieved.kg_error_percent),
-        "max_error_percent": _finite(achieved.max_error_percent),
-        "normal_angle_mean_deg": _finite(achieved.normal_angle_mean_deg),
-        "tracks": {
-            name: {
-                "largest": _finite(errors.largest),
-                "rms": _finite(errors.rms),
-                "unit": errors.unit,
-            }
-            for name, errors in achieved.tracks.items()
-        },
-        "uv_error": None if encoded.uv is None else encoded.uv,
-        "notes": notes,
-    }
-    return EncodedInput(encoded.data, figures)
 
 
 def _apply_options(
@@ -216,6 +194,8 @@ def _track_bounds(
     return {name: bound for name, bound in bounds.items() if name in tracks}
 
 
-def _finite(error: float | None) -> float | None:
-    """The error for JSON: None if it is not finite."""
-    return float(error) if error is not None and math.isfinite(error) else None
+def _finite(value: Any) -> Any:
+    """Figures for JSON, which are None if they are not finite."""
+    if isinstance(value, dict):
+        return {name: _finite(figure) for name, figure in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -19,6 +19,12 @@ LAYOUT = 1
 
 DONE, FAILED, PENDING = "done", "failed", "pending"
 
+MEASURED = (
+    "raw_size_bytes", "size_bytes", "ratio", "kg_error_percent", "max_error_percent",
+    "normal_angle_mean_deg", "tracks", "uv_error",
+)  # fmt: skip
+"""Fields of a `Record` that have the names of figures of `meshreel encode --json`."""
+
 
 @dataclass(frozen=True)
 class Record:
