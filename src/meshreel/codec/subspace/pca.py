@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
-from meshreel.runtime.threads import chunks, in_threads, one_blas_thread
+from meshreel.runtime.threads import chunks, in_threads
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of a Gram matrix below this share of the largest are rounding errors."""
@@ -74,7 +74,8 @@ def joint_trajectories(frames: npt.NDArray[np.floating], n_modes: int) -> tuple[
 
     A mode is one field on the mesh with a temporal basis vector of 3 T numbers, instead of a field
     and a basis vector of T numbers for each axis: the singular vectors of the matrix of shape
-    (3 T, V). The smaller of its two Gram matrices is decomposed.
+    (3 T, V). The smaller of its two Gram matrices is decomposed. The caller limits BLAS to one
+    thread (`one_blas_thread`), so that the result does not depend on the number of cores.
 
     Parameters
     ----------
@@ -92,11 +93,9 @@ def joint_trajectories(frames: npt.NDArray[np.floating], n_modes: int) -> tuple[
     stacked = frames.reshape(-1, frames.shape[2])
     if stacked.shape[0] <= stacked.shape[1]:
         gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
-        with one_blas_thread():
-            return _leading_trajectories(gram, n_modes, 0.0)
+        return _leading_trajectories(gram, n_modes, 0.0)
     gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
-    with one_blas_thread():
-        eigenvalues, vectors = _leading(gram, n_modes, 0.0)
+    eigenvalues, vectors = _leading(gram, n_modes, 0.0)
     singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
     divisors = np.where(singular_values > 0, singular_values, 1.0)
     return singular_values, fix_signs(stacked @ vectors / divisors)

@@ -3,7 +3,7 @@
 import base64
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -187,17 +187,23 @@ class BufferWriter:
             for number, array in enumerate(arrays)
         ]
 
-    def vertex_accessor(self, name: str, column: VertexValues, verts: slice) -> int:
-        """Add an accessor of an attribute on a range of vertices, and return its index.
+    def vertex_accessors(self, columns: Mapping[str, VertexValues], verts: slice) -> dict[str, int]:
+        """Add accessors of attributes on a range of vertices, and return their indices by name.
 
         Integers are normalized, except joints and application-specific attributes.
         """
-        values = column.values[verts]
-        start = column.offset + verts.start * column.stride
-        properties: Json = {"byteOffset": start} if start else {}
-        if values.dtype.kind in "iu" and not name.startswith("_") and name != JOINTS:
-            properties["normalized"] = True
-        return self._add_accessor(column.view, values, has_bounds=name == "POSITION", **properties)
+        accessors = {}
+        for name, column in columns.items():
+            values = column.values[verts]
+            start = column.offset + verts.start * column.stride
+            properties: Json = {"byteOffset": start} if start else {}
+            if values.dtype.kind in "iu" and not name.startswith("_") and name != JOINTS:
+                properties["normalized"] = True
+            has_bounds = name == "POSITION"
+            accessors[name] = self._add_accessor(
+                column.view, values, has_bounds=has_bounds, **properties
+            )
+        return accessors
 
     def add_indices(self, indices: npt.NDArray[np.integer]) -> int:
         """Append triangle corners in the smallest index type, and return their accessor."""

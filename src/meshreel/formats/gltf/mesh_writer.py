@@ -45,6 +45,7 @@ from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.threads import one_blas_thread
 
 Rows = npt.NDArray[Any]
 
@@ -122,10 +123,11 @@ def fit_part(
     bound = max(0.0, bound / placement.scale - MARGIN)
     normals = None
     fit = partial(fit_morphs, displacements, is_compressed=options.compression, progress=progress)
-    if has_normals:
-        morphs, normals = _fit_both(frames, shading, displacements, bound, options, fit)
-    else:
-        morphs = fit(bound)
+    with one_blas_thread():
+        if has_normals:
+            morphs, normals = _fit_both(frames, shading, displacements, bound, options, fit)
+        else:
+            morphs = fit(bound)
     return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
 
 
@@ -353,12 +355,14 @@ def mesh_json(
     primitives = []
     for primitive in split.primitives:
         json: Json = {
-            "attributes": _accessors(base, primitive.verts, buffer),
+            "attributes": buffer.vertex_accessors(base, primitive.verts),
             "indices": buffer.add_indices(primitive.triangles.ravel()),
             "material": materials.index(primitive.material),
         }
         if targets:
-            json["targets"] = [_accessors(values, primitive.verts, buffer) for values in targets]
+            json["targets"] = [
+                buffer.vertex_accessors(values, primitive.verts) for values in targets
+            ]
         primitives.append(json)
     mesh: Json = {"name": name, "primitives": primitives}
     if weights is None:
@@ -375,10 +379,6 @@ def add_attributes(attributes: Mapping[str, Rows], buffer: BufferWriter) -> Stor
         name: buffer.add_vertices([values], are_unit=name == "NORMAL")[0]
         for name, values in attributes.items()
     }
-
-
-def _accessors(values: StoredValues, verts: slice, buffer: BufferWriter) -> dict[str, int]:
-    return {name: buffer.vertex_accessor(name, column, verts) for name, column in values.items()}
 
 
 def _add_vertices(

@@ -21,7 +21,6 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
-from meshreel.codec.subspace.least_squares import solve_gram
 from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.container import IDENTITY, Placement
@@ -38,6 +37,10 @@ WEIGHT_STEP_SHARE = 1 / 64
 """Rounding step of weights, as a fraction of the error."""
 
 PIECE_TARGETS, PIECE_VALUES = 16, 8192
+
+MIN_PIVOT = 1e-5
+"""Smallest reliable pivot of a Cholesky factor, relative to the largest; a Gram matrix of float32
+has no more precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +131,36 @@ def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
 
     in_threads(multiply, chunks(len(targets), PIECE_TARGETS))
     return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
+
+
+def solve_gram(gram: Floats, products: Floats) -> Floats:
+    """Solve ``gram X = products``; the minimum-norm solution if the rows are linearly dependent.
+
+    Parameters
+    ----------
+    gram : float64 array of shape (K, K)
+        ``A A^T`` of the rows to combine.
+    products : float64 array of shape (K, n)
+        ``A B^T`` with the n rows of B to approximate.
+
+    Returns
+    -------
+    float64 array of shape (K, n)
+    """
+    if not gram.size or not products.size:
+        return np.zeros(products.shape)
+    if _is_regular(gram):
+        return np.asarray(np.linalg.solve(gram, products))
+    return np.asarray(np.linalg.lstsq(gram, products, rcond=None)[0])
+
+
+def _is_regular(gram: Floats) -> bool:
+    """Whether the smallest pivot of the Cholesky factor is reliable."""
+    try:
+        pivots = np.diagonal(np.linalg.cholesky(gram))
+    except np.linalg.LinAlgError:
+        return False
+    return bool(pivots.min() > MIN_PIVOT * pivots.max())
 
 
 def rounded_weights(weights: Singles, error: float) -> Singles:

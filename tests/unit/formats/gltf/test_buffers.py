@@ -170,7 +170,7 @@ def test_buffer_views_are_aligned_to_four_bytes():
 def test_vertex_accessor_is_normalized_except_for_custom_attributes(name, expected):
     buffer = BufferWriter()
     (stored,) = buffer.add_vertices([np.zeros((4, 3), np.uint8)])
-    buffer.vertex_accessor(name, stored, slice(1, 3))
+    buffer.vertex_accessors({name: stored}, slice(1, 3))
     accessor = buffer.accessors[0]
     assert (accessor.get("normalized"), accessor["count"]) == (expected, 2)
     assert accessor["byteOffset"] == 4
