@@ -2,23 +2,29 @@
 
     python bench/call_path.py cow.npz
 
-For encoding with default options, encoding with a largest error, and decoding, counts how often
-consecutive function calls inside `src/meshreel` are in different files, and the number of files.
-Only the calling thread counts. Prints a Markdown table; `--pairs` lists pairs of consecutive files
-by frequency.
+For encoding (by default, with a largest error, with two tracks), decoding, saving as GLB, and
+decoding to GLB on the command line, counts how often consecutive function calls inside
+`src/meshreel` are in different files, and the number of files. Only the calling thread counts.
+Prints a Markdown table; `--pairs` lists pairs of consecutive files by frequency.
 """
 
 import argparse
+import io
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import numpy as np
+
 import meshreel
 from measuring import start_table
+from meshreel.app.cli.app import app
 
 ROOT = f"{Path(meshreel.__file__).parent}/"
 
@@ -53,23 +59,29 @@ def file_changes(function: Callable[[], object]) -> Counter[tuple[str, str]]:
 def main() -> None:
     """Measure, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("source", help="a sequence; flag is the embedded one")
-    parser.add_argument("--max-error", default="0.1", help="largest error, in percent")
+    parser.add_argument("source", help="a sequence")
     parser.add_argument("--pairs", action="store_true", help="list pairs of consecutive files")
     arguments = parser.parse_args()
-    is_flag = arguments.source == "flag"
-    sequence = meshreel.simulate_flag(100) if is_flag else meshreel.load(arguments.source)
-    data = meshreel.encode(sequence)
+    sequence = meshreel.load(arguments.source)
+    velocities = np.gradient(sequence.vertices, axis=0)
+    speeds = np.linalg.norm(velocities, axis=2, keepdims=True)
+    tracks = {"velocity": meshreel.Track(velocities), "speed": meshreel.Track(speeds)}
+    data, folder = meshreel.encode(sequence), Path(tempfile.mkdtemp())
+    reel, glb = folder / "a.reel", folder / "a.glb"
+    reel.write_bytes(data)
+    decode_to_glb = partial(app, ["decode", str(reel), "-o", str(glb), "--force"])
     calls: dict[str, Callable[[], object]] = {
         "encode": partial(meshreel.encode, sequence),
-        f"encode, max_error={arguments.max_error}": partial(
-            meshreel.encode, sequence, max_error=arguments.max_error
-        ),
+        "encode, max_error=0.1": partial(meshreel.encode, sequence, max_error=0.1),
+        "encode, two tracks": partial(meshreel.encode, sequence.replace(tracks=tracks)),
         "decode": partial(meshreel.decode, data),
+        "save GLB": partial(meshreel.save, sequence, glb, overwrite=True),
+        "meshreel decode to GLB": partial(decode_to_glb, standalone_mode=False),
     }
     print_row = start_table("call", "changes of file", "files")
     for name, call in calls.items():
-        changes = file_changes(call)
+        with redirect_stdout(io.StringIO()):
+            changes = file_changes(call)
         files = {path for pair in changes for path in pair}
         print_row(name, str(changes.total()), str(len(files)))
         for (first, second), count in changes.most_common() if arguments.pairs else ():
