@@ -35,7 +35,7 @@ from meshreel.model.timing import Timed, Timing
 from meshreel.model.tracks import track_by_name
 from meshreel.model.validation import hand_over
 from meshreel.runtime.counting import counts_text
-from meshreel.runtime.stores.ranged_file import RangedFile, with_own_position
+from meshreel.runtime.stores.ranged_file import RangedFile
 from meshreel.runtime.threads import fork_safe_lock
 
 READ_AHEAD_BYTES, MIN_READ_AHEAD = 1 << 23, 16
@@ -103,7 +103,7 @@ class ReelFile(Timed):
         reopen: "Callable[..., ReelFile] | None" = None,
     ) -> None:
         self._limit = memory_limit(memory)
-        self._file = with_own_position(file)
+        self._file = file
         self._n_modes, self._memory, self._number = n_modes, memory, segment
         self._reopen = reopen
         self._whole = opened or OpenFile(self._file, self._limit.limit_bytes)

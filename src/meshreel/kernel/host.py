@@ -4,6 +4,8 @@
 """
 
 import ctypes
+import io
+import os
 import threading
 from collections.abc import Callable
 from typing import BinaryIO
@@ -33,19 +35,33 @@ ALLOCATOR = tuple(
 
 
 class SourceReader:
-    """Reads bytes of a seekable file for the core; threads may share it."""
+    """Reads bytes of a seekable file for the core; threads and forked children may share it.
+
+    All processes that inherit a file share its position, and its buffer has a lock that a child may
+    inherit in the locked state. Therefore each read of a plain file passes its position to the
+    system.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
+        is_plain = isinstance(file, io.FileIO | io.BufferedReader) and isinstance(
+            getattr(file, "raw", file), io.FileIO
+        )
+        self._has_position = not is_plain or not hasattr(os, "pread")
         self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
         self._lock = fork_safe_lock()
         self._failures: dict[int, BaseException] = {}
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Bytes of the file, fewer at its end."""
-        with self._lock:
-            self._file.seek(offset)
-            return self._file.read(size)
+        if self._has_position:
+            with self._lock:
+                self._file.seek(offset)
+                return self._file.read(size)
+        data = b""
+        while part := os.pread(self._file.fileno(), size - len(data), offset + len(data)):
+            data += part
+        return data
 
     def failure(self) -> BaseException | None:
         """Return and clear the last exception of the file in this thread."""

@@ -13,7 +13,6 @@ import traceback
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property, partial
-from io import BytesIO
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ from threadpoolctl import threadpool_info
 import meshreel
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_file import ReelFile
-from meshreel.runtime.stores.ranged_file import with_own_position
+from meshreel.kernel.host import SourceReader
 from meshreel.runtime.threads import fork_safe_lock, one_blas_thread
 from samples.costs import draws
 from samples.meshes import waving_grid
@@ -230,10 +229,10 @@ def test_child_continues_an_iteration_of_its_parent(path):
 
 def test_position_is_unchanged_when_a_child_reads_the_same_file(path):
     with path.open("rb") as file:
-        own = with_own_position(file)
-        assert own.read(5) == DATA[:5]
-        assert_succeeds_in_child(lambda: (own.seek(100), own.read()))
-        assert own.read() == DATA[5:]
+        reader = SourceReader(file)
+        assert file.read(5) == DATA[:5]
+        assert_succeeds_in_child(lambda: reader.bytes_at(100, 50))
+        assert file.read() == DATA[5:]
 
 
 def test_file_of_the_caller_stays_open_when_its_reader_is_deleted(path):
@@ -241,11 +240,6 @@ def test_file_of_the_caller_stays_open_when_its_reader_is_deleted(path):
         reel = ReelFile(file)
         del reel
         assert not file.closed
-
-
-def test_file_in_memory_needs_no_own_position():
-    file = BytesIO(DATA)
-    assert with_own_position(file) is file
 
 
 def test_lock_of_another_thread_is_free_in_a_child():
