@@ -43,7 +43,7 @@ class TrackBound:
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)
 
 MAX_ANGLE_DEG = 30.0
-"""Maximum bound of normals, in degrees. Beyond it, missing normals, whose length is 0, could not be
+"""Maximum bound in degrees. Beyond it, missing directions, whose length is 0, could not be
 distinguished from others."""
 
 MAX_BITS = 52
@@ -144,7 +144,7 @@ def default_bound(track: TrackSource, percent: float | None = None) -> TrackBoun
     row = KIND_ROWS[track.kind]
     if percent is None:
         return bound_of_track(row.default_bound, "", track)
-    if row.error is ErrorMeasure.ANGLE:
+    if row.is_direction:
         angle = math.degrees(2.0 * math.asin(min(percent / 100.0, 1.0)))
         return TrackBound(Measure.ANGLE, min(angle, MAX_ANGLE_DEG))
     return TrackBound(Measure.SHARE, percent)
@@ -180,16 +180,16 @@ def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBo
         )
     if not 0 < amount < math.inf:
         raise InvalidInputError(f"track {name!r}: a bound must be above 0; got {bound!r}")
-    error = KIND_ROWS[track.kind].error
+    row = KIND_ROWS[track.kind]
     ratio = 1.0 if unit in ("", track.unit) else unit_ratio(unit, track.unit)
-    if error is ErrorMeasure.ANGLE:
+    if row.is_direction:
         if unit == "deg" and amount <= MAX_ANGLE_DEG:
             return TrackBound(Measure.ANGLE, amount)
         if unit == "deg":
             raise InvalidInputError(
-                f"track {name!r}: bounds of normals are at most {MAX_ANGLE_DEG:g}deg; got {bound!r}"
+                f"track {name!r}: an angle is at most {MAX_ANGLE_DEG:g}deg; got {bound!r}"
             )
-    elif unit == "bit" and error is ErrorMeasure.NUMBER:
+    elif unit == "bit" and row.error is ErrorMeasure.NUMBER:
         if not 1 <= amount <= MAX_BITS:
             raise InvalidInputError(
                 f"track {name!r}: colors take 1bit to {MAX_BITS}bit, or exact; got {bound!r}"
@@ -204,12 +204,12 @@ def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBo
 
 def _allowed(track: TrackSource) -> str:
     """Describe the bounds that a track supports."""
-    unit, error = track.unit or "", KIND_ROWS[track.kind].error
+    unit, row = track.unit or "", KIND_ROWS[track.kind]
     plain = "a number such as 500 (the track has no unit)"
     allowed = ["0.1% of its range"]
     allowed.append(f"500{unit} in its unit or one that converts to it" if unit else plain)
-    if error is ErrorMeasure.ANGLE:
+    if row.is_direction:
         allowed = ["an angle such as 0.5deg"]
-    elif error is ErrorMeasure.NUMBER:
+    elif row.error is ErrorMeasure.NUMBER:
         allowed.append("8bit")
     return f"a bound is {', '.join(allowed)}, exact or drop"

@@ -300,8 +300,8 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
     if is_invalid.any():
         frame, item = np.argwhere(is_invalid)[0]
         raise InvalidInputError(
-            f"track {name!r} contains normals, which must have length 1; {header.domain} {item} "
-            f"has length {lengths[frame, item]:.6g}: normalize them, or set the kind to vector"
+            f"track {name!r}: values of the kind {header.kind} must have length 1; {header.domain} "
+            f"{item} has length {lengths[frame, item]:.6g}: normalize them, or set another kind"
         )
 
 
