@@ -5,12 +5,12 @@ python docs/option_texts.py
 
 from collections.abc import Iterable
 
-from meshreel.app.cli.encode_options import OPTIONS
+from meshreel.app.cli.options import ENCODING_OPTIONS
 from meshreel.codec.method_names import METHOD_NAMES
 from meshreel.codec.option import Option, documentation, literal, type_text
 from meshreel.codec.options import all_options
 
-_ON_COMMAND_LINE = {option.name for option in OPTIONS}
+_ON_COMMAND_LINE = {option.name for option in ENCODING_OPTIONS}
 
 PLAIN_GROUP = "How to code"
 

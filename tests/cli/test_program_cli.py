@@ -96,8 +96,9 @@ def test_info_of_other_formats_imports_no_codec(folder):
     codec = {name for name in modules if name.startswith("meshreel.codec")}
     light = {*REGISTRY, "meshreel.codec.option"}
     light |= {"meshreel.codec.bitstream", "meshreel.codec.bitstream.layout"}
-    # The limit of --memory, and the ranges of options.
-    light |= {f"meshreel.codec.{name}" for name in ("memory", "targets", "error_bounds")}
+    # The limit of --memory, the ranges of options, and the options of all commands.
+    options = {"config", "options", "paper_options", "reel_options"}
+    light |= {f"meshreel.codec.{name}" for name in {"memory", "targets", "error_bounds"} | options}
     assert codec <= light
     assert not {"scipy", "DracoPy"} & modules
 

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.encode_options import ENCODING, Encoding
 from meshreel.app.cli.messages import print_error, print_line
+from meshreel.app.cli.options import (
+    ENCODING,
+    Encoding,
+    RegisteringOption,
+    TrackOption,
+    reading,
+    track_targets,
+)
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import reading
-from meshreel.app.cli.registering import RegisteringOption
-from meshreel.app.cli.track_options import TrackOption, track_targets
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
 from meshreel.formats.options import Reading

@@ -3,9 +3,8 @@
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.options import MESHES, FramesOption, frame_slice, reading
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.write_options import FramesOption, frame_slice
 from meshreel.codec.option import COUNT, Option
 from meshreel.formats.options import Reading
 
@@ -53,7 +52,7 @@ def compare_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
+    from meshreel.app.cli.console import print_figures, shown_progress
     from meshreel.app.figures import distance_rows, quality_rows
     from meshreel.metrics.compare import Quality
     from meshreel.operations.compare import compare
@@ -68,10 +67,7 @@ def compare_command(
             surface=surface or None,
             n_samples=samples,
         )
-    print_notes(reading.notes)
-    if as_json:
-        figures = {"original": original, "decoded": decoded, **quality.as_dict()}
-        print_json({**figures, "notes": reading.notes})
-        return
     rows = quality_rows(quality) if isinstance(quality, Quality) else distance_rows(quality)
-    print_table(f"{decoded} against {original}", rows)
+    figures = {"original": original, "decoded": decoded, **quality.as_dict()}
+    title = f"{decoded} against {original}"
+    print_figures(title, rows, figures, reading.notes, as_json=as_json)

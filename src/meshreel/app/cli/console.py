@@ -103,9 +103,25 @@ def _plain(value: Any) -> Any:
     return with_options(value) if isinstance(value, str) else value
 
 
-def print_table(title: str, rows: Mapping[str, str] | Mapping[str, Cell]) -> None:
+def print_table(title: str, rows: Mapping[str, Cell]) -> None:
     """Print a table of names and values on stdout."""
     _print_titled(title, [(_lines(name), _lines(value)) for name, value in rows.items()])
+
+
+def print_figures(
+    title: str,
+    rows: Mapping[str, Cell],
+    figures: Mapping[str, Any],
+    notes: Iterable[str],
+    *,
+    as_json: bool,
+) -> None:
+    """Print notes on stderr; then rows as a table, or figures and notes as JSON."""
+    print_notes(notes)
+    if as_json:
+        print_json({**figures, "notes": list(notes)})
+    else:
+        print_table(title, rows)
 
 
 def print_columns(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -3,23 +3,27 @@
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.encode_options import Encoding, encoding
-from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
-from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
-from meshreel.app.cli.registering import RegisteringOption
-from meshreel.app.cli.track_options import TrackOption, track_targets
-from meshreel.app.cli.write_options import (
+from meshreel.app.cli.options import (
     OUTPUT_ERROR,
     OUTPUT_KG,
     OUTPUT_QUALITY,
+    WHOLE_SEQUENCES,
     WRITING,
+    Encoding,
     FramesOption,
     OutputOption,
+    RegisteringOption,
+    SplitOption,
     StartNumberOption,
+    TrackOption,
     checked_bound,
+    encoding,
     frame_slice,
+    reading,
     refuse_stream_options,
+    track_targets,
 )
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.formats.options import Reading, WriteOptions
 
 GENERAL_OPTIONS = ("max_error", "unit", "kg", "quality")

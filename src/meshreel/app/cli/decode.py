@@ -1,23 +1,22 @@
 """`meshreel decode`: decode a .reel to another format."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
-from meshreel.app.cli.read_options import MemoryOption, SegmentOption
-from meshreel.app.cli.write_options import (
-    WRITING_DECODED,
+from meshreel.app.cli.options import (
     FramesOption,
+    MemoryOption,
     OutputOption,
+    SegmentOption,
     StartNumberOption,
+    WritingOption,
+    frame_slice,
+    refuse_other_formats,
+    refuse_stream,
 )
+from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.codec.option import Option
-from meshreel.codec.options import option_named
-from meshreel.formats.options import BOUNDS, WriteOptions
-
-UNIT = replace(option_named("unit"), group=BOUNDS)
 
 
 @command
@@ -31,7 +30,7 @@ def decode_command(
         ),
     ],
     output: OutputOption,
-    writing: Annotated[dict[str, Any], WRITING_DECODED],
+    options: WritingOption,
     frames: FramesOption = None,
     start_number: StartNumberOption = None,
     modes: Annotated[
@@ -43,7 +42,6 @@ def decode_command(
     ] = None,
     segment: SegmentOption = None,
     memory: MemoryOption = None,
-    unit: Annotated[str | None, UNIT] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -61,18 +59,15 @@ def decode_command(
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
     from meshreel.app.cli.console import shown_progress
-    from meshreel.app.cli.read_options import refuse_other_formats
-    from meshreel.app.cli.write_options import checked_bound, frame_slice, refuse_stream
     from meshreel.app.cli.written import print_result
     from meshreel.model.notes import Notes
     from meshreel.operations.convert import Target, decode
 
-    writing["max_error"] = checked_bound(writing["max_error"], unit)
     refuse_stream(output)
     remedy = f"encode it first: meshreel encode {source} -o {Path(source).stem}.reel"
     convert = "`meshreel convert` writes it in another format directly"
     refuse_other_formats(Path(source), f"{remedy}; {convert}")
-    options, notes = WriteOptions(**writing), Notes()
+    notes = Notes()
     target = Target(output=output, options=options, start_number=start_number, overwrite=force)
     with shown_progress() as progress:
         result = decode(

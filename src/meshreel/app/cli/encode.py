@@ -3,12 +3,19 @@
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.encode_options import ENCODING, Encoding
+from meshreel.app.cli.options import (
+    ENCODING,
+    WHOLE_SEQUENCES,
+    Encoding,
+    RegisteringOption,
+    SplitOption,
+    StreamOption,
+    TrackOption,
+    reading,
+    stream_output,
+    track_targets,
+)
 from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
-from meshreel.app.cli.read_options import WHOLE_SEQUENCES, SplitOption, reading
-from meshreel.app.cli.registering import RegisteringOption
-from meshreel.app.cli.track_options import TrackOption, track_targets
-from meshreel.app.cli.write_options import StreamOption, stream_output
 from meshreel.formats.options import Reading
 
 

@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.options import MESHES, TrackLookOption, reading
 from meshreel.app.cli.parameters import JsonOption
 from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
-from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading
 
@@ -46,7 +45,7 @@ def export_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, print_table, shown_progress
+    from meshreel.app.cli.console import print_figures, shown_progress
     from meshreel.app.cli.player import open_player
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
@@ -73,12 +72,8 @@ def export_command(
             progress=progress,
             notes=reading.notes,
         )
-    size_bytes = sum(parts.values())
-    print_notes(reading.notes)
-    if as_json:
-        notes = {"notes": reading.notes}
-        print_json({"output": str(output), "size_bytes": size_bytes, "parts": parts, **notes})
-        return
-    rows = {f"of which {part}": size_text(size) for part, size in parts.items()}
+    figures = {"output": str(output), "size_bytes": sum(parts.values()), "parts": parts}
+    rows = {"size": size_text(sum(parts.values()))}
+    rows |= {f"of which {part}": size_text(size) for part, size in parts.items()}
     rows["input .reel"] = size_text(source.stat().st_size)
-    print_table(str(output), {"size": size_text(size_bytes), **rows})
+    print_figures(str(output), rows, figures, reading.notes, as_json=as_json)

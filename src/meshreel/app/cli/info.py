@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.options import MESHES, SegmentOption, is_stream_file, reading, source_of
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.cli.read_options import MESHES, SegmentOption, reading
 from meshreel.app.figures import mesh_text, surface_rows, timing_rows
 from meshreel.formats.options import Reading
 from meshreel.runtime.counting import counted, size_text
@@ -53,8 +53,6 @@ def info_command(
     - `meshreel info - < walk.reel`
     """
     from dataclasses import replace
-
-    from meshreel.app.cli.read_options import is_stream_file, source_of
 
     if len(inputs) == 1 and is_stream_file(inputs[0]):
         if replace(reading, memory=None) != Reading():

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from meshreel.app.cli.options import MESHES, output_stem, refuse_other_formats
 from meshreel.app.cli.parameters import Argument, File
-from meshreel.app.cli.read_options import MESHES
 from meshreel.codec.option import Option
 from meshreel.errors import Keyword
 from meshreel.formats.options import Reading
@@ -76,8 +76,6 @@ def open_player(
 def _check_is_encoded(source: Path) -> None:
     """Reject an input of `encode` in place of a stream."""
     from shlex import quote
-
-    from meshreel.app.cli.read_options import output_stem, refuse_other_formats
 
     quoted_source, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
     refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")

@@ -4,11 +4,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
-from meshreel.app.cli.encode_options import ENCODING, Encoding
+from meshreel.app.cli.options import (
+    ENCODING,
+    MESHES,
+    REGISTERING,
+    Encoding,
+    StreamOption,
+    reading,
+    stream_output,
+)
 from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
-from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.registering import REGISTERING
-from meshreel.app.cli.write_options import StreamOption, stream_output
 from meshreel.codec.error_bounds import METERS
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading

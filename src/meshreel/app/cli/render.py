@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.options import MESHES, LookOption, frame_list, reading
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
-from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.render_options import LookOption, frame_list
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading
-from meshreel.runtime.counting import counted
+from meshreel.runtime.counting import counted, size_text
 
 
 @command
@@ -58,7 +57,7 @@ def render_command(
     """
     from dataclasses import replace
 
-    from meshreel.app.cli.console import print_json, print_notes, shown_progress
+    from meshreel.app.cli.console import print_figures, shown_progress
     from meshreel.operations.render import render
 
     with shown_progress() as progress:
@@ -71,17 +70,11 @@ def render_command(
             frames=frame_list(frames),
             overwrite=force,
         )
-    print_notes(reading.notes)
-    if as_json:
-        print_json({**figures, "notes": reading.notes})
-        return
-    _print_figures(figures)
+    title, rows = figures["output"], _rows(figures)
+    print_figures(title, rows, figures, reading.notes, as_json=as_json)
 
 
-def _print_figures(figures: dict[str, Any]) -> None:
-    from meshreel.app.cli.console import print_table
-    from meshreel.runtime.counting import size_text
-
+def _rows(figures: dict[str, Any]) -> dict[str, str]:
     width, height = figures["size_px"]
     rows = {"picture": f"{width} x {height} pixels"}
     if "fps" in figures:
@@ -92,4 +85,4 @@ def _print_figures(figures: dict[str, Any]) -> None:
         )
     else:
         rows["frames"] = ", ".join(map(str, figures["frames"]))
-    print_table(figures["output"], {**rows, "size": size_text(figures["size_bytes"])})
+    return {**rows, "size": size_text(figures["size_bytes"])}

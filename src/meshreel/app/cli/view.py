@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.options import MESHES, TrackLookOption, reading
 from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
-from meshreel.app.cli.read_options import MESHES, reading
-from meshreel.app.cli.render_options import TrackLookOption
 from meshreel.codec.option import Option, Range
 from meshreel.formats.options import Reading
 

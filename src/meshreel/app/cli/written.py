@@ -11,7 +11,7 @@ from meshreel.app.cli.console import (
     print_table,
     shown_progress,
 )
-from meshreel.app.cli.read_options import source_of
+from meshreel.app.cli.options import source_of
 from meshreel.app.figures import PART_HEADINGS, encoded_rows, part_table, uv_rows
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.runtime.counting import counted, counts_text, size_text

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from meshreel.app.cli.commands import command_named
-from meshreel.app.cli.encode_options import ENCODING
+from meshreel.app.cli.options import ENCODING
 from meshreel.app.cli.parameters import with_parameters
 from meshreel.codec.option import Option
 from meshreel.codec.options import all_options
