@@ -9,7 +9,7 @@ from meshreel.codec.surface.codes import DOMAINS, KINDS
 from meshreel.model.tracks import KIND_ROWS
 
 ROOT = Path(__file__).parents[3]
-SINGULARS = {"vertices": "vertex", "faces": "face", "corners": "corner", "cells": "cell"}
+SINGULARS = {"VERTICES": "vertex", "FACES": "face", "CORNERS": "corner", "CELLS": "cell"}
 
 
 def entries(path, begin, entry, end="}"):
@@ -31,8 +31,7 @@ def entries(path, begin, entry, end="}"):
 )  # fmt: skip
 def test_numbers_are_the_same_everywhere(numbers, name, prefix, in_typescript):
     in_c = entries("core/include/meshreel.h", f"enum {name} {{", rf"{prefix}(\w+) = (\d+)")
-    lower = {word.lower(): int(number) for word, number in in_c}
-    assert {SINGULARS.get(word, word): number for word, number in lower.items()} == numbers
+    assert {SINGULARS.get(word, word.lower()): int(number) for word, number in in_c} == numbers
     file, begin = in_typescript.split(" ", 1)
     names = entries(f"npm/src/{file}", f"{begin} = [", r'"(\w+)"', "]")
     assert {word: number for number, word in enumerate(names)} == numbers

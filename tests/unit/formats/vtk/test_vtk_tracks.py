@@ -18,10 +18,11 @@ DOMAINS = ("vertex", "face")
 RNG = np.random.default_rng(2)
 
 
-def change(path, place, values, starts=None):
+def change(path, place, values, starts=None, **properties):
     """Store the concatenated values of all steps in a VTKHDF file."""
     with h5py.File(path, "a") as file:
         file[f"VTKHDF/{place}"] = values
+        file[f"VTKHDF/{place}"].attrs.update(properties)
         if starts is not None:
             side, name = place.split("/")
             file[f"VTKHDF/Steps/{side}Offsets/{name}"] = starts
@@ -77,9 +78,7 @@ def test_arrays_added_by_another_program_are_tracks(tmp_path):
     change(path, "PointData/flow", flow)  # without offsets, rows follow those of Points
     area = RNG.integers(0, 9, 3 * n_faces)
     change(path, "CellData/area", area, np.arange(3) * n_faces)
-    change(path, "PointData/map", RNG.random((90, 2)))
-    with h5py.File(path, "a") as file:
-        file["VTKHDF/PointData/map"].attrs["Attribute"] = np.bytes_("TCoords")
+    change(path, "PointData/map", RNG.random((90, 2)), Attribute=np.bytes_("TCoords"))
     tracks = load(path).tracks
     assert tracks["map"].kind is TrackKind.UV
     assert np.array_equal(tracks["flow"].values, flow.reshape(3, 30, 3))
