@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from meshreel.errors import InvalidInputError, Keyword
@@ -24,6 +25,11 @@ MEASURED = (
     "normal_angle_mean_deg", "tracks", "uv_error",
 )  # fmt: skip
 """Fields of a `Record` that have the names of figures of `meshreel encode --json`."""
+
+
+MAX_MANIFEST_SHARE, QUICK_S = 0.1, 0.02
+"""Maximum share of the run time spent on writing the manifest, which is large with many inputs; it
+does not limit writes faster than `QUICK_S`."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ def summary_of(records: Collection[Record]) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
+@dataclass
 class Manifest:
     """The records of an output folder."""
 
@@ -104,6 +110,16 @@ class Manifest:
     records: dict[str, Record]
     """By the name of the input; includes removed inputs."""
     _lines: dict[str, tuple[Record, str]] = field(default_factory=dict, repr=False)
+
+    _next_write_s: float = 0.0
+
+    def update(self, name: str, record: Record) -> None:
+        """Replace the record of an input; write the manifest unless that takes too long."""
+        self.records[name] = record
+        if (began_s := monotonic()) >= self._next_write_s:
+            self.write()
+            if (duration_s := monotonic() - began_s) > QUICK_S:
+                self._next_write_s = began_s + duration_s / MAX_MANIFEST_SHARE
 
     def write(self) -> None:
         """Write it atomically, replacing an earlier one."""

@@ -13,7 +13,6 @@ from concurrent.futures import (
 )
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from time import monotonic
 from typing import Any
 
 from meshreel.app.batch.discovery import BatchInput
@@ -29,10 +28,6 @@ MIN_SUBMITTED = 256
 the memory of finished streams, and keeps workers busy that join a cluster later."""
 
 POLL_S = 0.5
-
-MAX_MANIFEST_SHARE, QUICK_S = 0.1, 0.02
-"""Maximum share of the run time spent on writing the manifest, which is large with many inputs; it
-does not limit writes faster than `QUICK_S`."""
 
 
 @dataclass(frozen=True)
@@ -85,19 +80,26 @@ def run_batch(
     progress : callable, optional
         Called with the completed fraction of inputs.
     """
-    run = _Run(plan)
-    run.begin()
+    manifest = plan.manifest
+    pending = {batch_input.name: record for batch_input, record in plan.to_encode.items()}
+    # A rerun after a stop knows from these that it owns the outputs.
+    manifest.records.update({**plan.refused, **pending})
+    manifest.write()
     try:
         if executor is not None:
-            _encode_all(run, plan, executor, n_workers, progress)
+            _encode_all(plan, executor, n_workers, progress)
     finally:
-        run.end()
-    return run.report()
+        manifest.write()
+    records = manifest.records
+    groups: dict[str, dict[str, Record]] = {DONE: {}, FAILED: {**plan.refused}}
+    for name in pending:
+        if records[name].state in groups:
+            groups[records[name].state][name] = records[name]
+    up_to_date = {name: records[name] for name in plan.up_to_date}
+    return BatchReport(up_to_date, groups[DONE], groups[FAILED])
 
 
-def _encode_all(
-    run: "_Run", plan: Plan, executor: Executor, n_workers: int, progress: Progress
-) -> None:
+def _encode_all(plan: Plan, executor: Executor, n_workers: int, progress: Progress) -> None:
     n_inputs = len(plan.to_encode)
     stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
     progress(stage, Count(0, n_inputs, "inputs"))
@@ -105,7 +107,7 @@ def _encode_all(
     with ThreadPoolExecutor(1, "meshreel-write") as writer:
         outcomes = _outcomes(plan, executor, n_workers)
         for n_encoded, (batch_input, outcome) in enumerate(outcomes, start=1):
-            writer.submit(run.finish, batch_input, outcome).result()
+            writer.submit(_finish, plan, batch_input, outcome).result()
             del outcome  # releases its stream during the wait for the next
             progress(stage, Count(n_encoded, n_inputs, "inputs"))
 
@@ -161,58 +163,17 @@ def _largest_first(plan: Plan) -> list[BatchInput]:
     return sorted(plan.to_encode, key=lambda batch_input: -batch_input.size_bytes)
 
 
-class _Run:
-    """Updates the records during a run."""
-
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
-        self._next_write_s = 0.0
-
-    def begin(self) -> None:
-        """Record all outputs as pending, so that a rerun after a stop knows that it owns them."""
-        records = self._plan.manifest.records
-        records.update(self._plan.refused)
-        records.update(
-            {batch_input.name: record for batch_input, record in self._plan.to_encode.items()}
-        )
-        self._plan.manifest.write()
-
-    def finish(self, batch_input: BatchInput, outcome: "Future[EncodedInput]") -> None:
-        """Write the stream, if encoding succeeded, and the record."""
-        pending = self._plan.to_encode[batch_input]
-        try:
-            encoded = outcome.result()
-            is_replaced = batch_input in self._plan.replaced
-            output = self._plan.out_dir / batch_input.output
-            write_file(output, encoded.data, overwrite=is_replaced)
-            record = replace(pending, state=DONE, **encoded.figures)
-        except Exception as error:
-            record = replace(
-                pending,
-                state=FAILED,
-                owns_output=batch_input in self._plan.replaced,
-                error=_reason_of(error, batch_input.name, self._plan.input_dir),
-            )
-        self._plan.manifest.records[batch_input.name] = record
-        if (began_s := monotonic()) >= self._next_write_s:
-            self._plan.manifest.write()
-            if (duration_s := monotonic() - began_s) > QUICK_S:
-                self._next_write_s = began_s + duration_s / MAX_MANIFEST_SHARE
-
-    def end(self) -> None:
-        """Write the complete manifest."""
-        self._plan.manifest.write()
-
-    def report(self) -> BatchReport:
-        """The inputs of this run by outcome."""
-        plan, records = self._plan, self._plan.manifest.records
-        results = {batch_input.name: records[batch_input.name] for batch_input in plan.to_encode}
-        return BatchReport(
-            {name: records[name] for name in plan.up_to_date},
-            {name: record for name, record in results.items() if record.state == DONE},
-            {**plan.refused, **{name: record for name, record in results.items()
-                                if record.state == FAILED}},
-        )  # fmt: skip
+def _finish(plan: Plan, batch_input: BatchInput, outcome: "Future[EncodedInput]") -> None:
+    """Write the stream, if encoding succeeded, and the record."""
+    is_replaced = batch_input in plan.replaced
+    try:
+        encoded = outcome.result()
+        write_file(plan.out_dir / batch_input.output, encoded.data, overwrite=is_replaced)
+        changes = {"state": DONE, **encoded.figures}
+    except Exception as error:
+        reason = _reason_of(error, batch_input.name, plan.input_dir)
+        changes = {"state": FAILED, "owns_output": is_replaced, "error": reason}
+    plan.manifest.update(batch_input.name, replace(plan.to_encode[batch_input], **changes))
 
 
 def _reason_of(error: BaseException, path: str, input_dir: Path | str) -> Message:

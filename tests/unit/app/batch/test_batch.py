@@ -286,7 +286,7 @@ def test_record_of_a_removed_input_is_kept(inputs, out):
 
 
 def test_manifest_is_complete_after_each_input(inputs, out, monkeypatch):
-    monkeypatch.setattr("meshreel.app.batch.run.QUICK_S", math.inf)
+    monkeypatch.setattr("meshreel.app.batch.manifest.QUICK_S", math.inf)
     seen = []
 
     def record_states(stage, fraction):
@@ -301,7 +301,7 @@ def test_slow_writes_of_the_manifest_take_a_tenth_of_the_time(inputs, out, monke
     """Each write takes a second, and encoding no time: the first of three inputs is recorded."""
     meshreel.save(waving_grid(5), inputs / "run.pc2")
     clock, seen, write = itertools.count(), [], Manifest.write
-    monkeypatch.setattr("meshreel.app.batch.run.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("meshreel.app.batch.manifest.monotonic", lambda: float(next(clock)))
 
     def write_and_record(manifest):
         seen.append([record.state for record in manifest.records.values()])
