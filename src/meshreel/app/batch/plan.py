@@ -1,7 +1,7 @@
 """The plan of a run: the inputs to encode, to skip and to refuse."""
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from meshreel.app.batch.discovery import BatchInput, find_inputs
@@ -65,37 +65,26 @@ def plan_batch(
     conflicts = _conflicts(inputs)
     for batch_input in inputs:
         earlier = manifest.records.get(batch_input.name)
-        record = Record(
-            PENDING,
-            batch_input.output,
-            True,
-            batch_input.fingerprint(),
-            options.as_dict(),
-        )
-        output = out_dir / batch_input.output
-        output_exists = output.exists()
-        if batch_input in conflicts:
-            plan.refused[batch_input.name] = _refusal(record, earlier, conflicts[batch_input])
-        elif not force and _is_up_to_date(record, earlier, output):
+        owns_output = earlier is not None and earlier.owns_output
+        fingerprint, options_dict = batch_input.fingerprint(), options.as_dict()
+        record = Record(PENDING, batch_input.output, True, fingerprint, options_dict)
+        output, reason = out_dir / batch_input.output, conflicts.get(batch_input)
+        if reason is None and not force and _is_up_to_date(record, earlier, output):
             plan.up_to_date.append(batch_input.name)
-        elif output_exists and any(output.samefile(file) for file in batch_input.files):
-            plan.refused[batch_input.name] = _refusal(record, earlier, _is_input(output))
-        elif output_exists and not force and not _owns(earlier):
-            plan.refused[batch_input.name] = _refusal(record, earlier, _exists(output))
+            continue
+        output_exists = output.exists()
+        if reason is None and output_exists:
+            if any(output.samefile(file) for file in batch_input.files):
+                reason = _is_input(output)
+            elif not (force or owns_output):
+                reason = _exists(output)
+        if reason is not None:
+            refused = replace(record, state=FAILED, owns_output=owns_output, error=reason)
+            plan.refused[batch_input.name] = refused
         else:
             plan.to_encode[batch_input] = record
             plan.replaced.update([batch_input] if output_exists else [])
     return plan
-
-
-def _refusal(record: Record, earlier: Record | None, reason: str) -> Record:
-    return Record(
-        FAILED, record.output, _owns(earlier), record.fingerprint, record.options, error=reason
-    )
-
-
-def _owns(earlier: Record | None) -> bool:
-    return earlier is not None and earlier.owns_output
 
 
 def _is_up_to_date(record: Record, earlier: Record | None, output: Path) -> bool:
