@@ -1,5 +1,6 @@
 """Progress lines of long commands without a terminal."""
 
+import importlib
 import io
 import re
 import time
@@ -8,8 +9,9 @@ from contextlib import contextmanager
 import pytest
 
 import meshreel
-from meshreel.app.cli import console, reports
+from meshreel.app.cli import console, reports, written
 from meshreel.app.cli.app import app
+from meshreel.app.cli.commands import COMMANDS
 from meshreel.app.cli.console import shown_progress
 from samples.figures import coarse_figures
 from samples.meshes import waving_grid
@@ -24,17 +26,17 @@ TIMEOUT_S = 20
 @pytest.fixture
 def lines_of(tmp_path, monkeypatch, capsys):
     """Function that runs a command and returns its lines on stderr; stages wait for their line."""
-    written = io.StringIO()
+    output = io.StringIO()
 
     @contextmanager
     def patient_progress():
         stages = set()
-        with shown_progress(written) as report:
+        with shown_progress(output) as report:
 
             def report_and_wait(stage, fraction):
                 report(stage, fraction)
                 deadline = time.monotonic() + TIMEOUT_S
-                while stage not in stages and stage not in written.getvalue():
+                while stage not in stages and stage not in output.getvalue():
                     assert time.monotonic() < deadline, f"no line of `{stage}` in {TIMEOUT_S} s"
                     time.sleep(0.005)
                 stages.add(stage)
@@ -43,8 +45,9 @@ def lines_of(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(console, "LOG_AFTER_S", 0.001)
     monkeypatch.setattr(console, "LOG_INTERVAL_S", 0.01)
-    for module in (console, reports):
-        monkeypatch.setattr(module, "shown_progress", patient_progress)
+    commands = [importlib.import_module(f"meshreel.app.cli.{name}") for name in COMMANDS]
+    for module in (reports, written, *commands):
+        monkeypatch.setattr(module, "shown_progress", patient_progress, raising=False)
     monkeypatch.chdir(tmp_path)
     meshreel.save(waving_grid(6, 12, 14), tmp_path / "walk.npz")
     (tmp_path / "walk.reel").write_bytes(meshreel.encode(waving_grid(6, 12, 14)))
@@ -53,7 +56,7 @@ def lines_of(tmp_path, monkeypatch, capsys):
         capsys.readouterr()
         with coarse_figures():
             app(list(words), prog_name="meshreel", standalone_mode=False)
-        return [*written.getvalue().splitlines(), *capsys.readouterr().err.splitlines()]
+        return [*output.getvalue().splitlines(), *capsys.readouterr().err.splitlines()]
 
     return run
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import click
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_columns, print_json, print_notes, shown_progress
 from meshreel.app.cli.messages import print_error, print_line
 from meshreel.app.cli.options import (
     ENCODING,
@@ -20,6 +21,7 @@ from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
 from meshreel.formats.options import Reading
+from meshreel.runtime.counting import size_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,7 +103,6 @@ def batch_command(
     """
     from meshreel.app.batch.encode_input import EncodeOptions
     from meshreel.app.batch.plan import plan_batch
-    from meshreel.app.cli.console import print_json, print_notes
     from meshreel.codec.options import config_of
     from meshreel.model.surface_selection import listed_names
     from meshreel.runtime.stores.address import is_remote, refuse_address
@@ -132,7 +133,6 @@ def batch_command(
 
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.app.batch.run import run_batch
-    from meshreel.app.cli.console import shown_progress
 
     if not plan.to_encode:
         return run_batch(plan, None)
@@ -149,7 +149,6 @@ def _executor(
     plan: "Plan", workers: int | None, scheduler: str | None
 ) -> "Iterator[tuple[Executor, int]]":
     """The processes or the cluster that encode, and the number of their workers."""
-    from meshreel.app.cli.console import print_notes
     from meshreel.runtime.threads import n_cores
     from meshreel.runtime.workers.cluster import cluster_executor
     from meshreel.runtime.workers.processes import ProcessExecutor
@@ -166,7 +165,6 @@ def _executor(
 
 
 def _print_report(report: "BatchReport", out_dir: str) -> None:
-    from meshreel.app.cli.console import print_columns
 
     if report.encoded:
         headings = ("encoded", "raw", "file", "ratio", "KG error %", "largest error %", "s")
@@ -176,7 +174,6 @@ def _print_report(report: "BatchReport", out_dir: str) -> None:
 
 
 def _row(name: str, record: "Record") -> tuple[str, ...]:
-    from meshreel.runtime.counting import size_text
 
     return (
         name,

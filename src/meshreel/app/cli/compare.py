@@ -1,10 +1,13 @@
 """`meshreel compare`: errors of a decoded animation relative to its original."""
 
+from dataclasses import replace
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_figures, shown_progress
 from meshreel.app.cli.options import MESHES, FramesOption, frame_slice, reading
 from meshreel.app.cli.parameters import Argument, JsonOption
+from meshreel.app.figures import distance_rows, quality_rows
 from meshreel.codec.option import COUNT, Option
 from meshreel.formats.options import Reading
 
@@ -50,10 +53,6 @@ def compare_command(
     - `meshreel compare scan.abc remeshed.abc --surface --samples 200000`
     - `meshreel compare walk.npz - < walk.reel`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import print_figures, shown_progress
-    from meshreel.app.figures import distance_rows, quality_rows
     from meshreel.metrics.compare import Quality
     from meshreel.operations.compare import compare
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import shown_progress
 from meshreel.app.cli.options import (
     FramesOption,
     MemoryOption,
@@ -58,7 +59,6 @@ def decode_command(
     - `meshreel decode walk.reel -o out/frame_%04d.obj --frames 10:20`
     - `meshreel decode walk.reel -o preview.npz --modes 8`
     """
-    from meshreel.app.cli.console import shown_progress
     from meshreel.app.cli.written import print_result
     from meshreel.model.notes import Notes
     from meshreel.operations.convert import Target, decode

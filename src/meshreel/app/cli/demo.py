@@ -4,7 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_json, print_table, shown_progress
+from meshreel.app.cli.messages import print_line
 from meshreel.app.cli.parameters import JsonOption
+from meshreel.app.figures import quality_rows, size_rows
 from meshreel.codec.option import Option
 
 if TYPE_CHECKING:
@@ -35,10 +38,7 @@ def demo_command(
 
     - `meshreel demo --frames 100 --out /tmp/flag`
     """
-    from meshreel.app.cli.console import print_json, print_table, shown_progress
-    from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import open_player
-    from meshreel.app.figures import quality_rows, size_rows
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.codec.decoder import decode

@@ -1,14 +1,17 @@
 """`meshreel export`: write a .reel and its player as a web page."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_figures, shown_progress
 from meshreel.app.cli.options import MESHES, TrackLookOption, reading
 from meshreel.app.cli.parameters import JsonOption
 from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading
+from meshreel.runtime.counting import size_text
 
 EXTENSIONS = (".html", ".htm")
 OTHER_OUTPUTS = "`meshreel decode` writes other formats, `meshreel render` pictures and films"
@@ -43,15 +46,11 @@ def export_command(
     - `meshreel export walk.reel -o site/index.html --split`
     - `meshreel export person.reel -o person.html --texture person.mp4`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import print_figures, shown_progress
     from meshreel.app.cli.player import open_player
     from meshreel.app.viewer.export import export_page
     from meshreel.app.viewer.page import built_page
     from meshreel.formats.file_errors import errors_naming
     from meshreel.formats.sources import find_files
-    from meshreel.runtime.counting import size_text
     from meshreel.runtime.outputs.checks import check_extension, check_output_path
 
     check_extension(output, EXTENSIONS, OTHER_OUTPUTS)

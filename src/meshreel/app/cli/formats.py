@@ -3,6 +3,8 @@
 from typing import Any
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_columns, print_json
+from meshreel.app.cli.messages import print_line
 from meshreel.app.cli.parameters import JsonOption
 
 
@@ -16,8 +18,6 @@ def formats_command(
 
     - `meshreel formats`
     """
-    from meshreel.app.cli.console import print_columns, print_json
-    from meshreel.app.cli.messages import print_line
     from meshreel.formats.registry import described_formats
 
     formats = described_formats()

@@ -2,15 +2,32 @@
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import (
+    print_columns,
+    print_json,
+    print_notes,
+    print_table,
+    shown_progress,
+)
 from meshreel.app.cli.options import MESHES, SegmentOption, is_stream_file, reading, source_of
 from meshreel.app.cli.parameters import Argument, JsonOption
-from meshreel.app.figures import mesh_text, surface_rows, timing_rows
+from meshreel.app.figures import (
+    SECTION_HEADINGS,
+    SEGMENT_HEADINGS,
+    info_rows,
+    mesh_text,
+    section_table,
+    segment_table,
+    surface_rows,
+    timing_rows,
+)
 from meshreel.formats.options import Reading
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.stores.address import STANDARD_INPUT
@@ -52,8 +69,6 @@ def info_command(
     - `meshreel info frames/ --json`
     - `meshreel info - < walk.reel`
     """
-    from dataclasses import replace
-
     if len(inputs) == 1 and is_stream_file(inputs[0]):
         if replace(reading, memory=None) != Reading():
             raise click.UsageError("input options do not apply to a .reel; omit them")
@@ -67,14 +82,6 @@ def info_command(
 def _show_stream(
     path: str, segment: int | None, memory: float | str | None, *, as_json: bool
 ) -> None:
-    from meshreel.app.cli.console import print_columns, print_json, print_table
-    from meshreel.app.figures import (
-        SECTION_HEADINGS,
-        SEGMENT_HEADINGS,
-        info_rows,
-        section_table,
-        segment_table,
-    )
     from meshreel.codec.inspect import info as describe
     from meshreel.formats.reel import read_info
 
@@ -95,15 +102,6 @@ def _show_stream(
 def _show_source(
     source: "str | list[Path] | list[str]", reading: Reading, *, as_json: bool
 ) -> None:
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import (
-        print_columns,
-        print_json,
-        print_notes,
-        print_table,
-        shown_progress,
-    )
     from meshreel.formats.inspection import inspect_source
     from meshreel.model.notes import NoteKind
 

@@ -1,5 +1,6 @@
 """`meshreel paper`: run the paper's evaluation on any sequences."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -79,8 +80,6 @@ def paper_command(
     - `meshreel paper walk.npz --bits 6 --allocation constant --methods pca-q,pca-qp`
     - `meshreel paper walk.npz --modes 30 --bits 9 --choices anchor-values=coefficients`
     """
-    from dataclasses import replace
-
     from meshreel.operations.inputs import check_inputs
     from meshreel.runtime.extras import PAPER, PLOT
 

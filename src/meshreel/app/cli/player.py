@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 from meshreel.app.cli.options import MESHES, output_stem, refuse_other_formats
 from meshreel.app.cli.parameters import Argument, File
+from meshreel.app.figures import measured_rows, player_rows
 from meshreel.codec.option import Option
 from meshreel.errors import Keyword
 from meshreel.formats.options import Reading
@@ -40,7 +42,6 @@ def open_player(
     texture: Path | None = None,
 ) -> Iterator["PlayerData"]:
     """Open a file and its original for the player."""
-    from meshreel.app.figures import measured_rows, player_rows
     from meshreel.app.viewer.playable import reencoding_text
     from meshreel.app.viewer.player_data import PlayerData
     from meshreel.errors import ConnectivityChangeError
@@ -75,8 +76,6 @@ def open_player(
 
 def _check_is_encoded(source: Path) -> None:
     """Reject an input of `encode` in place of a stream."""
-    from shlex import quote
-
     quoted_source, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
     refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")
 

@@ -1,9 +1,11 @@
 """`meshreel render`: pictures and films of an animation."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_figures, shown_progress
 from meshreel.app.cli.options import MESHES, LookOption, frame_list, reading
 from meshreel.app.cli.parameters import Argument, File, ForceOption, JsonOption
 from meshreel.codec.option import Option
@@ -55,9 +57,6 @@ def render_command(
     - `meshreel render crash.reel -o stress.png --track stress --range 0:500`
     - `meshreel render block.reel -o inside.png --track temperature --cut y=50%`
     """
-    from dataclasses import replace
-
-    from meshreel.app.cli.console import print_figures, shown_progress
     from meshreel.operations.render import render
 
     with shown_progress() as progress:

@@ -1,10 +1,13 @@
 """`meshreel view`: play a .reel in the browser."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import click
 
 from meshreel.app.cli.commands import command
+from meshreel.app.cli.console import print_notes, shown_progress
+from meshreel.app.cli.messages import print_line
 from meshreel.app.cli.options import MESHES, TrackLookOption, reading
 from meshreel.app.cli.player import OriginalOption, SourceArgument, TextureOption
 from meshreel.codec.option import Option, Range
@@ -40,10 +43,7 @@ def view_command(
     - `meshreel view walk.reel --no-open --port 8000`
     """
     from contextlib import ExitStack, closing
-    from dataclasses import replace
 
-    from meshreel.app.cli.console import print_notes, shown_progress
-    from meshreel.app.cli.messages import print_line
     from meshreel.app.cli.player import open_player
     from meshreel.app.viewer.page import built_page
     from meshreel.app.viewer.server import ViewerServer
