@@ -1,5 +1,6 @@
 """Animations that the site plays, made by the scripts of examples/ when the site is built."""
 
+import os
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ from typing import Any
 import meshreel
 from meshreel.runtime.counting import size_text
 
-FISH_BOUND = "0.5%"
+SHARE = 1 / int(os.environ.get("MESHREEL_DRAFT", "1"))
+"""Share of the frames, for checks of the pages alone."""
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -45,7 +47,7 @@ def gallery() -> dict[str, Shown]:
 
 
 def _flag() -> Shown:
-    flag = meshreel.simulate_flag(150)
+    flag = meshreel.simulate_flag(round(150 * SHARE))
     data = meshreel.encode(flag)
     return Shown(data, _figures(flag, data), 'alt="A flag in the wind"')
 
@@ -79,7 +81,7 @@ def _walk() -> Shown:
 
 
 def _plate() -> Shown:
-    plate = _example("archive_simulation")["simulate"](75)
+    plate = _example("archive_simulation")["simulate"](round(75 * SHARE))
     bounds = {"temperature": "0.5K", "heat flow": "0.1%", "phase": "exact"}
     data = meshreel.encode(plate, max_error="0.01%", tracks=bounds)
     attributes = (
@@ -96,7 +98,7 @@ def _in_three(extension: str, **options: Any) -> Callable[[], Shown]:
         fish = _example("character_for_web")["fish"]()
         with TemporaryDirectory() as folder:
             path = Path(folder) / f"fish{extension}"
-            meshreel.save(fish, path, max_error=FISH_BOUND, **options)
+            meshreel.save(fish, path, max_error="0.5%", **options)
             data, errors = path.read_bytes(), meshreel.compare(fish, meshreel.load(path))
         text = (
             f"{size_text(len(data))}; the largest error is {errors.max_error_percent:.2g} % of the "
@@ -121,7 +123,7 @@ MAKERS: dict[str, Callable[[], Shown]] = {
 
 @cache
 def _capture() -> meshreel.MeshSequence:
-    captured: meshreel.MeshSequence = _example("register_capture")["capture"](25)
+    captured: meshreel.MeshSequence = _example("register_capture")["capture"](round(25 * SHARE))
     return captured
 
 

@@ -29,7 +29,7 @@ SIDES = (24, 28, 32)
 def write_flags(folder: Path) -> None:
     """Write the data set."""
     for side in SIDES:
-        flag = meshreel.simulate_flag(120, n_rows=side, n_columns=side)
+        flag = meshreel.simulate_flag(60, n_rows=side, n_columns=side)
         meshreel.save(flag, folder / f"flag{side}.reel")
 
 

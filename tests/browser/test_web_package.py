@@ -82,8 +82,8 @@ def sheet():
         (f"{WITHOUT_WORKERS}; worker-src 'none'", False),
     ],
 )
-def test_positions_and_tracks_of_every_stream_match(new_page, policy, is_in_worker):
-    files = stored_streams()
+def test_positions_and_tracks_of_streams_match(new_page, policy, is_in_worker):
+    files = dict([*stored_streams().items()][:: 9 if policy else 1])  # all of them once
     with serving(files, {POLICY: policy} if policy else None) as (url, _):
         page = new_page(url, is_shown=False)
         result = page.evaluate(HASHES, [path[1:-5] for path in files])

@@ -31,7 +31,7 @@ from meshreel.errors import (
 from samples.c_reader import Code, File, Host, by_calls, refusal
 from samples.costs import draws
 
-MANY = draws(20_000)
+MANY = draws(5000)
 END = write_sections([(Section.END, b"")])[0]
 LARGEST = 2**63 - 1
 """Largest integer of 9 bytes."""
@@ -275,7 +275,7 @@ def test_shared_meshes_count_once_against_the_memory_limit():
 def test_a_sequence_of_many_tiny_meshes_is_encoded_and_decoded():
     rng = np.random.default_rng(4)
     meshes = [np.array(TETRAHEDRON), np.array(TETRAHEDRON)[:, [0, 2, 1]]]
-    vertices = rng.random((draws(2000), 4, 3)).astype(np.float32)
+    vertices = rng.random((draws(500), 4, 3)).astype(np.float32)
     sequence = meshreel.MeshSequence.of_segments(
         [meshreel.MeshSequence(vertex[None], meshes[i % 2]) for i, vertex in enumerate(vertices)]
     )

@@ -146,7 +146,7 @@ def test_a_recording_contains_all_frames(tmp_path):
 @pytest.mark.slow
 def test_a_network_beats_constant_velocity(tmp_path):
     pytest.importorskip("torch", reason="the extra [torch] is not installed")
-    output = run_script("train.py", "--epochs", 2)
+    output = run_script("train.py", "--epochs", 3)
     ours, constant_velocity = map(float, re.findall(r"([\d.]+) %", output.splitlines()[-1]))
     assert ours < 0.8 * constant_velocity
 

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.slow
 
 SETTINGS = """[mypy]
 strict = true
+warn_unreachable = true
 [mypy-fsspec.*,igl.*,torch.*,xatlas.*]
 ignore_missing_imports = true
 """

@@ -28,6 +28,7 @@ def test_a_key_has_fewer_vertices_within_the_tolerance(length, share):
     assert side == 0
 
 
+@pytest.mark.slow
 def test_a_key_has_more_vertices_for_a_higher_quality():
     vertices, faces = capsule(100, 90)
     whole = KeyMesh.of_mesh(TriangleMesh(vertices / 2, faces))

@@ -57,6 +57,7 @@ def test_every_frame_is_within_the_tolerance(raw, registered):
     assert registered.distances.n_folded == 0
 
 
+@pytest.mark.slow
 def test_notes_state_a_smaller_tolerance_that_every_frame_meets():
     """`measure` confirms it, and that a clearly smaller one is exceeded."""
     meshes = [capsule(60 + n, 54 + n, n / 3) for n in range(3)]
