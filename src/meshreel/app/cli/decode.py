@@ -1,6 +1,5 @@
 """`meshreel decode`: decode a .reel to another format."""
 
-from pathlib import Path
 from typing import Annotated
 
 from meshreel.app.cli.commands import command
@@ -64,9 +63,7 @@ def decode_command(
     from meshreel.operations.convert import Target, decode
 
     refuse_stream(output)
-    remedy = f"encode it first: meshreel encode {source} -o {Path(source).stem}.reel"
-    convert = "`meshreel convert` writes it in another format directly"
-    refuse_other_formats(Path(source), f"{remedy}; {convert}")
+    refuse_other_formats(source, "; `meshreel convert` writes it in another format directly")
     notes = Notes()
     target = Target(output=output, options=options, start_number=start_number, overwrite=force)
     with shown_progress() as progress:

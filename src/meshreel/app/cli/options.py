@@ -1,5 +1,6 @@
 """Options that several commands share, derived from fields, and the values of their texts."""
 
+import shlex
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -99,13 +100,15 @@ def is_stream_file(source: str) -> bool:
         return file.read(len(MAGIC)) == MAGIC
 
 
-def refuse_other_formats(source: Path, remedy: str) -> None:
-    """Raise InvalidInputError, with a remedy, for an input of `encode` in place of a stream."""
+def refuse_other_formats(source: str, more: str = "") -> None:
+    """Raise InvalidInputError, with remedies, for an input of `encode` in place of a stream."""
     from meshreel.formats.registry import FORMATS, extension_of
 
-    is_input = source.is_dir() or (source.is_file() and extension_of(source) in FORMATS)
-    if is_input and not is_stream_file(str(source)):
-        raise InvalidInputError(f"{source} is not a .reel file; {remedy}")
+    path, output = Path(source), shlex.quote(f"{output_stem(source)}.reel")
+    is_input = path.is_dir() or (path.is_file() and extension_of(path) in FORMATS)
+    if is_input and not is_stream_file(source):
+        command = f"meshreel encode {shlex.quote(source)} -o {output}"
+        raise InvalidInputError(f"{source} is not a .reel file; encode it first: {command}{more}")
 
 
 _COMMON_ENCODING = ("quality", "bound", "max_error", "size", "lossless", "order", "effort")

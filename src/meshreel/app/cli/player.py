@@ -3,10 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
-from meshreel.app.cli.options import MESHES, output_stem, refuse_other_formats
+from meshreel.app.cli.options import MESHES, refuse_other_formats
 from meshreel.app.cli.parameters import Argument, File
 from meshreel.app.figures import measured_rows, player_rows
 from meshreel.codec.option import Option
@@ -49,7 +48,7 @@ def open_player(
     from meshreel.formats.reel import open as open_reel
 
     _check_options_of_original(original, reading)
-    _check_is_encoded(source)
+    refuse_other_formats(str(source))
     with open_reel(source, memory=reading.memory) as file:
         first = file.segments[0]
         with errors_naming(source):
@@ -72,12 +71,6 @@ def open_player(
                 f"{source} uses method {shown.method}; the player shows it {text}"
             )
         yield shown
-
-
-def _check_is_encoded(source: Path) -> None:
-    """Reject an input of `encode` in place of a stream."""
-    quoted_source, output = quote(str(source)), quote(f"{output_stem(str(source))}.reel")
-    refuse_other_formats(source, f"encode it first: meshreel encode {quoted_source} -o {output}")
 
 
 def _check_options_of_original(original: str | None, reading: Reading) -> None:
