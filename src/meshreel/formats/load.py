@@ -9,13 +9,12 @@ from typing import Any
 from meshreel.codec.memory import DEFAULT_MEMORY, bytes_of
 from meshreel.codec.option import takes_fields
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.formats.file_errors import errors_naming
 from meshreel.formats.options import LoadOptions, Reading
 from meshreel.formats.remote import local_copy
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import Source, find_files
 from meshreel.model.notes import Notes
-from meshreel.model.sequence import FrameSource, MeshSequence, single_segment
+from meshreel.model.sequence import MeshSequence
 
 MAX_LOADED_BYTES = 1 << 30
 
@@ -145,20 +144,6 @@ def open_for_encoding(source: Source, memory: float | None, reading: Reading) ->
         `max_loaded_bytes` is ignored.
     """
     return open_any(find_files(source), loading_for(memory, reading))
-
-
-def open_for_purpose(source: Source, reading: Reading, purpose: str) -> FrameSource:
-    """Open a source as `open_for_encoding`, whose faces must not change.
-
-    Raises
-    ------
-    ConnectivityChangeError
-        If they do; the message names the purpose.
-    """
-    files = find_files(source)
-    sequence = open_any(files, loading_for(None, reading))
-    with errors_naming(files.paths[0]):
-        return single_segment(sequence, purpose)
 
 
 def loading_for(memory: float | None, reading: Reading) -> Reading:

@@ -10,10 +10,9 @@ import pytest
 import meshreel
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.frames.stored_frames import StoredFrames
-from meshreel.formats.load import load, open_for_purpose
-from meshreel.formats.options import Reading
+from meshreel.formats.load import load
 from meshreel.formats.registry import FORMATS
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
 from meshreel.operations.save import save
@@ -143,9 +142,6 @@ def test_later_float64_frame_widens_the_sequence(tmp_path, make_sequence):
 def test_other_vertices_or_faces_begin_another_segment(tmp_path, second):
     write_frames(tmp_path, SQUARE + "f 1 2 3\n", second)
     assert count_runs(tmp_path) == 2
-    message = r"frame_0\.obj: the faces change: 2 frames in 2 segments; a test needs the same"
-    with pytest.raises(ConnectivityChangeError, match=message):
-        open_for_purpose(tmp_path, Reading(matches_frames=False), "a test")
 
 
 def test_other_number_of_stl_triangles_begins_another_segment(tmp_path, make_sequence):

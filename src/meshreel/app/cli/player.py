@@ -89,8 +89,10 @@ def _comparison(reel: "ReelFile", original: str, reading: Reading) -> "Compariso
     from meshreel.app.viewer.measuring import Comparison
     from meshreel.app.viewer.original import Original
     from meshreel.formats.file_errors import errors_naming
-    from meshreel.formats.load import open_for_purpose
+    from meshreel.formats.load import open_for_encoding
+    from meshreel.model.sequence import single_segment
 
-    source = open_for_purpose(original, reading, "a comparison in the player")
+    sequence = open_for_encoding(original, None, reading)
     with errors_naming(Path(original)):
-        return Comparison(reel, Original(source, reel))
+        segment = single_segment(sequence, "a comparison in the player")
+        return Comparison(reel, Original(segment, reel))
