@@ -1,8 +1,7 @@
 """Registration of the raw frames of an input, and of their textures."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
@@ -46,14 +45,7 @@ def register_frames(
         job = TextureJob.checked(
             options.texture, options.texture_output, raw, overwrite=options.overwrite
         )
-    registration = register(
-        raw,
-        options.bound,
-        progress,
-        None if options.folder is None else Path(options.folder),
-        keep_holes=options.keep_holes,
-        quality=options.quality,
-    )
+    registration = register(raw, **vars(replace(options, progress=progress)))
     return Registered(registration if job is None else job.prepared(registration, notes), job)
 
 

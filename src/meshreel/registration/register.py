@@ -11,10 +11,10 @@ import numpy as np
 
 from meshreel.arrays import rows_as_bytes
 from meshreel.codec.config import EncoderConfig
-from meshreel.codec.error_bounds import ErrorBound
+from meshreel.codec.option import takes_fields
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.reel_options import VERTEX_ERRORS, ReelOptions, Tune
-from meshreel.codec.targets import DEFAULT_QUALITY, QUALITIES
+from meshreel.codec.targets import QUALITIES
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import (
@@ -30,6 +30,7 @@ from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.holes import SCANNED, scanned_faces
+from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
@@ -47,9 +48,6 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread, results_in_order
-
-DEFAULT_TOLERANCE = ErrorBound(0.2)
-"""Default tolerance, in percent of the diagonal of the box of all frames."""
 
 CACHED_FACES = 4_000_000
 """Maximum number of faces of the cleaned frames in memory, about 40 bytes each."""
@@ -290,35 +288,16 @@ class Registration:
         return f"{self.met_percent:.2g} %" if is_smaller else ""
 
 
-def register(
-    sequence: MeshSequence,
-    tolerance: ErrorBound = DEFAULT_TOLERANCE,
-    progress: Progress = silent,
-    folder: Path | None = None,
-    *,
-    keep_holes: bool = False,
-    quality: float = DEFAULT_QUALITY,
-) -> Registration:
+@takes_fields(RegisterOptions)
+def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     """Replace the meshes of raw frames by meshes that follow the surface over many frames.
 
     Parameters
     ----------
     sequence : MeshSequence
         Raw frames, at least one. Frames may stay in their files; each is read three or four times.
-    tolerance : ErrorBound
-        99 % of both surfaces, of each frame, are within it, and no connected patch beyond it is
-        larger than a square whose side is ten times the tolerance. Percent refer to the diagonal
-        of the box of all frames.
-    progress : callable, optional
-        Called with the stage and the number of frames.
-    folder : Path, optional
-        Stores the registered frames, which the result reads from it; after an interruption, the
-        same call continues. Default: they are in temporary files (in `TMPDIR`), which vanish with
-        the result.
-    keep_holes : bool
-        Whether segments have a track `SCANNED` of the faces that raw frames have.
-    quality : float
-        Quality at which the result will be encoded: keys keep more vertices for a higher one.
+    options
+        The fields of `RegisterOptions`; textures are not baked.
 
     Raises
     ------
@@ -327,6 +306,7 @@ def register(
         `folder` contains something else, the frames have values called `SCANNED` while holes are
         kept, or the extra [register] is not installed.
     """
+    quality, keep_holes, progress = options.quality, options.keep_holes, options.progress
     QUALITIES.check(quality, Keyword("quality"))
     if sequence.n_segments == 1:
         same = f"all {sequence.n_frames} frames have the same faces"
@@ -342,7 +322,7 @@ def register(
     extent = sequence.extent
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
-    limit = Tolerance(tolerance.share(diagonal) * diagonal / scale, quality)
+    limit = Tolerance(options.bound.share(diagonal) * diagonal / scale, quality)
     max_removed_area = limit.patch_area * scale**2
 
     n_faces = max(len(segment.faces) for segment in sequence.segments)
@@ -360,7 +340,11 @@ def register(
         scale,
         sequence.dtype,
     )
-    topologies, n_removed, digest = [], Counter[str](), blake2b(f"{tolerance!r} {quality}".encode())
+    topologies, n_removed, digest = (
+        [],
+        Counter[str](),
+        blake2b(f"{options.bound!r} {quality}".encode()),
+    )
 
     def prepare(number: int) -> tuple[CleanMesh, Topology | None]:
         mesh = cleaned(number)
@@ -374,7 +358,8 @@ def register(
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
-    store = TemporaryStore() if folder is None else FolderStore(folder, digest.hexdigest())
+    folder = options.folder
+    store = TemporaryStore() if folder is None else FolderStore(Path(folder), digest.hexdigest())
     with one_blas_thread():
         segments = grow_segments(
             frames,

@@ -18,7 +18,6 @@ from meshreel import (
     Texture,
     Track,
 )
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.baking import Atlas, bake, check_textured, sample_image, with_atlases
 from meshreel.registration.register import register
 from samples.captures import capture, color_at, textured_capture
@@ -35,7 +34,7 @@ def textured():
 
 @pytest.fixture(scope="module")
 def registered(textured):
-    return register(textured[0], ErrorBound(0.5))
+    return register(textured[0], tolerance=0.5)
 
 
 def centroid_colors(segment, frame, image):
@@ -115,7 +114,7 @@ def test_a_frame_alone_is_baked_too(textured):
     raw, images = textured
     apart = raw.segments[0].vertices[:, :, ::-1].copy()
     sequence = meshreel.concatenate([raw[:2], raw.segments[0].replace(vertices=apart)])
-    result = register(sequence, ErrorBound(2.0))
+    result = register(sequence, tolerance=2.0)
     ready, n_made = with_atlases(result, SIZE)
     baked = list(bake(ready, ready.sequence, [*images[:2], images[0]], SIZE))
     assert n_made == 0
@@ -145,7 +144,7 @@ def test_texture_coordinates_may_change_while_the_faces_do_not(textured):
     check_textured(sequence)
     half = PillowImage.new("RGB", (256, 256))
     half.paste(images[0], (0, 128))
-    ready, n_made = with_atlases(register(sequence, ErrorBound(0.5)), SIZE)
+    ready, n_made = with_atlases(register(sequence, tolerance=0.5), SIZE)
     baked = list(bake(ready, ready.sequence, [images[0], half, *images[1:]], SIZE))
     assert n_made == 0
     assert np.abs(np.asarray(baked[0], int) - np.asarray(baked[1], int)).mean() < 2

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
@@ -55,7 +54,7 @@ def test_surfaces_that_merge_stay_one_segment(is_reversed):
     frames = [
         merging_spheres(distance, int(rng.integers(40, 46)), rng.random()) for distance in distances
     ]
-    found = register(as_frames(frames), ErrorBound(0.4))
+    found = register(as_frames(frames), tolerance=0.4)
     [segment] = found.segments
     assert 0 < found.distances.unsupported_percent < 5
     assert max(errors.p99 for errors in segment.errors) <= found.tolerance.length

@@ -5,7 +5,6 @@ import pytest
 
 import meshreel
 from meshreel import Attribute, Domain, Kind, MeshSequence, Surface
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.model.surface import FaceGroups
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.refining import KeyMesh
@@ -57,7 +56,7 @@ def two_frames(of):
     for n_around, angle in ((50, 0.0), (52, 0.05)):
         vertices, faces = capsule(60, n_around)
         frames.append(colored(bent(vertices, angle), faces, **of(vertices, faces)))
-    return register(meshreel.concatenate(frames), ErrorBound(0.5), quality=68)
+    return register(meshreel.concatenate(frames), tolerance=0.5, quality=68)
 
 
 @pytest.mark.slow
@@ -98,7 +97,7 @@ def test_vertices_with_colors_all_remain():
 def test_a_frame_that_cannot_be_followed_is_decimated_too():
     vertices, faces = capsule(60, 50)
     raw = as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)])
-    found = register(raw, ErrorBound(0.5))
+    found = register(raw, tolerance=0.5)
     assert [segment.n_frames for segment in found.sequence.segments] == [1, 1]
     n_verts = [segment.n_verts for segment in found.sequence.segments]
     assert max(n_verts) < 0.8 * len(vertices)

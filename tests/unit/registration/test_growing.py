@@ -7,7 +7,6 @@ import pytest
 
 import meshreel
 from meshreel import MeshFrame, MeshSequence
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration import growing
 from meshreel.registration.cleaning import CleanMesh, clean
 from meshreel.registration.folds import Folds
@@ -203,7 +202,7 @@ def test_only_a_key_with_the_components_of_the_next_frame_may_lack_vertices(plan
             bridge = np.flatnonzero(is_corner)[[0, 2, 1]]
             faces = np.concatenate([faces, bridge[None]])
         frames.append(MeshSequence(vertices[None].astype(np.float32), faces.astype(np.int32)))
-    registered = register(meshreel.concatenate(frames), ErrorBound(0.4))
+    registered = register(meshreel.concatenate(frames), tolerance=0.4)
     assert [segment.n_frames for segment in registered.segments] == [1, 1]
     assert registered.segments[0].may_lack_vertices != joins
 
@@ -293,7 +292,7 @@ def test_a_key_whose_completion_ends_earlier_stays_as_given():
         is_low = vertices[faces][:, :, 2].mean(axis=1) < 0.3
         faces = faces if number == 5 else faces[is_low]
         frames.append((bent(vertices, 0.05 * number), faces))
-    registered = register(as_frames(frames), ErrorBound(0.5))
+    registered = register(as_frames(frames), tolerance=0.5)
     first, last = registered.segments
     assert (first.numbers, last.numbers) == (range(5), range(5, 6))
     assert first.key_mesh.n_added == 0

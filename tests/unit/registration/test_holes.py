@@ -5,7 +5,6 @@ import pytest
 
 import meshreel
 from meshreel import InvalidInputError, Track
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
@@ -39,7 +38,7 @@ def scans(n_frames, complete, noise, seed=0):
 @pytest.mark.slow
 @pytest.mark.parametrize(("complete", "noise"), [(2, 0.0), (None, 0.0015)])
 def test_moving_holes_do_not_end_a_segment(complete, noise):
-    found = register(scans(5, complete, noise), ErrorBound(0.2), quality=68)
+    found = register(scans(5, complete, noise), tolerance=0.2, quality=68)
     assert [segment.n_frames for segment in found.sequence.segments] == [5]
     assert found.segments[0].key_mesh.mesh.is_boundary.sum() < 30  # what no frame shows
     if complete is not None:
@@ -50,7 +49,7 @@ def test_moving_holes_do_not_end_a_segment(complete, noise):
 
 def test_a_capture_without_holes_has_no_unsupported_surface():
     frames = [capsule(40, 30 + number) for number in range(2)]
-    found = register(as_frames(frames), ErrorBound(0.5))
+    found = register(as_frames(frames), tolerance=0.5)
     assert found.distances.unsupported_percent == 0
     assert "lack" not in next(found.notes())
 
@@ -114,7 +113,7 @@ def without_ends(n_frames):
 
 @pytest.mark.slow
 def test_a_key_gets_what_other_frames_show():
-    found = register(without_ends(3), ErrorBound(0.4))
+    found = register(without_ends(3), tolerance=0.4)
     (segment,) = found.segments
     assert np.ptp(segment.positions[..., 2], axis=1).min() > 1.95
     assert found.distances.p95_percent < 0.05

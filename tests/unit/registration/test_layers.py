@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from samples.captures import as_frames
@@ -39,7 +38,7 @@ def test_layers_of_a_thin_plate_stay_apart():
         plate(int(rng.integers(50, 54)), int(rng.integers(50, 54)), 0.15 * number, rng)
         for number in range(4)
     ]
-    found = register(as_frames(frames), ErrorBound(0.2))
+    found = register(as_frames(frames), tolerance=0.2)
     [segment] = found.segments
     assert found.distances.psnr_db > 80
     for positions in segment.positions:

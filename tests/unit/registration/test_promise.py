@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance, measure
@@ -128,7 +127,7 @@ CAPTURES = {
 def test_dense_samples_confirm_the_tolerance(name):
     n_segments, *capture = CAPTURES[name]
     raw = frames(*capture)
-    found = register(raw, ErrorBound(0.8))
+    found = register(raw, tolerance=0.8)
     assert found.sequence.n_segments == n_segments
     length = found.tolerance.length * found.frames.scale
     for number in range(raw.n_frames):

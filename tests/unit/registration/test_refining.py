@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from meshreel import Attribute, Domain, Kind, Surface
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.kernel.order import opposite_sides
 from meshreel.registration import growing
 from meshreel.registration.refining import KeyMesh
@@ -69,7 +68,7 @@ def test_texture_coordinates_are_interpolated_on_a_refined_key(monkeypatch):
     for one in raw.segments:
         uv = Attribute("uv", Kind.UV, Domain.VERTEX, one.read(0, 1)[0, :, ::2])
         textured.append(one.replace(surface=Surface(attributes=(uv,))))
-    registered = register(raw.of_segments(textured), ErrorBound(2.0))
+    registered = register(raw.of_segments(textured), tolerance=2.0)
     (segment,), key = registered.sequence.segments, registered.segments[0].key
     (uv,) = segment.surface.attributes
     at_corners = segment.read(key, key + 1)[0][segment.faces.ravel()]

@@ -7,7 +7,6 @@ import pytest
 
 import meshreel
 from meshreel import Attribute, Domain, InvalidInputError, Kind, MeshSequence, Surface, Track
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.codec.options import config_of
 from meshreel.model.notes import Notes
 from meshreel.registration.cleaning import clean
@@ -18,7 +17,7 @@ from meshreel.registration.verification import Tolerance, measure
 from samples.captures import as_frames, bent, capsule, capture, unbent
 from samples.shapes import square
 
-TOLERANCE = ErrorBound(0.5)
+TOLERANCE = 0.5
 N_FRAMES, LAST_ANGLE = 4, 0.3
 
 
@@ -29,7 +28,7 @@ def raw():
 
 @pytest.fixture(scope="module")
 def registered(raw):
-    return register(raw, TOLERANCE)
+    return register(raw, tolerance=TOLERANCE)
 
 
 def only_segment(found):
@@ -62,9 +61,9 @@ def test_notes_state_a_smaller_tolerance_that_every_frame_meets():
     """`measure` confirms it, and that a clearly smaller one is exceeded."""
     meshes = [capsule(60 + n, 54 + n, n / 3) for n in range(3)]
     raw = as_frames([(bent(mesh, 0.15 * n), faces) for n, (mesh, faces) in enumerate(meshes)])
-    registered = register(raw, TOLERANCE, quality=68)
+    registered = register(raw, tolerance=TOLERANCE, quality=68)
     stated = registered.smaller_tolerance
-    assert float(stated.removesuffix(" %")) == registered.met_percent < 0.75 * TOLERANCE.amount
+    assert float(stated.removesuffix(" %")) == registered.met_percent < 0.75 * TOLERANCE
     assert f"every frame meets a tolerance of {stated}, too" in map(str, registered.notes())
 
     def is_met(percent):
@@ -102,14 +101,14 @@ def test_times_are_those_of_the_raw_frames(raw):
     parts = [
         frame.replace(start_s=7 + number / raw.fps) for number, frame in enumerate(raw.segments)
     ]
-    result = register(meshreel.concatenate(parts), TOLERANCE)
+    result = register(meshreel.concatenate(parts), tolerance=TOLERANCE)
     assert (result.sequence.start_s, only_segment(result).start_s) == (7.0, 7.0)
     assert meshreel.decode(meshreel.encode(result.sequence)).start_s == 7.0
 
 
 @pytest.mark.slow
 def test_registration_is_deterministic(raw, registered):
-    again = only_segment(register(raw, TOLERANCE))
+    again = only_segment(register(raw, tolerance=TOLERANCE))
     assert np.array_equal(again.vertices, only_segment(registered).vertices)
 
 
@@ -120,7 +119,7 @@ def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
     torn = np.vstack([vertices * 0.5 + aside, vertices * 0.5 - aside])
     both = np.vstack([faces, faces + len(vertices)])
     others = as_frames([(torn, both), (torn + np.array([0, 0, 0.01]), both)])
-    result = register(meshreel.concatenate([raw, others]), TOLERANCE)
+    result = register(meshreel.concatenate([raw, others]), tolerance=TOLERANCE)
     assert [segment.n_frames for segment in result.sequence.segments] == [raw.n_frames, 2]
     assert any("does not continue the mesh" in line for line in result.cuts())
 
@@ -128,7 +127,7 @@ def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
 @pytest.mark.slow
 def test_frames_without_a_surface_stay_as_they_are(raw):
     empty = as_frames([(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))])
-    result = register(meshreel.concatenate([empty, raw, empty]), TOLERANCE)
+    result = register(meshreel.concatenate([empty, raw, empty]), tolerance=TOLERANCE)
     assert [segment.n_frames for segment in result.sequence.segments] == [1, raw.n_frames, 1]
     assert result.sequence[0].vertices.shape == (3, 3)
     assert any("without a surface" in note for note in result.changes)
@@ -140,14 +139,14 @@ def test_a_frame_inside_out_is_named(raw):
         MeshSequence(segment.read(0, 1), segment.faces, segment.fps) for segment in raw.segments
     ]
     frames[0] = frames[0].replace(faces=frames[0].faces[:, ::-1])
-    result = register(meshreel.concatenate(frames), TOLERANCE)
+    result = register(meshreel.concatenate(frames), tolerance=TOLERANCE)
     assert any("oriented inside out" in cut for cut in result.cuts())
     assert result.sequence.n_frames == N_FRAMES
 
 
 def test_constant_faces_are_an_error(raw):
     with pytest.raises(InvalidInputError, match="there is only one frame"):
-        register(raw[:1], TOLERANCE)
+        register(raw[:1], tolerance=TOLERANCE)
 
 
 def test_nothing_to_register_is_an_error():
@@ -165,7 +164,7 @@ def test_texture_coordinates_of_the_key_are_kept_at_corners(raw):
         return MeshSequence(segment.vertices, segment.faces, segment.fps, surface=surface)
 
     given = meshreel.concatenate([textured(one) for one in raw.segments[:3]])
-    result = register(given, TOLERANCE)
+    result = register(given, tolerance=TOLERANCE)
     segment = only_segment(result)
     (uv,) = segment.surface.attributes
     at_corners = segment.vertices[result.segments[0].key][segment.faces.ravel()][:, :2]
@@ -189,7 +188,7 @@ def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered
 def test_notes_state_the_result_and_the_cuts(raw):
     other = as_frames([capsule(20, 20)]).segments[0]
     apart = MeshSequence(other.read(0, 1)[:, :, ::-1].copy(), other.faces, fps=25.0)
-    result = register(meshreel.concatenate([raw[:2], apart]), TOLERANCE)
+    result = register(meshreel.concatenate([raw[:2], apart]), tolerance=TOLERANCE)
     first, *others = result.notes()
     assert first.startswith("registered 3 frames in 2 segments; distance from the raw surface:")
     assert any("does not continue the mesh" in note for note in others)
@@ -214,7 +213,9 @@ def test_tolerances_are_lengths_or_percent(raw):
 @pytest.mark.slow
 def test_progress_counts_cleaned_and_registered_frames(raw):
     calls = []
-    register(raw, TOLERANCE, lambda stage, share: calls.append((stage, float(share))))
+    register(
+        raw, tolerance=TOLERANCE, progress=lambda stage, share: calls.append((stage, float(share)))
+    )
     assert calls[raw.n_frames - 1] == ("cleaning", 1.0)
     assert calls[-1] == ("registering", 1.0)
 
@@ -258,7 +259,9 @@ def test_values_at_points_are_interpolated_or_those_of_the_nearest_corner():
 
 @pytest.mark.slow
 def test_values_of_raw_vertices_become_tracks(raw):
-    result = register(meshreel.concatenate([with_values(one) for one in raw.segments]), TOLERANCE)
+    result = register(
+        meshreel.concatenate([with_values(one) for one in raw.segments]), tolerance=TOLERANCE
+    )
     segment = only_segment(result)
     height, above, color = (segment.tracks[name] for name in ("height", "above", "color"))
     z = segment.vertices[..., 2]
@@ -287,7 +290,7 @@ def test_colors_that_differ_in_type_stay_those_of_the_key(raw):
     (color,) = first.surface.attributes
     floats = replace(color, values=(color.values / 255).astype(np.float32))
     first = first.replace(surface=Surface(attributes=(floats,)), tracks={})
-    segment = only_segment(register(meshreel.concatenate([first, *others]), TOLERANCE))
+    segment = only_segment(register(meshreel.concatenate([first, *others]), tolerance=TOLERANCE))
     assert segment.tracks == {}
     assert [attribute.name for attribute in segment.surface.attributes] == ["color"]
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.registration import report as report_of
 from meshreel.registration.register import register
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("few_grid_lines")
 
 @pytest.fixture(scope="module")
 def registered():
-    return register(capture(3, 0.3), ErrorBound(0.5))
+    return register(capture(3, 0.3), tolerance=0.5)
 
 
 def with_noise(registered):
@@ -59,7 +58,7 @@ def test_progress_of_each_stage_begins_before_its_work_and_ends_with_it(register
 
 @pytest.mark.slow
 def test_the_measured_frames_are_few_and_named():
-    result = register(capture(7, 0.5), ErrorBound(0.5))
+    result = register(capture(7, 0.5), tolerance=0.5)
     report = Report.measured(result, result.sequence)
     frames = report.registered_points.frames
     assert len(set(frames)) == MIN_POINT_FRAMES

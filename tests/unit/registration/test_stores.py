@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from meshreel import InvalidInputError
-from meshreel.codec.error_bounds import ErrorBound
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
 from samples.captures import capture
 
-TOLERANCE = ErrorBound(0.5)
+TOLERANCE = 0.5
 
 
 class InterruptionError(Exception):
@@ -43,9 +42,9 @@ def memory_of(array):
 @pytest.mark.slow
 def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path):
     with pytest.raises(InterruptionError):
-        register(raw, TOLERANCE, interrupt_after(4), tmp_path)
-    registered = register(raw, TOLERANCE, folder=tmp_path)
-    expected = register(raw, TOLERANCE)
+        register(raw, tolerance=TOLERANCE, folder=tmp_path, progress=interrupt_after(4))
+    registered = register(raw, tolerance=TOLERANCE, folder=tmp_path)
+    expected = register(raw, tolerance=TOLERANCE)
     assert registered.distances == expected.distances
     for frame, other in zip(registered.sequence, expected.sequence, strict=True):
         assert np.array_equal(frame.vertices, other.vertices)
@@ -54,8 +53,8 @@ def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path)
 
 @pytest.mark.slow
 def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
-    first = register(raw, TOLERANCE, folder=tmp_path)
-    again = register(raw, TOLERANCE, folder=tmp_path)
+    first = register(raw, tolerance=TOLERANCE, folder=tmp_path)
+    again = register(raw, tolerance=TOLERANCE, folder=tmp_path)
     (segment,), (other,) = first.sequence.segments, again.sequence.segments
     assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
     assert np.array_equal(segment.read(0, 5), other.read(0, 5))
@@ -65,7 +64,7 @@ def test_a_finished_registration_is_read_from_its_folder(raw, tmp_path):
 @pytest.mark.slow
 def test_without_a_folder_frames_are_in_a_file_without_a_name(raw, tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    (segment,) = register(raw, TOLERANCE).sequence.segments
+    (segment,) = register(raw, tolerance=TOLERANCE).sequence.segments
     assert isinstance(memory_of(segment.read(0, 5)), mmap.mmap)
     if os.name == "posix":
         assert not list(tmp_path.iterdir())
@@ -81,13 +80,13 @@ def test_a_store_returns_the_frames_of_each_key():
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
-    register(raw[:2], TOLERANCE, folder=tmp_path)
+    register(raw[:2], tolerance=TOLERANCE, folder=tmp_path)
     with pytest.raises(InvalidInputError, match="with another tolerance"):
-        register(raw[:2], ErrorBound(0.6), folder=tmp_path)
+        register(raw[:2], tolerance=0.6, folder=tmp_path)
 
 
 def test_a_folder_with_other_files_is_refused(raw, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInputError, match="is no folder of a registration"):
-        register(raw, TOLERANCE, folder=tmp_path)
+        register(raw, tolerance=TOLERANCE, folder=tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
