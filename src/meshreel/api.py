@@ -1,19 +1,17 @@
 """The functions of `meshreel` that also accept files: `encode`, `decode`, `info`, and others."""
 
-import inspect
 import os
 import warnings
 from collections.abc import Callable, Iterable
-from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Concatenate, Literal, ParamSpec, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
+from meshreel.codec.encoder import EncodeCall, encode_call
 from meshreel.codec.inspect import StreamInfo
 from meshreel.codec.memory import bytes_of, memory_limit
 from meshreel.codec.option import takes_fields
-from meshreel.codec.options import check_names
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
@@ -36,40 +34,25 @@ if TYPE_CHECKING:
     from meshreel.metrics.surface_distance import SurfaceQuality
     from meshreel.model.rig import Rig
 
-Options = ParamSpec("Options")
 Result = TypeVar("Result")
 
 
-def _accept_files(
-    encode: Callable[Concatenate[MeshSequence, Options], bytes],
-) -> Callable[Concatenate[AnyInput, Options], bytes]:
-    """Return an `encode` that also accepts files; its signature is derived from the original."""
-    signature = inspect.signature(encode)
-
-    @wraps(encode, assigned=("__doc__", "__name__", "__qualname__"))
-    def encode_any(sequence: Any, *args: Options.args, **kwargs: Options.kwargs) -> bytes:
-        if not kwargs.keys() <= signature.parameters.keys():
-            check_names(kwargs, signature.parameters)
-        if isinstance(sequence, MeshSequence):
-            data = encode(sequence, *args, **kwargs)
-            _warn(streams.bound_notes(sequence, data), stacklevel=3)
-            return data
-        memory: Any = kwargs.get("memory")
-        reading = Reading(matches_frames=kwargs.get("order") in (None, "drop"))
-        limit = None if memory is None else bytes_of(memory, "memory")
-        with opened(sequence, reading, limit) as source:
-            _warn(reading.notes, stacklevel=3)
-            data = encode(source, *args, **kwargs)
-            _warn(streams.bound_notes(source, data), stacklevel=3)
-            return data
-
-    first, *others = signature.parameters.values()
-    parameters = [first.replace(annotation="AnyInput"), *others]
-    encode_any.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    return encode_any  # type: ignore[return-value]  # mypy: `sequence` could be passed by name
+@takes_fields(EncodeCall)
+def encode(sequence: AnyInput, call: EncodeCall) -> bytes:  # noqa: D103  see below
+    if isinstance(sequence, MeshSequence):
+        data = encode_call(sequence, call)
+        _warn(streams.bound_notes(sequence, data))
+        return data
+    reading = Reading(matches_frames=call.order in (None, "drop"))
+    memory = None if call.memory is None else bytes_of(call.memory, "memory")
+    with opened(sequence, reading, memory) as source:
+        _warn(reading.notes)
+        data = encode_call(source, call)
+        _warn(streams.bound_notes(source, data))
+        return data
 
 
-encode = _accept_files(encoder.encode)
+encode.__doc__ = encoder.encode.__doc__
 
 
 def decode(

@@ -98,6 +98,11 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
     G. Arvanitis, A. S. Lalos, K. Moustakas, "Fast Spatio-temporal Compression of Dynamic 3D
     Meshes".
     """
+    return encode_call(sequence, call)
+
+
+def encode_call(sequence: MeshSequence, call: EncodeCall) -> bytes:
+    """Encode a sequence, as `encode`."""
     config = call.config
     sequence = without_reordering(sequence, config.order)
     return encode_with(config, sequence, call.attributes, call.tracks, call.progress)

@@ -7,8 +7,9 @@ import inspect
 import math
 import os
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
 from functools import cache, wraps
 from types import UnionType
 from typing import (
@@ -209,6 +210,27 @@ def _options_of_fields(record: Any) -> tuple[Option, ...]:
     return tuple(options)
 
 
+def check_names(names: Iterable[str], known: Sequence[str], options: Iterable[Option] = ()) -> None:
+    """Raise InvalidInputError, with the closest known name, unless all names are known.
+
+    A synonym of one of the options gets the name of that.
+    """
+    for name in names:
+        if name not in known:
+            raise InvalidInputError(f"option {name!r} is unknown; ", *_advice(name, known, options))
+
+
+def _advice(name: str, known: Sequence[str], options: Iterable[Option]) -> Iterator[str | Keyword]:
+    for option in options:
+        if name in option.synonyms:
+            difference = option.synonyms[name]
+            yield from ("its name is ", Keyword(option.name))
+            yield f", {difference}" if difference else ""
+            return
+    near = get_close_matches(name, known, 1)
+    yield f"did you mean {near[0]!r}?" if near else f"choose {', '.join(known)}"
+
+
 def takes_fields(
     record: Callable[Options, Record],
 ) -> Callable[[Callable[[First, Record], Result]], Callable[Concatenate[First, Options], Result]]:
@@ -222,8 +244,14 @@ def takes_fields(
         function: Callable[[First, Record], Result],
     ) -> Callable[Concatenate[First, Options], Result]:
         @wraps(function)
-        def with_fields(first: First, /, *args: Options.args, **kwargs: Options.kwargs) -> Result:
-            return function(first, record(*args, **kwargs))
+        def with_fields(*args: Any, **kwargs: Any) -> Result:
+            if first.name in kwargs and not args:
+                args = (kwargs.pop(first.name),)
+            if not kwargs.keys() <= hints.keys():
+                check_names(kwargs, [*hints], options_of_fields(record))  # type: ignore[arg-type]
+            if not args:
+                raise TypeError(f"{function.__name__} needs {first.name}")
+            return function(args[0], record(*args[1:], **kwargs))
 
         first, _ = inspect.signature(function, eval_str=True).parameters.values()
         hints = get_type_hints(record)

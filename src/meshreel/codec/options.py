@@ -1,16 +1,13 @@
 """All options of encoding, and the class of those of a method."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from functools import cache
 from typing import Any
 
 from meshreel.codec.config import DEFAULT_METHOD, EncoderConfig
 from meshreel.codec.method_names import METHOD_NAMES, our_name
-from meshreel.codec.option import Option, options_of_fields
+from meshreel.codec.option import Option, check_names, options_of_fields
 from meshreel.codec.paper_options import PAPER_METHODS, PaperOptions
 from meshreel.codec.reel_options import ReelOptions
-from meshreel.errors import InvalidInputError, Keyword
 
 FAMILIES = (ReelOptions, PaperOptions)
 _NAMES = {row: frozenset(option.name for option in options_of_fields(row)) for row in FAMILIES}
@@ -28,25 +25,6 @@ def option_named(name: str) -> Option:
     return next(option for option in all_options() if option.name == name)
 
 
-def check_names(names: Iterable[str], known: Iterable[str]) -> None:
-    """Raise InvalidInputError, with the closest known name, unless all names are known."""
-    allowed = list(known)
-    for name in names:
-        if name not in allowed:
-            raise InvalidInputError(f"option {name!r} is unknown; ", *_advice(name, allowed))
-
-
-def _advice(name: str, allowed: Sequence[str]) -> Iterator[str | Keyword]:
-    for option in all_options():
-        if name in option.synonyms:
-            difference = option.synonyms[name]
-            yield from ("its name is ", Keyword(option.name))
-            yield f", {difference}" if difference else ""
-            return
-    near = get_close_matches(name, allowed, 1)
-    yield f"did you mean {near[0]!r}?" if near else f"choose {', '.join(allowed)}"
-
-
 def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
     """Return the checked options of a method.
 
@@ -55,7 +33,9 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
     InvalidInputError
         If an option is unknown, out of range or of another method, or two exclude each other.
     """
-    check_names(options, (option.name for option in all_options()))
+    names = [option.name for option in all_options()]
+    if not options.keys() <= {*names}:
+        check_names(options, names, all_options())
     method = method if method in METHOD_NAMES else our_name(method)
     family = PaperOptions if method in PAPER_METHODS else ReelOptions
     supported = _NAMES[family]

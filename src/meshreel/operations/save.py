@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from meshreel.codec.open_stream import whole_file
-from meshreel.codec.option import lists_fields
-from meshreel.codec.options import check_names
+from meshreel.codec.option import check_names, lists_fields
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.frames.frame_stream import SegmentedStream
