@@ -280,7 +280,7 @@ def main() -> None:
     measured, extent = range(0, n_frames, arguments.every), raw.extent
     results: dict[float, MeshSequence] = {}
     for quality in arguments.quality:
-        registering = partial(register, raw, bound_of(arguments.tolerance), quality=quality)
+        registering = partial(register, raw, tolerance=arguments.tolerance, quality=quality)
         registered, times = timed_once(registering)
         results[quality] = registered.sequence
         print(f"quality {quality:g}: {summary(registered, times.processor)}")
