@@ -2,8 +2,10 @@
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk
+from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonCore import vtkIdList, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 
 CORNERS = [(0, 0), (1, 0), (1, 1), (0, 1), (2, 0.5), (5, 0), (4, 1), (3, 1), (3, -1), (4, -1)]
 POINTS = 0.1 * np.random.default_rng(5).standard_normal((10, 3)) + np.pad(CORNERS, ((0, 0), (0, 1)))
@@ -67,3 +69,31 @@ def write_mesh(writer, mesh, path):
     writer.SetFileName(str(path))
     assert writer.Write() == 1
     return path
+
+
+STEP_S = 0.5
+
+
+class TimeSeries(VTKPythonAlgorithmBase):
+    """A VTK source with a mesh for each time step."""
+
+    def __init__(self, meshes):
+        kind = meshes[0].GetClassName()
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=kind)
+        self.meshes = meshes
+
+    def RequestInformation(self, request, inputs, outputs):  # noqa: N802
+        times = [STEP_S * number for number in range(len(self.meshes))]
+        info = outputs.GetInformationObject(0)
+        info.Set(Pipeline.TIME_STEPS(), times, len(times))
+        info.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
+        return 1
+
+    def RequestData(self, request, inputs, outputs):  # noqa: N802
+        info = outputs.GetInformationObject(0)
+        time_s = info.Get(Pipeline.UPDATE_TIME_STEP()) or 0.0
+        mesh = self.meshes[round(time_s / STEP_S)]
+        result = self.GetOutputData(outputs, 0)
+        result.ShallowCopy(mesh)
+        result.GetInformation().Set(result.DATA_TIME_STEP(), time_s)
+        return 1

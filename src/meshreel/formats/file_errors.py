@@ -13,6 +13,9 @@ LFS_POINTER = b"version https://git-lfs.github.com/spec/v1"
 
 MAX_POINTER_BYTES = 1024
 
+FOLDER_MARK = ".foam"
+"""Extension of files, usually empty, whose folder is the input."""
+
 
 def check_input_file(path: str | os.PathLike[str]) -> None:
     """Raise an error if an input is a pipe, a socket, a device, an empty file or a Git LFS pointer.
@@ -39,7 +42,7 @@ def check_input_file(path: str | os.PathLike[str]) -> None:
         )
     if stat.S_ISDIR(status.st_mode) or status.st_size > MAX_POINTER_BYTES:
         return
-    if status.st_size == 0:
+    if status.st_size == 0 and Path(path).suffix.lower() != FOLDER_MARK:
         raise FormatError("is empty", path=path)
     with suppress(OSError), Path(path).open("rb") as file:
         if file.read(len(LFS_POINTER)) == LFS_POINTER:

@@ -81,6 +81,7 @@ _SEQUENCE_MODULES = {
     **dict.fromkeys((".xdmf", ".xmf"), "vtk.xdmf"),
     ".d3plot": "solvers.d3plot",
     **dict.fromkeys((".case", ".encas"), "solvers.ensight"),
+    **dict.fromkeys((".e", ".ex2", ".exo", ".g", ".foam", ".cgns", ".cas"), "vtk.library_readers"),
 }
 FRAME_FORMATS: Formats[FrameFormat] = Formats(_FRAME_MODULES)
 SEQUENCE_FORMATS: Formats[SequenceFormat] = Formats(_SEQUENCE_MODULES)

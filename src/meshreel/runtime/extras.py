@@ -86,6 +86,7 @@ ALEMBIC = Extra("alembic", "alembic3d", "alembic3d")
 IMATH = Extra("alembic", "alembic3d", "imath")  # part of alembic3d
 USD = Extra("usd", "usd-core", "pxr")
 HDF = Extra("hdf", "h5py", "h5py")
+VTK = Extra("vtk", "vtk", "vtkmodules")
 LZ4 = Extra("vtk", "imagecodecs", "imagecodecs")  # only for VTK files that LZ4 compresses
 DRACO = Extra("gltf", "DracoPy", "DracoPy")  # only for Draco-compressed files
 DRACO_FRAMES = Extra("draco", "DracoPy", "DracoPy")

@@ -254,7 +254,7 @@ OTHERS = {
     "another piece": (
         "a.vtp",
         XML.format(field="", data=HEAT).replace("</Piece>", f"</Piece>{PIECE}"),
-        ["arrays that differ between pieces: heat"],
+        ["values of pieces that lack an array, NaN there: heat"],
     ),
     "sets": ("a.xdmf", XDMF, ["data of neither nodes nor cells: total", "sets: wall"]),
 }
@@ -266,6 +266,12 @@ def test_other_contents_of_text_files_are_noted(tmp_path, name, text, noted):
     if name.endswith(".xdmf"):
         pytest.importorskip("h5py")
     assert left_out(stored(tmp_path, name, text)) == noted
+
+
+def test_values_of_pieces_without_an_array_are_nan(tmp_path):
+    text = XML.format(field="", data=HEAT).replace("<Piece", f"{PIECE}<Piece")
+    heat = load(stored(tmp_path, "a.vtp", text)).tracks["heat"].values
+    np.testing.assert_array_equal(heat.ravel(), [np.nan] * 3 + [1, 2, 3])
 
 
 COFF = "COFF\n3 1 0\n0 0 0 {0}\n1 0 0 {0}\n0 1 0 {0}\n3 0 1 2\n"

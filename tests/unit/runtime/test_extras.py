@@ -36,7 +36,9 @@ def test_save_names_a_missing_extra_before_any_work(tmp_path, without, module, e
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("module", "extension"), [("h5py", ".h5"), ("pxr", ".usdc")])
+@pytest.mark.parametrize(
+    ("module", "extension"), [("h5py", ".h5"), ("pxr", ".usdc"), ("vtkmodules", ".e")]
+)
 def test_load_names_the_file_and_a_missing_extra(tmp_path, without, module, extension):
     path = tmp_path / f"a{extension}"
     path.write_bytes(b"whatever")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SEQUENCE_EXTENSIONS = (
     ".npz .abc .usd .usda .usdc .usdz .glb .gltf .pc2 .mdd .h5 .hdf5 .hdf .vtkhdf .pvd .xdmf .xmf "
-    ".d3plot .case .encas"
+    ".d3plot .case .encas .e .ex2 .exo .g .foam .cgns .cas"
 )
 FRAME_EXTENSIONS = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
 """Inputs of `batch.discovery`, repeated so that the help need not import every format."""

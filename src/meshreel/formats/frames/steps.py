@@ -4,6 +4,7 @@ Floating-point results are tracks, and so are other arrays that change; the rest
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -44,6 +45,9 @@ from meshreel.runtime.counting import counted
 UNSUPPORTED_ARRAYS = f"arrays of text, or with more than {MAX_COMPONENTS} components"
 """How notes name arrays that attributes cannot hold."""
 
+PARTIAL = "values of pieces that lack an array, NaN there"
+"""How notes name arrays that only some pieces have."""
+
 GHOSTS, DUPLICATE = (Domain.FACE, "vtkGhostType"), 1
 """The array that flags cells, and its flag of cells that another piece contains."""
 
@@ -73,6 +77,17 @@ class DataArray:
     def key(self) -> Key:
         """Domain and name."""
         return self.domain, self.name
+
+
+def stored_array(domain: Domain, name: str, read: Callable[[], npt.NDArray[Any]]) -> DataArray:
+    """Return a data array whose values are read when they are needed."""
+    return DataArray(
+        domain,
+        name,
+        read,
+        cache(lambda: checksum(read())),
+        cache(lambda: Field((values := read()).dtype, math.prod(values.shape[1:]))),
+    )
 
 
 def loaded_array(
@@ -354,6 +369,18 @@ class Piece:
     cells: Cells
     arrays: tuple[DataArray, ...] = ()
 
+    def n_items(self, domain: Domain) -> int:
+        """Number of points or cells."""
+        return len(self.points if domain is Domain.VERTEX else self.cells.types)
+
+    def without_points(self) -> "Piece":
+        """Return the piece without its points, whose indices in cells stay the same."""
+        arrays = (
+            _with_values(each, each.read()[: 0 if each.domain is Domain.VERTEX else None])
+            for each in self.arrays
+        )
+        return Piece(self.points[:0], self.cells, tuple(arrays))
+
     def without_ghosts(self) -> "Piece":
         """Return the piece without the cells that other pieces contain too."""
         flags = next((array for array in self.arrays if array.key == GHOSTS), None)
@@ -384,35 +411,59 @@ class Piece:
         return Step(len(points), n_cells, surface, lambda: points, self.arrays, left_out)
 
 
-def join_pieces(pieces: Sequence[Piece]) -> tuple[Piece, LeftOut]:
-    """Join pieces with the arrays that all share; the others are left out."""
+def join_pieces(
+    pieces: Sequence[Piece], *, same_points: bool = False
+) -> tuple[Piece, list[tuple[str, str]]]:
+    """Return the joined pieces, and the contents that are left out.
+
+    Floating-point arrays are NaN in pieces without them; other arrays that differ are left out.
+
+    Parameters
+    ----------
+    same_points : bool, default False
+        Whether all pieces have the same points, with the same values.
+    """
     pieces = [piece for piece in pieces if len(piece.points)] or pieces[:1]
     if len(pieces) == 1:
-        return pieces[0], ()
+        return pieces[0], []
     n_cells = sum(len(piece.cells.types) for piece in pieces)
     pieces = [piece.without_ghosts() for piece in pieces]
     starts = np.cumsum([0] + [len(piece.points) for piece in pieces])
     cells = Cells.join(
-        piece.cells.shifted(start, len(piece.points))
+        piece.cells.shifted(0 if same_points else start, len(piece.points))
         for piece, start in zip(pieces, starts, strict=False)
     )
-    arrays = tuple(_join_arrays(pieces))
-    missing = {array.key for piece in pieces for array in piece.arrays}
-    missing -= {array.key for array in arrays}
+    if same_points:
+        pieces[1:] = [piece.without_points() for piece in pieces[1:]]
+    counts = Counter(array.key for piece in pieces for array in piece.arrays)
+    arrays = tuple(array for key in counts for array in _join_arrays(key, pieces))
+    joined = {array.key for array in arrays}
+    left_out = [
+        (PARTIAL if key in joined else "arrays that differ between pieces", key[1])
+        for key, count in sorted(counts.items())
+        if key not in joined or count < len(pieces)
+    ]
     points = np.concatenate([piece.points for piece in pieces])
-    left_out = [("arrays that differ between pieces", name) for _, name in sorted(missing)]
     if n_ghosts := n_cells - len(cells.types):
         left_out.append(("cells", f"{counted(n_ghosts, 'ghost')} that other pieces contain"))
         arrays = tuple(array for array in arrays if array.key != GHOSTS or array.read().any())
     return Piece(points, cells, arrays), left_out
 
 
-def _join_arrays(pieces: Sequence[Piece]) -> Iterator[DataArray]:
-    for first in pieces[0].arrays:
-        matches = [array for piece in pieces for array in piece.arrays if array.key == first.key]
-        values = [array.read() for array in matches]
-        if len(matches) == len(pieces) and len({value.shape[1:] for value in values}) == 1:
-            yield _with_values(first, np.concatenate(values))
+def _join_arrays(key: Key, pieces: Sequence[Piece]) -> Iterator[DataArray]:
+    """Yield the joined array of a key, unless the arrays differ."""
+    parts = [next((array for array in piece.arrays if array.key == key), None) for piece in pieces]
+    first, *others = (part for part in parts if part is not None)
+    shape, n_missing = first.read().shape[1:], parts.count(None)
+    is_float = first.describe().dtype.kind == "f"
+    if all(other.read().shape[1:] == shape for other in others) and (is_float or not n_missing):
+        values = (
+            np.full((piece.n_items(key[0]), *shape), np.nan, np.float32)
+            if part is None
+            else part.read()
+            for part, piece in zip(parts, pieces, strict=True)
+        )
+        yield _with_values(first, np.concatenate([*values]))
 
 
 def _with_values(array: DataArray, values: npt.NDArray[Any]) -> DataArray:

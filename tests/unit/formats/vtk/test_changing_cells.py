@@ -9,14 +9,12 @@ from meshreel.formats.load import load
 from samples.meshes import grid_faces, waving_grid
 
 pytest.importorskip("vtkmodules")
-from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
 from vtkmodules.vtkCommonDataModel import VTK_HEXAHEDRON
-from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 from vtkmodules.vtkIOHDF import vtkHDFWriter
 from vtkmodules.vtkIOLegacy import vtkPolyDataWriter, vtkUnstructuredGridWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
-from samples.vtk import add_arrays, grid, poly_data
+from samples.vtk import STEP_S, TimeSeries, add_arrays, grid, poly_data
 from samples.vtk_text import inline_item, write_pvd
 
 ROWS = (4, 4, 5, 5, 4, 6)
@@ -27,8 +25,6 @@ STARTS = (0, 2, 4, 5, 6)
 
 N_LAYERS = (2, 2, 3, 3, 2, 4)
 """Cubes in each frame of a stack."""
-
-STEP_S = 0.5
 
 WRITERS: dict[tuple[bool, bool], Any] = {
     (False, False): vtkXMLUnstructuredGridWriter,
@@ -74,31 +70,6 @@ def stack(frame):
     mesh = grid(np.array(points, np.float32), cells)
     add_arrays(mesh.GetCellData(), load=np.arange(n_layers) + 10.0 * frame)
     return mesh
-
-
-class TimeSeries(VTKPythonAlgorithmBase):
-    """A VTK source with a mesh for each time step."""
-
-    def __init__(self, meshes):
-        kind = meshes[0].GetClassName()
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType=kind)
-        self.meshes = meshes
-
-    def RequestInformation(self, request, inputs, outputs):  # noqa: N802
-        times = [STEP_S * number for number in range(len(self.meshes))]
-        info = outputs.GetInformationObject(0)
-        info.Set(Pipeline.TIME_STEPS(), times, len(times))
-        info.Set(Pipeline.TIME_RANGE(), [times[0], times[-1]], 2)
-        return 1
-
-    def RequestData(self, request, inputs, outputs):  # noqa: N802
-        info = outputs.GetInformationObject(0)
-        time_s = info.Get(Pipeline.UPDATE_TIME_STEP()) or 0.0
-        mesh = self.meshes[round(time_s / STEP_S)]
-        result = self.GetOutputData(outputs, 0)
-        result.ShallowCopy(mesh)
-        result.GetInformation().Set(result.DATA_TIME_STEP(), time_s)
-        return 1
 
 
 def write_frames(folder, meshes, *, legacy=False):

@@ -1,0 +1,263 @@
+"""Files that the library VTK reads: Exodus II, OpenFOAM, CGNS and Fluent.
+
+Its readers run in a separate process, which damaged files may end. The process stores points,
+cells and arrays of all steps in a temporary folder, from which frames are read on demand.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import weakref
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from functools import lru_cache, partial
+from importlib import import_module
+from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from meshreel.errors import FormatError
+from meshreel.formats.frames.steps import (
+    Piece,
+    Step,
+    StepFrames,
+    join_pieces,
+    loaded_array,
+    stored_array,
+)
+from meshreel.formats.kinds import SequenceFormat
+from meshreel.formats.options import Reading
+from meshreel.formats.scenes.scene_mesh import SceneMesh
+from meshreel.formats.scenes.timing import ascending_times
+from meshreel.formats.surfaces.cells import VTK_POLYHEDRON, Cells, CellSurface, cell_mesh
+from meshreel.model.surface import Domain
+from meshreel.runtime.extras import VTK
+
+EXODUS, OPENFOAM = "Exodus II", "OpenFOAM"
+READERS = {
+    EXODUS: ("vtkIOExodus", "vtkExodusIIReader", (".e", ".ex2", ".exo", ".g")),
+    OPENFOAM: ("vtkIOGeometry", "vtkOpenFOAMReader", (".foam",)),
+    "CGNS": ("vtkIOCGNSReader", "vtkCGNSReader", (".cgns",)),
+    "Fluent": ("vtkIOGeometry", "vtkFLUENTReader", (".cas",)),
+}
+"""Module, class and file extensions of the reader of each format."""
+
+SETTINGS = ("EnableAllBases", "EnableAllPointArrays", "EnableAllCellArrays", "CreateCellToPointOff")
+"""Methods that are called on the readers that have them."""
+
+UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOCK", "FACE_BLOCK")
+"""Objects of Exodus II that are not read."""
+
+CELL_ZONES = ("fluid", "solid")
+"""Types of zones of Fluent that have cells."""
+
+STORE = "from meshreel.formats.vtk.library_readers import store; import sys; store(*sys.argv[1:])"
+MIN_MEMORY, MEMORY_RATIO = 1 << 32, 64
+MIN_SECONDS, BYTES_PER_SECOND = 60, 1 << 20
+"""Limits of memory and processor time: a constant, and a share of the files in the folder."""
+
+CONTENTS, MAX_LOG_BYTES = "contents.json", 1 << 16
+ERRORS = re.compile(r"(?:ERR\| (?:\w+ \(0x\w+\): )?|^[\w.]*Error: )([^\x1b\n]*)", re.MULTILINE)
+"""Errors of VTK and of Python in the log of the process."""
+
+
+def read_with_library(title: str, path: Path, reading: Reading) -> Sequence[SceneMesh]:
+    """Return the mesh of a file of a format, whose blocks are joined.
+
+    Raises
+    ------
+    FormatError
+        If VTK is not installed or fails, or the file has no mesh.
+    """
+    VTK.load()
+    steps = _StoredSteps()
+    command = [sys.executable, "-P", "-c", STORE, title, str(path.resolve()), str(steps.folder)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with (steps.folder / "log").open("w+b") as log:
+        code = subprocess.run(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment, check=False
+        ).returncode
+        log.seek(0)
+        errors = ERRORS.findall(log.read(MAX_LOG_BYTES).decode("utf-8", "replace"))
+    if code or errors:
+        end = signal.Signals(-code).name if code < 0 else code
+        reason = errors[0].strip()[:200] if errors else f"its process ended with {end}"
+        name = READERS[title][1]
+        raise FormatError(f"is not {title}, or is damaged: {name} of VTK failed ({reason})")
+    contents = json.loads((steps.folder / CONTENTS).read_text("utf-8"))
+    reading.notes.left_out_items(contents["left_out"])
+    steps.rows = contents["steps"]
+    if title == EXODUS and (name := _displacement(steps.step(0))):
+        reading.notes.changed(name, f"positions include the displacement {name!r}, which VTK adds")
+    times_s = ascending_times(np.array(contents["times"]), "step", reading)
+    frames = StepFrames(steps.step, reading.notes)
+    return [SceneMesh(path.stem, times_s, frames.frame, frames.surface, tracks=frames.tracks)]
+
+
+def _displacement(step: Step) -> str:
+    """Return the name of the result that VTK adds to the nodes of Exodus II; empty for none."""
+    vectors = [each for each in step.data if each.domain is Domain.VERTEX and each.read().ndim > 1]
+    return next((each.name for each in vectors if each.name.lower().startswith("dis")), "")
+
+
+class _StoredSteps:
+    """The steps in a temporary folder, which exists as long as this object."""
+
+    def __init__(self) -> None:
+        self.folder = Path(mkdtemp(prefix="meshreel-vtk-"))
+        self.rows: Sequence[Any] = ()
+        weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
+        self._surface = lru_cache(maxsize=2)(self._read_surface)
+
+    def step(self, index: int) -> Step:
+        """Return a step."""
+        cells, n_points, keys = self.rows[index]
+        read = partial(self._read, f"step_{index}.npz")
+        n_cells, surface = self._surface(cells, n_points)
+        arrays = [
+            stored_array(Domain(domain), name, partial(read, str(number)))
+            for number, (domain, name) in enumerate(keys)
+        ]
+        return Step(n_points, n_cells, surface, partial(read, "points"), arrays)
+
+    def _read_surface(self, number: int, n_points: int) -> tuple[int, CellSurface]:
+        read = partial(self._read, f"cells_{number}.npz")
+        cells = Cells(read("types"), read("counts"), read("points"))
+        return len(cells.types), cell_mesh(cells, n_points)
+
+    def _read(self, file: str, name: str) -> npt.NDArray[Any]:
+        with np.load(self.folder / file) as arrays:
+            values: npt.NDArray[Any] = arrays[name]
+            return values
+
+
+def store(title: str, path: str, folder: str) -> None:
+    """Store the steps of a file in a folder; called in a separate process."""
+    _limit(Path(path).parent.glob("**/*" if title == OPENFOAM else "*"))
+    pipeline: Any = import_module("vtkmodules.vtkCommonExecutionModel")
+    module, name, _ = READERS[title]
+    reader: Any = getattr(import_module(f"vtkmodules.{module}"), name)()
+    reader.SetFileName(path)
+    reader.UpdateInformation()
+    left_out = [*_configure(reader)]
+    key = pipeline.vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    times = reader.GetOutputInformation(0).Get(key)
+    steps: list[Any] = []
+    cells, n_cells = Cells.join([]), 0
+    for index, time in enumerate(times or [None]):
+        reader.Update() if time is None else reader.UpdateTimeStep(time)
+        pieces = [*_pieces(reader.GetOutputDataObject(0), left_out)]
+        if not pieces:
+            raise FormatError("it has no mesh")
+        mesh, others = join_pieces(pieces, same_points=title == EXODUS)
+        left_out += others
+        if not steps or not cells.equals(mesh.cells):
+            cells, n_cells = mesh.cells, n_cells + 1
+            np.savez(Path(folder, f"cells_{n_cells}.npz"), **vars(cells))
+        values: Any = {str(number): array.read() for number, array in enumerate(mesh.arrays)}
+        np.savez(Path(folder, f"step_{index}.npz"), points=mesh.points, **values)
+        steps.append((n_cells, len(mesh.points), [array.key for array in mesh.arrays]))
+    contents = {"times": times or [0.0], "steps": steps, "left_out": [*dict.fromkeys(left_out)]}
+    Path(folder, CONTENTS).write_text(json.dumps(contents), "utf-8")
+
+
+def _limit(files: Iterable[Path]) -> None:
+    """Limit memory and time of this process, unless on Windows: damaged files declare any sizes."""
+    size = sum(file.lstat().st_size for file in files)
+    with suppress(ImportError, OSError, ValueError):
+        resource: Any = import_module("resource")
+        limits = MIN_MEMORY + MEMORY_RATIO * size, MIN_SECONDS + size // BYTES_PER_SECOND
+        for kind, limit in zip((resource.RLIMIT_AS, resource.RLIMIT_CPU), limits, strict=True):
+            resource.setrlimit(kind, (limit, limit))
+
+
+def _configure(reader: Any) -> Iterator[tuple[str, str]]:
+    """Select all arrays of meshes; yield subject and name of all else, for notes."""
+    for setting in SETTINGS:
+        getattr(reader, setting, lambda: None)()
+    for index in range(getattr(reader, "GetNumberOfPatchArrays", lambda: 0)()):
+        if not reader.GetPatchArrayStatus(name := reader.GetPatchArrayName(index)):
+            yield "patches", _text(name)
+    if hasattr(reader, "GetZoneSectionSelection"):  # Fluent
+        zones = reader.GetZoneSectionSelection()
+        names = [zones.GetArrayName(index) for index in range(zones.GetNumberOfArrays())]
+        for name in names:
+            if _text(name).rpartition(":")[2] not in CELL_ZONES:
+                zones.DisableArray(name)
+                yield "zones of faces", _text(name)
+    if hasattr(reader, "SetSqueezePoints"):  # Exodus II
+        reader.SetSqueezePoints(False)  # or coordinates become float32
+        for kind in (reader.NODAL, reader.ELEM_BLOCK, reader.GLOBAL):
+            reader.SetAllArrayStatus(kind, 1)
+        for unread in UNREAD:
+            for index in range(reader.GetNumberOfObjects(kind := getattr(reader, unread))):
+                subject = f"{unread.lower().replace('_', ' ')}s"
+                yield subject, _text(reader.GetObjectName(kind, index))
+
+
+def _pieces(output: Any, left_out: list[tuple[str, str]]) -> Iterator[Piece]:
+    """Yield the blocks of a step; append the contents that are left out to the list."""
+    filters: Any = import_module("vtkmodules.vtkFiltersCore")
+    blocks = output.NewIterator()
+    blocks.InitTraversal()
+    while not blocks.IsDoneWithTraversal():
+        block = blocks.GetCurrentDataObject()
+        blocks.GoToNextItem()
+        if not block.GetNumberOfPoints():
+            continue
+        converter = filters.vtkAppendFilter()  # to an unstructured grid
+        converter.AddInputData(block)
+        converter.Update()
+        grid = converter.GetOutput()
+        arrays = []
+        for domain, data in (
+            (Domain.VERTEX, grid.GetPointData()),
+            (Domain.FACE, grid.GetCellData()),
+            (None, grid.GetFieldData()),
+        ):
+            for index in range(data.GetNumberOfArrays()):
+                array, name = data.GetAbstractArray(index), _text(data.GetArrayName(index))
+                if domain and array.IsNumeric():
+                    arrays.append(loaded_array(domain, name, _values(array)))
+                elif name != "ElementBlockIds":  # VTK adds them
+                    left_out.append(("field data" if domain is None else "arrays of text", name))
+        yield Piece(_values(grid.GetPoints().GetData()), _cells(grid), tuple(arrays))
+
+
+def _text(name: str | bytes | None) -> str:
+    """Return a name, which may be bytes if it is damaged."""
+    return name.decode("latin-1") if isinstance(name, bytes) else name or "(no name)"
+
+
+def _cells(grid: Any) -> Cells:
+    cells = Cells(_values(grid.GetCellTypes()), *_lists(grid.GetCells()))
+    if not (cells.types == VTK_POLYHEDRON).any():
+        return cells
+    n_faces, faces = _lists(grid.GetPolyhedronFaceLocations())
+    return cells.with_faces(n_faces, faces, *_lists(grid.GetPolyhedronFaces()))
+
+
+def _lists(lists: Any) -> Iterator[npt.NDArray[np.int64]]:
+    """Yield the length of each list of a vtkCellArray, and the numbers of all."""
+    yield np.diff(_values(lists.GetOffsetsArray())).astype(np.int64)
+    yield _values(lists.GetConnectivityArray()).astype(np.int64)
+
+
+def _values(array: Any) -> npt.NDArray[Any]:
+    support: Any = import_module("vtkmodules.util.numpy_support")
+    values: npt.NDArray[Any] = np.array(support.vtk_to_numpy(array))  # VTK may reuse its memory
+    return values
+
+
+FORMATS = tuple(
+    SequenceFormat(extension, title, read_meshes=partial(read_with_library, title), extra=VTK)
+    for title, (_, _, extensions) in READERS.items()
+    for extension in extensions
+)

@@ -1,0 +1,192 @@
+"""Files that the library VTK reads in a separate process."""
+
+import os
+import sys
+
+import numpy as np
+import pytest
+
+from meshreel.errors import FormatError
+from meshreel.formats.load import load, open_for_encoding
+from meshreel.formats.options import Reading
+from meshreel.formats.vtk import library_readers
+
+pytest.importorskip("vtkmodules")
+from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+from samples.programs import output_of
+from samples.vtk import STEP_S, TimeSeries, add_arrays, grid
+
+NODES = np.array(list(np.ndindex(2, 2, 3)), float)[:, ::-1] / 3
+"""Of two hexahedra side by side, to more digits than float32 has."""
+
+HEXAHEDRA = [[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]]
+FACES = [
+    [1, 4, 10, 7], [0, 6, 9, 3], [2, 5, 11, 8], [0, 3, 4, 1], [1, 4, 5, 2], [6, 7, 10, 9],
+    [7, 8, 11, 10], [0, 1, 7, 6], [1, 2, 8, 7], [3, 9, 10, 4], [4, 10, 11, 5],
+]  # fmt: skip
+"""Faces of the hexahedra, the first one between them."""
+
+OWNERS = [0, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]
+SHIFT = np.outer(np.arange(12), [0.01, 0.02, 0])
+TENSION = np.array([1 / 3, 2])
+N_STEPS = 3
+
+
+def exodus_of_vtk(path):
+    """Write a block for each hexahedron, moved by a displacement."""
+    meshes = []
+    for step in range(N_STEPS):
+        mesh = grid(NODES, [(12, nodes) for nodes in HEXAHEDRA])
+        add_arrays(mesh.GetPointData(), Displacement=step * SHIFT)
+        add_arrays(mesh.GetCellData(), tension=step * TENSION, block=np.array([7, 5], np.int32))
+        meshes.append(mesh)
+    source, writer = TimeSeries(meshes), vtkExodusIIWriter()
+    writer.SetInputConnection(source.GetOutputPort())
+    writer.SetFileName(path)
+    writer.SetBlockIdArrayName("block")
+    writer.WriteAllTimeStepsOn()
+    assert writer.Write()
+
+
+@pytest.fixture(scope="module")
+def exodus(tmp_path_factory):
+    """A file of VTK's writer, which may end its process after other writers of VTK."""
+    path = tmp_path_factory.mktemp("exodus") / "a.e"
+    environment = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    output_of(sys.executable, __file__, path, environment=environment)
+    return path
+
+
+def foam(folder, name, kind, text):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(f"FoamFile {{ format ascii; class {kind}; object {name}; }}\n{text}")
+
+
+def listing(rows):
+    """Text of a list of OpenFOAM, or of a list of lists."""
+    texts = [str(row) if np.isscalar(row) else listing(row) for row in rows]
+    return f"{len(texts)} ({' '.join(texts)})"
+
+
+def write_open_foam(path):
+    mesh, walls = path.parent / "constant" / "polyMesh", "type wall; nFaces 10; startFace 1;"
+    points = " ".join(f"({x} {y} {z})" for x, y, z in NODES.tolist())
+    foam(mesh, "points", "vectorField", f"{len(NODES)} ({points})")
+    foam(mesh, "faces", "faceList", listing(FACES))
+    foam(mesh, "owner", "labelList", listing(OWNERS))
+    foam(mesh, "neighbour", "labelList", "1 (1)")
+    foam(mesh, "boundary", "polyBoundaryMesh", f"1 (walls {{ {walls} }})")
+    for step in range(N_STEPS):
+        values = " ".join(map(str, (step * TENSION).tolist()))
+        text = f"dimensions [0 0 0 0 0 0 0]; internalField nonuniform List<scalar> 2 ({values});"
+        boundary = "boundaryField { walls { type zeroGradient; } }"
+        folder = path.parent / f"{step * STEP_S:g}"
+        foam(folder, "tension", "volScalarField", f"{text} {boundary}")
+    path.touch()
+    return path
+
+
+def write_fluent(path):
+    """Write an ASCII case with one time."""
+
+    def section(number, head, rows=()):
+        body = f"(\n{chr(10).join(' '.join(map(str, row)) for row in rows)}\n)" if rows else ""
+        return f"({number} ({head}){body})\n"
+
+    numbers = [
+        [f"{node + 1:x}" for node in [*face, owner, 1 - owner if face == FACES[0] else -1]]
+        for face, owner in zip(FACES, OWNERS, strict=True)
+    ]
+    path.write_text(
+        "(2 3)\n"
+        + section(10, "0 1 c 0 3")
+        + section(10, "1 1 c 1 3", NODES.tolist())
+        + section(12, "0 1 2 0 0")
+        + section(12, "2 1 2 1 4")
+        + section(13, "0 1 b 0 0")
+        + section(13, "3 1 1 2 4", numbers[:1])
+        + section(13, "4 2 b 3 4", numbers[1:])
+        + "(45 (2 fluid fluid)())\n(45 (3 interior inside)())\n(45 (4 wall walls)())\n"
+    )
+    return path
+
+
+def corners(sequence):
+    """Nodes of each cell in ascending order."""
+    return np.sort(sequence.surface.cells.nodes.reshape(-1, 8)).tolist()
+
+
+def test_exodus_is_read_exactly_and_its_blocks_are_joined(exodus, notes):
+    result = load(exodus, notes=notes)
+    assert result.fps == 1 / STEP_S
+    steps = np.arange(N_STEPS)[:, None, None]
+    np.testing.assert_array_equal(result.tracks["Displacement"].values, steps * SHIFT)
+    np.testing.assert_array_equal(result.vertices, NODES + steps * SHIFT)
+    rows = [HEXAHEDRA.index(nodes) for nodes in result.surface.cells.nodes.reshape(-1, 8).tolist()]
+    assert sorted(rows) == [0, 1]
+    tension = result.tracks["tension"].values[..., 0]
+    np.testing.assert_array_equal(tension, steps[..., 0] * TENSION[rows])
+    [block] = result.surface.attributes
+    assert (block.name, block.values.ravel().tolist()) == (
+        "ObjectId",
+        [[7, 5][row] for row in rows],
+    )
+    text = "positions include the displacement 'Displacement', which VTK adds"
+    assert notes == ["left out: field data: Title", text]
+
+
+def test_frames_of_exodus_are_read_on_demand(exodus):
+    expected, result = load(exodus), open_for_encoding(exodus, 1.0, Reading())
+    np.testing.assert_array_equal(result.read(1, 3), expected.vertices[1:])
+    tension = expected.tracks["tension"].values
+    np.testing.assert_array_equal(result.tracks["tension"].read(1, 3), tension[1:])
+
+
+def test_open_foam_is_read(tmp_path, notes):
+    result = load(write_open_foam(tmp_path / "case.foam"), notes=notes)
+    assert (result.n_frames, result.fps) == (N_STEPS, 1 / STEP_S)
+    np.testing.assert_array_equal(result.vertices[0], NODES.astype(np.float32))
+    assert corners(result) == np.sort(HEXAHEDRA).tolist()
+    assert result.tracks.keys() == {"tension"}
+    expected = np.outer(np.arange(N_STEPS), TENSION).astype(np.float32)
+    np.testing.assert_array_equal(result.tracks["tension"].values[..., 0], expected)
+    assert notes == ["left out: patches: patch/walls"]
+
+
+def test_cells_of_fluent_are_read(tmp_path, notes):
+    result = load(write_fluent(tmp_path / "a.cas"), notes=notes)
+    np.testing.assert_array_equal(result.vertices, [NODES.astype(np.float32)])
+    assert corners(result) == np.sort(HEXAHEDRA).tolist()
+    assert notes == ["left out: zones of faces: inside:interior, walls:wall"]
+
+
+@pytest.mark.parametrize("extension", [".e", ".foam", ".cgns"])
+def test_damaged_files_are_errors_that_name_the_reader(tmp_path, exodus, extension):
+    path = write_open_foam(tmp_path / "a.foam").with_suffix(extension)
+    (tmp_path / "constant" / "polyMesh" / "faces").write_bytes(b"FoamFile {")
+    if extension != ".foam":
+        path.write_bytes(exodus.read_bytes()[:500])
+    with pytest.raises(
+        FormatError, match=rf"^{path}: is not .*, or is damaged: vtk\w+Reader of VTK"
+    ):
+        load(path)
+
+
+def test_the_end_of_the_process_is_an_error(exodus, monkeypatch):
+    monkeypatch.setattr(library_readers, "STORE", "import os; os.abort()")
+    with pytest.raises(FormatError, match=r"VTK failed \(its process ended with (SIGABRT|\d+)\)"):
+        load(exodus)
+
+
+def test_declared_sizes_do_not_fill_the_memory(tmp_path, exodus):
+    data, path = exodus.read_bytes(), tmp_path / "a.e"
+    n_nodes, many = b"num_nodes\0\0\0\0\0\0\x0c", b"num_nodes\0\0\0\x7f\xff\xff\xff"
+    assert data.count(n_nodes) == 1
+    path.write_bytes(data.replace(n_nodes, many))
+    with pytest.raises(FormatError, match="VTK failed"):
+        load(path)
+
+
+if __name__ == "__main__":
+    exodus_of_vtk(sys.argv[1])
