@@ -11,8 +11,8 @@ import meshreel
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import FormatError, InvalidInputError
-from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.file_errors import FOLDER_MARK
+from meshreel.formats.frames.stored_frames import StoredFrames
 from meshreel.formats.load import load
 from meshreel.formats.registry import FORMATS
 from meshreel.model.sequence import MeshSequence, positions_size_bytes
