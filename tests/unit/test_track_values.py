@@ -41,6 +41,27 @@ def test_values_are_stored_read_only():
     assert sequence(on=np.ones((5, 16), bool)).tracks["on"].dtype == np.uint8
 
 
+def test_tracks_are_an_xarray_dataset():
+    pytest.importorskip("xarray")
+    tracks = {
+        "heat": meshreel.Track(np.arange(80.0).reshape(5, 16), unit="degC"),
+        "flow": np.arange(270.0).reshape(5, 18, 3),
+        "stress": np.zeros((5, 18, 6)),
+    }
+    whole = sequence(tracks=tracks).replace(times=[0, 1, 2, 4, 8])
+    reel = meshreel.open(meshreel.encode(whole, tracks={"heat": "0.5K"}))
+    stored_bound = reel.track("heat").error_bound
+    for result, bound in [(whole.to_xarray(), 0.0), (reel.to_xarray(), stored_bound)]:
+        assert result.heat.dims == ("time", "node")
+        assert result.heat.attrs == {"units": "degC", "kind": "scalar", "error_bound": bound}
+        assert result.flow.dims == ("time", "face", "component")
+        assert result.stress.dims == ("time", "face", "component_6")
+        assert (result.time.values.tolist(), result.time.units) == ([0, 1, 2, 4, 8], "s")
+        np.testing.assert_allclose(result.flow.sel(time=4).values, tracks["flow"][3], atol=1)
+    np.testing.assert_array_equal(reel.to_xarray().heat.values, reel.track("heat")[:][..., 0])
+    assert "time" not in sequence(tracks=tracks).to_xarray().coords
+
+
 REFUSED = {
     "has 4 frames; the positions have 5": np.zeros((4, 16)),
     "the mesh has 16 vertices, 18 faces and 54 corners": np.zeros((5, 17)),

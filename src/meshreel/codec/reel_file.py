@@ -21,6 +21,7 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.kernel.files import FileModes, OpenFile
 from meshreel.model.frame_choice import frame_range
+from meshreel.model.labeled_arrays import track_dataset
 from meshreel.model.sequence import (
     Faces,
     MeshFrame,
@@ -237,6 +238,10 @@ class ReelFile(Timed):
     def track(self, name: str) -> ReelTrack:
         """Return the track of this name, not decoded yet; raises KeyError if missing."""
         return track_by_name(self.tracks, name)
+
+    def to_xarray(self) -> Any:
+        """Decode all tracks into an ``xarray.Dataset``, as `MeshSequence.to_xarray`."""
+        return track_dataset(self.tracks, self.times)
 
     def info(self) -> StreamInfo:
         """Describe the contents of the file, with bytes by section, without decoding a frame."""

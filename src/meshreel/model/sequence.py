@@ -18,6 +18,7 @@ from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.model.cells import Cells
 from meshreel.model.extent import Extent, Vertices, extent_of
 from meshreel.model.frame_choice import frame_number, frame_range
+from meshreel.model.labeled_arrays import track_dataset
 from meshreel.model.showing import notebook_html, show
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import Timed, Timing
@@ -342,6 +343,15 @@ class MeshSequence(Timed):
     def tracks(self) -> Mapping[str, Any]:
         """Tracks by name, of a sequence of one segment."""
         return self._only("tracks").tracks if self._segments else MappingProxyType(self._tracks)
+
+    def to_xarray(self) -> Any:
+        """Return the tracks of a single segment as an ``xarray.Dataset``; needs the extra [xarray].
+
+        Dimensions are time, node (cell, face or corner) and, of vectors, component (component_N for
+        N other than 3); the coordinate is the time in seconds; attributes are ``units``, ``kind``
+        and ``error_bound``.
+        """
+        return track_dataset(self.tracks, self.times)
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of the only segment; raises ConnectivityChangeError for several."""

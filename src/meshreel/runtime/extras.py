@@ -102,4 +102,5 @@ PLOT = Extra("plot", "matplotlib", "matplotlib", InvalidInputError)
 RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
 VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # includes ffmpeg
 VIDEO_PILLOW = Extra("video", "Pillow", "PIL", InvalidInputError)
+XARRAY = Extra("xarray", "xarray", "xarray", InvalidInputError)
 TORCH = Extra("torch", "PyTorch", "torch", InvalidInputError)
