@@ -369,10 +369,6 @@ class Piece:
     cells: Cells
     arrays: tuple[DataArray, ...] = ()
 
-    def n_items(self, domain: Domain) -> int:
-        """Number of points or cells."""
-        return len(self.points if domain is Domain.VERTEX else self.cells.types)
-
     def without_points(self) -> "Piece":
         """Return the piece without its points, whose indices in cells stay the same."""
         arrays = (
@@ -457,13 +453,11 @@ def _join_arrays(key: Key, pieces: Sequence[Piece]) -> Iterator[DataArray]:
     shape, n_missing = first.read().shape[1:], parts.count(None)
     is_float = first.describe().dtype.kind == "f"
     if all(other.read().shape[1:] == shape for other in others) and (is_float or not n_missing):
-        values = (
-            np.full((piece.n_items(key[0]), *shape), np.nan, np.float32)
-            if part is None
-            else part.read()
-            for part, piece in zip(parts, pieces, strict=True)
-        )
-        yield _with_values(first, np.concatenate([*values]))
+        at_points = key[0] is Domain.VERTEX
+        sizes = [len(piece.points if at_points else piece.cells.types) for piece in pieces]
+        missing = (np.full((size, *shape), np.nan, np.float32) for size in sizes)
+        values = [part.read() if part else nan for part, nan in zip(parts, missing, strict=True)]
+        yield _with_values(first, np.concatenate(values))
 
 
 def _with_values(array: DataArray, values: npt.NDArray[Any]) -> DataArray:

@@ -89,8 +89,8 @@ def read_with_library(title: str, path: Path, reading: Reading) -> Sequence[Scen
     if code or errors:
         end = signal.Signals(-code).name if code < 0 else code
         reason = errors[0].strip()[:200] if errors else f"its process ended with {end}"
-        name = READERS[title][1]
-        raise FormatError(f"is not {title}, or is damaged: {name} of VTK failed ({reason})")
+        text = f"is not {title}, or is damaged: {READERS[title][1]} of VTK failed ({reason})"
+        raise FormatError(text)
     contents = json.loads((steps.folder / CONTENTS).read_text("utf-8"))
     reading.notes.left_out_items(contents["left_out"])
     steps.rows = contents["steps"]
@@ -134,8 +134,7 @@ class _StoredSteps:
 
     def _read(self, file: str, name: str) -> npt.NDArray[Any]:
         with np.load(self.folder / file) as arrays:
-            values: npt.NDArray[Any] = arrays[name]
-            return values
+            return np.asarray(arrays[name])
 
 
 def store(title: str, path: str, folder: str) -> None:
@@ -170,12 +169,11 @@ def store(title: str, path: str, folder: str) -> None:
 
 def _limit(files: Iterable[Path]) -> None:
     """Limit memory and time of this process, unless on Windows: damaged files declare any sizes."""
-    size = sum(file.lstat().st_size for file in files)
     with suppress(ImportError, OSError, ValueError):
         resource: Any = import_module("resource")
-        limits = MIN_MEMORY + MEMORY_RATIO * size, MIN_SECONDS + size // BYTES_PER_SECOND
-        for kind, limit in zip((resource.RLIMIT_AS, resource.RLIMIT_CPU), limits, strict=True):
-            resource.setrlimit(kind, (limit, limit))
+        size = sum(file.lstat().st_size for file in files)
+        resource.setrlimit(resource.RLIMIT_AS, (MIN_MEMORY + MEMORY_RATIO * size,) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (MIN_SECONDS + size // BYTES_PER_SECOND,) * 2)
 
 
 def _configure(reader: Any) -> Iterator[tuple[str, str]]:
@@ -187,8 +185,7 @@ def _configure(reader: Any) -> Iterator[tuple[str, str]]:
             yield "patches", _text(name)
     if hasattr(reader, "GetZoneSectionSelection"):  # Fluent
         zones = reader.GetZoneSectionSelection()
-        names = [zones.GetArrayName(index) for index in range(zones.GetNumberOfArrays())]
-        for name in names:
+        for name in [zones.GetArrayName(index) for index in range(zones.GetNumberOfArrays())]:
             if _text(name).rpartition(":")[2] not in CELL_ZONES:
                 zones.DisableArray(name)
                 yield "zones of faces", _text(name)
@@ -252,8 +249,7 @@ def _lists(lists: Any) -> Iterator[npt.NDArray[np.int64]]:
 
 def _values(array: Any) -> npt.NDArray[Any]:
     support: Any = import_module("vtkmodules.util.numpy_support")
-    values: npt.NDArray[Any] = np.array(support.vtk_to_numpy(array))  # VTK may reuse its memory
-    return values
+    return np.array(support.vtk_to_numpy(array))  # VTK may reuse its memory
 
 
 FORMATS = tuple(
