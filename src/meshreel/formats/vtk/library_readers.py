@@ -13,7 +13,7 @@ import sys
 import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from functools import lru_cache, partial
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from shutil import rmtree
@@ -114,23 +114,23 @@ class _StoredSteps:
         self.folder = Path(mkdtemp(prefix="meshreel-vtk-"))
         self.rows: Sequence[Any] = ()
         weakref.finalize(self, rmtree, self.folder, ignore_errors=True)
-        self._surface = lru_cache(maxsize=2)(self._read_surface)
+        self._surfaces: dict[int, tuple[int, CellSurface]] = {}  # the last one
 
     def step(self, index: int) -> Step:
         """Return a step."""
-        cells, n_points, keys = self.rows[index]
+        number, n_points, keys = self.rows[index]
+        if number not in self._surfaces:
+            cells = Cells(
+                *(self._read(f"cells_{number}.npz", name) for name in ("types", "counts", "points"))
+            )
+            self._surfaces = {number: (len(cells.types), cell_mesh(cells, n_points))}
+        n_cells, surface = self._surfaces[number]
         read = partial(self._read, f"step_{index}.npz")
-        n_cells, surface = self._surface(cells, n_points)
         arrays = [
             stored_array(Domain(domain), name, partial(read, str(number)))
             for number, (domain, name) in enumerate(keys)
         ]
         return Step(n_points, n_cells, surface, partial(read, "points"), arrays)
-
-    def _read_surface(self, number: int, n_points: int) -> tuple[int, CellSurface]:
-        read = partial(self._read, f"cells_{number}.npz")
-        cells = Cells(read("types"), read("counts"), read("points"))
-        return len(cells.types), cell_mesh(cells, n_points)
 
     def _read(self, file: str, name: str) -> npt.NDArray[Any]:
         with np.load(self.folder / file) as arrays:

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -136,11 +137,15 @@ def test_exodus_is_read_exactly_and_its_blocks_are_joined(exodus, notes):
     assert notes == ["left out: field data: Title", text]
 
 
-def test_frames_of_exodus_are_read_on_demand(exodus):
+def test_frames_of_exodus_are_read_on_demand(exodus, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     expected, result = load(exodus), open_for_encoding(exodus, 1.0, Reading())
     np.testing.assert_array_equal(result.read(1, 3), expected.vertices[1:])
     tension = expected.tracks["tension"].values
     np.testing.assert_array_equal(result.tracks["tension"].read(1, 3), tension[1:])
+    assert len([*tmp_path.iterdir()]) == 1  # the steps
+    del result
+    assert not [*tmp_path.iterdir()]  # without a collection of cycles
 
 
 def test_open_foam_is_read(tmp_path, notes):
