@@ -26,6 +26,7 @@ from conformance.sources import (
     shuffled,
     shuffled_cells,
     together,
+    uneven,
     waving,
 )
 from conformance.surface import placed, read_on_surface
@@ -447,15 +448,48 @@ def tracks():
     return by_hand(faces, n_verts, blocks(3, 9, 0.01, 4), order="keep", tracks=further)
 
 
-def on_faces(faces, sizes, seed):
-    """Return a stream with tracks on polygons of these sizes and on their corners."""
+def from_points(vertex_type=4, moves=40.0):
+    """Return a stream of tracks whose weights follow from points, with keys and other nuggets.
+
+    Positions are random, of this spread.
+    """
+    rng, faces, n_verts = np.random.default_rng(22), uneven(n_verts=50), 50
+    header = TrackHeader(
+        "heat", "K", "other", Domain.VERTEX, np.dtype(np.float32), 3.0, (1.0, 0.0), bound=0.5
+    )
+    tracks = [(replace(header, name=f"heat {size}"), []) for size in (1, 4, 9, 16)]
+    blocks = []
+    for number, nugget in enumerate((13, 0, 24, None)):
+        still = Layout(np.float32(0.01), 4, 2)
+        blocks.append(random_block(rng, still, n_verts, spreads=(moves, moves)))
+        for (_, of_track), size in zip(tracks, (1, 4, 9, 16), strict=True):
+            layout = replace(still, stencil_size=size, reference=number % 3, nugget=nugget)
+            of_track.append(random_block(rng, layout, n_verts, n_columns=2))
+    return by_hand(faces, n_verts, blocks, vertex_type=vertex_type, tracks=tracks)
+
+
+def weights_from_points():
+    """Weights from points, of stencils of every size."""
+    return from_points()
+
+
+def weights_from_one_point():
+    """Points that coincide."""
+    return from_points(vertex_type=8, moves=0.0)
+
+
+def on_faces(faces, sizes, seed, **changes):
+    """Return a stream with tracks on polygons of these sizes and on their corners.
+
+    `changes` are those of the layout of the tracks.
+    """
     rng, number = np.random.default_rng(seed), np.dtype(np.float32)
     n_verts = int(np.max(faces)) + 1
     layout = Layout(np.float32(0.01), 8, 3, is_single=max(sizes) > 3)
     further = [
         (
             TrackHeader(f"of each {domain}", "K", "other", domain, number, 2.0, (0.0, 1.0)),
-            [random_block(rng, layout, n, n_columns=2)],
+            [random_block(rng, replace(layout, **changes), n, n_columns=2)],
         )
         for domain, n in ((Domain.FACE, len(sizes)), (Domain.CORNER, sum(sizes)))
     ]
@@ -479,6 +513,12 @@ def tracks_of_polygons():
     """The same on faces of three to five corners."""
     sizes, faces = sheet_of_quads()
     return on_faces(faces, sizes.tolist(), 13)
+
+
+def weights_from_points_of_polygons():
+    """The same with weights from the points of faces and corners."""
+    sizes, faces = sheet_of_quads()
+    return on_faces(faces, sizes.tolist(), 13, nugget=12)
 
 
 def still_track():
@@ -973,6 +1013,16 @@ def heated(n_tracks=1, **changes):
     return by_hand([[0, 1, 2]], 3, blocks, tracks=n_tracks * [(track, [of_track])])
 
 
+def with_nugget(code, of_positions=False):
+    """Return the worked example with weights from points, of the positions or of a track."""
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    from_points = replace(layout, nugget=code)
+    blocks = [(from_points if of_positions else layout, basis, np.array([[4, -1, 2]]), None)]
+    of_track = random_block(np.random.default_rng(0), from_points, 3, 1, 2, n_columns=1)
+    tracks = [] if of_positions else [(HEAT, [of_track])]
+    return by_hand([[0, 1, 2]], 3, blocks, tracks=tracks)
+
+
 def with_rests(payload):
     """Return the worked example with a resting time, replaced by these bytes."""
     layout = Layout(np.float32(0.5), 1, 0, coding=BasisCoding(Rests(((1, 2),))))
@@ -1070,6 +1120,7 @@ BY_HAND = (
     exact_velocities_of_corners, corners_in_rows, concave_polygons, cells_around_an_edge,
     cells_of_all_types, cells_of_all_types_dropped, cells_with_values, cells_with_values_dropped,
     normals_at_the_pole, many_resolutions, no_more_rows, lossless_of_lossy, compact,
-    compact_with_times,
+    compact_with_times, weights_from_points, weights_from_one_point,
+    weights_from_points_of_polygons,
 )  # fmt: skip
 """Functions that return a stream of their name."""

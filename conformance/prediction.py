@@ -1,6 +1,7 @@
 """Fields from their residuals: "Prediction" of docs/format.md, in single precision."""
 
 from conformance.hierarchy import SMALL_GRAPH
+from conformance.points import weights_of
 from conformance.rounding import single
 
 
@@ -62,9 +63,19 @@ def offsets(values, stencil, own):
     return [single(values[j] - first) for j, _ in stencil], single(values[own] - first)
 
 
-def initial_filter(vertex, size):
-    """Return the filter of a vertex after the smooth fields."""
+def initial_filter(vertex, size, points, nugget):
+    """Return the filter of a vertex after the smooth fields, or with weights from points."""
     weights = Filter([hops for _, hops in vertex.stencil])
+    if points is None:
+        observe_smooth(weights, vertex, size)
+    else:
+        near = [points[j] for j, _ in vertex.stencil]
+        weights.w = weights_of(points[vertex.number], near, nugget)
+    weights.loosen(single(single(0.15) * 0.5))
+    return weights
+
+
+def observe_smooth(weights, vertex, size):
     weights.loosen(0.5)
     n_smooth = len(vertex.smooth[vertex.number])
     observed = []
@@ -81,11 +92,9 @@ def initial_filter(vertex, size):
     for z, y in observed:
         p = weights.predict(z)
         weights.observe(z, p, single(y - p), q, 0.0)
-    weights.loosen(single(single(0.15) * 0.5))
-    return weights
 
 
-def predict_fields(resolutions, residuals, size, n_learned, key=()):
+def predict_fields(resolutions, residuals, size, n_learned, key=(), points=None, nugget=0.0):
     """Return the values of each mode in steps, as dicts by vertex.
 
     Parameters
@@ -99,6 +108,9 @@ def predict_fields(resolutions, residuals, size, n_learned, key=()):
         L.
     key : list of dict
         Values of the modes of the key block.
+    points : list, optional
+        Point of each vertex, if the initial weights follow from points.
+    nugget : float
     """
     t = single(RELATIVE_NOISE / size)
     fields = [{} for _ in residuals]
@@ -108,7 +120,7 @@ def predict_fields(resolutions, residuals, size, n_learned, key=()):
             for field, row in zip(fields, residuals, strict=True):
                 field[v] = float(row[column])
             continue
-        weights = initial_filter(vertex, size)
+        weights = initial_filter(vertex, size, points, nugget)
         for field in key[:n_learned]:
             z, y = offsets(field, vertex.stencil, v)
             p = weights.predict(z)

@@ -30,6 +30,7 @@ from conformance.exact import read_exact
 from conformance.fields import read_fields
 from conformance.hierarchy import edges_of, passes_of, resolutions_of
 from conformance.order import twins_of
+from conformance.points import points_of
 from conformance.prediction import predict_fields
 from conformance.rounding import single
 from conformance.surface import CornerRows, graphs_of, polygons_of, read_surface
@@ -336,13 +337,19 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
             may_be_grid = track is positions and read is read_exact_block
             if may_be_grid and (header.method == "grid" or "ROUNDING" in block[0]):
                 read = read_grid_block
-            integers, numbers = read(block[number], n_frames, placed, blocks, items, coding)
+            first, size = sum(coded["frames"] for coded in blocks), 3 * mesh.n
+
+            def points(at=first * size, items=items, domain=track["domain"]):
+                frame = list(tracks[0][2][at : at + 3 * mesh.n])
+                nodes = cells and [cell.nodes for cell in cells.cells]
+                return points_of(domain, frame, items, polygons, nodes)
+
+            integers, numbers = read(block[number], n_frames, placed, blocks, items, coding, points)
             if coding > EXACT:
-                first, size = sum(coded["frames"] for coded in blocks), 3 * mesh.n
-                points = tracks[0][2][first * size : (first + n_frames) * size]
+                moving = tracks[0][2][first * size : (first + n_frames) * size]
                 letter = LETTERS[placed.number_type]
                 numbers = predicted.predicted_values(
-                    track, numbers, points, mesh, polygons, letter, items.vertices
+                    track, numbers, moving, mesh, polygons, letter, items.vertices
                 )
             elif track.get("kind") == NORMALS and coding != EXACT:
                 numbers = normalized(numbers)
@@ -392,7 +399,7 @@ def spread(values, n_frames, items):
     return result
 
 
-def read_reel_block(group, n_frames, placed, blocks, items, coding):
+def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
     """Return integers and values of a track in a block; `blocks` are the previous ones.
 
     Values of a predicted track are not rounded.
@@ -408,8 +415,15 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding):
     need(n_reused <= len(key), "the key block has fewer fields than are reused")
     reused = key[:n_reused]
     resolutions = items.resolutions(block["stencil"])
+    nugget = 2.0 ** (8 - block["nugget"]) if "nugget" in block else 0.0
     block["values"] = reused + predict_fields(
-        resolutions, block["coefficients"], block["stencil"], block["learned"], key
+        resolutions,
+        block["coefficients"],
+        block["stencil"],
+        block["learned"],
+        key,
+        points() if nugget else None,
+        nugget,
     )
     scaled = [{v: x * block["step"] for v, x in field.items()} for field in block["values"]]
     # A field lists its vertices in decoding order.
@@ -433,7 +447,7 @@ def need_no_modes(group):
     head.end()
 
 
-def read_exact_block(group, n_frames, placed, blocks, items, coding):
+def read_exact_block(group, n_frames, placed, blocks, items, coding, _):
     """Return the same for an exact track, or positions of `lossless`."""
     need_no_modes(group)
     letter = LETTERS[placed.number_type if coding <= EXACT else placed.number_type + 32]
@@ -446,7 +460,7 @@ def read_exact_block(group, n_frames, placed, blocks, items, coding):
     return {"frames": n_frames, "modes": 0}, numbers
 
 
-def read_grid_block(group, n_frames, placed, blocks, items, coding):
+def read_grid_block(group, n_frames, placed, blocks, items, coding, _):
     """Return the same for positions of `grid`: integers on a grid, or exact values."""
     form, rest = group["VALUES"][0], {**group}
     need(form in (0, 1, 2, 5, 6, 10, 14), "the form of positions on a grid is unknown")
@@ -455,7 +469,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
     if form == 0:
         need(not offsets, "there is no grid to round")
         rest["VALUES"] = group["VALUES"][1:]
-        return read_exact_block(rest, n_frames, placed, blocks, items, coding)
+        return read_exact_block(rest, n_frames, placed, blocks, items, coding, None)
     number, start = ("<f", 5) if form & 4 else ("<d", 9)
     (step,) = struct.unpack(number, group["VALUES"][1:start])
     need(0 < step <= 1, "the step of a grid is not in 0..1")
@@ -469,7 +483,7 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding):
         integers = [number for rows in frames for item in items.order for number in rows[item]]
     else:
         whole = replace(placed, number_type=36)
-        block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding)
+        block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding, None)
     numbers = array(LETTERS[placed.number_type])
     for i, n in enumerate(integers):
         value = n * step * placed.scale + placed.origin[i % 3]
@@ -516,7 +530,9 @@ def read_layout(group, n_frames, n_columns):
     head.end()
     need(1 <= n_modes <= n_columns * n_frames)
     layout_number = layout.byte()
-    precision, has_rests = layout_number & ~(16 + 32 + 64), layout_number & 16
+    precision, has_rests = layout_number & ~(16 + 32 + 64 + 128), layout_number & 16
+    from_points = layout_number & 128
+    need(not (is_first and from_points), "weights of positions are from points")
     cosines, is_adaptive = layout_number & 32, layout_number & 64
     need(precision in (4, 8), "the layout of the fields is unknown")
     need(not (has_rests and cosines), "a block with cosines has resting times")
@@ -526,6 +542,8 @@ def read_layout(group, n_frames, n_columns):
         *(layout.varint(), layout.number("f")),
         *(layout.varint(), layout.varint()),
     )
+    nugget = layout.byte() if from_points else 0
+    need(nugget <= 24, "a nugget is out of range")
     rest_bits, rests = read_rests(layout, n_frames) if has_rests else (0, [])
     n_reused, finer = 0, 0.0
     if reference and layout.position < len(layout.data):
@@ -541,6 +559,7 @@ def read_layout(group, n_frames, n_columns):
         "precision": precision,
         "stencil": size,
         "learned": n_learned,
+        **({"nugget": nugget} if from_points else {}),
         **({"rests": rests, "rest bits": rest_bits} if rests else {}),
         **({"cosines": 1} if cosines else {}),
         **({"adaptive": 1} if is_adaptive else {}),

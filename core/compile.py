@@ -111,6 +111,7 @@ SOURCE_HOT: Levels = {
             "coordinates.c",
             "exact_items.c",
             "fields.c",
+            "kriging.c",
             "surface_integers.c",
             "timeline.c",
         ),

@@ -103,6 +103,14 @@ TARGET REEL_INLINE void NAMED(start_weights)(NAMED(batch) *b, int size) {
     }
 }
 
+TARGET REEL_INLINE void NAMED(load_weights)(NAMED(batch) *b, int size, const float *weights) {
+    for (int j = 0; j < size; j++) {
+        FOR_LANES(l) {
+            AT(b->filter.weight[j], l) = weights[(int64_t)b->neighbors[SELF][l] * size + j];
+        }
+    }
+}
+
 TARGET REEL_INLINE void NAMED(clear_update)(NAMED(batch) *b) {
     b->last = 0;
     reel_zero(b->scaled_gain, sizeof b->scaled_gain);
@@ -422,15 +430,20 @@ TARGET REEL_INLINE void NAMED(observe_key)(NAMED(batch) *b, int size, const reel
 
 /* Initialize the filters before the first mode of the block. */
 TARGET REEL_CALLED void NAMED(prepare)(NAMED(batch) *b, int size, const reel_fields *fields,
-                                       const float *smooth, float smooth_noise) {
+                                       const float *weights, const float *smooth,
+                                       float smooth_noise) {
     BATCH_VEC initial_weights[MAX_STENCIL];
     NAMED(clear_update)(b);
     NAMED(start_weights)(b, size);
     reel_copy(initial_weights, b->filter.weight, sizeof initial_weights);
     reel_zero(b->filter.variance, sizeof b->filter.variance);
-    NAMED(add_prior)(b, size, initial_weights, PRIOR_VARIANCE);
-    NAMED(observe_smooth)(b, size, smooth, smooth_noise);
-    NAMED(apply_update)(b, size);
+    if (weights) {
+        NAMED(load_weights)(b, size, weights);
+    } else {
+        NAMED(add_prior)(b, size, initial_weights, PRIOR_VARIANCE);
+        NAMED(observe_smooth)(b, size, smooth, smooth_noise);
+        NAMED(apply_update)(b, size);
+    }
     NAMED(add_prior)(b, size, initial_weights, RESTORED_SHARE * PRIOR_VARIANCE);
     NAMED(observe_key)(b, size, fields);
 }
@@ -658,7 +671,7 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
             set_zones(quantizer, fields->n_modes, to_nearest);
         }
         NAMED(load_batch)(&b, mesh, size, first, last);
-        NAMED(prepare)(&b, size, fields, smooth, noise);
+        NAMED(prepare)(&b, size, fields, mesh->weights, smooth, noise);
         if (!NAMED(code_batch)(&b, size, to_nearest, is_shaped, fields, quantizer)) {
             return false;
         }

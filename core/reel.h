@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 22 /* changes whenever a function or struct below changes */
+#define REEL_ABI 23 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -108,7 +108,13 @@ typedef struct {
     const int32_t *stencil; /* n_verts x S: lower numbers, nearest first, padded with -1 */
     const uint8_t *hops;    /* n_verts x S: 1..3 edges of the resolution */
     const float *smooth;    /* rows of REEL_SMOOTH_FIELDS: vertex v has row start + v */
+    const float *weights;   /* n_verts x S: initial weights; NULL derives them from `smooth` */
 } reel_mesh;
+
+/* Initial weights of vertices first..last-1 from their positions, n_verts x 3: a prediction by
+   kriging, with a nugget above 0. Those without a stencil get 0. Returns 0. */
+REEL_API int64_t reel_kriging(const reel_mesh *mesh, const double *points, double nugget,
+                              int64_t first, int64_t last, float *weights);
 
 typedef struct {
     int64_t n_verts;

@@ -3,6 +3,7 @@
 #include "blocks.h"
 
 #include "cell_mesh.h"
+#include "points.h"
 
 /* Minimum number of modes that a preview decodes; static ones keep their mean over the block. */
 #define MIN_PREVIEW_MODES 16
@@ -286,20 +287,38 @@ static int prepare_basis(reel_call *call, const reel_group *group, uint32_t n_co
     return job->basis_memory && job->lengths ? MESHREEL_OK : call->error.code;
 }
 
+/* Find the initial weights of a track from the positions of a block, in scratch memory. */
+static int find_weights(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
+                        double nugget, const float **weights) {
+    const meshreel_file *file = decoder->file;
+    const reel_track_state *state = &decoder->tracks[track];
+    void *numbers = reel_scratch(call, 3 * file->outline.n_verts, file->outline.number_bytes);
+    REEL_NEED(numbers);
+    REEL_TRY(decoder->read_positions(call, decoder, block, numbers));
+    return reel_find_weights(call, file, &file->tracks[track], &state->items, state->mesh, numbers,
+                             nugget, weights);
+}
+
 /* Decode the first n_modes fields of a block, and its basis unless `basis` is NULL. */
-static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t block,
-                         const reel_group *group, uint32_t n_columns, uint64_t n_modes,
+static int decode_fields(reel_call *call, meshreel_decoder *decoder, uint32_t track,
+                         uint64_t block, const reel_group *group, uint64_t n_modes,
                          const reel_block_fields *key, double *basis, reel_block_fields *output) {
-    uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_reused = group->n_reused;
+    const reel_field_mesh *field_mesh = decoder->tracks[track].mesh;
+    reel_mesh mesh = field_mesh->mesh;
+    uint32_t n_columns = decoder->file->tracks[track].n_coded;
+    uint64_t n_items = (uint64_t)mesh.n_verts, n_reused = group->n_reused;
     uint64_t n_new = n_modes - n_reused;
-    block_job job = {.mesh = &mesh->mesh, .key = key, .basis = basis};
+    block_job job = {.mesh = &mesh, .key = key, .basis = basis};
     const reel_chunk *mark = call->scratch.last;
+    if (group->nugget > 0.0) {
+        REEL_TRY(find_weights(call, decoder, track, block, group->nugget, &mesh.weights));
+    }
     output->values =
         reel_pool_allocate(call, &output->pool, n_items * n_modes, sizeof *output->values);
     double *new_values =
         n_reused ? reel_scratch(call, n_items * n_new, sizeof *new_values) : output->values;
     REEL_NEED(output->values && new_values);
-    REEL_TRY(prepare_rows(call, group->coefficients, &mesh->order, group->n_modes - n_reused, n_new,
+    REEL_TRY(prepare_rows(call, group->coefficients, &field_mesh->order, group->n_modes - n_reused, n_new,
                           &job.fields));
     if (basis) {
         REEL_TRY(prepare_basis(call, group, n_columns, n_modes, &job));
@@ -317,7 +336,7 @@ static int decode_fields(reel_call *call, const reel_field_mesh *mesh, uint64_t 
         reel_fail_core(call, job.times.result, job.times.offset, "the temporal basis is damaged"));
     REEL_TRY(reel_fail_core(call, job.result, job.times.offset, "the temporal basis is damaged"));
     if (n_new) {
-        predict(call, &mesh->mesh, &job.predicted);
+        predict(call, &mesh, &job.predicted);
     }
     if (n_reused) {
         concatenate_fields(key, n_reused, new_values, n_new, n_items, output->values);
@@ -340,7 +359,6 @@ static void release_fields(reel_call *call, reel_block_fields *fields) {
 static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
                     const reel_group *group) {
     reel_track_state *state = &decoder->tracks[track];
-    const reel_track *definition = &decoder->file->tracks[track];
     if (group->reference > block) {
         return fail_corrupt(call, decoder, block, track, "a block refers to one before the first");
     }
@@ -360,9 +378,8 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
                 "a block refers to a block that is not a key block, or has other stencils");
         }
         failed = failed ? failed
-                        : decode_fields(call, state->mesh, key_block, &key_group,
-                                        definition->n_coded, key_group.n_modes, NULL, NULL,
-                                        &state->key);
+                        : decode_fields(call, decoder, track, key_block, &key_group,
+                                        key_group.n_modes, NULL, NULL, &state->key);
         if (failed) {
             release_fields(call, &state->key);
             return failed;
@@ -466,7 +483,7 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
         reel_pool_allocate(call, &state->current.pool, n_columns * group->n_frames * n_modes,
                            sizeof *state->current.basis);
     REEL_NEED(state->current.basis);
-    REEL_TRY(decode_fields(call, state->mesh, block, group, n_columns, n_modes,
+    REEL_TRY(decode_fields(call, decoder, track, block, group, n_modes,
                            group->reference ? &state->key : NULL, state->current.basis,
                            &state->current.fields));
     if (!n_moving) {

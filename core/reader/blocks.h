@@ -45,6 +45,10 @@ typedef struct {
 
 struct meshreel_decoder {
     const meshreel_file *file;
+    /* Decodes the positions of the first frame of a block in output order, of the file's type, for
+       tracks with weights from points. */
+    int (*read_positions)(reel_call *call, meshreel_decoder *decoder, uint64_t block,
+                          void *numbers);
     reel_pool pool;
     reel_track_state *tracks;
 };

@@ -32,7 +32,10 @@ int meshreel_begin(const meshreel_file *file, meshreel_decoder **decoder, meshre
         tracks[i] = (reel_track_state){
             .current = empty, .previous = empty, .key = {.block = REEL_NO_BLOCK}};
     }
-    *new_decoder = (meshreel_decoder){.file = file, .pool = pool, .tracks = tracks};
+    *new_decoder = (meshreel_decoder){.file = file,
+                                      .read_positions = reel_first_positions,
+                                      .pool = pool,
+                                      .tracks = tracks};
     *decoder = new_decoder;
     return reel_end_call(&call, MESHREEL_OK, error);
 }

@@ -10,6 +10,8 @@
 #define WITH_RESTS 16 /* flags added to the layout */
 #define WITH_COSINES 32
 #define ADAPTIVE 64
+#define FROM_POINTS 128
+#define MAX_NUGGET_CODE 24
 #define MAX_TIMES ((uint64_t)INT32_MAX)
 
 #define BIT(id) (1U << ((id) - FIRST_ID))
@@ -142,12 +144,23 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
     return MESHREEL_OK;
 }
 
-static int read_fields(reel_call *call, reel_range input, reel_group *group) {
+/* Read the nugget of a track whose weights come from points. */
+static int read_nugget(reel_call *call, reel_range *input, bool is_positions, reel_group *group) {
+    uint8_t code;
+    uint64_t offset = input->offset;
+    REEL_TRY(reel_read_bytes(call, input, &code, sizeof code));
+    REEL_CORRUPT_IF(is_positions || code > MAX_NUGGET_CODE, offset,
+                    "a nugget is out of range, or that of positions");
+    group->nugget = 256.0 / (double)(1U << code);
+    return MESHREEL_OK;
+}
+
+static int read_fields(reel_call *call, reel_range input, bool is_positions, reel_group *group) {
     uint8_t layout;
     uint64_t offset = input.offset;
     REEL_CORRUPT_IF(!input.offset, REEL_UNKNOWN, "a block has no section FIELDS");
     REEL_TRY(reel_read_bytes(call, &input, &layout, 1));
-    group->precision = layout & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE);
+    group->precision = layout & ~(WITH_RESTS | WITH_COSINES | ADAPTIVE | FROM_POINTS);
     group->has_cosines = layout & WITH_COSINES;
     group->is_adaptive = layout & ADAPTIVE;
     if (group->precision != REEL_SUMS_4 && group->precision != REEL_SUMS_8) {
@@ -161,6 +174,9 @@ static int read_fields(reel_call *call, reel_range input, reel_group *group) {
     REEL_TRY(reel_read_bytes(call, &input, &group->step, sizeof group->step));
     REEL_TRY(reel_read_varint(call, &input, &group->stencil_size));
     REEL_TRY(reel_read_varint(call, &input, &group->n_learned));
+    if (layout & FROM_POINTS) {
+        REEL_TRY(read_nugget(call, &input, is_positions, group));
+    }
     if (layout & WITH_RESTS) {
         REEL_TRY(read_resting_runs(call, &input, group));
     }
@@ -237,7 +253,7 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     if (is_exact) {
         return read_values(call, is_grid, &sections, group);
     }
-    REEL_TRY(read_fields(call, *payload(&sections, REEL_FIELDS), group));
+    REEL_TRY(read_fields(call, *payload(&sections, REEL_FIELDS), !number, group));
     REEL_TRY(read_corrections(call, *payload(&sections, REEL_CORRECTIONS), group));
     group->basis = *payload(&sections, REEL_BASIS);
     group->coefficients = *payload(&sections, REEL_COEFFICIENTS);

@@ -19,6 +19,7 @@ typedef struct {
     reel_range rests;
     bool has_cosines; /* BASIS holds coefficients of a cosine transform over time */
     bool is_adaptive; /* BASIS holds times whose predictions adapt */
+    double nugget;    /* of the initial weights, from points; 0: from connectivity */
     reel_range basis, coefficients;
     /* Corrections: their step, number of corrected items, number of corrections, and the coded
        integers. */

@@ -427,3 +427,9 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
     store_missing(state, track, first, count, out);
     return MESHREEL_OK;
 }
+
+int reel_first_positions(reel_call *call, meshreel_decoder *decoder, uint64_t block,
+                         void *numbers) {
+    REEL_TRY(reel_load(call, decoder, 0, block, 0));
+    return positions_of(call, decoder, 0, 1, decoder->file->outline.number_bytes, numbers);
+}

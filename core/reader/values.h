@@ -10,4 +10,8 @@
 int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t first,
                 uint64_t count, uint32_t size, void *out);
 
+/* Decode the positions of the first frame of a block in output order, of the file's type. */
+int reel_first_positions(reel_call *call, meshreel_decoder *decoder, uint64_t block,
+                         void *numbers);
+
 #endif

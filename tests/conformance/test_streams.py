@@ -7,6 +7,7 @@ import pytest
 import meshreel
 from conformance.bits import DamagedError
 from conformance.by_core import read_all_by_core, reported_by_core
+from conformance.by_hand import with_nugget
 from conformance.check import differences
 from conformance.make import FOLDER, REFUSED, REFUSED_FOLDER, STREAMS
 from conformance.reader import read, read_all
@@ -83,3 +84,11 @@ def test_info_refuses_streams_with_a_broken_header_or_leading_section(path):
         return
     with pytest.raises(CorruptStreamError):
         meshreel.info(path.read_bytes())
+
+
+def test_every_reader_refuses_a_nugget_out_of_range():
+    assert meshreel.decode(with_nugget(24)).n_frames == 2
+    with pytest.raises(CorruptStreamError, match="nugget"):
+        meshreel.decode(with_nugget(25))
+    with pytest.raises(DamagedError, match="nugget"):
+        read(with_nugget(25))

@@ -13,7 +13,7 @@ from meshreel.arrays import Floats
 from meshreel.kernel.library import call
 from meshreel.kernel.mesh import Hierarchy
 from meshreel.kernel.structures import fields_of
-from meshreel.runtime.threads import in_threads
+from meshreel.runtime.threads import in_chunks, in_threads
 
 CHUNK_VERTICES = 16384
 """Number of vertices of a level that one thread encodes. Each part has its own statistics, so that
@@ -31,7 +31,7 @@ _POINTER = ctypes.c_void_p
 class _Mesh(ctypes.Structure):
     _fields_ = [
         *fields_of(ctypes.c_int64, "n_verts n_levels stencil_size"),
-        *fields_of(_POINTER, "level_starts smooth_starts stencil hops smooth"),
+        *fields_of(_POINTER, "level_starts smooth_starts stencil hops smooth weights"),
     ]
 
 
@@ -71,6 +71,7 @@ def encode_values(
     n_learned: int,
     key: Floats | None = None,
     forms: npt.NDArray[np.float32] | None = None,
+    weights: npt.NDArray[np.float32] | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Encode fields; return residuals of shape (K, V) and their decoded values, of shape (V, K).
 
@@ -86,6 +87,8 @@ def encode_values(
         Quadratic forms of the errors of the first n <= `MAX_JOINT` modes at each vertex, which are
         quantized jointly: for each mode k, the coefficients c of the modes before it, and its
         weight p, of the sum over k of p_k (e_k + sum of c_kj e_j)^2.
+    weights : float32 array of shape (V, S), optional
+        Initial weights, from `kriging_weights`; the default derives them from the graph.
 
     Raises
     ------
@@ -95,16 +98,7 @@ def encode_values(
     n_verts, n_modes = target.shape
     residuals, values = np.empty((n_modes, n_verts), np.int32), np.empty((n_verts, n_modes))
     target = np.ascontiguousarray(target)
-    core_mesh = _Mesh(
-        n_verts,
-        len(mesh.smooth_starts),
-        mesh.stencil.shape[1],
-        _address(mesh.level_starts),
-        _address(mesh.smooth_starts),
-        _address(mesh.stencil),
-        _address(mesh.hops),
-        _address(mesh.smooth),
-    )
+    core_mesh = _core_mesh(mesh, weights)
     n_key = 0 if key is None else key.shape[1]
     results_and_key = map(_address, (residuals, values, key))
     fields = _Fields(n_verts, n_modes, n_learned, n_key, *results_and_key)
@@ -132,6 +126,37 @@ def encode_values(
         in_threads(fill, range(len(parts)))
         counts = np.sum(results, axis=0)
     return residuals, values
+
+
+def kriging_weights(mesh: Hierarchy, points: Floats, nugget: float) -> npt.NDArray[np.float32]:
+    """Weights of the stencils from points, of shape (V, S); 0 without a stencil.
+
+    Parameters
+    ----------
+    points : float64 array of shape (V, 3)
+        In coding order.
+    nugget : float
+        Variance of the noise of a value, relative to that of the field at the mean distance of a
+        stencil; above 0.
+    """
+    weights = np.empty(mesh.stencil.shape, np.float32)
+    core_mesh = _core_mesh(mesh, None)
+    points = np.ascontiguousarray(points, np.float64)
+
+    def fill(part: slice) -> None:
+        ends = part.start, part.stop
+        call(
+            "reel_kriging", ctypes.byref(core_mesh), points, nugget, *ends, weights, noun="weights"
+        )
+
+    in_chunks(fill, mesh.n_verts, CHUNK_VERTICES)
+    return weights
+
+
+def _core_mesh(mesh: Hierarchy, weights: npt.NDArray[np.float32] | None) -> _Mesh:
+    starts = mesh.level_starts, mesh.smooth_starts
+    arrays = map(_address, (*starts, mesh.stencil, mesh.hops, mesh.smooth, weights))
+    return _Mesh(mesh.n_verts, len(mesh.smooth_starts), mesh.stencil.shape[1], *arrays)
 
 
 def _address(array: npt.NDArray[Any] | None) -> int | None:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from conformance.points import weights_of
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.errors import InvalidInputError
-from meshreel.kernel.predict import Choice, encode_values
+from meshreel.kernel.predict import Choice, encode_values, kriging_weights
 from samples.coded_fields import decode_values
 from samples.meshes import irregular_sequence, waving_grid
 
@@ -99,3 +100,43 @@ def test_error_is_raised_when_a_residual_is_too_large(value):
     targets[40, 1] = value
     with pytest.raises(InvalidInputError, match="fields cannot be encoded"):
         encode_values(mesh, targets, PLAIN, 2)
+
+
+POINTS = {
+    "anywhere": lambda rng, n: rng.normal(size=(n, 3)),
+    "far from 0": lambda rng, n: 1e9 + rng.normal(size=(n, 3)),
+    "in a plane": lambda rng, n: rng.normal(size=(n, 3)) * (1, 1, 0),
+    "on a line": lambda rng, n: np.outer(rng.normal(size=n), (1, 2, 3)),
+    "twice": lambda rng, n: np.repeat(rng.normal(size=((n + 1) // 2, 3)), 2, axis=0)[:n],
+    "at one point": lambda rng, n: np.full((n, 3), 0.25),
+    "too far apart": lambda rng, n: 1e200 * rng.normal(size=(n, 3)),
+}
+
+
+@pytest.mark.parametrize("size", [1, 7, 16])
+@pytest.mark.parametrize("points", POINTS.values(), ids=POINTS)
+def test_plain_reader_finds_the_same_weights_from_points(points, size):
+    mesh, _ = sample(waving_grid(1, 8, 9), size)
+    places = points(np.random.default_rng(size), mesh.n_verts)
+    weights = kriging_weights(mesh, places, 0.03125)
+    assert np.isfinite(weights).all()
+    for vertex, stencil in enumerate(mesh.stencil):
+        near = places[stencil[stencil >= 0]].tolist()
+        expected = weights_of(places[vertex].tolist(), near, 0.03125) if near else []
+        padded = np.zeros(size, np.float32)
+        padded[: len(near)] = expected
+        np.testing.assert_array_equal(weights[vertex], padded)
+
+
+def test_weights_from_points_predict_linear_fields():
+    sequence = waving_grid(1, 20, 20)
+    mesh, _ = sample(sequence, 16)
+    points = sequence.vertices[0].astype(np.float64)[mesh.order]
+    field = points @ (300.0, -200.0, 50.0)
+    weights = kriging_weights(mesh, points, 0.03125)
+    first = mesh.stencil[:, 0]
+    offsets = field[mesh.stencil] - field[first][:, None]
+    predicted = field[first] + (weights * offsets).sum(axis=1)
+    is_full = mesh.stencil[:, -1] >= 0
+    assert is_full.mean() > 0.3
+    np.testing.assert_allclose(predicted[is_full], field[is_full], atol=1.0)

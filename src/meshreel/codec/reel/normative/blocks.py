@@ -34,6 +34,9 @@ WITH_COSINES = 32
 ADAPTIVE = 64
 """Flag of the layout: the prediction weights of the basis adapt."""
 
+FROM_POINTS = 128
+"""Flag of the layout: the initial weights of the fields follow from points."""
+
 
 def write_field_block(
     block: FieldBlock, mesh: FieldMesh, corrections: Corrections | None = None
@@ -131,12 +134,14 @@ def write_layout(layout: Layout) -> bytes:
     number |= WITH_RESTS if coding.rests.runs else 0
     number |= WITH_COSINES if coding.has_cosines else 0
     number |= ADAPTIVE if coding.is_adaptive else 0
+    number |= 0 if layout.nugget is None else FROM_POINTS
     rests = _write_rests(coding.rests)
     parts = [
         bytes([number]),
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varints(layout.stencil_size, layout.n_learned),
+        b"" if layout.nugget is None else bytes([layout.nugget]),
         rests,
     ]
     if layout.n_reused:

@@ -39,6 +39,8 @@ class Layout:
     """
     coding: BasisCoding = BY_TIMES
     """Coding of the temporal basis."""
+    nugget: int | None = None
+    """Code of the nugget if the initial weights follow from points, else None."""
 
 
 @dataclass(frozen=True)
