@@ -58,6 +58,8 @@ class CodedMesh:
     """Edit of another mesh that results in this one; the connectivity of that mesh is then stored
     instead. It requires that the order of vertices and faces is kept.
     """
+    derived: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What methods derive from the mesh, for blocks and tracks that share it."""
 
     @cached_property
     def _connectivity(self) -> CodedConnectivity:
@@ -199,7 +201,7 @@ class CodedTrack:
     prediction: tuple[Coding, float] | None = None
     """Prediction from decoded positions, and its rate, if it was not tried yet."""
     values: TrackSource | None = None
-    """Values of the track, if a prediction was not tried yet."""
+    """Values of the track, if weights and predictions from positions were not tried yet."""
 
     @property
     def size_bytes(self) -> int:

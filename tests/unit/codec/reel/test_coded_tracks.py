@@ -8,6 +8,7 @@ import pytest
 import meshreel
 from meshreel import Surface
 from meshreel.codec.achieved import measure_stream
+from meshreel.codec.reel.encoding import tracks as tracks_module
 from meshreel.codec.reel.encoding.track_coders import UNIT_LENGTH_TOLERANCE, length_allowed
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.subspace.trajectories import BoundingFrame
@@ -40,6 +41,45 @@ def sizes():
 def largest(one, other):
     apart = one.values.astype(float) - other.values
     return np.linalg.norm(apart, axis=2).max()
+
+
+def over_space(places):
+    """Smooth functions of positions of shape (T, N, 3)."""
+    x, y, z = np.moveaxis(places.astype(float) / np.ptp(places), -1, 0)
+    return np.stack([np.sin(3 * x + y), np.exp(-3 * y * y) + z], axis=-1).astype(np.float32)
+
+
+@pytest.mark.parametrize("is_live", [False, True])
+@pytest.mark.parametrize("order", ["keep", "drop"])
+def test_smooth_functions_of_positions_take_few_bytes(order, is_live, monkeypatch):
+    sheet = waving_grid(6, 24, 24)
+    tracks = {"heat": over_space(sheet.vertices)}
+    if order == "keep":
+        centers = sheet.vertices[:, sheet.faces].mean(axis=2)
+        tracks["flux"] = meshreel.Track(over_space(centers), "face")
+    original = sheet.replace(tracks=tracks)
+    bounds = dict.fromkeys(tracks, "0.5%")
+
+    def sizes_of():
+        if is_live:
+            live = BytesIO()
+            with meshreel.Encoder(
+                original.faces, live, fps=25, tracks=bounds, order=order, block_frames=4
+            ) as encoder:
+                for number, frame in enumerate(original.vertices):
+                    encoder.push(frame, original[number : number + 1].tracks)
+            data = live.getvalue()
+        else:
+            data = meshreel.encode(original, tracks=bounds, order=order, block_frames=4)
+        found = measure_stream(original, data).tracks
+        for name, track in original.tracks.items():
+            span = np.linalg.norm(np.ptp(track.values, axis=(0, 1)))
+            assert found[name].largest <= 0.005 * span
+        return np.array([track.size_bytes for track in meshreel.info(data).tracks])
+
+    with_points = sizes_of()
+    monkeypatch.setattr(tracks_module, "NUGGETS", ())
+    assert (with_points < 0.8 * sizes_of()).all()
 
 
 @pytest.mark.parametrize("order", ["keep", "vertices", "drop"])

@@ -74,14 +74,14 @@ def test_frame_needs_one_request_for_its_block(web, reel, groups):
         assert n_gets(web) == 0
 
 
-def test_track_value_fetches_its_group_and_that_of_the_key_block(web, reel, groups):
+def test_track_value_fetches_its_group_those_of_positions_and_of_the_key_block(web, reel, groups):
     expected = meshreel.decode((web.folder / "walk.reel").read_bytes()).tracks["heat"].values[75]
     with meshreel.open(reel) as opened:
         web.forget()
         assert np.array_equal(opened.track("heat")[75], expected)
     requested = set(web.ranges())
     assert groups[75 // BLOCK][1] in requested
-    assert requested <= {groups[number][1] for number in (0, 75 // BLOCK)}
+    assert requested <= {group for number in (0, 75 // BLOCK) for group in groups[number]}
 
 
 def test_selected_frames_fetch_only_their_blocks(web, reel, groups):

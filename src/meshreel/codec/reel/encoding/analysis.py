@@ -139,6 +139,8 @@ def analyze_fields(
     step = np.float32(choices.position_step * np.sqrt(n_frames))
     is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
+    if frames.from_points is not None:
+        layout = replace(layout, nugget=frames.from_points.code)
     reused = None
     if key is not None:
         reused = _analyze_reusing(frames, mesh, choices, key, layout)
@@ -173,7 +175,7 @@ def _encode_fields(
         forms = None
         if choices.slides:
             forms = surface_forms(vectors, target, frames, mesh, layout.n_learned)
-        residuals, new_fields = _quantized_fields(target, layout, mesh, choices, key, forms)
+        residuals, new_fields = quantized_fields(target, mesh, choices, frames, key, forms)
     else:
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), target
@@ -269,13 +271,20 @@ def has_resting_vertices(frames: BlockFrames, step: float) -> bool:
     return MIN_RESTING_SHARE <= share < 1.0
 
 
-def _quantized_fields(
+def field_targets(frames: BlockFrames, mesh: FieldMesh, choices: FieldChoices) -> Floats:
+    """Return the unquantized fields of a block, of shape (V, K), in coding order and in steps."""
+    step = float(np.float32(choices.position_step * np.sqrt(frames.n_frames)))
+    basis, vectors, _ = _quantized_basis(frames, step, choices)
+    return _projected(vectors.reshape(-1, len(basis)), frames, mesh.number, step)
+
+
+def quantized_fields(
     target: Floats,
-    layout: Layout,
     mesh: FieldMesh,
     choices: FieldChoices,
-    key: Floats | None,
-    forms: npt.NDArray[np.float32] | None,
+    frames: BlockFrames,
+    key: Floats | None = None,
+    forms: npt.NDArray[np.float32] | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Residuals of shape (K, V), and the fields that they decode to, both in coding order.
 
@@ -283,11 +292,14 @@ def _quantized_fields(
     ----------
     target : float64 array of shape (V, K)
         Unquantized fields, in coding order and in steps.
+    frames : BlockFrames
+        The block, for its initial weights.
     forms : float32 array or None
         As in `encode_values`.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
-    return encode_values(mesh.hierarchy, target, choice, layout.n_learned, key, forms)
+    weights = None if frames.from_points is None else frames.from_points.weights
+    return encode_values(mesh.hierarchy, target, choice, choices.n_learned, key, forms, weights)
 
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:
@@ -348,7 +360,9 @@ def reuse_fields(
     integers = np.ascontiguousarray(integers[:n_reused])
     vectors = basis_vectors(integers, coding, lengths[:n_reused]) * step
     subtracted = vectors, np.ascontiguousarray(fields[:, :n_reused])
-    remainder = BlockFrames(frames.vertices, frames.frame, frames.order, subtracted)
+    remainder = BlockFrames(
+        frames.vertices, frames.frame, frames.order, subtracted, frames.from_points
+    )
     return ReusedFields(integers, coding, remainder)
 
 

@@ -16,10 +16,12 @@ from meshreel.codec.reel.encoding.corrections import corrections_of_block
 from meshreel.codec.reel.encoding.effort import choices_of
 from meshreel.codec.reel.normative.blocks import write_field_block
 from meshreel.codec.reel.normative.fields import FieldBlock
+from meshreel.codec.reel.normative.graphs import ItemGraph
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame
+from meshreel.model.surface import Domain
 from meshreel.runtime.threads import in_chunks, one_blas_thread
 
 SectionsOf = Callable[[FieldBlock, FieldMesh, Corrections | None], list[tuple[Section, bytes]]]
@@ -170,5 +172,18 @@ def coder_of(mesh: CodedMesh, frame: BoundingFrame) -> FieldBlockCoder:
     """Return the coder of a mesh with its options; its step is still to be set."""
     assert isinstance(mesh.config, ReelOptions)  # the options of this method
     choices = choices_of(mesh.config)
-    field_mesh = FieldMesh(mesh.links, mesh.n_verts, choices.stencil_size)
+    graph = ItemGraph(mesh.links, mesh.n_verts)
+    field_mesh = shared_field_mesh(mesh, Domain.VERTEX, graph, choices.stencil_size)
     return FieldBlockCoder(field_mesh, frame, choices)
+
+
+def shared_field_mesh(
+    mesh: CodedMesh, domain: Domain, graph: ItemGraph, stencil_size: int
+) -> FieldMesh:
+    """Return the hierarchy of the items of a domain, which positions and tracks share."""
+    key = FieldMesh, domain, stencil_size
+    if key not in mesh.derived:
+        mesh.derived[key] = FieldMesh(graph.faces, graph.n_items, stencil_size)
+    result = mesh.derived[key]
+    assert isinstance(result, FieldMesh)
+    return result

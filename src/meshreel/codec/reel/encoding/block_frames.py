@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.codec.reel.normative.points import PointWeights
 from meshreel.codec.subspace.pca import fix_signs, gram_of_rows, truncated_pca
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.kernel.frames import coordinate_rows
@@ -47,6 +48,8 @@ class BlockFrames:
     """tuple of float64 arrays of shapes (C, T, R) and (V, R), or None. Vectors and fields, in
     internal order, whose product is subtracted.
     """
+    from_points: PointWeights | None = None
+    """Initial weights of predictions; None derives them from connectivity."""
     _cached: dict[bool, tuple[float, Floats, Floats]] = field(default_factory=dict)
     n_frames: int = field(init=False)
     n_verts: int = field(init=False)

@@ -121,12 +121,17 @@ def size_bytes(sections: list[tuple[Section, bytes]]) -> int:
 
 
 def stream_of(source: Source, coder: PositionCoder, progress: Progress) -> bytes:
+    """Encode the source to a stream, with tracks that follow from its positions."""
+    data = stream_of_positions(source, coder, progress)
+    return FollowingTracks(source, progress).stream(data) if source.tracks else data
+
+
+def stream_of_positions(source: Source, coder: PositionCoder, progress: Progress) -> bytes:
     """Encode the source to a stream; its tracks are already encoded."""
     n_together = 1 if source.config.memory is not None else min(n_cores(), MAX_PARALLEL_BLOCKS)
     blocks = _encode_blocks(coder, source.blocks(), n_together)
     coded = reporting_frames(blocks, source.n_frames, progress)
-    data = source.stream([], coded, 0.0 if coder.is_exact else coder.bound)
-    return FollowingTracks(source, progress).stream(data) if source.tracks else data
+    return source.stream([], coded, 0.0 if coder.is_exact else coder.bound)
 
 
 def _encode_blocks(

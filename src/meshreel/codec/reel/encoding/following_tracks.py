@@ -12,7 +12,7 @@ from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_coders import exact_coder, track_coder
 from meshreel.codec.reel.encoding.track_residuals import UnreachableError, moving_surface
 from meshreel.codec.reel.encoding.tracks import (
-    MAX_TRIALS,
+    DecodedPositions,
     StepSearch,
     encode_losslessly,
 )
@@ -50,7 +50,7 @@ class FollowingTracks:
 
     def stream(self, data: bytes) -> bytes:
         """Return a stream of the source with its tracks predicted; its positions do not change."""
-        source, tracks = self._source, self._encoded(data, MAX_TRIALS)
+        source, tracks = self._source, self._encoded(data, None)
         if tracks == source.tracks:
             return data
         opened = whole_stream(data, UNLIMITED)
@@ -77,17 +77,21 @@ class FollowingTracks:
         others = _size_bytes(track for track in tracks if track.prediction is None)
         return size_bytes - positions - others > MIN_TRACK_SHARE * positions
 
-    def _encoded(self, data: bytes, n_trials: int) -> list[CodedTrack]:
+    def _encoded(self, data: bytes, n_trials: int | None) -> list[CodedTrack]:
         tracks, results = list(self._source.tracks), []
         with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
+            decoded = DecodedPositions(reel.read)
             for number, (coded, name) in enumerate(zip(tracks, self._source.bounds, strict=True)):
                 self._progress("predicting tracks", Count(number, len(tracks), "tracks"))
                 smaller = coded
                 if coded.prediction is not None and coded.values is not None:
                     predicted = self._predicted(
-                        name, coded.values, coded, coded.prediction, reel, n_trials
+                        name, coded.values, coded, coded.prediction, decoded, n_trials
                     )
-                    smaller = min(coded, predicted, key=lambda track: track.size_bytes)
+                    smaller = min(coded, predicted, key=_size_of)
+                elif coded.values is not None and n_trials is None:
+                    searched = self._searched(name, coded.values, decoded)
+                    smaller = min(coded, searched, key=_size_of)
                 results.append(replace(smaller, prediction=None, values=None))
         return results
 
@@ -97,8 +101,8 @@ class FollowingTracks:
         track: TrackSource,
         coded: CodedTrack,
         prediction: tuple[Coding, float],
-        reel: ReelFile,
-        n_trials: int,
+        decoded: DecodedPositions,
+        n_trials: int | None,
     ) -> CodedTrack:
         source, mesh, pieces = self._source, self._source.mesh, self._source.pieces
         bound, surface = source.bounds[name], self._surface
@@ -106,21 +110,31 @@ class FollowingTracks:
             surface = replace(surface, vertex_of_row=track.vertex_of_row)
         if bound == EXACT:
             exact = exact_coder(name, track, mesh).with_prediction(*prediction, surface)
-            return encode_losslessly(exact, track, pieces, reel.read)
+            return encode_losslessly(exact, track, pieces, decoded)
         coder = track_coder(name, track, bound, mesh, value_range(track))
         predicted = coder.with_prediction(*prediction, surface, bound)
-        search, results = StepSearch(predicted, track, pieces, reel.read), [coded]
+        search, results = StepSearch(predicted, track, pieces, decoded), [coded]
         start = self._steps.get(name)
         try:
             first_bytes: float = search.best(1, start)[1].size_bytes
         except UnreachableError:
             first_bytes = math.inf
-        if first_bytes * CLEAR_RATIO > coded.size_bytes and n_trials == MAX_TRIALS:
-            results.append(StepSearch(coder, track, pieces).best()[1])
+        if first_bytes * CLEAR_RATIO > coded.size_bytes and n_trials is None:
+            results.append(self._searched(name, track, decoded))
         if first_bytes < CLEAR_RATIO * coded.size_bytes:
             self._steps[name], best = search.best(n_trials, start)
             results.append(best)
-        return min(results, key=lambda track: track.size_bytes)
+        return min(results, key=_size_of)
+
+    def _searched(self, name: str, track: TrackSource, decoded: DecodedPositions) -> CodedTrack:
+        """Encode a track with its best step, and weights from decoded positions if they help."""
+        mesh, bound = self._source.mesh, self._source.bounds[name]
+        coder = track_coder(name, track, bound, mesh, value_range(track))
+        return StepSearch(coder, track, self._source.pieces, decoded).best()[1]
+
+
+def _size_of(track: CodedTrack) -> int:
+    return track.size_bytes
 
 
 def _size_bytes(tracks: Iterable[CodedTrack]) -> int:

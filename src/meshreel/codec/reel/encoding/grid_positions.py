@@ -22,6 +22,7 @@ from meshreel.codec.reel.encoding.exact_positions import (
     PositionCoder,
     size_bytes,
     stream_of,
+    stream_of_positions,
 )
 from meshreel.codec.reel.encoding.stored_grid import coarse_grid, grid_of_frame
 from meshreel.codec.reel.encoding.target_step import checked_bound
@@ -213,15 +214,15 @@ class GridBids:
     n_bytes: float = math.inf
     """Bytes of the stream of modes."""
 
-    def streams(self, progress: Progress) -> Iterator[bytes]:
-        """Yield streams that may take fewer bytes than modes, those with the lowest estimate first.
+    def streams(self, progress: Progress) -> Iterator[tuple[bytes, Source]]:
+        """Yield streams that may take fewer bytes than modes, and their sources.
 
-        Options that require modes exclude them.
+        Those with the lowest estimate come first. Options that require modes exclude them.
         """
         bids = (self.of_target, self.of_stored_grid) if _takes_grid(self._config) else ()
         for bid in sorted(filter(None, bids), key=lambda bid: bid.estimated_bytes):
             if bid.estimated_bytes < self.n_bytes:
-                yield stream_of(bid.source, bid.coder, progress)
+                yield stream_of_positions(bid.source, bid.coder, progress), bid.source
 
     @cached_property
     def of_target(self) -> Bid | None:

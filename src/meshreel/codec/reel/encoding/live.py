@@ -149,9 +149,7 @@ class LiveCoder:
         first = self._blocks.decoded_first(start.first)
         positions = None if first is None else partial(self._in_output_order, first)
         self._tracks = live_track_coders(start, positions)
-        self._has_predicted_tracks = any(
-            track.header.coding.is_predicted for track in self._tracks.values()
-        )
+        self._needs_positions = any(track.needs_positions for track in self._tracks.values())
 
     def _in_output_order(self, decoded: Callable[[], Vertices]) -> Vertices:
         """Return decoded positions in output order."""
@@ -173,8 +171,7 @@ class LiveCoder:
             If lossless values do not decode to the same bits.
         """
         sections, decoded = self._blocks.code(vertices)
-        is_needed = self._has_predicted_tracks
-        positions = self._in_output_order(decoded) if decoded and is_needed else None
+        positions = self._in_output_order(decoded) if decoded and self._needs_positions else None
         of_tracks = []
         for name, coder in self._tracks.items():
             values = tracks[name].values

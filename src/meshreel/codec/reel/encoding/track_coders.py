@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Integers, Values, Vertices
+from meshreel.arrays import Floats, Integers, Values, Vertices
 from meshreel.codec.bitstream.layout import Order, Section
-from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks
+from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.reel.encoding.analysis import quantized_fields
+from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, shared_field_mesh
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
 from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
@@ -21,14 +23,18 @@ from meshreel.codec.reel.normative.blocks import write_exact_block, write_missin
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
 from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
-from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, TrackHeader, write_track
+from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, Sharing, TrackHeader, write_track
 from meshreel.errors import InvalidInputError, Keyword
+from meshreel.kernel.fields import encode_fields
 from meshreel.kernel.mesh import Neighbors, neighbors
+from meshreel.kernel.predict import kriging_weights
 from meshreel.model.extent import Extent
+from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of
 
@@ -36,6 +42,9 @@ Sections = list[tuple[Section, bytes]]
 
 MAX_STEP = 0.1
 """Largest step, in diagonals of the range, as for positions."""
+
+ROUNDING_SLACK = 1e-6
+"""Share of a step reserved for its rounding to single precision."""
 
 UNIT_LENGTH_TOLERANCE = 1e-3
 """Allowed deviation of the length of a normal from 1; length 0 means that there is no normal."""
@@ -54,6 +63,11 @@ class _Coder:
     """The decoded mesh, if its positions predict the track."""
     keeps_vertex_order: bool = field(default=True, kw_only=True)
     """Whether decoded vertices are in the given order, and not in the internal one."""
+
+    @property
+    def needs_positions(self) -> bool:
+        """Whether blocks depend on decoded positions."""
+        return self.header.coding.is_predicted
 
     def leading_section(self) -> tuple[Section, bytes]:
         """Return the section before the first block."""
@@ -109,6 +123,14 @@ class TrackCoder(_Coder):
     coder: FieldBlockCoder
     rounding: float
     """Largest rounding error of the number type, in units of the track."""
+    points: ItemPoints
+    nugget: int | None = None
+    """Code of the nugget if the initial weights follow from points, else None."""
+
+    @property
+    def needs_positions(self) -> bool:
+        """Whether blocks depend on decoded positions."""
+        return self.nugget is not None or self.header.coding.is_predicted
 
     @cached_property
     def _blocks(self) -> KeyedBlocks:
@@ -121,12 +143,21 @@ class TrackCoder(_Coder):
         ----------
         values : float array of shape (T_b, N, C)
         positions : float array of shape (T_b, V, 3), optional
-            Decoded positions in output order, if they predict the track.
+            Decoded positions in output order, if they predict the track; of the first frame, if
+            only its weights follow from them.
         """
         return self.code_prepared(self.prepare(values, positions))
 
-    def prepare(self, values: Values, positions: Vertices | None = None) -> PreparedValues:
+    def prepare(
+        self,
+        values: Values,
+        positions: Vertices | None = None,
+        from_points: PointWeights | None = None,
+    ) -> PreparedValues:
         """Prepare a block for encoding; parameters as in `code`.
+
+        `from_points` are its initial weights, by default computed from positions if there is a
+        nugget.
 
         Raises
         ------
@@ -136,11 +167,28 @@ class TrackCoder(_Coder):
         check_values(self.header.name, values, self.header)
         is_missing, origin = np.isnan(values), self.header.origin
         coded, order = self._residuals(values, positions, residuals)
-        if not is_missing.any():
-            return PreparedValues(self.coder.frames(coded, order), None)
-        frames = self.coder.frames(fill_missing(coded, np.isnan(coded), origin), order)
-        ordered = in_order(is_missing, self.order)
-        return PreparedValues(frames, write_missing(ordered, self.coder.mesh.neighbors))
+        missing = None
+        if is_missing.any():
+            coded = fill_missing(coded, np.isnan(coded), origin)
+            missing = write_missing(in_order(is_missing, self.order), self.coder.mesh.neighbors)
+        frames = self.coder.frames(coded, order)
+        if from_points is None and self.nugget is not None:
+            assert positions is not None
+            from_points = self.weights(positions[0])
+        return PreparedValues(replace(frames, from_points=from_points), missing)
+
+    def weights(self, positions: Vertices) -> PointWeights:
+        """Return the initial weights, given decoded positions of shape (V, 3)."""
+        assert self.nugget is not None
+        points = self.points.of(positions)[self.coder.mesh.order]
+        weights = kriging_weights(self.coder.mesh.hierarchy, points, nugget_of(self.nugget))
+        return PointWeights(self.nugget, weights)
+
+    def fields_bytes(self, prepared: PreparedValues, targets: Floats) -> int:
+        """Return the bytes of unquantized fields, of shape (N, K), with the weights of a block."""
+        coder = self.coder
+        residuals, _ = quantized_fields(targets, coder.mesh, coder.choices, prepared.frames)
+        return len(encode_fields(residuals, coder.mesh.coding_order))
 
     def code_prepared(self, prepared: PreparedValues) -> Sections:
         """Encode the next block."""
@@ -165,6 +213,16 @@ class TrackCoder(_Coder):
             coder=replace(self.coder, frame=frame),
             surface=surface,
         )
+
+    @property
+    def single_step(self) -> float:
+        """Largest step with which no single number needs a correction."""
+        return 2.0 * (self.share - self.rounding / self.header.scale) * (1.0 - ROUNDING_SLACK)
+
+    def with_weights(self, nugget: int | None, n_learned: int) -> "TrackCoder":
+        """Return a coder with other weights: their nugget, and how many modes they adapt to."""
+        choices = replace(self.coder.choices, n_learned=n_learned)
+        return replace(self, nugget=nugget, coder=replace(self.coder, choices=choices))
 
     @property
     def as_exact(self) -> ExactTrackCoder:
@@ -253,19 +311,33 @@ def track_coder(
     config = mesh.config
     assert isinstance(config, ReelOptions)  # the options of this method
     effort = DEFAULT_EFFORT if config.effort is None else config.effort
-    choices = choices_for(effort, Tune.GEOMETRY, None)
+    # Shaped noise has larger errors, which take corrections. Those of single numbers are limited by
+    # rounding to the nearest.
+    choices = replace(choices_for(effort, Tune.GEOMETRY, None), feedback_gain=0.0)
+    if track.shape[0] * track.shape[2] == 1:
+        choices = replace(choices, rate_weight=0.0)
     is_angle = bound.measure is Measure.ANGLE
     header = _header(name, track, frame, bound=bound.amount if is_angle else allowed)
+    if isinstance(track, SharedTrack) and track.sharing is Sharing.ROWS:
+        field_mesh = FieldMesh(graph.faces, graph.n_items, choices.stencil_size)
+    else:
+        domain = Domain.VERTEX if isinstance(track, SharedTrack) else track.domain
+        field_mesh = shared_field_mesh(mesh, domain, graph, choices.stencil_size)
     coder = FieldBlockCoder(
-        FieldMesh(graph.faces, graph.n_items, choices.stencil_size),
+        field_mesh,
         frame,
         choices,
         sections_of=write_track_block,
         each_column=bound.measure is Measure.NUMBER,
     )
-    keeps_order = mesh.keeps_vertex_order
     return TrackCoder(
-        header, order, share, coder, rounding * frame.scale, keeps_vertex_order=keeps_order
+        header,
+        order,
+        share,
+        coder,
+        rounding * frame.scale,
+        _points_of(track, mesh),
+        keeps_vertex_order=mesh.keeps_vertex_order,
     )
 
 
@@ -305,9 +377,36 @@ def check_values(name: str, values: Values, header: TrackHeader) -> None:
         )
 
 
+def _points_of(track: TrackSource, mesh: CodedMesh) -> ItemPoints:
+    """Return the vertices whose mean is the point of each item of a track."""
+    if isinstance(track, SharedTrack) and track.vertex_of_row is not None:
+        return ItemPoints(track.vertex_of_row)
+    if isinstance(track, SharedTrack) or track.domain is Domain.VERTEX:
+        return ItemPoints(inverse_permutation(mesh.output_order))
+    if track.domain is Domain.CELL:
+        surface = mesh.cell_surface if mesh.order_kept is Order.DROP else mesh.surface
+        cells = surface.cells
+        assert cells is not None
+        return ItemPoints(cells.nodes, np.repeat(np.arange(cells.n_cells), np.diff(cells.starts)))
+    sizes = mesh.surface.sizes(len(mesh.output_faces))
+    if track.domain is Domain.CORNER:
+        return ItemPoints(join_triangles(sizes, mesh.output_faces))
+    return ItemPoints(mesh.output_faces.ravel(), np.repeat(np.arange(len(sizes)), 3 * (sizes - 2)))
+
+
 def _graph_of(name: str, track: TrackSource, mesh: CodedMesh) -> tuple[ItemGraph, Integers | None]:
     if isinstance(track, SharedTrack):
         return track.graph, track.order
+    key = ItemGraph, track.domain
+    if key not in mesh.derived:
+        mesh.derived[key] = _unshared_graph(name, track, mesh)
+    graph, order = mesh.derived[key]
+    return graph, order
+
+
+def _unshared_graph(
+    name: str, track: TrackSource, mesh: CodedMesh
+) -> tuple[ItemGraph, Integers | None]:
     if track.domain is Domain.VERTEX:
         return ItemGraph(mesh.links, mesh.n_verts), mesh.order
     if track.domain is Domain.CELL and mesh.order_kept is Order.DROP:

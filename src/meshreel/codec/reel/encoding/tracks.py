@@ -4,13 +4,16 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from meshreel.arrays import Vertices
+from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.method_names import LOSSLESS
 from meshreel.codec.methods import LiveStart
+from meshreel.codec.reel.encoding.analysis import field_targets
 from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
@@ -23,7 +26,10 @@ from meshreel.codec.reel.encoding.track_coders import (
     track_coder,
 )
 from meshreel.codec.reel.encoding.track_residuals import DifferenceFit, moving_surface
+from meshreel.codec.reel.normative.points import PointWeights
+from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
+from meshreel.codec.targets import TargetKind
 from meshreel.codec.track_bounds import EXACT, TrackBound, kept_bounds
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.model.surface import Domain
@@ -37,7 +43,26 @@ FEW_VALUES = 16
 """A track with at most this many different numbers in a frame is also tried losslessly."""
 
 MAX_TRIALS = 6
-"""Maximum number of steps tried per track."""
+"""Maximum number of steps tried for residuals of a prediction from positions."""
+
+NUGGETS = 13, 7
+"""Codes of the nuggets that are tried: 1/32 for smooth fields, 2 for noisy ones."""
+
+MAX_CACHED_WEIGHTS = 4
+"""Number of blocks whose weights are cached."""
+
+BOUNDS_PER_STEP = 1.8
+"""The best step for T frames with K modes is about this many bounds / (T^0.27 K^0.33)."""
+
+BEST_SHARE, SHARE_EXPONENT, MAX_CHANGE = 0.04, 0.1, (0.8, 1.4)
+"""At the best step, corrections take about this share of the bytes; a second step is the first,
+multiplied by the ratio of the shares to this power, within these limits."""
+
+MAX_POINTS_RATIO = 0.99
+"""Weights from points have to save 1 %: a value then needs positions of its block."""
+
+MIN_COMPARED_MODES, MAX_COMPARED_VALUES = 4, 1 << 18
+"""Weights are compared by the strongest modes: at least this many, and up to this many values."""
 
 MAX_ROWS_SHARE = 0.1
 """If the sharing of corners takes more than this share of the bytes of values, separate values of
@@ -47,7 +72,8 @@ corners are tried too."""
 def encode_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
     """Encode the tracks of a sequence, each within its bound.
 
-    Tracks that positions may predict are encoded once; `FollowingTracks` searches for their steps.
+    Those within a bound are encoded once, unless their size decides that of the positions;
+    `FollowingTracks` searches for their steps and weights.
 
     Raises
     ------
@@ -59,11 +85,13 @@ def encode_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
         progress("encoding tracks", Count(number, len(source.bounds), "tracks"))
         track = _with_shared_values(name, source.sequence.tracks[name], bound, source)
         prediction = _prediction(source, track, bound)
-        n_trials = MAX_TRIALS if prediction is None else 1
-        coded = encode_track(name, track, bound, source.mesh, source.pieces, n_trials)
-        if prediction is not None:
-            coded = replace(coded, prediction=prediction, values=track)
-        tracks.append(coded)
+        is_exact = prediction is None and bound == EXACT
+        config = source.config
+        assert isinstance(config, ReelOptions)  # the options of this method
+        has_size = config.target.kind is TargetKind.SIZE
+        n_trials = None if has_size and prediction is None else 1
+        coded = encode_track(name, track, bound, source, n_trials)
+        tracks.append(coded if is_exact else replace(coded, prediction=prediction, values=track))
     return tracks
 
 
@@ -73,7 +101,7 @@ def _with_shared_values(
     """Return the track of the values that corners share, if it takes fewer bytes than the track."""
 
     def values_bytes(candidate: TrackSource) -> int:
-        return encode_track(name, candidate, bound, source.mesh, source.pieces, 1).size_bytes
+        return encode_track(name, candidate, bound, source, 1).size_bytes
 
     shared = shared_track(track, source.mesh)
     if shared is None or shared.sharing is Sharing.VERTICES:
@@ -88,24 +116,22 @@ def encode_track(
     name: str,
     track: TrackSource,
     bound: TrackBound,
-    mesh: CodedMesh,
-    pieces: Sequence[slice],
-    n_trials: int,
+    source: Source,
+    n_trials: int | None = None,
 ) -> CodedTrack:
     """Encode a track with the step that takes the fewest bytes, including corrections.
 
     Parameters
     ----------
-    pieces : sequence of slice
-        Frames of each block.
-    n_trials : int
-        Number of steps to try.
+    n_trials : int, optional
+        As of `StepSearch.best`.
 
     Raises
     ------
     InvalidInputError
         If the bound cannot be guaranteed.
     """
+    mesh, pieces = source.mesh, source.pieces
     if bound == EXACT:
         return encode_losslessly(exact_coder(name, track, mesh), track, pieces)
     coder = track_coder(name, track, bound, mesh, value_range(track))
@@ -177,9 +203,12 @@ def live_track_coder(
         return exact_coder(name, first, mesh)
     piece = slice(0, first.shape[0])
     coder = track_coder(name, first, bound, mesh, value_range(first))
-    step, coded = StepSearch(coder, first, [piece]).best()
-    if positions is not None and _is_velocity(first):
-        decoded, fit = positions(), DifferenceFit()
+    decoded = None if positions is None else positions()
+    of_block = None if decoded is None else DecodedPositions(lambda *_: decoded)
+    search = StepSearch(coder, first, [piece], of_block)
+    step, coded = search.best()
+    if decoded is not None and _is_velocity(first):
+        fit = DifferenceFit()
         in_given_order = decoded
         if not mesh.keeps_vertex_order:
             in_given_order = decoded[:, inverse_permutation(mesh.order)]
@@ -187,12 +216,11 @@ def live_track_coder(
         prediction = fit.best()
         if prediction is not None:
             predicted = coder.with_prediction(*prediction, moving_surface(mesh), bound)
-            predicted_step, residual = StepSearch(
-                predicted, first, [piece], lambda *_: decoded
-            ).best()
+            of_residuals = StepSearch(predicted, first, [piece], of_block)
+            predicted_step, residual = of_residuals.best()
             if residual.size_bytes < coded.size_bytes:
-                return predicted.with_step(predicted_step)
-    return coder.with_step(step)
+                return of_residuals.coder.with_step(predicted_step)
+    return search.coder.with_step(step)
 
 
 def live_track_coders(
@@ -206,6 +234,33 @@ def live_track_coders(
     }
 
 
+class DecodedPositions:
+    """Decoded positions, and the weights that follow from them, for the tracks of a sequence.
+
+    Parameters
+    ----------
+    read : callable
+        Decodes positions of a range of frames, in output order.
+    """
+
+    def __init__(self, read: Callable[[int, int], Vertices]) -> None:
+        self._read = read
+        self._weights: dict[tuple[int, int, int | None], PointWeights] = {}
+
+    def __call__(self, start: int, stop: int) -> Vertices:
+        """Decode frames start..stop - 1."""
+        return self._read(start, stop)
+
+    def weights(self, coder: TrackCoder, start: int) -> PointWeights:
+        """Return the initial weights of the block that begins at a frame; the latest are cached."""
+        key = id(coder.coder.mesh), start, coder.nugget
+        if key not in self._weights:
+            while len(self._weights) >= MAX_CACHED_WEIGHTS:
+                self._weights.pop(next(iter(self._weights)))
+            self._weights[key] = coder.weights(self._read(start, start + 1)[0])
+        return self._weights[key]
+
+
 class StepSearch:
     """Searches for the step with which a track takes the fewest bytes, including corrections.
 
@@ -215,8 +270,8 @@ class StepSearch:
     ----------
     pieces : sequence of slice
         Frames of each block.
-    decoded : callable, optional
-        Decodes positions of a range of frames, in output order, if the coder needs them.
+    decoded : DecodedPositions, optional
+        Default: weights follow from connectivity.
     """
 
     def __init__(
@@ -224,30 +279,107 @@ class StepSearch:
         coder: TrackCoder,
         track: TrackSource,
         pieces: Sequence[slice],
-        decoded: Callable[[int, int], Vertices] | None = None,
+        decoded: "DecodedPositions | None" = None,
     ) -> None:
         self._coder, self._track, self._pieces, self._decoded = coder, track, pieces, decoded
         self._sampled = sampled(pieces)
         self._sizes: dict[float, float] = {}
+        self._shares: dict[float, float] = {}
+        """Share of the bytes that corrections take, by step."""
         self._best: tuple[float, list[Sections]] | None = None
 
     def best(
-        self, n_trials: int = MAX_TRIALS, start: float | None = None
+        self, n_trials: int | None = None, start: float | None = None
     ) -> tuple[float, CodedTrack]:
-        """Return the best of `n_trials` steps, or of earlier ones, and the track encoded with it.
+        """Return the best of some steps, or of earlier ones, and the track encoded with it.
 
-        `start` is the first step, in diagonals of the range; it defaults to a share of the bound.
+        Parameters
+        ----------
+        n_trials : int, optional
+            Steps to try for an estimate, with weights from connectivity. Default: enough for the
+            final track, whose weights are chosen too.
+        start : float, optional
+            First step, in diagonals of the range. Default: from the bound and the modes.
         """
-        first = self._coder.share / STEPS_OF_BOUND if start is None else start
-        step = least_cost(self._size_bytes, first, n_trials=n_trials)
+        first = self._first_step if start is None else start
+        if n_trials is None and self._decoded is not None:
+            self._choose_weights(first)
+        if self._may_follow:
+            step = least_cost(self._size_bytes, first, n_trials=n_trials or MAX_TRIALS)
+        else:
+            steps = [first] if self._is_single or n_trials == 1 else self._two_steps(first)
+            step = min(steps, key=self._size_bytes)
         if self._best is None or self._best[0] != step:
             self._best = step, self._coded(step, self._pieces)
         return step, CodedTrack(self._coder.leading_section(), self._best[1])
+
+    @property
+    def coder(self) -> TrackCoder:
+        """The coder, after `best` with the chosen weights; its step is still to be set."""
+        return self._coder
+
+    def _two_steps(self, first: float) -> list[float]:
+        """Return a step, and one whose corrections take about the best share of the bytes."""
+        self._size_bytes(first)
+        low, high = MAX_CHANGE
+        change = math.pow(BEST_SHARE / max(self._shares[first], 1e-9), SHARE_EXPONENT)
+        return [first, first * min(max(change, low), high)]
+
+    @property
+    def _may_follow(self) -> bool:
+        """Whether positions may predict the track; its residuals then decide the step."""
+        return bool(KIND_ROWS[self._coder.header.kind].follows)
+
+    @property
+    def _is_single(self) -> bool:
+        """Whether a value is a single number, whose largest error is half a step."""
+        return self._track.shape[0] * self._track.shape[2] == 1
+
+    @property
+    def _first_step(self) -> float:
+        if self._is_single:
+            return self._coder.single_step
+        if self._may_follow:
+            return self._coder.share / STEPS_OF_BOUND
+        piece = self._sampled[0]
+        coder = self._coder.with_step(self._coder.share / 2.0).coder
+        frames = self._prepare(piece).frames
+        n_modes = field_targets(frames, coder.mesh, coder.choices).shape[1]
+        n_steps = math.pow(frames.n_frames, 0.27) * math.pow(n_modes, 0.33)
+        return self._coder.share * BOUNDS_PER_STEP / n_steps
+
+    def _choose_weights(self, step: float) -> None:
+        """Choose the weights with which the strongest modes of the first block take least bytes."""
+        n_learned, piece = self._coder.coder.choices.n_learned, self._sampled[0]
+        coder = self._coder.with_step(step).coder
+        frames = self._prepare(piece, self._coder).frames
+        n_modes = max(MIN_COMPARED_MODES, MAX_COMPARED_VALUES // frames.n_verts)
+        targets = field_targets(frames, coder.mesh, coder.choices)[:, :n_modes]
+
+        def size_bytes(weights: tuple[int | None, int]) -> float:
+            coder = self._coder.with_weights(*weights)
+            size = coder.fields_bytes(self._prepare(piece, coder), targets)
+            return size if weights[0] is None else size / MAX_POINTS_RATIO
+
+        sizes = {weights: size_bytes(weights) for weights in product((None, *NUGGETS), [n_learned])}
+        nugget, _ = min(sizes, key=lambda weights: sizes[weights])
+        if nugget is not None:
+            sizes[nugget, 0] = size_bytes((nugget, 0))
+        self._coder = self._coder.with_weights(*min(sizes, key=lambda weights: sizes[weights]))
+        self._sizes, self._best = {}, None
+        self.__dict__.pop("_single", None)
 
     def _size_bytes(self, step: float) -> float:
         if step not in self._sizes:
             blocks = self._coded(step, self._sampled)
             sizes = [sum(len(payload) for _, payload in block) for block in blocks]
+            corrections = (
+                len(payload)
+                for block in blocks
+                for name, payload in block
+                if name is Section.CORRECTIONS
+            )
+            self._shares[step] = sum(corrections) / sum(sizes)
             size = estimated_bytes(sizes, len(self._pieces))
             if len(blocks) == len(self._pieces) and size < min(
                 self._sizes.values(), default=math.inf
@@ -268,10 +400,15 @@ class StepSearch:
     def _single(self) -> PreparedValues:
         return self._prepare(self._pieces[0])
 
-    def _prepare(self, piece: slice) -> PreparedValues:
-        frames = piece.start, piece.stop
-        positions = None if self._decoded is None else self._decoded(*frames)
-        return self._coder.prepare(self._track.read(*frames), positions)
+    def _prepare(self, piece: slice, coder: TrackCoder | None = None) -> PreparedValues:
+        coder = self._coder if coder is None else coder
+        values, positions, weights = self._track.read(piece.start, piece.stop), None, None
+        if self._decoded is not None:
+            if coder.surface is not None:
+                positions = self._decoded(piece.start, piece.stop)
+            if coder.nugget is not None:
+                weights = self._decoded.weights(coder, piece.start)
+        return coder.prepare(values, positions, weights)
 
 
 def encode_losslessly(

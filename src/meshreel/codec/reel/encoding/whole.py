@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import chain
+from itertools import chain, starmap
 
 import numpy as np
 
@@ -80,11 +80,20 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
     if config.target.kind is TargetKind.QUALITY and not has_one_shape:
         on_grid = sequence.steps_of_quality(config.target.value).grid / sequence.diagonal
     bids = GridBids(source, has_one_shape, on_grid, len(data))
-    if following is not None:
-        data = following.stream(data)
     # A single trial has already reported all frames.
     reported = silent if config.target.kind in SINGLE_TRIALS else progress
-    data = min(chain([data], bids.streams(reported)), key=len)
+    streams: Iterable[tuple[bytes, Source]] = chain([(data, source)], bids.streams(reported))
+
+    def with_tracks(data: bytes, of: Source) -> tuple[bytes, Source]:
+        tracks = following if of is source else FollowingTracks(of, progress)
+        return data if tracks is None else tracks.stream(data), of
+
+    are_predicted = any(track.prediction is not None for track in source.tracks)
+    if are_predicted:  # their size depends on the positions
+        streams = starmap(with_tracks, streams)
+    data, smallest = min(streams, key=lambda stream: len(stream[0]))
+    if source.tracks and not are_predicted:
+        data, _ = with_tracks(data, smallest)
     if bound is not None or source.tracks:
         _check_bounds(source, data, bound, progress)
     return data
