@@ -195,6 +195,8 @@ int reel_sort_nodes(const int32_t *nodes, int n, int32_t *sorted) {
 
 /* ---- Sides with the same nodes */
 
+#define FEW_SIDES 64
+
 typedef struct {
     int32_t nodes[REEL_MAX_SIDE_CORNERS]; /* sorted, then -1 */
     int n;
@@ -217,27 +219,30 @@ static side_key key_of(const reel_cell_list *cells, int32_t side) {
     return key;
 }
 
-/* Order of two sides: by nodes, then by number. */
-static bool is_before(const reel_cell_list *cells, int32_t a, int32_t b, bool *is_same) {
-    side_key first = key_of(cells, a), second = key_of(cells, b);
+/* Negative, 0 or positive: the order of two keys. */
+static int compare_keys(const side_key *a, const side_key *b) {
     for (int i = 0; i < REEL_MAX_SIDE_CORNERS; i++) {
-        if (first.nodes[i] != second.nodes[i]) {
-            *is_same = false;
-            return first.nodes[i] < second.nodes[i];
+        if (a->nodes[i] != b->nodes[i]) {
+            return a->nodes[i] < b->nodes[i] ? -1 : 1;
         }
     }
-    *is_same = true;
-    return a < b;
+    return 0;
+}
+
+/* Order of two sides: by nodes, then by number. */
+static bool is_before(const reel_cell_list *cells, int32_t a, int32_t b) {
+    side_key first = key_of(cells, a), second = key_of(cells, b);
+    int order = compare_keys(&first, &second);
+    return order < 0 || (!order && a < b);
 }
 
 /* Move side `parent` of a heap of n sides down until none of its children is after it. */
 static void sift(const reel_cell_list *cells, int32_t *sides, int64_t parent, int64_t n) {
-    bool is_same;
     for (int64_t child = 2 * parent + 1; child < n; parent = child, child = 2 * parent + 1) {
-        if (child + 1 < n && is_before(cells, sides[child], sides[child + 1], &is_same)) {
+        if (child + 1 < n && is_before(cells, sides[child], sides[child + 1])) {
             child++;
         }
-        if (!is_before(cells, sides[parent], sides[child], &is_same)) {
+        if (!is_before(cells, sides[parent], sides[child])) {
             return;
         }
         int32_t swapped = sides[parent];
@@ -246,7 +251,27 @@ static void sift(const reel_cell_list *cells, int32_t *sides, int64_t parent, in
     }
 }
 
+/* Sort a few sides, whose numbers ascend. */
+static void sort_few_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
+    side_key keys[FEW_SIDES];
+    for (int64_t i = 0; i < n; i++) {
+        int32_t side = sides[i];
+        side_key key = key_of(cells, side);
+        int64_t index = i;
+        for (; index > 0 && compare_keys(&keys[index - 1], &key) > 0; index--) {
+            keys[index] = keys[index - 1];
+            sides[index] = sides[index - 1];
+        }
+        keys[index] = key;
+        sides[index] = side;
+    }
+}
+
 static void sort_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
+    if (n <= FEW_SIDES) {
+        sort_few_sides(cells, sides, n);
+        return;
+    }
     for (int64_t i = n / 2; i-- > 0;) {
         sift(cells, sides, i, n);
     }
@@ -289,15 +314,17 @@ bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *
     }
     for (int64_t low = 0, begin = 0; low < n_verts; begin = starts[low++]) {
         int64_t end = starts[low];
-        bool is_same = false;
+        side_key keys[2]; /* of the current side, and of the next one */
         sort_sides(cells, sides + begin, end - begin);
+        keys[0] = begin < end ? key_of(cells, sides[begin]) : (side_key){0};
         for (int64_t i = begin; i + 1 < end; i++) {
-            is_before(cells, sides[i], sides[i + 1], &is_same);
-            if (is_same) {
+            keys[1] = key_of(cells, sides[i + 1]);
+            if (!compare_keys(&keys[0], &keys[1])) {
                 mates[sides[i]] = sides[i + 1];
                 mates[sides[i + 1]] = sides[i];
-                i++;
+                keys[1] = ++i + 1 < end ? key_of(cells, sides[i + 1]) : keys[1];
             }
+            keys[0] = keys[1];
         }
     }
     return true;
