@@ -459,7 +459,7 @@ def from_points(vertex_type=4, moves=40.0):
     )
     tracks = [(replace(header, name=f"heat {size}"), []) for size in (1, 4, 9, 16)]
     blocks = []
-    for number, nugget in enumerate((13, 0, 24, None)):
+    for number, nugget in enumerate((13, None, 24, None, 0)):
         still = Layout(np.float32(0.01), 4, 2)
         blocks.append(random_block(rng, still, n_verts, spreads=(moves, moves)))
         for (_, of_track), size in zip(tracks, (1, 4, 9, 16), strict=True):

@@ -35,7 +35,7 @@ typedef struct {
     int32_t *stencil;
     uint8_t *hops;
     int32_t *contexts;
-    float *smooth; /* smooth fields of the members of each resolution, finest first */
+    float *smooth; /* smooth fields of the members of each resolution, finest first; or NULL */
     int64_t n_rows;
     int32_t size;
     int32_t n_levels;
@@ -280,8 +280,10 @@ static void build(workspace *work, hierarchy_results *results) {
         }
         list_levels(work, results, n_kept, resolution);
         find_stencils(work, results, n_kept, end);
-        float *rows = results->smooth + results->n_rows * REEL_SMOOTH_FIELDS;
-        reel_smooth(&work->smoother, &work->graph, rows);
+        if (results->smooth) {
+            reel_smooth(&work->smoother, &work->graph,
+                        results->smooth + results->n_rows * REEL_SMOOTH_FIELDS);
+        }
         to_mesh_vertices(work, results->order + n_kept, (size_t)(end - n_kept));
         results->n_rows += work->graph.n;
         coarsen(work, resolution & 1);
@@ -290,8 +292,8 @@ static void build(workspace *work, hierarchy_results *results) {
     add_coarsest(work, results, resolution);
 }
 
-static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) {
-    return (workspace){
+static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near, bool has_smooth) {
+    workspace result = {
         .members = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .by_rank = reel_allocate(arena, n + 1, sizeof(int32_t)),
         .states = reel_allocate(arena, n, 1),
@@ -303,15 +305,18 @@ static workspace allocate_workspace(reel_arena *arena, size_t n, size_t n_near) 
                  reel_allocate(arena, n_near, sizeof(int32_t))},
         .builder = reel_allocate_adjacency_builder(arena, n, n_near / 2),
         .finder = reel_allocate_stencil_finder(arena, n, n_near),
-        .smoother = reel_allocate_smoother(arena, n, n_near),
     };
+    if (has_smooth) {
+        result.smoother = reel_allocate_smoother(arena, n, n_near);
+    }
+    return result;
 }
 
-size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near) {
+size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near, int64_t has_smooth) {
     size_t n = (size_t)n_verts, row = REEL_SMOOTH_FIELDS * sizeof(float);
     reel_arena arena = REEL_MEASURE;
-    allocate_workspace(&arena, n, (size_t)n_near);
-    return arena.used + reel_array_bytes(REEL_SMOOTH_ROWS * n, row);
+    allocate_workspace(&arena, n, (size_t)n_near, has_smooth != 0);
+    return arena.used + (has_smooth ? reel_array_bytes(REEL_SMOOTH_ROWS * n, row) : 0);
 }
 
 /* Write the levels, coarsest first, and where the smooth fields of each resolution begin. Levels
@@ -374,8 +379,11 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
     }
     size_t n = (size_t)n_verts;
     reel_arena arena = reel_arena_of(memory, memory_size);
-    workspace work = allocate_workspace(&arena, n, (size_t)starts[n]);
-    float *rows = reel_allocate(&arena, REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
+    workspace work = allocate_workspace(&arena, n, (size_t)starts[n], smooth != NULL);
+    float *rows = NULL;
+    if (smooth) {
+        rows = reel_allocate(&arena, REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
+    }
     if (arena.failed) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
@@ -398,7 +406,9 @@ int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
         numbers[order[i]] = i;
     }
     renumber_stencils(&results, (int32_t)n, numbers);
-    reorder_smooth(&results, (int32_t)n, n_levels, level_starts, level_resolutions, smooth_starts,
-                   numbers, smooth);
+    if (smooth) {
+        reorder_smooth(&results, (int32_t)n, n_levels, level_starts, level_resolutions,
+                       smooth_starts, numbers, smooth);
+    }
     return n_levels;
 }

@@ -78,7 +78,7 @@ REEL_API int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins,
    REEL_CONTEXT_NEIGHBORS context neighbors of each vertex, also padded with -1. `smooth` receives
    the smooth fields of all resolutions but the coarsest, finest last: those of vertex v are in row
    smooth_starts[level] + v; at most REEL_SMOOTH_ROWS n_verts rows, of which n_verts are of the
-   finest resolution.
+   finest resolution. NULL computes none, for weights from points.
 
    Returns the number of levels. */
 #define REEL_MAX_STENCIL 16
@@ -88,7 +88,7 @@ REEL_API int64_t reel_item_faces(const int32_t *triangles, const int32_t *twins,
 #define REEL_SMALL_GRAPH 4096 /* up to this many vertices, smooth fields diffuse less far */
 #define REEL_SMOOTH_ROWS 4
 #define REEL_CONTEXT_NEIGHBORS 8
-REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near);
+REEL_API size_t reel_hierarchy_memory(int64_t n_verts, int64_t n_near, int64_t has_smooth);
 REEL_API int64_t reel_hierarchy(void *memory, size_t memory_size, const int32_t *starts,
                                 const int32_t *near, int64_t n_verts, int64_t stencil_size,
                                 int32_t *order, int32_t *level_starts, int32_t *level_resolutions,

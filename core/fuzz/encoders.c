@@ -106,10 +106,11 @@ static mesh_levels find_levels(const fuzz_mesh *mesh) {
     result.hops = fuzz_allocate(n * size, 1);
     result.contexts = fuzz_allocate(n * REEL_CONTEXT_NEIGHBORS, sizeof(int32_t));
     result.smooth = fuzz_allocate(REEL_SMOOTH_ROWS * n, REEL_SMOOTH_FIELDS * sizeof(float));
-    result.n_levels = reel_hierarchy(FUZZ_MEMORY(reel_hierarchy_memory(n, n_near)), starts, near, n,
-                                     size, result.order, result.level_starts,
-                                     result.level_resolutions, result.smooth_starts, result.stencil,
-                                     result.hops, result.contexts, result.smooth);
+    result.n_levels =
+        reel_hierarchy(FUZZ_MEMORY(reel_hierarchy_memory(n, n_near, 1)), starts, near, n, size,
+                       result.order, result.level_starts, result.level_resolutions,
+                       result.smooth_starts, result.stencil, result.hops, result.contexts,
+                       result.smooth);
     FUZZ_CHECK(result.n_levels >= 0 && result.n_levels <= REEL_MAX_LEVELS);
     return result;
 }

@@ -66,34 +66,39 @@ static int find_items(reel_call *call, meshreel_decoder *decoder, uint32_t numbe
     return reel_append(&file->host, failed, &decoder->pool, &pool);
 }
 
-static bool is_mesh_of(const reel_field_mesh *mesh, const reel_graph *graph, int64_t stencil_size) {
-    return mesh && mesh->graph->near == graph->near && mesh->mesh.stencil_size == stencil_size;
+static bool is_mesh_of(const reel_field_mesh *mesh, const reel_graph *graph,
+                       const reel_group *group) {
+    return mesh && mesh->graph->near == graph->near &&
+           mesh->mesh.stencil_size == (int64_t)group->stencil_size &&
+           (mesh->mesh.smooth || group->nugget > 0.0);
 }
 
 /* The hierarchy of a track on the same graph, if it is known. */
 static const reel_field_mesh *known_mesh(const meshreel_decoder *decoder, const reel_graph *graph,
-                                         int64_t stencil_size) {
-    if (is_mesh_of(decoder->file->field_mesh, graph, stencil_size)) {
+                                         const reel_group *group) {
+    if (is_mesh_of(decoder->file->field_mesh, graph, group)) {
         return decoder->file->field_mesh;
     }
     for (uint32_t i = 0; i < decoder->file->info.n_tracks; i++) {
-        if (is_mesh_of(decoder->tracks[i].mesh, graph, stencil_size)) {
+        if (is_mesh_of(decoder->tracks[i].mesh, graph, group)) {
             return decoder->tracks[i].mesh;
         }
     }
     return NULL;
 }
 
+/* Find the hierarchy of a track, with smooth fields if the group needs them. */
 static int find_mesh(reel_call *call, meshreel_decoder *decoder, reel_track_state *state,
-                     int64_t stencil_size) {
+                     const reel_group *group) {
     const reel_graph *graph = &state->items.graph;
-    state->mesh = known_mesh(decoder, graph, stencil_size);
+    state->mesh = known_mesh(decoder, graph, group);
     if (state->mesh) {
         return MESHREEL_OK;
     }
     reel_pool pool = {NULL, 0};
     reel_hierarchy_job *job;
-    int failed = reel_prepare_hierarchy(call, &pool, graph, stencil_size, &job);
+    int failed = reel_prepare_hierarchy(call, &pool, graph, (int64_t)group->stencil_size,
+                                        group->nugget == 0.0, &job);
     if (!failed) {
         reel_find_hierarchy(job);
         failed = reel_finish_hierarchy(call, job, &state->mesh);
@@ -377,6 +382,7 @@ static int find_key(reel_call *call, meshreel_decoder *decoder, uint32_t track, 
                 call, decoder, block, track,
                 "a block refers to a block that is not a key block, or has other stencils");
         }
+        failed = failed ? failed : find_mesh(call, decoder, state, &key_group);
         failed = failed ? failed
                         : decode_fields(call, decoder, track, key_block, &key_group,
                                         key_group.n_modes, NULL, NULL, &state->key);
@@ -474,9 +480,10 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
     if (n_moving && !group->reference && n_read < n_modes) {
         n_modes = n_read;
     }
-    REEL_TRY(find_mesh(call, decoder, state, (int64_t)group->stencil_size));
+    REEL_TRY(find_mesh(call, decoder, state, group));
     if (group->reference) {
         REEL_TRY(find_key(call, decoder, track, block, group));
+        REEL_TRY(find_mesh(call, decoder, state, group)); /* the key may need another one */
     }
     state->current.n_modes = n_modes;
     state->current.basis =

@@ -14,7 +14,7 @@ struct reel_hierarchy_job {
 };
 
 int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
-                           int64_t stencil_size, reel_hierarchy_job **result) {
+                           int64_t stencil_size, bool has_smooth, reel_hierarchy_job **result) {
     uint64_t n = graph->n_items;
     reel_hierarchy_job *job = reel_scratch(call, 1, sizeof *job);
     reel_field_mesh *field_mesh = reel_pool_allocate(call, pool, 1, sizeof *field_mesh);
@@ -36,11 +36,13 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
         reel_pool_allocate(call, pool, REEL_MAX_LEVELS, sizeof *job->smooth_starts);
     job->stencil = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, sizeof *job->stencil);
     job->hops = reel_pool_allocate(call, pool, n * (uint64_t)stencil_size, 1);
-    job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n,
-                                     REEL_SMOOTH_FIELDS * sizeof *job->smooth);
+    if (has_smooth) {
+        job->smooth = reel_pool_allocate(call, pool, REEL_SMOOTH_ROWS * n,
+                                         REEL_SMOOTH_FIELDS * sizeof *job->smooth);
+    }
     field_mesh->items = reel_pool_allocate(call, pool, n, sizeof *field_mesh->items);
     job->resolutions = reel_scratch(call, REEL_MAX_LEVELS, sizeof *job->resolutions);
-    job->memory_size = reel_hierarchy_memory((int64_t)n, graph->starts[n]);
+    job->memory_size = reel_hierarchy_memory((int64_t)n, graph->starts[n], has_smooth);
     job->memory = reel_scratch(call, job->memory_size, 1);
     field_mesh->mesh = (reel_mesh){.n_verts = (int64_t)n,
                                    .stencil_size = stencil_size,
@@ -51,8 +53,8 @@ int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *g
                                    .smooth = job->smooth};
     bool has_all = order->columns && order->near_starts && order->near && order->pass_starts &&
                    field_mesh->positions && field_mesh->items && job->level_starts &&
-                   job->smooth_starts && job->stencil && job->hops && job->smooth &&
-                   job->resolutions && job->memory;
+                   job->smooth_starts && job->stencil && job->hops &&
+                   (job->smooth || !has_smooth) && job->resolutions && job->memory;
     return has_all ? MESHREEL_OK : call->error.code;
 }
 

@@ -24,7 +24,7 @@ typedef struct {
    run on another thread. */
 typedef struct reel_hierarchy_job reel_hierarchy_job;
 int reel_prepare_hierarchy(reel_call *call, reel_pool *pool, const reel_graph *graph,
-                           int64_t stencil_size, reel_hierarchy_job **job);
+                           int64_t stencil_size, bool has_smooth, reel_hierarchy_job **job);
 void reel_find_hierarchy(reel_hierarchy_job *job);
 int reel_finish_hierarchy(reel_call *call, const reel_hierarchy_job *job,
                           const reel_field_mesh **result);

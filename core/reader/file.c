@@ -373,7 +373,7 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     }
     REEL_TRY(first_stencil(call, file, &stencil));
     if (stencil) {
-        REEL_TRY(reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, &jobs.hierarchy));
+        REEL_TRY(reel_prepare_hierarchy(call, pool, &mesh->graph, stencil, true, &jobs.hierarchy));
     }
     reel_run(call, run_mesh_job, &jobs, 2, outline->n_verts * REEL_MAX_STENCIL);
     REEL_TRY(jobs.order ? reel_finish_order(call, jobs.order) : MESHREEL_OK);

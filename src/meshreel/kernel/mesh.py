@@ -144,7 +144,7 @@ def hierarchy(graph: Neighbors, stencil_size: int) -> Hierarchy:
         contexts,
         smooth,
         noun="stencils",
-        memory_of=("reel_hierarchy_memory", n_verts, len(graph.near)),
+        memory_of=("reel_hierarchy_memory", n_verts, len(graph.near), 1),
     )
     finest = smooth_starts[n_levels - 1]
     n_rows = finest + n_verts if resolutions[n_levels - 1] else 0
