@@ -156,7 +156,8 @@ def kriging_weights(mesh: Hierarchy, points: Floats, nugget: float) -> npt.NDArr
 def _core_mesh(mesh: Hierarchy, weights: npt.NDArray[np.float32] | None) -> _Mesh:
     starts = mesh.level_starts, mesh.smooth_starts
     arrays = map(_address, (*starts, mesh.stencil, mesh.hops, mesh.smooth, weights))
-    return _Mesh(mesh.n_verts, len(mesh.smooth_starts), mesh.stencil.shape[1], *arrays)
+    n_verts, stencil_size = mesh.stencil.shape
+    return _Mesh(n_verts, len(mesh.smooth_starts), stencil_size, *arrays)
 
 
 def _address(array: npt.NDArray[Any] | None) -> int | None:
