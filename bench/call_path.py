@@ -9,6 +9,7 @@ Prints a Markdown table; `--pairs` lists pairs of consecutive files by frequency
 """
 
 import argparse
+import gc
 import io
 import sys
 import tempfile
@@ -48,11 +49,14 @@ def file_changes(function: Callable[[], object]) -> Counter[tuple[str, str]]:
         last = path
 
     previous = sys.getprofile()
+    gc.collect()  # finalizers of other objects do not count either
+    gc.disable()
     sys.setprofile(enter)
     try:
         function()
     finally:
         sys.setprofile(previous)
+        gc.enable()
     return changes
 
 
