@@ -11,6 +11,7 @@ from samples.meshes import waving_grid
 
 pytest.importorskip("vtkmodules")
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
 
 PLUG_IN = Path(__file__).parents[2] / "integrations" / "paraview" / "meshreel_reader.py"
 BLOCK = np.array(list(np.ndindex(3, 2, 2)), np.float64)
@@ -80,8 +81,13 @@ def test_changing_faces_without_a_rate_are_read(opened):
         np.testing.assert_array_equal(corners, parts[part].faces.ravel())
 
 
-def test_values_of_corners_are_named(opened, capfd):
+def test_values_of_corners_are_named(opened):
     faces = waving_grid(1).faces
     values = np.zeros((1, faces.size))
-    frame_at(opened(waving_grid(1).replace(tracks={"shade": values})), 0)
-    assert "left out, as it fits neither points nor cells: shade" in capfd.readouterr().err
+    before, window = vtkOutputWindow.GetInstance(), vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    try:
+        frame_at(opened(waving_grid(1).replace(tracks={"shade": values})), 0)
+    finally:
+        vtkOutputWindow.SetInstance(before)
+    assert "left out, as it fits neither points nor cells: shade" in window.GetOutput()
