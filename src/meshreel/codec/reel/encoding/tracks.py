@@ -26,6 +26,7 @@ from meshreel.codec.reel.encoding.track_coders import (
     track_coder,
 )
 from meshreel.codec.reel.encoding.track_residuals import DifferenceFit, moving_surface
+from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel.normative.points import PointWeights
 from meshreel.codec.reel_options import ReelOptions
 from meshreel.codec.source import CodedMesh, CodedTrack, Source
@@ -245,7 +246,10 @@ class DecodedPositions:
 
     def __init__(self, read: Callable[[int, int], Vertices]) -> None:
         self._read = read
-        self._weights: dict[tuple[int, int, int | None], PointWeights] = {}
+        self._weights: dict[tuple[int, int, int | None], tuple[FieldMesh, PointWeights]] = {}
+        """By hierarchy, first frame and nugget; the hierarchies are kept, so that no other one gets
+        the same id.
+        """
 
     def __call__(self, start: int, stop: int) -> Vertices:
         """Decode frames start..stop - 1."""
@@ -253,12 +257,13 @@ class DecodedPositions:
 
     def weights(self, coder: TrackCoder, start: int) -> PointWeights:
         """Return the initial weights of the block that begins at a frame; the latest are cached."""
-        key = id(coder.coder.mesh), start, coder.nugget
+        mesh = coder.coder.mesh
+        key = id(mesh), start, coder.nugget
         if key not in self._weights:
             while len(self._weights) >= MAX_CACHED_WEIGHTS:
                 self._weights.pop(next(iter(self._weights)))
-            self._weights[key] = coder.weights(self._read(start, start + 1)[0])
-        return self._weights[key]
+            self._weights[key] = mesh, coder.weights(self._read(start, start + 1)[0])
+        return self._weights[key][1]
 
 
 class StepSearch:
