@@ -13,6 +13,7 @@ from meshreel.codec.reel.encoding.block_frames import CHUNK_VERTICES, LARGEST_IN
 from meshreel.codec.reel.encoding.surface_errors import surface_forms
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout, decode_basis, with_reused
 from meshreel.codec.reel.normative.mesh import FieldMesh
+from meshreel.codec.reel.normative.points import PointWeights
 from meshreel.kernel.basis import BasisCoding, basis_vectors, lengths_of, quantized_basis
 from meshreel.kernel.frames import JointFrames
 from meshreel.kernel.predict import Choice, encode_values
@@ -175,7 +176,9 @@ def _encode_fields(
         forms = None
         if choices.slides:
             forms = surface_forms(vectors, target, frames, mesh, layout.n_learned)
-        residuals, new_fields = quantized_fields(target, mesh, choices, frames, key, forms)
+        residuals, new_fields = quantized_fields(
+            target, mesh, choices, frames.from_points, key, forms
+        )
     else:
         target = np.empty((frames.n_verts, 0))
         residuals, new_fields = np.empty((0, frames.n_verts), np.int32), target
@@ -282,7 +285,7 @@ def quantized_fields(
     target: Floats,
     mesh: FieldMesh,
     choices: FieldChoices,
-    frames: BlockFrames,
+    from_points: PointWeights | None,
     key: Floats | None = None,
     forms: npt.NDArray[np.float32] | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
@@ -292,13 +295,13 @@ def quantized_fields(
     ----------
     target : float64 array of shape (V, K)
         Unquantized fields, in coding order and in steps.
-    frames : BlockFrames
-        The block, for its initial weights.
+    from_points : PointWeights or None
+        Initial weights; None derives them from connectivity.
     forms : float32 array or None
         As in `encode_values`.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
-    weights = None if frames.from_points is None else frames.from_points.weights
+    weights = None if from_points is None else from_points.weights
     return encode_values(mesh.hierarchy, target, choice, choices.n_learned, key, forms, weights)
 
 

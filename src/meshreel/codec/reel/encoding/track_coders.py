@@ -184,10 +184,10 @@ class TrackCoder(_Coder):
         weights = kriging_weights(self.coder.mesh.hierarchy, points, nugget_of(self.nugget))
         return PointWeights(self.nugget, weights)
 
-    def fields_bytes(self, prepared: PreparedValues, targets: Floats) -> int:
-        """Return the bytes of unquantized fields, of shape (N, K), with the weights of a block."""
+    def fields_bytes(self, targets: Floats, from_points: PointWeights | None) -> int:
+        """Return the bytes of unquantized fields, of shape (N, K), with these initial weights."""
         coder = self.coder
-        residuals, _ = quantized_fields(targets, coder.mesh, coder.choices, prepared.frames)
+        residuals, _ = quantized_fields(targets, coder.mesh, coder.choices, from_points)
         return len(encode_fields(residuals, coder.mesh.coding_order))
 
     def code_prepared(self, prepared: PreparedValues) -> Sections:

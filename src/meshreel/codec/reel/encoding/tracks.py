@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 
 import numpy as np
@@ -181,7 +181,7 @@ def live_track_coder(
     first: TrackSource,
     bound: TrackBound,
     mesh: CodedMesh,
-    positions: Callable[[], Vertices] | None,
+    decoded: "DecodedPositions | None",
 ) -> TrackCoder | ExactTrackCoder:
     """Return the coder of a track with the best step for its first block.
 
@@ -192,8 +192,8 @@ def live_track_coder(
     ----------
     name, first, bound, mesh
         As in `encode_track`; only the first block is known.
-    positions : callable or None
-        Decodes the positions of the first block, in output order; None disables prediction.
+    decoded : DecodedPositions or None
+        Positions of the first block; None disables prediction.
 
     Raises
     ------
@@ -204,20 +204,18 @@ def live_track_coder(
         return exact_coder(name, first, mesh)
     piece = slice(0, first.shape[0])
     coder = track_coder(name, first, bound, mesh, value_range(first))
-    decoded = None if positions is None else positions()
-    of_block = None if decoded is None else DecodedPositions(lambda *_: decoded)
-    search = StepSearch(coder, first, [piece], of_block)
+    search = StepSearch(coder, first, [piece], decoded)
     step, coded = search.best()
     if decoded is not None and _is_velocity(first):
         fit = DifferenceFit()
-        in_given_order = decoded
+        in_given_order = decoded(piece.start, piece.stop)
         if not mesh.keeps_vertex_order:
-            in_given_order = decoded[:, inverse_permutation(mesh.order)]
+            in_given_order = in_given_order[:, inverse_permutation(mesh.order)]
         fit.add(first.read(piece.start, piece.stop), in_given_order)
         prediction = fit.best()
         if prediction is not None:
             predicted = coder.with_prediction(*prediction, moving_surface(mesh), bound)
-            of_residuals = StepSearch(predicted, first, [piece], of_block)
+            of_residuals = StepSearch(predicted, first, [piece], decoded)
             predicted_step, residual = of_residuals.best()
             if residual.size_bytes < coded.size_bytes:
                 return of_residuals.coder.with_step(predicted_step)
@@ -229,8 +227,12 @@ def live_track_coders(
 ) -> dict[str, TrackCoder | ExactTrackCoder]:
     """Return the coders of tracks that are not dropped, by name; raises as `live_track_coder`."""
     bounds = kept_bounds(start.mesh.config, start.tracks, start.targets)
+    decoded = None
+    if positions is not None:
+        first = cache(positions)  # decoded only if a track needs them, and once for all
+        decoded = DecodedPositions(lambda begin, end: first()[begin:end])
     return {
-        name: live_track_coder(name, start.tracks[name], bound, start.mesh, positions)
+        name: live_track_coder(name, start.tracks[name], bound, start.mesh, decoded)
         for name, bound in bounds.items()
     }
 
@@ -357,13 +359,13 @@ class StepSearch:
         """Choose the weights with which the strongest modes of the first block take least bytes."""
         n_learned, piece = self._coder.coder.choices.n_learned, self._sampled[0]
         coder = self._coder.with_step(step).coder
-        frames = self._prepare(piece, self._coder).frames
+        frames = self._prepare(piece).frames
         n_modes = max(MIN_COMPARED_MODES, MAX_COMPARED_VALUES // frames.n_verts)
         targets = field_targets(frames, coder.mesh, coder.choices)[:, :n_modes]
 
         def size_bytes(weights: tuple[int | None, int]) -> float:
             coder = self._coder.with_weights(*weights)
-            size = coder.fields_bytes(self._prepare(piece, coder), targets)
+            size = coder.fields_bytes(targets, self._weights(coder, piece))
             return size if weights[0] is None else size / MAX_POINTS_RATIO
 
         sizes = {weights: size_bytes(weights) for weights in product((None, *NUGGETS), [n_learned])}
@@ -405,15 +407,17 @@ class StepSearch:
     def _single(self) -> PreparedValues:
         return self._prepare(self._pieces[0])
 
-    def _prepare(self, piece: slice, coder: TrackCoder | None = None) -> PreparedValues:
-        coder = self._coder if coder is None else coder
-        values, positions, weights = self._track.read(piece.start, piece.stop), None, None
-        if self._decoded is not None:
-            if coder.surface is not None:
-                positions = self._decoded(piece.start, piece.stop)
-            if coder.nugget is not None:
-                weights = self._decoded.weights(coder, piece.start)
-        return coder.prepare(values, positions, weights)
+    def _prepare(self, piece: slice) -> PreparedValues:
+        values, positions = self._track.read(piece.start, piece.stop), None
+        if self._decoded is not None and self._coder.surface is not None:
+            positions = self._decoded(piece.start, piece.stop)
+        return self._coder.prepare(values, positions, self._weights(self._coder, piece))
+
+    def _weights(self, coder: TrackCoder, piece: slice) -> PointWeights | None:
+        """Return the initial weights of a block that follow from points, if any."""
+        if self._decoded is None or coder.nugget is None:
+            return None
+        return self._decoded.weights(coder, piece.start)
 
 
 def encode_losslessly(
