@@ -314,17 +314,14 @@ bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *
     }
     for (int64_t low = 0, begin = 0; low < n_verts; begin = starts[low++]) {
         int64_t end = starts[low];
-        side_key keys[2]; /* of the current side, and of the next one */
         sort_sides(cells, sides + begin, end - begin);
-        keys[0] = begin < end ? key_of(cells, sides[begin]) : (side_key){0};
         for (int64_t i = begin; i + 1 < end; i++) {
-            keys[1] = key_of(cells, sides[i + 1]);
-            if (!compare_keys(&keys[0], &keys[1])) {
+            side_key key = key_of(cells, sides[i]), next = key_of(cells, sides[i + 1]);
+            if (!compare_keys(&key, &next)) {
                 mates[sides[i]] = sides[i + 1];
                 mates[sides[i + 1]] = sides[i];
-                keys[1] = ++i + 1 < end ? key_of(cells, sides[i + 1]) : keys[1];
+                i++;
             }
-            keys[0] = keys[1];
         }
     }
     return true;
