@@ -32,7 +32,7 @@ POINT, LINE = Shape(1, [], [], False), Shape(2, [[0, 1]], [], False)
 TRIANGLE, QUAD = shape_of(3, "ab bc ca"), shape_of(4, "ab bc cd da")
 TETRA = shape_of(4, "ab bc ca ad bd cd", "abd bcd cad acb")
 PYRAMID = shape_of(5, "ab bc cd da ae be ce de", "adcb abe bce cde dae")
-WEDGE = shape_of(6, "ab bc ca de ef fd ad be cf", "abc dfe adeb befc cfda")
+WEDGE = shape_of(6, "ab bc ca de ef fd ad be cf", "acb def abed bcfe cadf")
 HEXAHEDRON = shape_of(8, "ab bc cd da ef fg gh he ae bf cg dh", "aehd bcgf abfe dhgc adcb efgh")
 PENTAGONAL = shape_of(
     10,

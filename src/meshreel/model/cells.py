@@ -32,7 +32,7 @@ class Cells:
         hexahedron, wedge, pyramid, pentagonal and hexagonal prism), 21 to 29 and 32 to 34 (the same
         with nodes on edges and sides, and inside).
     nodes : integer array of shape (n,)
-        Vertex numbers of the nodes of all cells, concatenated, in the order of VTK.
+        Vertex numbers of the nodes of all cells, concatenated, in the order of VTK 9.7.
     """
 
     types: npt.NDArray[np.uint8]

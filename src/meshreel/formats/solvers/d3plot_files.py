@@ -698,8 +698,8 @@ def _solid_cells(nodes: Integers) -> tuple[Integers, Integers]:
     equals_next = nodes[:, 1:] == nodes[:, :-1]  # whether each node equals the next one
     is_apex = equals_next[:, 4] & equals_next[:, 5] & equals_next[:, 6]
     shapes = (
-        (equals_next[:, 2] & equals_next[:, 6], WEDGE, (0, 2, 1, 4, 6, 5)),
-        (equals_next[:, 4] & equals_next[:, 6], WEDGE, (0, 1, 4, 3, 2, 6)),
+        (equals_next[:, 2] & equals_next[:, 6], WEDGE, (0, 1, 2, 4, 5, 6)),
+        (equals_next[:, 4] & equals_next[:, 6], WEDGE, (0, 4, 1, 3, 6, 2)),
         (is_apex, PYRAMID, (0, 1, 2, 3, 4)),
         (is_apex & equals_next[:, 2], TETRA, (0, 1, 2, 4)),
         (is_apex & equals_next[:, 3], TETRA, (0, 1, 2, 3)),

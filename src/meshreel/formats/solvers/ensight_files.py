@@ -156,11 +156,6 @@ TYPES = {
 }  # fmt: skip
 """VTK type of each type of element with faces."""
 
-ORDERS: dict[str, tuple[int, ...]] = {
-    "penta6": (0, 2, 1, 3, 5, 4), "penta15": (0, 2, 1, 3, 5, 4, 8, 7, 6, 11, 10, 9, 12, 14, 13),
-}  # fmt: skip
-"""Nodes of types of elements in the order of VTK, where it differs."""
-
 NSIDED, NFACED, GHOST = "nsided", "nfaced", "g_"
 EXPLICIT = ("given", "ignore")
 """Numbering modes for which a file contains the numbers."""
@@ -302,9 +297,8 @@ def _read_block(tables: Tables, block: Block) -> Cells:
     if block.kind == NFACED:
         return _read_polyhedra(tables, count)
     n_nodes = N_NODES[block.kind]
-    nodes = tables.integers(count * n_nodes, count).reshape(count, n_nodes) - 1
-    nodes = nodes[:, ORDERS.get(block.kind, slice(None))]
-    return Cells(np.full(count, TYPES[block.kind]), np.full(count, n_nodes), nodes.ravel())
+    nodes = tables.integers(count * n_nodes, count) - 1
+    return Cells(np.full(count, TYPES[block.kind]), np.full(count, n_nodes), nodes)
 
 
 def _read_polyhedra(tables: Tables, count: int) -> Cells:

@@ -13,6 +13,7 @@ import sys
 import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -40,12 +41,12 @@ from meshreel.formats.surfaces.cells import VTK_POLYHEDRON, Cells, CellSurface, 
 from meshreel.model.surface import Domain
 from meshreel.runtime.extras import VTK
 
-EXODUS, OPENFOAM = "Exodus II", "OpenFOAM"
+EXODUS, OPENFOAM, FLUENT = "Exodus II", "OpenFOAM", "Fluent"
 READERS = {
     EXODUS: ("vtkIOExodus", "vtkExodusIIReader", (".e", ".ex2", ".exo", ".g")),
     OPENFOAM: ("vtkIOGeometry", "vtkOpenFOAMReader", (".foam",)),
     "CGNS": ("vtkIOCGNSReader", "vtkCGNSReader", (".cgns",)),
-    "Fluent": ("vtkIOGeometry", "vtkFLUENTReader", (".cas",)),
+    FLUENT: ("vtkIOGeometry", "vtkFLUENTReader", (".cas",)),
 }
 """Module, class and file extensions of the reader of each format."""
 
@@ -57,6 +58,9 @@ UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOC
 
 CELL_ZONES = ("fluid", "solid")
 """Types of zones of Fluent that have cells."""
+
+WEDGE, MIRRORED = 13, (0, 2, 1, 3, 5, 4)
+"""VTK's type of wedges, and the nodes of one in the order of its mirror image."""
 
 STORE = "from meshreel.formats.vtk.library_readers import store; import sys; store(*sys.argv[1:])"
 MIN_MEMORY, MEMORY_RATIO = 1 << 32, 64
@@ -157,14 +161,27 @@ def store(title: str, path: str, folder: str) -> None:
             raise FormatError("it has no mesh")
         mesh, others = join_pieces(pieces, same_points=title == EXODUS)
         left_out += others
-        if not steps or not cells.equals(mesh.cells):
-            cells, n_cells = mesh.cells, n_cells + 1
+        new_cells = _with_positive_wedges(mesh) if title in (OPENFOAM, FLUENT) else mesh.cells
+        if not steps or not cells.equals(new_cells):
+            cells, n_cells = new_cells, n_cells + 1
             np.savez(Path(folder, f"cells_{n_cells}.npz"), **vars(cells))
         values: Any = {str(number): array.read() for number, array in enumerate(mesh.arrays)}
         np.savez(Path(folder, f"step_{index}.npz"), points=mesh.points, **values)
         steps.append((n_cells, len(mesh.points), [array.key for array in mesh.arrays]))
     contents = {"times": times or [0.0], "steps": steps, "left_out": [*dict.fromkeys(left_out)]}
     Path(folder, CONTENTS).write_text(json.dumps(contents), "utf-8")
+
+
+def _with_positive_wedges(mesh: Piece) -> Cells:
+    """Return the cells; VTK 9.7 mirrors wedges that it builds from their faces."""
+    starts = np.cumsum(mesh.cells.counts) - mesh.cells.counts
+    rows = starts[mesh.cells.types == WEDGE][:, None] + np.arange(6)
+    nodes = mesh.cells.points.copy()
+    a, b, c, *others = np.moveaxis(np.asarray(mesh.points, float)[nodes[rows]], 1, 0)
+    heights = np.einsum("ij,ij->i", np.cross(b - a, c - a), sum(others) - (a + b + c))
+    rows = rows[heights < 0]
+    nodes[rows] = nodes[rows][:, MIRRORED]
+    return replace(mesh.cells, points=nodes)
 
 
 def _limit(files: Iterable[Path]) -> None:

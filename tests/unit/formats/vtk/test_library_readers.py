@@ -29,6 +29,17 @@ FACES = [
 """Faces of the hexahedra, the first one between them."""
 
 OWNERS = [0, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]
+HEXAHEDRAL = NODES, FACES, OWNERS, 4
+"""With the number of Fluent for hexahedra."""
+
+CUBE = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+SIDES = [
+    [7, 5, 1, 3], [0, 3, 1], [4, 5, 7], [0, 1, 5, 4], [3, 0, 4, 7], [1, 3, 2], [5, 6, 7],
+    [1, 2, 6, 5], [2, 3, 7, 6],
+]  # fmt: skip
+WEDGES = np.array(CUBE, float), SIDES, [0, 0, 0, 0, 0, 1, 1, 1, 1], 6
+"""Two halves of a cube."""
+
 SHIFT = np.outer(np.arange(12), [0.01, 0.02, 0])
 TENSION = np.array([1 / 3, 2])
 N_STEPS = 3
@@ -70,12 +81,14 @@ def listing(rows):
     return f"{len(texts)} ({' '.join(texts)})"
 
 
-def write_open_foam(path):
-    mesh, walls = path.parent / "constant" / "polyMesh", "type wall; nFaces 10; startFace 1;"
-    points = " ".join(f"({x} {y} {z})" for x, y, z in NODES.tolist())
-    foam(mesh, "points", "vectorField", f"{len(NODES)} ({points})")
-    foam(mesh, "faces", "faceList", listing(FACES))
-    foam(mesh, "owner", "labelList", listing(OWNERS))
+def write_open_foam(path, content=HEXAHEDRAL):
+    nodes, faces, owners, _ = content
+    mesh = path.parent / "constant" / "polyMesh"
+    walls = f"type wall; nFaces {len(faces) - 1}; startFace 1;"
+    points = " ".join(f"({x} {y} {z})" for x, y, z in nodes.tolist())
+    foam(mesh, "points", "vectorField", f"{len(nodes)} ({points})")
+    foam(mesh, "faces", "faceList", listing(faces))
+    foam(mesh, "owner", "labelList", listing(owners))
     foam(mesh, "neighbour", "labelList", "1 (1)")
     foam(mesh, "boundary", "polyBoundaryMesh", f"1 (walls {{ {walls} }})")
     for step in range(N_STEPS):
@@ -88,26 +101,27 @@ def write_open_foam(path):
     return path
 
 
-def write_fluent(path):
+def write_fluent(path, content=HEXAHEDRAL):
     """Write an ASCII case with one time."""
+    nodes, faces, owners, kind = content
 
     def section(number, head, rows=()):
         body = f"(\n{chr(10).join(' '.join(map(str, row)) for row in rows)}\n)" if rows else ""
         return f"({number} ({head}){body})\n"
 
     numbers = [
-        [f"{node + 1:x}" for node in [*face, owner, 1 - owner if face == FACES[0] else -1]]
-        for face, owner in zip(FACES, OWNERS, strict=True)
+        [f"{node + 1:x}" for node in [len(face) - 1, *face, owner, -1 if number else 1 - owner]]
+        for number, (face, owner) in enumerate(zip(faces, owners, strict=True))
     ]
     path.write_text(
         "(2 3)\n"
-        + section(10, "0 1 c 0 3")
-        + section(10, "1 1 c 1 3", NODES.tolist())
+        + section(10, f"0 1 {len(nodes):x} 0 3")
+        + section(10, f"1 1 {len(nodes):x} 1 3", nodes.tolist())
         + section(12, "0 1 2 0 0")
-        + section(12, "2 1 2 1 4")
-        + section(13, "0 1 b 0 0")
-        + section(13, "3 1 1 2 4", numbers[:1])
-        + section(13, "4 2 b 3 4", numbers[1:])
+        + section(12, f"2 1 2 1 {kind}")
+        + section(13, f"0 1 {len(faces):x} 0 0")
+        + section(13, "3 1 1 2 0", numbers[:1])
+        + section(13, f"4 2 {len(faces):x} 3 0", numbers[1:])
         + "(45 (2 fluid fluid)())\n(45 (3 interior inside)())\n(45 (4 wall walls)())\n"
     )
     return path
@@ -164,6 +178,13 @@ def test_cells_of_fluent_are_read(tmp_path, notes):
     np.testing.assert_array_equal(result.vertices, [NODES.astype(np.float32)])
     assert corners(result) == np.sort(HEXAHEDRA).tolist()
     assert notes == ["left out: zones of faces: inside:interior, walls:wall"]
+
+
+@pytest.mark.parametrize("write", [write_open_foam, write_fluent])
+def test_wedges_of_faces_have_positive_volumes(tmp_path, write):
+    result = load(write(tmp_path / {write_fluent: "a.cas"}.get(write, "a.foam"), WEDGES))
+    nodes = result.vertices[0].astype(float)[result.surface.cells.nodes.reshape(2, 6)]
+    assert np.linalg.det(nodes[:, 1:4] - nodes[:, :1]) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("extension", [".e", ".foam", ".cgns"])
