@@ -148,11 +148,10 @@ class Step:
         notes.left_out_items(self.left_out)
 
     def share_data(self, previous: "Step") -> "Step":
-        """Return the step with surface and arrays of another one where they are equal."""
-        surface = previous.surface if previous.surface.equals(self.surface) else self.surface
+        """Return the step with arrays of another one where they are equal."""
         arrays = {_contents(array): array for array in previous.data}
         data = [arrays.get(_contents(array), array) for array in self.data]
-        return replace(self, surface=surface, data=data)
+        return replace(self, data=data)
 
     @property
     def sizes(self) -> dict[Domain, int]:

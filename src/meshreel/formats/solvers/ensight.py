@@ -462,9 +462,7 @@ class _PartFrames:
         """Return the surface of a frame, read once; equal surfaces of frames are one object."""
         step = self._steps.elements_step(index)
         if step not in self._surfaces:
-            surface = self._steps.surface(step, self._number)
-            previous = next(reversed(self._surfaces.values()), surface)
-            self._surfaces[step] = previous if previous.equals(surface) else surface
+            self._surfaces[step] = self._steps.surface(step, self._number)
         return self._surfaces[step]
 
 

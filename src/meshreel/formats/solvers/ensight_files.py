@@ -15,6 +15,7 @@ from meshreel.arrays import Integers, Singles
 from meshreel.errors import FormatError
 from meshreel.formats.file_errors import os_errors_naming, read_bytes
 from meshreel.formats.surfaces.cells import POLYGON, Cells
+from meshreel.kernel.cells import cell_sizes
 from meshreel.model.notes import Notes
 
 LINE_BYTES = 80
@@ -143,20 +144,17 @@ def find_order(path: Path) -> str | None:
     return "<" if int.from_bytes(number, "little") <= MAX_PART else ">"
 
 
-N_NODES = {
-    "point": 1, "bar2": 2, "bar3": 3, "tria3": 3, "tria6": 6, "quad4": 4, "quad8": 8, "tetra4": 4,
-    "tetra10": 10, "pyramid5": 5, "pyramid13": 13, "penta6": 6, "penta15": 15, "hexa8": 8,
-    "hexa20": 20,
-}  # fmt: skip
-"""Nodes of each type of element."""
-
 TYPES = {
-    "tria3": 5, "tria6": 22, "quad4": 9, "quad8": 23, "tetra4": 10, "tetra10": 24, "pyramid5": 14,
-    "pyramid13": 27, "penta6": 13, "penta15": 26, "hexa8": 12, "hexa20": 25,
+    "point": 1, "bar2": 3, "bar3": 21, "tria3": 5, "tria6": 22, "quad4": 9, "quad8": 23,
+    "tetra4": 10, "tetra10": 24, "pyramid5": 14, "pyramid13": 27, "penta6": 13, "penta15": 26,
+    "hexa8": 12, "hexa20": 25,
 }  # fmt: skip
-"""VTK type of each type of element with faces."""
+"""VTK type of each type of element."""
 
 NSIDED, NFACED, GHOST = "nsided", "nfaced", "g_"
+UNREAD = (GHOST, "point", "bar")
+"""Beginnings of types of elements that are not read."""
+
 EXPLICIT = ("given", "ignore")
 """Numbering modes for which a file contains the numbers."""
 
@@ -174,7 +172,7 @@ class Block:
     @property
     def has_faces(self) -> bool:
         """Whether its elements have faces that are read: no points, bars or ghosts."""
-        return self.kind in (NSIDED, NFACED) or self.kind in TYPES
+        return not self.kind.startswith(UNREAD)
 
 
 @dataclass(frozen=True)
@@ -253,16 +251,16 @@ def _next_line(tables: Tables) -> str:
 
 def _find_block(tables: Tables, kind: str, *, has_numbers: bool) -> Block:
     base = kind.removeprefix(GHOST)
-    if base not in N_NODES and base not in (NSIDED, NFACED):
+    if base not in TYPES and base not in (NSIDED, NFACED):
         raise FormatError(
             f"{tables.path.name} contains elements of the unknown type {kind[:40]!r}; known are "
-            f"{', '.join([*N_NODES, NSIDED, NFACED])}"
+            f"{', '.join([*TYPES, NSIDED, NFACED])}"
         )
     count = int(tables.integers(1)[0])
     tables.skip(count * has_numbers)
     block = Block(kind, count, tables.position)
-    if base in N_NODES:
-        tables.skip(count * N_NODES[base], count)
+    if base in TYPES:
+        tables.skip(count * int(cell_sizes()[TYPES[base]]), count)
     elif base == NSIDED:
         tables.skip(_total(tables.integers(count)), count)
     else:
@@ -296,7 +294,7 @@ def _read_block(tables: Tables, block: Block) -> Cells:
         return Cells(np.full(count, POLYGON), counts, tables.integers(_total(counts), count) - 1)
     if block.kind == NFACED:
         return _read_polyhedra(tables, count)
-    n_nodes = N_NODES[block.kind]
+    n_nodes = int(cell_sizes()[TYPES[block.kind]])
     nodes = tables.integers(count * n_nodes, count) - 1
     return Cells(np.full(count, TYPES[block.kind]), np.full(count, n_nodes), nodes)
 

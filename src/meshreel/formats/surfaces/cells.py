@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from meshreel.model.cells import Cells as VolumeCells
 from meshreel.model.cells import validated_cells
 from meshreel.model.geometry.polygons import join_triangles, ragged_indices
 from meshreel.model.notes import NoteKind, Notes, listed
-from meshreel.model.sequence import Faces, Vertices
+from meshreel.model.sequence import Faces, Vertices, mesh_digest
 from meshreel.model.surface import Domain, Surface
 from meshreel.runtime.counting import counted
 
@@ -243,17 +244,8 @@ class CellSurface:
     @property
     def size_bytes(self) -> int:
         """Size of its arrays."""
-        return sum(array.nbytes for array in self._contents if isinstance(array, np.ndarray))
-
-    def equals(self, other: "CellSurface") -> bool:
-        """Whether all contents are equal."""
-        return all(map(np.array_equal, self._contents, other._contents))
-
-    @property
-    def _contents(self) -> list[Any]:
-        volume = self.volume
-        cells = [None, None] if volume is None else [volume.types, volume.nodes]
-        return [value for name, value in vars(self).items() if name != "volume"] + cells
+        arrays = [array.nbytes for array in vars(self).values() if isinstance(array, np.ndarray)]
+        return sum(arrays) + (0 if self.volume is None else self.volume.size_bytes)
 
     def without_points(self, is_lost: npt.NDArray[np.bool_]) -> "CellSurface":
         """Return the surface without points that none of its cells has."""
@@ -299,14 +291,28 @@ TYPE_NAMES = {
 """Names of the types that notes and messages list."""
 
 
+_SURFACES: WeakValueDictionary[bytes, CellSurface] = WeakValueDictionary()
+"""Surfaces in use by the digest of their cells, which are the same in most steps of a result."""
+
+
 def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
     """Return the surface of the cells, with the cells if some are solid and all can be stored.
+
+    It is the same object for equal cells, as long as it is in use.
 
     Raises
     ------
     FormatError
         As `extract_surface`, or if the number of points differs from what the cells declare.
     """
+    key = mesh_digest(n_points, cells.types, cells.counts, cells.points)
+    surface = _SURFACES.get(key)
+    if surface is None:
+        surface = _SURFACES[key] = _cell_mesh(cells, n_points)
+    return surface
+
+
+def _cell_mesh(cells: Cells, n_points: int) -> CellSurface:
     if cells.counts.sum() != len(cells.points) or (cells.counts < 0).any():
         raise FormatError(
             f"cells declare {counted(cells.counts.sum(), 'point')}; the file has "

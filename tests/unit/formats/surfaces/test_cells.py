@@ -71,6 +71,7 @@ def test_cells_keep_their_places_where_points_are_left_out():
     points = np.random.default_rng(1).random((8, 3))
     cells = cells_of([10, 10], [[0, 1, 2, 3], [2, 3, 5, 6]])
     whole = cell_mesh(cells, 8)
+    assert cell_mesh(Cells(**vars(cells)), 8) is whole is not cell_mesh(cells, 9)
     mesh = whole.without_points(np.isin(np.arange(8), [4, 7])).mesh(points)
     np.testing.assert_array_equal(mesh.vertices, np.delete(points, [4, 7], axis=0))
     np.testing.assert_array_equal(mesh.vertices[mesh.cells.nodes], points[cells.points])
