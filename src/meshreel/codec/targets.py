@@ -8,7 +8,7 @@ from meshreel.codec.error_bounds import ErrorBound, bound_of
 from meshreel.codec.option import Range
 from meshreel.errors import InvalidInputError, Keyword
 
-DEFAULT_QUALITY = 80.0
+DEFAULT_QUALITY, POINTS_PER_HALVING = 80.0, 12.0
 
 
 class TargetKind(Enum):
@@ -25,6 +25,11 @@ GROUP = "Target (give one)"
 ABOVE_ZERO = Range(0, is_open=True)
 QUALITIES = Range(1, 100)
 DIAGONAL_OF_ALL = "of the diagonal of the bounding box of all frames"
+
+
+def error_scale(quality: float) -> float:
+    """Return the errors of a quality in 1..100 relative to those of the default quality."""
+    return float(2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from meshreel.codec.reel.encoding.visibility import error_scale
+from meshreel.codec.targets import error_scale
 from meshreel.kernel.decimation import decimated
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.refining import KeyMesh

@@ -29,8 +29,9 @@ from meshreel.codec.reel.encoding.grid_positions import grid_coder
 from meshreel.codec.reel.encoding.target_step import step_for_target
 from meshreel.codec.reel.encoding.track_coders import ExactTrackCoder, in_order
 from meshreel.codec.reel.encoding.tracks import live_track_coders
-from meshreel.codec.reel.encoding.visibility import error_scale, steps_of_quality
+from meshreel.codec.reel.encoding.visibility import steps_of_quality
 from meshreel.codec.reel_options import ReelOptions
+from meshreel.codec.targets import error_scale
 from meshreel.kernel.exact import decode_exact
 from meshreel.kernel.mesh import Neighbors
 from meshreel.model.extent import extent_of

@@ -12,13 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from meshreel.arrays import Floats, Vertices
-from meshreel.codec.targets import DEFAULT_QUALITY
+from meshreel.codec.targets import error_scale
 from meshreel.kernel.order import opposite_sides
 from meshreel.model.frame_choice import evenly_spaced
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces
-
-POINTS_PER_HALVING = 12.0
 
 POSITION_ERROR = 4.5e-4
 """RMS error of positions at the default quality, in diagonals of the model; less than half a pixel
@@ -49,11 +47,6 @@ N_FRAMES, MAX_SIDES = 2, 1024
 """Samples for normals: frames of a block, and sides of faces."""
 
 
-def error_scale(quality: float) -> float:
-    """Return the errors of a quality in 1..100 relative to those of the default quality."""
-    return float(2.0 ** ((DEFAULT_QUALITY - quality) / POINTS_PER_HALVING))
-
-
 class Steps(NamedTuple):
     """Quantization steps of a quality, in model units."""
 
@@ -78,7 +71,7 @@ def steps_of_quality(
     model_size : float
         Mean diagonal of the bounding boxes of frames, in model units.
     """
-    frames, variances, n_frames = [], [], 0
+    frames, variances, n_frames, scale = [], [], 0, error_scale(quality)
     for block in blocks:
         n_frames, n_verts = max(n_frames, len(block)), block.shape[1]
         frames.append(block[evenly_spaced(len(block), N_FRAMES)].astype(np.float64) / model_size)
@@ -88,13 +81,13 @@ def steps_of_quality(
         variances.append(_variances(sampled / model_size))
     surface = SampledSurface(faces, np.concatenate(frames))
     # A grid rounds three coordinates, and coincident vertices equally, so seams do not matter.
-    grid = 2.0 * surface.allowed_error(1) * error_scale(quality) * model_size
+    grid = 2.0 * surface.allowed_error(1) * scale * model_size
     if n_frames == 1:
         return Steps(grid, grid)
     error = surface.allowed_error(n_frames)
     if surface.has_seams:
         error = min(error, SEAM_ERROR)
-    error *= error_scale(quality)
+    error *= scale
     rounded_vectors = 3.0 * n_frames / n_verts
     allowed = error**2 / (ERROR_OF_MODES * (1.0 + rounded_vectors))
     mode_error = min(_rounding_error(allowed, of_block) for of_block in variances)
