@@ -45,7 +45,7 @@ def test_positions_round_trip_bit_for_bit_and_output_says_so(command):
     output = output_of(command, "walk.npz", "-o", f"{command}.reel", "--lossless")
     assert "method lossless rate" in output
     assert "positions exact 0 " in output
-    assert "track heat exact 0 " in output
+    assert "track heat exact, --lossless 0 " in output
     decoded = meshreel.decode(f"{command}.reel")
     assert_same_positions(decoded)
     assert decoded.tracks["heat"].values.tobytes() == HEAT.tobytes()

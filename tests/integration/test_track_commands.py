@@ -39,8 +39,8 @@ def test_bounds_are_kept_and_printed(folder):
     assert done.exit_code == 0, done.output
     rows = [line.split() for line in done.output.splitlines()]
     (row,) = [row for row in rows if row[:2] == ["track", "heat"]]
-    assert row[2:4] == ["0.5001", "K"]  # with that of the source
-    assert 0.1 < float(row[4]) <= 0.5
+    assert row[2:5] == ["0.5001", "K,", "--track"]  # with that of the source
+    assert 0.1 < float(row[5]) <= 0.5
     with meshreel.open("b.reel") as reel:
         assert list(reel.tracks) == ["heat"]
     said = run("info", "b.reel").output
@@ -57,7 +57,7 @@ def test_unit_that_the_file_does_not_name_is_left_out_with_a_note(folder):
     assert said in json.loads(done.stdout)["notes"]
     with meshreel.open("b.reel") as reel:
         assert {track.name: track.bound for track in reel.info().tracks}["flow"] == pytest.approx(
-            0.506
+            0.512
         )
 
 
@@ -72,6 +72,22 @@ def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):
         assert any(name in line and f" {size_bytes} " in line for line in printed.splitlines()), (
             name
         )
+
+
+def test_encoding_prints_what_set_each_bound(folder):
+    tracks = {"touch": (WAVES > 0.99).astype(np.float32), "number": (9 * WAVES).astype(int)}
+    meshreel.save(GRID.replace(tracks={**tracks, "wave": WAVES}), "sim.npz")
+    for words, wave in [
+        (["--quality", 68], "0.4 %, quality 68"),
+        (["--max-error", 1], "0.1 %, default"),
+        (["--bound", 1], "1 %, --bound"),
+    ]:
+        done = run("encode", "sim.npz", "-o", "b.reel", "--force", *words)
+        assert done.exit_code == 0, done.output
+        assert " exact, takes fewer bytes " in done.output
+        assert " exact, integers " in done.output
+        assert wave in done.output
+    assert done.output.count("--bound") == 1
 
 
 def test_encoding_notes_solver_state(folder):
@@ -95,6 +111,8 @@ def test_json_has_the_errors_of_tracks(folder):
     done = run("convert", "a.reel", "-o", "b.reel", "--track", "heat=1%", "--json")
     result = json.loads(done.stdout)["tracks"]
     assert result["heat"]["unit"] == "K"
+    origins = {name: errors["bound_origin"] for name, errors in result.items()}
+    assert origins == {"heat": "--track", "flow": "0.2 %, quality 80"}
     assert len(result["flow"]["rms_of_frames"]) == 12
     [heat, _] = json.loads(run("info", "b.reel", "--json").stdout)["tracks"]
     assert heat["bound"] == pytest.approx(0.01 * np.ptp(300 + 20 * WAVES), rel=1e-3)

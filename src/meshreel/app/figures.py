@@ -1,9 +1,10 @@
 """Figures of streams and of quality, as text for tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from meshreel.errors import Message
 from meshreel.runtime.counting import change_text, counted, counts_text, size_text
 
 if TYPE_CHECKING:
@@ -78,8 +79,10 @@ def _shape_rows(achieved: "Achieved") -> dict[str, str]:
     }
 
 
-def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]]:
-    """Error bound, largest error and bytes of each part, with columns as in `PART_HEADINGS`."""
+def part_table(
+    achieved: "Achieved", stream: "StreamInfo", origins: Mapping[str, str]
+) -> list[Sequence[str]]:
+    """Rows with columns as in `PART_HEADINGS`; `origins` is what set the bound of each track."""
     percent, allowed = achieved.max_error_percent, stream.error_bound_percent
     units = stream.diagonal / 100
     bound = f"{allowed:g} %, {allowed * units:.4g} u" if allowed else "none, see --bound"
@@ -90,6 +93,7 @@ def part_table(achieved: "Achieved", stream: "StreamInfo") -> list[Sequence[str]
         unit = f" {measured.unit}" if measured.unit else ""
         none = "exact" if track.is_exact else "none"
         bound = f"{track.bound:.4g}{unit}" if track.bound else none
+        bound = Message.prefixed(f"{bound}, ", origins[track.name])
         largest = f"{measured.largest:.4g}{unit}" if measured.largest else "0"
         errors[f"track {track.name}"] = bound, largest
     return [

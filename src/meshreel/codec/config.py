@@ -148,6 +148,11 @@ class EncoderConfig(ABC):
         return None
 
     @property
+    def track_quality(self) -> float | None:
+        """Quality that determines bounds of tracks; None for targets that are errors."""
+        return None
+
+    @property
     def laplacian_choice(self) -> Laplacian:
         """The Laplacian that the header names; methods without deltas do not use it."""
         return Laplacian.NORMALIZED

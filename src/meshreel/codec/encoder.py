@@ -68,10 +68,12 @@ def encode(sequence: MeshSequence, call: EncodeCall) -> bytes:
         as "uv" or "color" selects all its attributes. Polygons and parts are kept.
     tracks : mapping of str to str or float, optional
         Error bounds by track name, guaranteed for each value: "0.1%" of the range, "500Pa" or 500
-        in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default: that
-        of `bound`; without it, normals 0.5deg, colors 8bit, texture coordinates half a texel of
-        4096, integers exact, all others 0.1%. Positions may be finer than requested if velocities
-        and normals, which they predict, then make the file smaller. `reel` only.
+        in units of the track, "0.5deg" (normals), "8bit" (colors), "exact", "drop". Default:
+        integers exact, others that of `bound`. At quality 80 and for `size`, colors 8bit, texture
+        coordinates half a texel of 4096, velocities 1%, normals 1deg, all others 0.2%; halved
+        every 12 points. For `max_error`, `kg` and `step`, velocities 0.1%, normals 0.5deg, all
+        others 0.1%. Positions may be finer than requested if velocities and normals, which they
+        predict, then make the file smaller. `reel` only.
     progress : callable, optional
         Called with the stage and the completed share, 0..1.
 

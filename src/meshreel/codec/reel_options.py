@@ -244,6 +244,12 @@ class ReelOptions(EncoderConfig):
         """Error bound of positions and all tracks in percent of their ranges, if one was set."""
         return None if self.bound is None else float(self.bound)
 
+    @property
+    def track_quality(self) -> float | None:
+        """Quality that determines bounds of tracks; None for targets that are errors."""
+        has_quality = self.target.kind in (TargetKind.QUALITY, TargetKind.SIZE)
+        return quality_of(self) if has_quality else None
+
     @cached_property
     def target(self) -> Target:
         """Target of `reel`: a rate, an error or a step."""

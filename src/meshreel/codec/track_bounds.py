@@ -2,14 +2,15 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.method_names import LOSSLESS
+from meshreel.codec.targets import error_scale
 from meshreel.codec.units import unit_ratio
-from meshreel.errors import InvalidInputError
+from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.model.notes import Notes
 from meshreel.model.tracks import KIND_ROWS, ErrorMeasure, TrackSource, track_by_name
 
@@ -38,6 +39,8 @@ class TrackBound:
     """
     amount: float = 0.0
     """Size of the bound, above 0; not used by EXACT and DROP."""
+    origin: str = field(default=Message(Keyword("tracks")), compare=False)
+    """What set the bound, such as "1 %, quality 80"."""
 
 
 EXACT, DROP = TrackBound(Measure.EXACT), TrackBound(Measure.DROP)
@@ -53,34 +56,6 @@ _UNIT = re.compile(r"(?!bit$|deg$)[^\W\d_][\w/^*.-]*")
 """Text that may be a unit of a physical quantity: Pa, m/s, kg*m^2."""
 
 _BOUND = re.compile(r"=?\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]{1,3})?)(.*)")
-
-
-def track_bounds(
-    tracks: Mapping[str, TrackSource],
-    targets: TrackTargets | None,
-    default: Callable[[TrackSource], TrackBound],
-) -> dict[str, TrackBound]:
-    """Return the bound of each track of a sequence.
-
-    Parameters
-    ----------
-    targets : mapping of str to str or float, or None
-        Bounds that the user set.
-    default : callable
-        Returns the bound of each of the other tracks.
-
-    Raises
-    ------
-    InvalidInputError
-        If a track does not exist, or a bound does not suit its kind.
-    """
-    requested = dict(targets or {})
-    for name in requested:
-        track_by_name(tracks, name)
-    return {
-        name: bound_of_track(requested[name], name, track) if name in requested else default(track)
-        for name, track in tracks.items()
-    }
 
 
 def without_units(
@@ -108,19 +83,17 @@ def without_units(
 def kept_bounds(
     config: EncoderConfig, tracks: Mapping[str, TrackSource], targets: TrackTargets | None
 ) -> dict[str, TrackBound]:
-    """Return the bound of each track that is not dropped.
+    """Return the bound of each track that is not dropped: that in `targets`, or the default.
 
     Raises
     ------
     InvalidInputError
-        If a bound does not suit its track, or the method does not support tracks.
+        If a track does not exist, a bound does not suit its kind, or the method does not support
+        tracks.
     """
-    is_exact = config.method == LOSSLESS
-
-    def default(track: TrackSource) -> TrackBound:
-        return EXACT if is_exact else default_bound(track, config.bound_percent)
-
-    bounds = track_bounds(tracks, targets, default)
+    bounds = {name: default_bound(track, config) for name, track in tracks.items()}
+    for name, bound in (targets or {}).items():
+        bounds[name] = bound_of_track(bound, name, track_by_name(tracks, name))
     coded = {name: bound for name, bound in bounds.items() if bound != DROP}
     if coded and config.positions_only:
         names = ", ".join(coded)
@@ -130,24 +103,29 @@ def kept_bounds(
     return coded
 
 
-def default_bound(track: TrackSource, percent: float | None = None) -> TrackBound:
-    """Return the default bound of a track.
+def default_bound(track: TrackSource, config: EncoderConfig) -> TrackBound:
+    """Return the default bound of a track, with what set it.
 
-    Parameters
-    ----------
-    percent : float, optional
-        Bound of all tracks of floats, in percent of their range. The range of normals is the
-        diameter of the unit sphere. Default: depends on the kind.
+    The option `bound` is in percent of the range, for normals of the diameter of the unit sphere.
+    Without it, the bound depends on the kind, and on the quality if that is the target.
     """
+    if config.method == LOSSLESS:
+        return replace(EXACT, origin=Message(Keyword("lossless")))
     if track.dtype.kind != "f":
-        return EXACT
-    row = KIND_ROWS[track.kind]
-    if percent is None:
-        return bound_of_track(row.default_bound, "", track)
-    if row.is_direction:
+        return replace(EXACT, origin="integers")
+    row, percent, quality = KIND_ROWS[track.kind], config.bound_percent, config.track_quality
+    bound, origin = bound_of_track(row.default_bound, "", track), "default"
+    if percent is not None:
         angle = math.degrees(2.0 * math.asin(min(percent / 100.0, 1.0)))
-        return TrackBound(Measure.ANGLE, min(angle, MAX_ANGLE_DEG))
-    return TrackBound(Measure.SHARE, percent)
+        is_angle, origin = row.is_direction, Message(Keyword("bound"))
+        bound = TrackBound(Measure.ANGLE, angle) if is_angle else TrackBound(Measure.SHARE, percent)
+    elif quality is not None:
+        origin, scale = f"quality {quality:g}", row.visible_ratio * error_scale(quality)
+        bound = replace(bound, amount=bound.amount * scale)
+    if bound.measure is Measure.SHARE:
+        origin = Message.prefixed(f"{bound.amount:.3g} %, ", origin)
+    amount = min(bound.amount, MAX_ANGLE_DEG) if row.is_direction else bound.amount
+    return TrackBound(bound.measure, amount, origin)
 
 
 def bound_of_track(bound: float | str, name: str, track: TrackSource) -> TrackBound:

@@ -64,7 +64,9 @@ class KindRow:
     """Whether values are a physical quantity, which can be interpolated over time."""
     error: ErrorMeasure = ErrorMeasure.LENGTH
     default_bound: str = "0.1%"
-    """Default error bound of floats."""
+    """Default error bound of floats if the target is an error of positions."""
+    visible_ratio: float = 2.0
+    """Bound at the default quality, relative to `default_bound`; 0.2 % is half a level of 256."""
     follows: str = ""
     """Quantity of the moving surface that predicts values: "normals", or "motion" of vertices."""
     component: str = "magnitude"
@@ -81,7 +83,10 @@ class KindRow:
 KIND_ROWS: Mapping[TrackKind, KindRow] = {
     TrackKind.SCALAR: KindRow(6, (1,), has_unit=True),
     TrackKind.VECTOR: KindRow(1, (2, 3), has_unit=True),
-    TrackKind.VELOCITY: KindRow(2, (3,), needs_floats=True, has_unit=True, follows="motion"),
+    # 1 %; errors of positions per frame interval are 1.2 % to 5 % of the range.
+    TrackKind.VELOCITY: KindRow(
+        2, (3,), needs_floats=True, has_unit=True, visible_ratio=10.0, follows="motion"
+    ),
     TrackKind.NORMAL: KindRow(
         3,
         (3,),
@@ -93,10 +98,17 @@ KIND_ROWS: Mapping[TrackKind, KindRow] = {
         range="-1:1",
     ),
     TrackKind.COLOR: KindRow(
-        4, (3, 4), error=ErrorMeasure.NUMBER, default_bound="8bit", component="color"
+        4,
+        (3, 4),
+        error=ErrorMeasure.NUMBER,
+        default_bound="8bit",
+        visible_ratio=1.0,
+        component="color",
     ),
     # Half a texel of a 4096 texture.
-    TrackKind.UV: KindRow(5, (2,), needs_floats=True, default_bound=str(0.5 / 4096)),
+    TrackKind.UV: KindRow(
+        5, (2,), needs_floats=True, default_bound=str(0.5 / 4096), visible_ratio=1.0
+    ),
     TrackKind.OTHER: KindRow(0, tuple(range(1, MAX_COLUMNS + 1)), has_unit=True),
 }
 

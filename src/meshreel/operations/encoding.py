@@ -10,7 +10,7 @@ from meshreel.codec.inspect import StreamInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
-from meshreel.codec.track_bounds import TrackTargets, without_units
+from meshreel.codec.track_bounds import EXACT, TrackTargets, kept_bounds, without_units
 from meshreel.errors import Keyword, Message
 from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
@@ -31,12 +31,18 @@ class Encoded:
     """Largest error of texture coordinates, in widths of the texture; None if they are exact."""
     n_meshes: int
     """Number of distinct meshes among the segments."""
+    origins: dict[str, str]
+    """What set the bound of each track, such as "quality 80"."""
 
     def as_dict(self) -> dict[str, Any]:
         """Figures for JSON."""
         stream, achieved = self.stream, self.achieved
         tracks = {
-            track.name: {"bound": track.bound, **achieved.tracks[track.name].as_dict()}
+            track.name: {
+                "bound": track.bound,
+                "bound_origin": self.origins[track.name],
+                **achieved.tracks[track.name].as_dict(),
+            }
             for track in stream.tracks
         }
         uv = self.uv
@@ -111,4 +117,11 @@ def encode_and_measure(
     notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    return Encoded(data, stream, achieved, uv, sequence.n_meshes)
+    bounds = kept_bounds(config, tracks_of_all(sequence), tracks)
+    origins = {
+        track.name: "takes fewer bytes"
+        if track.is_exact and bounds[track.name] != EXACT
+        else bounds[track.name].origin
+        for track in stream.tracks
+    }
+    return Encoded(data, stream, achieved, uv, sequence.n_meshes, origins)

@@ -12,6 +12,7 @@ import pytest
 
 import meshreel
 from meshreel.codec.error_bounds import ErrorBound, bound_of
+from meshreel.codec.options import config_of
 from meshreel.codec.track_bounds import (
     DROP,
     EXACT,
@@ -19,7 +20,7 @@ from meshreel.codec.track_bounds import (
     TrackBound,
     bound_of_track,
     default_bound,
-    track_bounds,
+    kept_bounds,
     without_units,
 )
 from meshreel.errors import InvalidInputError
@@ -240,33 +241,47 @@ def test_bound_that_does_not_suit_the_track_is_refused(track, given, message):
 
 
 @pytest.mark.parametrize(
-    ("track", "percent", "bound"),
+    ("track", "options", "bound", "origin"),
     [
-        (PRESSURE, None, TrackBound(Measure.SHARE, 0.1)),
-        (NORMAL, None, TrackBound(Measure.ANGLE, 0.5)),
-        (COLOR, None, TrackBound(Measure.NUMBER, 0.5 / 255)),
-        (UV, None, TrackBound(Measure.UNITS, 0.5 / 4096)),
-        (COUNTS, None, EXACT),
-        (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), None, EXACT),
-        (PRESSURE, 0.2, TrackBound(Measure.SHARE, 0.2)),
-        (COLOR, 0.2, TrackBound(Measure.SHARE, 0.2)),
-        (NORMAL, 0.2, TrackBound(Measure.ANGLE, pytest.approx(0.22918, abs=1e-5))),
-        (NORMAL, 400.0, TrackBound(Measure.ANGLE, 30.0)),
-        (COUNTS, 0.2, EXACT),
+        (PRESSURE, {"max_error": 1}, TrackBound(Measure.SHARE, 0.1), "0.1 %, default"),
+        (NORMAL, {"kg": 1}, TrackBound(Measure.ANGLE, 0.5), "default"),
+        (COLOR, {"step": 0.1}, TrackBound(Measure.NUMBER, 0.5 / 255), "default"),
+        (UV, {"max_error": 1}, TrackBound(Measure.UNITS, 0.5 / 4096), "default"),
+        (PRESSURE, {}, TrackBound(Measure.SHARE, 0.2), "0.2 %, quality 80"),
+        (PRESSURE, {"size": "1kB"}, TrackBound(Measure.SHARE, 0.2), "0.2 %, quality 80"),
+        (FLOW, {"quality": 92}, TrackBound(Measure.SHARE, 0.5), "0.5 %, quality 92"),
+        (NORMAL, {"quality": 68}, TrackBound(Measure.ANGLE, 2.0), "quality 68"),
+        (NORMAL, {"quality": 10}, TrackBound(Measure.ANGLE, 30.0), "quality 10"),
+        (COLOR, {"quality": 68}, TrackBound(Measure.NUMBER, 1.0 / 255), "quality 68"),
+        (UV, {"quality": 92}, TrackBound(Measure.UNITS, 0.25 / 4096), "quality 92"),
+        (COUNTS, {"quality": 20}, EXACT, "integers"),
+        (Track(np.zeros((1, 2, 3), np.uint8), kind="color"), {}, EXACT, "integers"),
+        (PRESSURE, {"lossless": True}, EXACT, "lossless"),
+        (PRESSURE, {"bound": 0.2}, TrackBound(Measure.SHARE, 0.2), "0.2 %, bound"),
+        (COLOR, {"bound": 0.2}, TrackBound(Measure.SHARE, 0.2), "0.2 %, bound"),
+        (NORMAL, {"bound": 0.2}, TrackBound(Measure.ANGLE, 0.229183), "bound"),
+        (NORMAL, {"bound": 400}, TrackBound(Measure.ANGLE, 30.0), "bound"),
+        (COUNTS, {"bound": 0.2}, EXACT, "integers"),
     ],
 )
-def test_default_bound_depends_on_the_kind_or_is_one_percentage(track, percent, bound):
-    assert default_bound(track, percent) == bound
+def test_default_bound_follows_the_target_and_the_kind(track, options, bound, origin):
+    result = default_bound(track, config_of(**options))
+    assert (result.measure, result.origin) == (bound.measure, origin)
+    assert result.amount == pytest.approx(bound.amount, rel=1e-5)
 
 
 def test_bounds_are_the_requested_ones_or_the_default():
-    tracks = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}
-    result = track_bounds(tracks, {"a": "2Pa"}, default_bound)
-    assert result == {"a": TrackBound(Measure.UNITS, 2.0), "b": default_bound(NORMAL), "c": EXACT}
-    dropped = track_bounds(tracks, {"b": "drop"}, lambda _: EXACT)
-    assert dropped == {"a": EXACT, "b": DROP, "c": EXACT}
+    tracks, config = {"a": PRESSURE, "b": NORMAL, "c": COUNTS}, config_of()
+    result = kept_bounds(config, tracks, {"a": "2Pa"})
+    assert result == {
+        "a": TrackBound(Measure.UNITS, 2.0),
+        "b": TrackBound(Measure.ANGLE, 1.0),
+        "c": EXACT,
+    }
+    assert (result["a"].origin, result["b"].origin) == ("tracks", "quality 80")
+    assert list(kept_bounds(config, tracks, {"b": "drop"})) == ["a", "c"]
     with pytest.raises(InvalidInputError, match="there is no track 'd'"):
-        track_bounds(tracks, {"d": "exact"}, default_bound)
+        kept_bounds(config, tracks, {"d": "exact"})
 
 
 @pytest.mark.parametrize(

@@ -137,8 +137,8 @@ def _print_titled(title: str, rows: Sequence[Row], headings: Sequence[str] = ())
 
 
 def _lines(cell: Cell) -> list[str]:
-    """Return the escaped lines of a cell."""
-    return [escaped(line) for line in ([cell] if isinstance(cell, str) else cell)]
+    """Return the escaped lines of a cell, with options in place of keywords."""
+    return [escaped(with_options(line)) for line in ([cell] if isinstance(cell, str) else cell)]
 
 
 def _terminal_width() -> int:

@@ -15,6 +15,7 @@ RENAMED = {
     "n_frames": "--frames",
     "n_samples": "--samples",
     "overwrite": "--force",
+    "tracks": "--track",
 }
 """Keywords with options of other names, in addition to those of encoding."""
 

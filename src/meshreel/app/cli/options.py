@@ -286,7 +286,8 @@ TrackOption = Annotated[
     Option(
         "Error bound of a track, once per track: stress=0.1% (of its range), stress=500Pa or =500 "
         "(in its unit), stress=1kPa, normal=0.5deg, color=8bit, id=exact, velocity=drop. Default: "
-        "that of --bound; without it, normals 0.5deg, colors 8bit, integers exact, others 0.1%.",
+        "integers exact; others that of --bound; at --quality 80, and for --size, colors 8bit, "
+        "velocities 1%, normals 1deg, others 0.2%; else colors 8bit, normals 0.5deg, others 0.1%.",
         metavar="NAME=BOUND",
         group="Tracks",
     ),

@@ -70,7 +70,7 @@ def _print_stream(written: "Written") -> None:
     if size and size < MAX_COMPACT_SHARE * stream.raw_size_bytes:
         rows["input"] = "compact already: smaller than the raw values of all frames"
     print_table(str(written.paths[0]), rows)
-    print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, stream))
+    print_columns(PARTS, PART_HEADINGS, part_table(encoded.achieved, stream, encoded.origins))
 
 
 def _print_files(written: "Written") -> None:

@@ -239,9 +239,9 @@ def test_bounds_hold_for_any_values_on_any_mesh():
     whole = meshreel.MeshSequence(odd.vertices, odd.faces, tracks=tracks)
     errors = meshreel.compare(whole, meshreel.encode(whole)).tracks
     for name in ("far", "tiny", "huge"):
-        assert 0 < errors[name].largest <= 0.001 * np.ptp(tracks[name])
+        assert 0 < errors[name].largest <= 0.002 * np.ptp(tracks[name])
     assert errors["still"].largest == 0
-    assert errors["wide"].largest <= 0.001 * 16 * np.ptp(noise)
+    assert errors["wide"].largest <= 0.002 * 16 * np.ptp(noise)
     first = {name: values[:1] for name, values in tracks.items()}
     one = meshreel.MeshSequence(odd.vertices[:1], odd.faces, tracks=first)
     assert meshreel.compare(one, meshreel.encode(one)).tracks["far"].largest <= 0.01
@@ -270,7 +270,7 @@ def test_tracks_of_pushed_frames_are_within_their_bounds():
     assert (result["heat"].unit, result["again"].kind) == ("K", TrackKind.SCALAR)
     assert 0.1 < np.abs(result["heat"].values[..., 0] - HEAT).max() <= 0.5
     first_range = np.ptp(HEAT[:4])
-    assert np.abs(result["again"].values[..., 0] - HEAT).max() <= 0.001 * first_range
+    assert np.abs(result["again"].values[..., 0] - HEAT).max() <= 0.002 * first_range
     alone = meshreel.decode(recorded([(frame, None) for frame in GRID.vertices], block_frames=4))
     np.testing.assert_array_equal(meshreel.decode(data).vertices, alone.vertices)
 

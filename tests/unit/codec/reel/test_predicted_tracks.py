@@ -275,9 +275,9 @@ def with_normals(sheet):
 @pytest.mark.parametrize("target", [{"quality": 20}, {"max_error": 1.0}, {"kg": 2.0}])
 def test_positions_are_finer_when_that_saves_bytes_of_tracks(target, monkeypatch):
     sequence = with_normals(quad_sheet(14))
-    data = meshreel.encode(sequence, **target)
+    data = meshreel.encode(sequence, **target, tracks={"n": "0.5deg"})
     monkeypatch.setattr(following_tracks, "MIN_TRACK_SHARE", np.inf)
-    at_target = meshreel.encode(sequence, **target)
+    at_target = meshreel.encode(sequence, **target, tracks={"n": "0.5deg"})
     assert len(data) < len(at_target)
     result, coarser = (
         meshreel.compare(sequence, meshreel.decode(one)) for one in (data, at_target)
