@@ -28,7 +28,7 @@ export async function inspect(element: ReelPlayerElement, facts: Facts): Promise
 
 function firstLook(reel: Reel): Look {
   return {
-    shading: reel.original ? "flat" : "smooth",
+    shading: reel.original || reel.file.surface.cells ? "flat" : "smooth",
     wire: false,
     usesFileMaterials: true,
     background: darkScheme.matches ? "dark" : "light",

@@ -94,9 +94,9 @@ class MeshLook:
     shading: RowNormals | None
     """Normals of a mesh with hard edges; None for a smooth mesh."""
     owners: Integers | None
-    """Integer array of shape (P,), or None. Cell of each polygon of a volume mesh."""
+    """Integer array of shape (P,), or None. Cell of each polygon of a volume mesh, which is flat."""
     is_cut: bool
-    """Whether some cells are hidden; then faces are flat."""
+    """Whether some cells are hidden."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +312,7 @@ class Scene:
             render(
                 frame, look.faces, camera,
                 colors=view_colors, background=self.background, glow=glow, shading=look.shading,
-                shown=shown, smooth=not look.is_cut,
+                shown=shown, smooth=look.owners is None,
             )
             for frame, look, shown, (view_colors, glow) in views
         ]  # fmt: skip

@@ -74,10 +74,10 @@ def parse_view(text: str, up: str) -> View:
 
 
 def guess_up(extent: Extent) -> str:
-    """Guess the up axis: "z" for a mesh on the floor z = 0 and not on y = 0, else "y"."""
-    height = np.maximum(extent.high - extent.low, np.finfo(np.float64).tiny)
-    is_on_floor = np.abs(extent.low) <= ON_THE_FLOOR * height
-    return "z" if is_on_floor[2] and not is_on_floor[1] else "y"
+    """Guess the up axis: "z" for a mesh that rises from z = 0 and not from y = 0, else "y"."""
+    height = extent.high - extent.low
+    rises = (height > 0) & (np.abs(extent.low) <= ON_THE_FLOOR * height)
+    return "z" if rises[2] and not rises[1] else "y"
 
 
 def _bounds(frames: Iterable[npt.NDArray[np.floating]]) -> tuple[Floats, Floats]:

@@ -138,6 +138,7 @@ def test_parse_view_lists_the_views_when_the_text_is_invalid(text):
         ((-1, -1, 0.05), (1, 1, 2), "z"),
         ((-1, 0, 0), (1, 2, 2), "y"),  # on both floors
         ((-1, -1, -1), (1, 1, 1), "y"),  # on neither
+        ((0, -1, 0), (3, 1, 0), "y"),  # flat, seen from the front
         ((0, 0, 0), (0, 0, 0), "y"),
     ],
 )

@@ -6,6 +6,7 @@ import pytest
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.heat import HEATS, heat_field
 from meshreel.metrics.reference import bounding_box_reference
+from meshreel.model.cells import Cells
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import FACE_MASKS, Track
@@ -179,6 +180,18 @@ def test_hard_edges_give_each_face_of_a_box_one_color():
     )
     assert np.abs(picture.astype(int) - flat).max() <= 1
     assert count[1] > 2 * count[0]
+
+
+def test_faces_of_volume_meshes_are_flat():
+    corners = np.array(list(np.ndindex(2, 2, 2)), np.float32)[None]
+    box = MeshSequence(corners, cells=Cells(np.array([12]), np.array([0, 4, 6, 2, 1, 5, 7, 3])))
+    camera = fit_camera(corners[0], azimuth_deg=30, elevation_deg=25, width=96, height=96)
+    scene = Scene(box)
+    (picture,) = scene.draw(scene.read(0), camera)
+    flat = render(
+        corners[0], box.faces, camera, colors=CLAY, background=scene.background, smooth=False
+    )
+    np.testing.assert_array_equal(picture, flat)
 
 
 def with_other_faces(sequence):
