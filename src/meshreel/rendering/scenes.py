@@ -94,7 +94,7 @@ class MeshLook:
     shading: RowNormals | None
     """Normals of a mesh with hard edges; None for a smooth mesh."""
     owners: Integers | None
-    """Integer array of shape (P,), or None. Cell of each polygon of a volume mesh, which is flat."""
+    """Integer array of shape (P,), or None. Cells of the polygons of a volume mesh, drawn flat."""
     is_cut: bool
     """Whether some cells are hidden."""
 
