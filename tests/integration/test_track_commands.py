@@ -39,8 +39,8 @@ def test_bounds_are_kept_and_printed(folder):
     assert done.exit_code == 0, done.output
     rows = [line.split() for line in done.output.splitlines()]
     (row,) = [row for row in rows if row[:2] == ["track", "heat"]]
-    assert row[2:5] == ["0.5001", "K,", "--track"]  # with that of the source
-    assert 0.1 < float(row[5]) <= 0.5
+    assert " ".join(row[2:8]) == "0.5001 K, --track, plus the source's"
+    assert 0.1 < float(row[8]) <= 0.5
     with meshreel.open("b.reel") as reel:
         assert list(reel.tracks) == ["heat"]
     said = run("info", "b.reel").output
@@ -112,7 +112,8 @@ def test_json_has_the_errors_of_tracks(folder):
     result = json.loads(done.stdout)["tracks"]
     assert result["heat"]["unit"] == "K"
     origins = {name: errors["bound_origin"] for name, errors in result.items()}
-    assert origins == {"heat": "--track", "flow": "0.2 %, quality 80"}
+    flow = "0.2 %, quality 80, plus the source's"
+    assert origins == {"heat": "--track, plus the source's", "flow": flow}
     assert len(result["flow"]["rms_of_frames"]) == 12
     [heat, _] = json.loads(run("info", "b.reel", "--json").stdout)["tracks"]
     assert heat["bound"] == pytest.approx(0.01 * np.ptp(300 + 20 * WAVES), rel=1e-3)

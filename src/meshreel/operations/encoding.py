@@ -6,14 +6,15 @@ from typing import Any
 from meshreel.codec.achieved import Achieved, measure_stream, measure_uvs
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.encoder import encode_with
-from meshreel.codec.inspect import StreamInfo, bound_notes, info
+from meshreel.codec.inspect import StreamInfo, TrackInfo, bound_notes, info
 from meshreel.codec.reordering import joined_note, without_reordering
 from meshreel.codec.solver_state import solver_state_note
 from meshreel.codec.surface.payloads import order_notes
-from meshreel.codec.track_bounds import EXACT, TrackTargets, kept_bounds, without_units
-from meshreel.errors import Keyword, Message
+from meshreel.codec.track_bounds import EXACT, TrackBound, TrackTargets, kept_bounds, without_units
+from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
+from meshreel.model.tracks import TrackSource, error_bound_of
 from meshreel.runtime.progress import Progress, silent
 
 MAX_ORDER_SHARE, MIN_ORDER_BYTES = 0.15, 1000
@@ -117,11 +118,16 @@ def encode_and_measure(
     notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)
     uv = None if config.uv_bits is None else measure_uvs(sequence, data)
-    bounds = kept_bounds(config, tracks_of_all(sequence), tracks)
+    originals = tracks_of_all(sequence)
+    bounds = kept_bounds(config, originals, tracks)
     origins = {
-        track.name: "takes fewer bytes"
-        if track.is_exact and bounds[track.name] != EXACT
-        else bounds[track.name].origin
+        track.name: _origin(track, bounds[track.name], originals[track.name])
         for track in stream.tracks
     }
     return Encoded(data, stream, achieved, uv, sequence.n_meshes, origins)
+
+
+def _origin(track: TrackInfo, bound: TrackBound, original: TrackSource) -> str:
+    """Return what set the bound of a track."""
+    origin = "takes fewer bytes" if track.is_exact and bound != EXACT else bound.origin
+    return Message(*parts_of(origin), ", plus the source's") if error_bound_of(original) else origin
