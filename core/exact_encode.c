@@ -4,6 +4,7 @@
 #include "exact_state.h"
 
 #define MAX_LAG 512
+#define MIN_TRIED_ROWS 65536 /* of all frames, in each trial of a mode */
 
 /* Whether decimal indices restore the finite floats, of which every `step`-th is tested. */
 static bool restores_all(const exact_coder *coder, const reel_numbers *numbers, int64_t step) {
@@ -166,7 +167,8 @@ static void set_mode(exact_coder *coder, int mode) {
 static int64_t try_mode(exact_coder *coder, int mode, uint8_t *out, size_t capacity) {
     exact_coder trial = *coder;
     reel_range_coder range_coder = reel_start_encoder(out, capacity);
-    int64_t count = coder->n_items / 32 + 64;
+    int64_t count = coder->n_items / 32 + 64, least = MIN_TRIED_ROWS / coder->n_frames;
+    count = count < least ? least : count;
     set_mode(&trial, mode);
     trial.range_coder = &range_coder;
     int64_t size = reel_exact_block(&trial, count < coder->n_items ? count : coder->n_items);
@@ -174,22 +176,24 @@ static int64_t try_mode(exact_coder *coder, int mode, uint8_t *out, size_t capac
     return size < 0 ? INT64_MAX : size;
 }
 
+/* Floats over time are filtered, unless many rows repeat. */
 static void choose_mode(exact_coder *coder, uint8_t *out, size_t capacity) {
-    static const int candidates[] = {LABELS, MEANS, LABELS_IN_GIVEN_ORDER};
     bool many_repeats;
     count_repeats(coder, &many_repeats, &coder->choices.has_repeats);
-    bool is_float = coder->numbers.type == REEL_FLOATS;
-    int best = coder->n_frames > 1 && (is_float || coder->numbers.size > 1) ? FILTER : MEANS;
-    if (!is_float || many_repeats) {
-        int numeric_mode = best;
-        int64_t min_bytes = try_mode(coder, numeric_mode, out, capacity);
-        for (int i = 0; i < 3; i++) {
-            bool is_new = candidates[i] != numeric_mode && !(is_float && candidates[i] == MEANS);
-            int64_t result = is_new ? try_mode(coder, candidates[i], out, capacity) : INT64_MAX;
-            if (result < min_bytes) {
-                min_bytes = result;
-                best = candidates[i];
-            }
+    bool is_float = coder->numbers.type == REEL_FLOATS, is_single = coder->n_frames == 1;
+    bool may_be_labels = !is_float || many_repeats;
+    const bool is_tried[] = {[LABELS] = may_be_labels,
+                             [MEANS] = !is_float || is_single,
+                             [FILTER] = is_float || is_single || coder->numbers.size > 1,
+                             [RAW] = false,
+                             [LABELS_IN_GIVEN_ORDER] = may_be_labels};
+    int best = FILTER;
+    int64_t min_bytes = INT64_MAX;
+    for (int mode = 0; mode <= LABELS_IN_GIVEN_ORDER && (may_be_labels || is_single); mode++) {
+        int64_t result = is_tried[mode] ? try_mode(coder, mode, out, capacity) : INT64_MAX;
+        if (result < min_bytes) {
+            min_bytes = result;
+            best = mode;
         }
     }
     set_mode(coder, best);
