@@ -676,6 +676,27 @@ def missing_values():
     return meshreel.encode(sequence, order="vertices", block_frames=4)
 
 
+def values_on_grids():
+    """Tracks on grids, some values missing, beside modes: a scalar, velocities and normals."""
+    sheet, rng = moving(grid(5, 6), 7), np.random.default_rng(8)
+    kicks = np.where(rng.random((7, 30, 3)) < 0.1, 3.0, 0.0)
+    velocity = (25 * np.gradient(sheet.vertices.astype(np.float64), axis=0) + kicks).astype("f4")
+    velocity[2, 5:8] = np.nan
+    normals = slightly_rotated(sheet, "vertex")
+    normals[rng.random((7, 30)) < 0.1] = [0.0, 0.0, 1.0]
+    status = np.repeat(rng.integers(0, 3, (1, 30)), 7, axis=0) + rng.integers(0, 2, (7, 1))
+    tracks = {
+        "status": Track(np.where(status == 2, np.nan, 0.7 * status)),
+        "velocity": Track(velocity, kind="velocity"),
+        "normals": Track(normals, kind="normal"),
+        "smooth": Track(sheet.vertices[:, :, 2] ** 2),
+    }
+    data = meshreel.encode(sheet.replace(tracks=tracks), block_frames=4, max_error=0.1)
+    groups = read_container(data).blocks[1][1:]
+    assert [("VALUES" in group) for group in groups] == [True, True, True, False]
+    return data
+
+
 def slightly_rotated(sheet, domain):
     """Return normals that are slightly rotated from those of the surface."""
     surface = MovingSurface(sheet.faces, sheet.faces, sheet.surface)
@@ -1116,10 +1137,11 @@ BY_HAND = (
     adaptive_times, adaptive_limits, large_residuals, lively, nothing_moves, corrections, tracks,
     tracks_of_triangles, tracks_of_polygons, still_track, normals, grid_of_all_kinds, grid_copied,
     attributes_on_surface, attributes_on_own_grids, grid_live, lossless_live, missing_values,
-    predicted_tracks, predicted_from_exact_positions, normals_of_polygons, corners_of_vertices,
-    exact_velocities_of_corners, corners_in_rows, concave_polygons, cells_around_an_edge,
-    cells_of_all_types, cells_of_all_types_dropped, cells_with_values, cells_with_values_dropped,
-    normals_at_the_pole, many_resolutions, no_more_rows, lossless_of_lossy, compact,
+    values_on_grids, predicted_tracks, predicted_from_exact_positions, normals_of_polygons,
+    corners_of_vertices, exact_velocities_of_corners, corners_in_rows, concave_polygons,
+    cells_around_an_edge, cells_of_all_types, cells_of_all_types_dropped, cells_with_values,
+    cells_with_values_dropped, normals_at_the_pole, many_resolutions, no_more_rows,
+    lossless_of_lossy, compact,
     compact_with_times, weights_from_points, weights_from_one_point,
     weights_from_points_of_polygons,
 )  # fmt: skip

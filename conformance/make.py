@@ -326,6 +326,7 @@ OF_NO_CELLS = TrackHeader(
 NO_ROUNDING = write_varints(0, 0, 0) + encode_integers(
     [np.zeros(1, int)] * 3 + [np.zeros(0, int)] * 3
 )
+ON_GRID = Section.VALUES, b"\1" + np.float64(0.5).tobytes() + bytes(8)
 EXTRAPOLATED = Section.VALUES, b"\6" + np.float32(0.01).tobytes()  # all bits are 1
 SEGMENT = write_varints(3, 1) + bytes([REEL, 4])
 COMPACT_SEGMENT = Section.SEGMENT, SEGMENT[:-1] + bytes([64 + 4])
@@ -428,6 +429,16 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "nugget_of_positions": partial(with_nugget, 13, of_positions=True),
     "start_in_a_block": partial(with_section, 2, START),
     "missing_of_positions": partial(with_section, 2, (Section.MISSING, b"")),
+    "grid_beside_modes_of_positions": partial(with_section, 5, ON_GRID, of=heated),
+    "grid_beside_modes_of_a_track": partial(with_section, 9, ON_GRID, n_replaced=1, of=heated),
+    **{
+        f"grid_of_a_track_in_form_{payload[0]}": partial(
+            *(with_section, 6, (Section.TRACK_BLOCK, b"\0"), (Section.VALUES, payload)),
+            n_replaced=4,
+            of=heated,
+        )
+        for payload in (bytes(24), b"\2" + ON_GRID[1][1:], b"\t" + ON_GRID[1][1:])
+    },
     "basis_after_coefficients": partial(with_section, 3, 4, 3, n_replaced=2),
     "rounding_longer_than_the_mesh": partial(
         *(with_section, 3, (Section.ROUNDING, write_varints(211, 0, 0) + NO_ROUNDING[3:])),

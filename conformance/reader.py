@@ -16,9 +16,9 @@ from conformance import paper, predicted
 from conformance.bits import Memory, integers, need
 from conformance.cells import read_cells
 from conformance.container import (
-    OF_EXACT_VALUES,
     OF_MODES,
     OF_MODES_OF_A_TRACK,
+    OF_VALUES,
     Container,
     Payload,
     read_container,
@@ -337,6 +337,9 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
             may_be_grid = track is positions and read is read_exact_block
             if may_be_grid and (header.method == "grid" or "ROUNDING" in block[0]):
                 read = read_grid_block
+            elif number and read is read_reel_block and "VALUES" in block[number]:
+                need(block[number]["VALUES"][:1] in (b"\1", b"\5"), "a grid has an unknown form")
+                read = read_grid_block
             first, size = sum(coded["frames"] for coded in blocks), 3 * mesh.n
 
             def points(at=first * size, items=items, domain=track["domain"]):
@@ -409,7 +412,7 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
     if block["reference"]:
         need(block["reference"] <= len(blocks), "the key block does not exist")
         key_block = blocks[-block["reference"]]
-        need(key_block["reference"] == 0 and key_block["stencil"] == block["stencil"])
+        need(key_block.get("reference") == 0 and key_block["stencil"] == block["stencil"])
         key = key_block["values"]
     n_reused = block.get("reused", 0)
     need(n_reused <= len(key), "the key block has fewer fields than are reused")
@@ -439,11 +442,11 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
 
 
 def need_no_modes(group):
-    """Raise DamagedError if a group of exact values or of a grid has modes."""
+    """Raise DamagedError if a group with VALUES has modes."""
     head = Payload(group["BLOCK"] if "BLOCK" in group else group["TRACK_BLOCK"])
     if "BLOCK" in group:
         head.varint()
-    need(head.varint() == 0 and set(group) <= OF_EXACT_VALUES, "exact values have modes")
+    need(head.varint() == 0 and set(group) <= OF_VALUES, "a group with VALUES has modes")
     head.end()
 
 
@@ -461,9 +464,11 @@ def read_exact_block(group, n_frames, placed, blocks, items, coding, _):
 
 
 def read_grid_block(group, n_frames, placed, blocks, items, coding, _):
-    """Return the same for positions of `grid`: integers on a grid, or exact values."""
-    form, rest = group["VALUES"][0], {**group}
-    need(form in (0, 1, 2, 5, 6, 10, 14), "the form of positions on a grid is unknown")
+    """Return the same for values on a grid, or exact positions of `grid`."""
+    form, rest = group["VALUES"][0], {name: group[name] for name in group if name != "MISSING"}
+    need(form in (0, 1, 2, 5, 6, 10, 14), "the form of values on a grid is unknown")
+    if coding > EXACT:
+        placed = replace(placed, number_type=8)
     n_stored = 1 if form & 8 else n_frames
     offsets = read_rounding(rest.pop("ROUNDING", None), n_stored * items.n)
     if form == 0:
@@ -483,10 +488,10 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding, _):
         integers = [number for rows in frames for item in items.order for number in rows[item]]
     else:
         whole = replace(placed, number_type=36)
-        block, integers = read_exact_block(rest, n_frames, whole, blocks, items, coding, None)
+        block, integers = read_exact_block(rest, n_frames, whole, blocks, items, 0, None)
     numbers = array(LETTERS[placed.number_type])
     for i, n in enumerate(integers):
-        value = n * step * placed.scale + placed.origin[i % 3]
+        value = n * step * placed.scale + placed.origin[i % len(placed.origin)]
         numbers.append(single(value) if placed.number_type == 4 else value)
         offset = offsets[i % 3].get(n, 0) if offsets else 0
         if offset:

@@ -242,9 +242,9 @@ MESHREEL_API int meshreel_block_of(const meshreel_file *file, uint32_t number, u
 /* Coding parameters of a track in a block. */
 typedef struct meshreel_group {
     uint32_t key_block;     /* the block whose fields it refers to, or its own number */
-    uint32_t n_modes;       /* 0: values are lossless */
+    uint32_t n_modes;       /* 0: values are exact, or on a grid */
     uint64_t n_corrections; /* corrections of single values */
-    double step;            /* quantization step of the fields, in diagonals */
+    double step;            /* quantization step of the fields, or of the grid, in diagonals */
 } meshreel_group;
 
 /* Read the coding parameters of a track in a block, without decoding it. Verifies its checksums

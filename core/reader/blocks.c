@@ -505,7 +505,7 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
     return MESHREEL_OK;
 }
 
-/* ---- exact values ---- */
+/* ---- stored values ---- */
 
 /* Decode exact numbers on the graph of a track into memory of `pool`. */
 static int decode_exact(reel_call *call, reel_pool *pool, reel_range data, const reel_graph *graph,
@@ -551,7 +551,7 @@ static int load_on_surface(reel_call *call, const meshreel_decoder *decoder,
     return reel_fail_core(call, result, data.offset, "positions on a grid are damaged");
 }
 
-static int load_exact(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
+static int load_stored(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
     reel_track_state *state = &decoder->tracks[track];
     const reel_track *definition = &decoder->file->tracks[track];
     const reel_group *group = &state->current.group;
@@ -635,7 +635,6 @@ void reel_forget(reel_call *call, meshreel_decoder *decoder, uint32_t track) {
 int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64_t block,
               uint64_t n_moving) {
     reel_track_state *state = &decoder->tracks[track];
-    const reel_track *definition = &decoder->file->tracks[track];
     if (is_loaded(state, block, n_moving)) {
         return MESHREEL_OK;
     }
@@ -649,9 +648,8 @@ int reel_load(reel_call *call, meshreel_decoder *decoder, uint32_t track, uint64
     call->n_bytes = reel_decoder_bytes(decoder) + call->scratch.n_bytes;
     REEL_TRY(find_items(call, decoder, track));
     REEL_TRY(read_group(call, decoder, track, block, &state->current.group));
-    bool has_modes = definition->info.coding != REEL_EXACT && !definition->info.is_exact;
-    int failed = has_modes ? load_modes(call, decoder, track, block, n_moving)
-                           : load_exact(call, decoder, track);
+    int failed = state->current.group.n_modes ? load_modes(call, decoder, track, block, n_moving)
+                                              : load_stored(call, decoder, track);
     if (!failed && state->current.group.missing.offset) {
         failed = load_missing(call, decoder, track);
     }

@@ -284,7 +284,7 @@ int meshreel_group_of(const meshreel_file *file, uint32_t number, uint32_t track
     *group = (meshreel_group){.key_block = number,
                               .n_modes = (uint32_t)result.n_modes,
                               .n_corrections = result.n_corrections,
-                              .step = (double)result.step};
+                              .step = result.grid > 0.0 ? result.grid : (double)result.step};
     if (!failed && result.reference > number) {
         failed = reel_fail(&call, MESHREEL_CORRUPT, REEL_UNKNOWN,
                            "a block refers to one before the first");

@@ -16,8 +16,8 @@
 
 #define BIT(id) (1U << ((id) - FIRST_ID))
 
-/* Sections after BLOCK or TRACK_BLOCK: of exact values, of modes, and of the paper's methods. */
-#define EXACT_IDS BIT(REEL_VALUES)
+/* Sections after BLOCK or TRACK_BLOCK: of stored values, of modes, and of the paper's methods. */
+#define VALUES_IDS BIT(REEL_VALUES)
 #define MODES_IDS \
     (BIT(REEL_BASIS) | BIT(REEL_COEFFICIENTS) | BIT(REEL_FIELDS) | BIT(REEL_CORRECTIONS))
 #define PAPER_IDS \
@@ -74,8 +74,8 @@ static int read_counts(reel_call *call, const payloads *sections, uint32_t numbe
     group->n_frames = n_frames;
     REEL_TRY(number ? MESHREEL_OK : reel_read_varint(call, &input, &group->n_frames));
     REEL_TRY(reel_read_varint(call, &input, &group->n_modes));
-    bool is_exact = track->info.coding == REEL_EXACT || track->info.is_exact;
-    uint64_t min_modes = is_exact ? 0 : 1, max_modes = is_exact ? 0 : track->n_coded * n_frames;
+    bool has_values = payload(sections, REEL_VALUES)->offset;
+    uint64_t min_modes = has_values ? 0 : 1, max_modes = has_values ? 0 : track->n_coded * n_frames;
     REEL_CORRUPT_IF(input.length || group->n_frames != n_frames, offset,
                     "the block and the index disagree on the number of frames");
     REEL_UNSUPPORTED_IF(max_modes > MAX_TIMES, offset, "a block has more than 2^31 times");
@@ -205,11 +205,13 @@ static int read_corrections(reel_call *call, reel_range input, reel_group *group
 }
 
 /* Forms of the section VALUES: exact values without a grid; integers on a grid, as exact values or
-   along the surface. Flags: the step has single precision; all frames equal the only one stored. */
+   along the surface, for positions. Flags: the step has single precision; all frames equal the only
+   one stored. */
 enum { GRID_NONE, GRID_EXACT, GRID_ON_SURFACE, GRID_FORMS, GRID_SINGLE, GRID_STILL = 8 };
 
-/* Positions are on a grid in the method `grid`, and in `lossless` if they have a rounding. */
-static int read_values(reel_call *call, bool is_grid, const payloads *sections, reel_group *group) {
+/* Read VALUES; those of positions in `lossless` are on a grid if they have a rounding. */
+static int read_values(reel_call *call, bool is_grid, bool is_of_positions,
+                       const payloads *sections, reel_group *group) {
     reel_range input = *payload(sections, REEL_VALUES);
     REEL_CORRUPT_IF(!input.offset, REEL_UNKNOWN, "a block has no section VALUES");
     uint64_t offset = input.offset;
@@ -229,8 +231,9 @@ static int read_values(reel_call *call, bool is_grid, const payloads *sections, 
     group->values = input;
     group->rounding = *payload(sections, REEL_ROUNDING);
     bool is_exact = (form & ~GRID_SINGLE) == GRID_EXACT;
-    bool is_known = form == GRID_NONE || is_exact || (group->is_on_surface && form < 16);
-    REEL_CORRUPT_IF(!is_known, offset, "the form of positions on a grid is unknown");
+    bool is_known = is_exact || (form == GRID_NONE && (is_of_positions || !is_grid)) ||
+                    (group->is_on_surface && form < 16 && is_of_positions);
+    REEL_CORRUPT_IF(!is_known, offset, "the form of values on a grid is unknown");
     REEL_CORRUPT_IF(form != GRID_NONE && !(group->grid > 0.0 && group->grid <= 1.0), offset,
                     "the step of a grid is not above 0 and at most 1 diagonal");
     return group->grid > 0.0 || !group->rounding.offset
@@ -245,19 +248,23 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
     *group = (reel_group){0};
     uint32_t first = number ? REEL_TRACK_BLOCK : REEL_BLOCK;
     bool is_exact = track->info.is_exact || track->info.coding == REEL_EXACT;
-    bool is_grid = !number && outline->method == REEL_METHOD_GRID;
-    uint32_t other_ids = is_exact ? EXACT_IDS | (number ? 0 : BIT(REEL_ROUNDING))
-                                  : MODES_IDS | (number ? BIT(REEL_MISSING) : 0);
+    bool is_grid = number ? !is_exact : outline->method == REEL_METHOD_GRID;
+    uint32_t other_ids = is_exact ? VALUES_IDS | (number ? 0 : BIT(REEL_ROUNDING))
+                                  : MODES_IDS | (number ? VALUES_IDS | BIT(REEL_MISSING) : 0);
     REEL_TRY(find_payloads(call, bytes, first, other_ids, is_checked, &sections));
     REEL_TRY(read_counts(call, &sections, number, track, outline->blocks[block].n_frames, group));
-    if (is_exact) {
-        return read_values(call, is_grid, &sections, group);
+    group->missing = *payload(&sections, REEL_MISSING);
+    if (payload(&sections, REEL_VALUES)->offset || is_exact) {
+        bool has_modes = payload(&sections, REEL_FIELDS)->offset ||
+                         payload(&sections, REEL_BASIS)->offset ||
+                         payload(&sections, REEL_CORRECTIONS)->offset;
+        REEL_CORRUPT_IF(has_modes, bytes.offset, "a block has both modes and VALUES");
+        return read_values(call, is_grid, !number, &sections, group);
     }
     REEL_TRY(read_fields(call, *payload(&sections, REEL_FIELDS), !number, group));
     REEL_TRY(read_corrections(call, *payload(&sections, REEL_CORRECTIONS), group));
     group->basis = *payload(&sections, REEL_BASIS);
     group->coefficients = *payload(&sections, REEL_COEFFICIENTS);
-    group->missing = *payload(&sections, REEL_MISSING);
     return group->basis.offset && group->coefficients.offset
                ? MESHREEL_OK
                : reel_corrupt(call, bytes.offset, "a block has no BASIS or COEFFICIENTS");

@@ -26,8 +26,8 @@ typedef struct {
     float correction_step;
     uint64_t n_corrected, n_corrections;
     reel_range corrections;
-    /* Exact values: the step of a grid of positions, or 0; whether these are integers on the
-       surface, and of one frame, which all repeat; and the bits. */
+    /* Stored values: the step of their grid, or 0 if they are exact; whether these are integers on
+       the surface, and of one frame, which all repeat; and the bits. */
     double grid;
     bool is_on_surface, is_still;
     reel_range values, rounding, missing;

@@ -130,7 +130,7 @@ static void put_float_after(void *numbers, uint32_t size, uint64_t i, double val
     }
 }
 
-/* ---- positions ---- */
+/* ---- values on a grid ---- */
 
 /* The offset of the number at a coordinate. */
 static int32_t rounding_at(const reel_rounding *rounding, uint32_t axis, int32_t coordinate) {
@@ -138,21 +138,42 @@ static int32_t rounding_at(const reel_rounding *rounding, uint32_t axis, int32_t
     return i >= 0 && i < rounding->n[axis] ? rounding->offsets[axis][i] : 0;
 }
 
-static void store_grid(const reel_loaded_block *block, const int32_t *order,
-                       const double *placement, uint32_t number_bytes, const int32_t *units,
-                       uint64_t n_items, uint32_t size, void *out) {
+/* Store a frame of numbers of `number_bytes` bytes, converted to `size` bytes. */
+static void store_grid(const reel_track_state *state, const reel_track *track, uint64_t frame,
+                       uint32_t number_bytes, uint32_t size, void *out) {
+    const reel_loaded_block *block = &state->current;
+    uint64_t n_items = state->items.graph.n_items, n_columns = track->n_coded;
+    const int32_t *units = (const int32_t *)block->exact + n_columns * n_items * frame;
+    bool is_rounded = block->group.rounding.offset;
     for (uint64_t i = 0; i < n_items; i++) {
-        const int32_t *item = units + 3 * (uint64_t)order[i];
-        for (uint32_t axis = 0; axis < 3; axis++) {
-            double value = (double)item[axis] * block->group.grid;
-            value = value * placement[0] + placement[1 + axis];
+        uint64_t item = state->items.order ? (uint64_t)state->items.order[i] : i;
+        for (uint32_t column = 0; column < n_columns; column++) {
+            int32_t unit = units[n_columns * item + column];
+            double value = (double)unit * block->group.grid;
+            value = value * track->placement[0] + track->placement[1 + column];
             double number;
             put_float_after(&number, number_bytes, 0, value,
-                            rounding_at(&block->rounding, axis, item[axis]));
-            put_number(out, size, 3 * i + axis, number_at(&number, number_bytes, 0));
+                            is_rounded ? rounding_at(&block->rounding, column, unit) : 0);
+            put_number(out, size, n_columns * i + column, number_at(&number, number_bytes, 0));
         }
     }
 }
+
+/* Store the decoded numbers of some frames as floats or doubles, unrounded if these are longer. */
+static int store_decoded(reel_call *call, const meshreel_decoder *decoder, reel_track_state *state,
+                         const reel_track *track, uint64_t first, uint64_t count, uint32_t size,
+                         void *out) {
+    if (state->current.group.n_modes) {
+        return multiply(call, decoder, state, track, first, count, size, out, NULL);
+    }
+    size_t frame_bytes = (size_t)state->items.graph.n_items * track->n_coded * size;
+    for (uint64_t t = 0; t < count; t++) {
+        store_grid(state, track, first + t, size, size, (uint8_t *)out + t * frame_bytes);
+    }
+    return MESHREEL_OK;
+}
+
+/* ---- positions ---- */
 
 static void store_exact(const meshreel_decoder *decoder, const reel_track_state *state,
                         uint64_t frame, uint32_t size, void *out) {
@@ -161,8 +182,7 @@ static void store_exact(const meshreel_decoder *decoder, const reel_track_state 
     uint32_t number_bytes = outline->number_bytes;
     if (state->current.group.grid > 0.0) {
         frame = state->current.group.is_still ? 0 : frame;
-        store_grid(&state->current, state->items.order, outline->placement, number_bytes,
-                   (const int32_t *)state->current.exact + 3 * n_items * frame, n_items, size, out);
+        store_grid(state, decoder->file->tracks, frame, number_bytes, size, out);
         return;
     }
     const uint8_t *numbers =
@@ -292,7 +312,7 @@ static int velocities_of(reel_call *call, meshreel_decoder *decoder, reel_track_
     if (!track->info.is_exact) {
         offsets = reel_scratch(call, n * count, sizeof *offsets);
         REEL_NEED(offsets);
-        REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, offsets, NULL));
+        REEL_TRY(store_decoded(call, decoder, state, track, first, count, REEL_VALUES_8, offsets));
     }
     for (uint64_t t = 0; t < count; t++) {
         bool is_first = first + t == 0, is_last = first + t + 1 == state->current.group.n_frames;
@@ -354,7 +374,7 @@ static int rotated_normals(reel_call *call, meshreel_decoder *decoder, reel_trac
     double *of_vertices = reel_scratch(call, 3 * n_verts, sizeof *of_vertices);
     int32_t *summation_faces = find_summation_faces(call, file);
     REEL_NEED(rotations && normals && of_vertices && summation_faces);
-    REEL_TRY(multiply(call, decoder, state, track, first, count, REEL_VALUES_8, rotations, NULL));
+    REEL_TRY(store_decoded(call, decoder, state, track, first, count, REEL_VALUES_8, rotations));
     for (uint64_t t = 0; t < count; t++) {
         const uint8_t *positions = (const uint8_t *)p.numbers + 3 * n_verts * p.size * t;
         REEL_TRY(surface_normals(call, file, state, domain, summation_faces, positions, of_vertices,
@@ -419,7 +439,7 @@ int reel_values(reel_call *call, meshreel_decoder *decoder, uint32_t number, uin
                    (uint8_t *)out + t * n_items * item_bytes);
         }
     } else {
-        REEL_TRY(multiply(call, decoder, state, track, first, count, track->size, out, NULL));
+        REEL_TRY(store_decoded(call, decoder, state, track, first, count, track->size, out));
         if (track->info.kind == MESHREEL_TRACK_NORMAL) {
             to_unit_length(out, track->size, n_items * count);
         }

@@ -205,8 +205,9 @@ class CodedTrack:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the payloads of all blocks."""
-        return sum(len(payload) for block in self.blocks for _, payload in block)
+        """Size of all payloads."""
+        sections = [self.leading, *chain.from_iterable(self.blocks)]
+        return sum(len(payload) for _, payload in sections)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ class FileGroup:
     key_block: U32
     """Number of the block whose fields this one uses, which may be this block."""
     n_modes: U32
-    """Number of modes; 0 if values are stored exactly."""
+    """Number of modes; 0 if values are exact, or on a grid."""
     n_corrections: U64
     step: Double
     """Quantization step of the fields, as a fraction of the diagonal."""

@@ -9,7 +9,11 @@ import meshreel
 from meshreel import Surface
 from meshreel.codec.achieved import measure_stream
 from meshreel.codec.reel.encoding import tracks as tracks_module
-from meshreel.codec.reel.encoding.track_coders import UNIT_LENGTH_TOLERANCE, length_allowed
+from meshreel.codec.reel.encoding.track_coders import (
+    UNIT_LENGTH_TOLERANCE,
+    TrackCoder,
+    length_allowed,
+)
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.codec.track_bounds import Measure, TrackBound
@@ -219,6 +223,32 @@ def test_few_different_values_are_exact_where_that_takes_fewer_bytes():
     sequence = moving.replace(tracks={"contact": contact})
     decoded = meshreel.decode(meshreel.encode(sequence, bound="0.1%"))
     assert (decoded.tracks["contact"].values[..., 0] == contact).all()
+
+
+@pytest.mark.parametrize("n_columns", [1, 3])
+def test_values_that_jump_are_coded_on_a_grid(n_columns, monkeypatch):
+    moving = waving_grid(9, 20, 20)
+    steps = np.random.default_rng(4).integers(0, 5, (1, moving.n_verts, n_columns))
+    noise = 1e-3 * np.random.default_rng(5).random((9, moving.n_verts, n_columns))
+    original = moving.replace(tracks={"plies": (0.3 * steps + noise).astype("f4")})
+    found = []
+    for grid in (TrackCoder.on_grid, None):
+        monkeypatch.setattr(TrackCoder, "on_grid", grid)
+        data = meshreel.encode(original, bound="0.3%")
+        [track] = meshreel.info(data).tracks
+        assert measure_stream(original, data).tracks["plies"].largest <= track.bound
+        found.append(track.size_bytes)
+    assert found[0] < 0.8 * found[1]
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+def test_live_values_far_from_those_of_the_first_block_keep_their_bound(dtype):
+    plies = np.random.default_rng(4).integers(0, 5, GRID.n_verts) * np.full((11, 1), 0.3)
+    plies[5] *= 1e4
+    plies = plies.astype(dtype)
+    frames = zip(GRID.vertices, ({"plies": one} for one in plies), strict=True)
+    result = meshreel.decode(recorded(frames, {"plies": "1e-4"}, block_frames=4)).tracks
+    assert np.abs(result["plies"].values[..., 0].astype("f8") - plies).max() <= 1e-4
 
 
 def test_tracks_do_not_change_the_frames():

@@ -234,12 +234,12 @@ def test_lossless_false_gives_the_default_stream():
     ("writer", "name"),
     [
         ("exact_positions.write_exact_positions", "positions"),
-        ("track_coders.write_exact_block", "track 'heat'"),
+        ("track_coders.write_values_block", "track 'heat'"),
     ],
 )
 def test_streams_that_lose_the_sign_of_zero_are_refused(monkeypatch, writer, name, order, encode):
     write = getattr(blocks, writer.partition(".")[2])
-    loses = lambda values, graph: write(values + 0.0, graph)  # noqa: E731
+    loses = lambda values, *graph: write(values + 0.0, *graph)  # noqa: E731
     monkeypatch.setattr(f"meshreel.codec.reel.encoding.{writer}", loses)
     vertices = waving_grid(3).vertices.copy()
     vertices[0, 0] = -0.0

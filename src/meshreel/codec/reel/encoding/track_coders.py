@@ -19,9 +19,14 @@ from meshreel.codec.reel.encoding.corrections import check_error_bound
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_residuals import exact_residuals, residuals
-from meshreel.codec.reel.normative.blocks import write_exact_block, write_missing, write_track_block
+from meshreel.codec.reel.normative.blocks import (
+    write_missing,
+    write_track_block,
+    write_values_block,
+)
 from meshreel.codec.reel.normative.expected import MovingSurface
 from meshreel.codec.reel.normative.graphs import ItemGraph, item_graph
+from meshreel.codec.reel.normative.grid import MAX_COORDINATE, PositionGrid
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
@@ -29,7 +34,7 @@ from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, Sharing, TrackHeader, write_track
-from meshreel.errors import InvalidInputError, Keyword
+from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.kernel.fields import encode_fields
 from meshreel.kernel.mesh import Neighbors, neighbors
 from meshreel.kernel.predict import kriging_weights
@@ -95,7 +100,7 @@ class ExactTrackCoder(_Coder):
     def code(self, values: Values, positions: Vertices | None = None) -> Sections:
         """Encode the next block of values, of shape (T_b, N, C)."""
         coded, order = self._residuals(values, positions, exact_residuals)
-        return list(write_exact_block(in_order(coded, order), self.graph))
+        return list(write_values_block(in_order(coded, order), self.graph))
 
     def with_prediction(
         self, coding: Coding, rate: float, surface: MovingSurface
@@ -126,6 +131,8 @@ class TrackCoder(_Coder):
     points: ItemPoints
     nugget: int | None = None
     """Code of the nugget if the initial weights follow from points, else None."""
+    grid: PositionGrid | None = None
+    """Grid on which blocks store values within the bound; None: they store modes."""
 
     @property
     def needs_positions(self) -> bool:
@@ -192,8 +199,23 @@ class TrackCoder(_Coder):
 
     def code_prepared(self, prepared: PreparedValues) -> Sections:
         """Encode the next block."""
-        opening, *sections = self._blocks.code(prepared.frames).sections
+        on_grid = self.grid and self._on_grid(self.grid, prepared.frames)
+        opening, *sections = on_grid or self._blocks.code(prepared.frames).sections
         return [opening, *([prepared.missing] if prepared.missing else []), *sections]
+
+    def _on_grid(self, grid: PositionGrid, frames: BlockFrames) -> Sections | None:
+        """Encode a block on a grid; None if that exceeds the bound, as later live values may."""
+        values = frames.internal_vertices
+        coordinates = grid.coordinates(values)
+        try:
+            decoded = grid.positions(coordinates, values.dtype)
+        except CorruptStreamError:  # beyond the largest float
+            return None
+        errors = (decoded - values.astype(np.float64)) / grid.frame.scale
+        lengths = np.abs(errors) if self.coder.each_column else np.linalg.norm(errors, axis=2)
+        if lengths.max() > self.share:
+            return None
+        return write_values_block(coordinates, self.coder.mesh.neighbors, grid.step)
 
     def with_prediction(
         self, coding: Coding, rate: float, surface: MovingSurface, bound: TrackBound
@@ -218,6 +240,15 @@ class TrackCoder(_Coder):
     def single_step(self) -> float:
         """Largest step with which no single number needs a correction."""
         return 2.0 * (self.share - self.rounding / self.header.scale) * (1.0 - ROUNDING_SLACK)
+
+    @property
+    def on_grid(self) -> "TrackCoder | None":
+        """A coder of values on the coarsest grid within the bound; None if that is too fine."""
+        n_joint = 1 if self.coder.each_column else self.header.n_coded
+        step = float(np.float32(self.single_step * (1.0 - ROUNDING_SLACK) / math.sqrt(n_joint)))
+        if step < 1.0 / MAX_COORDINATE:
+            return None
+        return replace(self, nugget=None, grid=PositionGrid(min(step, 1.0), self.coder.frame))
 
     def with_weights(self, nugget: int | None, n_learned: int) -> "TrackCoder":
         """Return a coder with other weights: their nugget, and how many modes they adapt to."""

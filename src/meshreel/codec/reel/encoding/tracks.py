@@ -59,6 +59,9 @@ BEST_SHARE, SHARE_EXPONENT, MAX_CHANGE = 0.04, 0.1, (0.8, 1.4)
 """At the best step, corrections take about this share of the bytes; a second step is the first,
 multiplied by the ratio of the shares to this power, within these limits."""
 
+GRID_SAMPLE = 1 << 18
+"""Values on a grid are compared with modes by the first frames, up to this many numbers."""
+
 MAX_POINTS_RATIO = 0.99
 """Weights from points have to save 1 %: a value then needs positions of its block."""
 
@@ -318,7 +321,28 @@ class StepSearch:
             step = min(steps, key=self._size_bytes)
         if self._best is None or self._best[0] != step:
             self._best = step, self._coded(step, self._pieces)
-        return step, CodedTrack(self._coder.leading_section(), self._best[1])
+        by_modes = CodedTrack(self._coder.leading_section(), self._best[1])
+        on_grid = self._on_grid(by_modes.size_bytes) if n_trials is None else None
+        return step, on_grid or by_modes
+
+    def _on_grid(self, size_bytes: int) -> CodedTrack | None:
+        """Encode the track on a grid, unless that takes more than this many bytes."""
+        coder, n_frames = self._coder.on_grid, self._track.shape[0]
+        if coder is None:
+            return None
+        n_sampled = max(2, GRID_SAMPLE // math.prod(self._track.shape[1:]))
+        n_sampled = min(n_sampled, self._pieces[0].stop)
+        if n_sampled < n_frames:
+            sections = coder.code_prepared(self._prepare(slice(0, n_sampled)))
+            sampled_bytes = sum(len(payload) for _, payload in sections)
+            if sampled_bytes * n_frames > size_bytes * n_sampled:
+                return None
+        blocks = [coder.code_prepared(block) for block in self._blocks(self._pieces)]
+        coded = CodedTrack(coder.leading_section(), blocks)
+        if coded.size_bytes >= size_bytes:
+            return None
+        self._coder = coder
+        return coded
 
     @property
     def coder(self) -> TrackCoder:

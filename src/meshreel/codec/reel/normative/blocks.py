@@ -10,7 +10,7 @@ from meshreel.codec.bitstream.container import write_block_counts, write_varint,
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.corrections import Corrections
 from meshreel.codec.reel.normative.fields import FieldBlock, Layout
-from meshreel.codec.reel.normative.grid import ON_SURFACE, STILL, write_form
+from meshreel.codec.reel.normative.grid import EXACT, ON_SURFACE, STILL, write_form
 from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.kernel.basis import BY_TIMES, BasisCoding, Rests, time_order
 from meshreel.kernel.exact import encode_exact
@@ -106,9 +106,21 @@ def write_on_surface(
     ]
 
 
-def write_exact_block(values: Numbers, graph: Neighbors) -> list[tuple[Section, bytes]]:
-    """Return the sections of a block of a lossless track, with values of shape (T_b, N, C)."""
-    return [(Section.TRACK_BLOCK, write_varint(0)), (Section.VALUES, encode_exact(values, graph))]
+def write_values_block(
+    values: Numbers, graph: Neighbors, step: float | None = None
+) -> list[tuple[Section, bytes]]:
+    """Return the sections of a block of a track without modes.
+
+    Parameters
+    ----------
+    values : array of shape (T_b, N, C)
+        Values of a lossless track, or int32 coordinates on a grid, in internal order.
+    step : float, optional
+        Of the grid, in diagonals of the range.
+    """
+    form = b"" if step is None else write_form(EXACT, step)
+    payload = form + encode_exact(values, graph)
+    return [(Section.TRACK_BLOCK, write_varint(0)), (Section.VALUES, payload)]
 
 
 def write_missing(is_missing: npt.NDArray[np.bool_], graph: Neighbors) -> tuple[Section, bytes]:
