@@ -13,8 +13,8 @@ from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Domain
 from meshreel.model.tracks import TrackSource, error_bound_of, track_by_name
 
-NAMES = {"displacement", "displacements", "displ", "disp", "u"}
-"""Usual names of displacements, in lower case."""
+NAMES = {"displacement", "displacements", "displ", "displ_", "disp", "disp_", "u"}
+"""Usual names of displacements, in lower case; with _ those that VTK joins from Exodus II."""
 
 
 def displace(sequence: MeshSequence, choice: str, max_loaded_bytes: int | None) -> MeshSequence:

@@ -98,17 +98,9 @@ def read_with_library(title: str, path: Path, reading: Reading) -> Sequence[Scen
     contents = json.loads((steps.folder / CONTENTS).read_text("utf-8"))
     reading.notes.left_out_items(contents["left_out"])
     steps.rows = contents["steps"]
-    if title == EXODUS and (name := _displacement(steps.step(0))):
-        reading.notes.changed(name, f"positions include the displacement {name!r}, which VTK adds")
     times_s = ascending_times(np.array(contents["times"]), "step", reading)
     frames = StepFrames(steps.step, reading.notes)
     return [SceneMesh(path.stem, times_s, frames.frame, frames.surface, tracks=frames.tracks)]
-
-
-def _displacement(step: Step) -> str:
-    """Return the name of the result that VTK adds to the nodes of Exodus II; empty for none."""
-    vectors = [each for each in step.data if each.domain is Domain.VERTEX and each.read().ndim > 1]
-    return next((each.name for each in vectors if each.name.lower().startswith("dis")), "")
 
 
 class _StoredSteps:
@@ -208,6 +200,7 @@ def _configure(reader: Any) -> Iterator[tuple[str, str]]:
                 yield "zones of faces", _text(name)
     if hasattr(reader, "SetSqueezePoints"):  # Exodus II
         reader.SetSqueezePoints(False)  # or coordinates become float32
+        reader.SetApplyDisplacements(False)
         for kind in (reader.NODAL, reader.ELEM_BLOCK, reader.GLOBAL):
             reader.SetAllArrayStatus(kind, 1)
         for unread in UNREAD:
