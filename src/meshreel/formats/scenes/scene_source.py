@@ -263,6 +263,7 @@ class _SceneRun:
         size = first.vertices.nbytes * n_frames + sum(map(size_bytes, tracks.values()))
         if self._is_loaded and (self._max_bytes is None or size <= self._max_bytes):
             vertices = np.concatenate(self._blocks).astype(self._survey.dtype, copy=False)
+            self._blocks.clear()
             return description.sequence(vertices, read_tracks(tracks))
         shape = n_frames, len(first.vertices)
         return description.stored_frames(shape, self._survey, self._read, [path], tracks)
