@@ -1,7 +1,7 @@
 """Track: a quantity that changes over time, on the vertices, faces or corners of a mesh."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum, StrEnum
@@ -356,6 +356,11 @@ def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
     existing = f"there are {', '.join(tracks)}" if tracks else "there are no tracks"
     advice = f"did you mean {close[0]!r}?" if close else existing
     raise MissingTrackError(f"there is no track {name!r}; {advice}")
+
+
+def track_items(tracks: Iterable[TrackSource]) -> int:
+    """Return the items of the track with most, in vectors of three, which need most memory."""
+    return max((track.shape[1] * max(3, track.shape[2]) // 3 for track in tracks), default=0)
 
 
 def track_like(track: TrackSource, values: Values) -> Track:

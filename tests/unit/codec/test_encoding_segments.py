@@ -300,3 +300,13 @@ def test_blocks_are_cached_in_half_of_the_memory(share, is_cached, monkeypatch):
     monkeypatch.setattr(whole.RateSearch, "_read_blocks", read_blocks)
     meshreel.encode(GRID, kg=0.5, block_frames=3, memory=f"{limit:.0f}B")
     assert readings == [4] if is_cached else len(readings) > 2
+
+
+def test_blocks_are_shorter_for_tracks_that_need_more_memory_than_positions():
+    shape = GRID.n_frames, GRID.n_verts, 256
+    wide = GRID.replace(tracks={"wide": np.arange(np.prod(shape), dtype=np.float32).reshape(shape)})
+    n_frames = [
+        meshreel.info(meshreel.encode(wide, memory="125MB", tracks={"wide": bound})).block_frames
+        for bound in ("1%", "drop")
+    ]
+    assert n_frames == [(3, 3, 3, 3), (12,)]
