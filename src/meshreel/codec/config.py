@@ -16,7 +16,6 @@ from meshreel.codec.method_names import LOSSLESS, METHOD_NAMES
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
 from meshreel.codec.targets import ABOVE_ZERO
 from meshreel.errors import InvalidInputError
-from meshreel.runtime.counting import counted
 
 if TYPE_CHECKING:
     from meshreel.model.surface import Surface
@@ -208,9 +207,7 @@ class EncoderConfig(ABC):
             Whether one block is the whole sequence, so that no other is read meanwhile.
         """
 
-    def frames_in_block(
-        self, n_frames: int, n_verts: int, number_bytes: int, n_items: int = 0
-    ) -> int:
+    def frames_in_block(self, n_frames: int, n_verts: int, number_bytes: int) -> int:
         """Return the number of frames per block.
 
         Blocks of `reel` are as long as memory allows, because each stores its own fields.
@@ -219,8 +216,6 @@ class EncoderConfig(ABC):
         ----------
         number_bytes : int
             Size of a coordinate.
-        n_items : int, default 0
-            As of `track_items`.
 
         Raises
         ------
@@ -235,17 +230,14 @@ class EncoderConfig(ABC):
 
         def needed(block_frames: int) -> float:
             is_whole = block_frames >= n_frames
-            return self.block_bytes(
-                block_frames, max(n_verts, n_items), number_bytes, is_whole=is_whole
-            )
+            return self.block_bytes(block_frames, n_verts, number_bytes, is_whole=is_whole)
 
         if needed(preferred) <= memory:
             return preferred
         if memory < needed(1):
             raise InvalidInputError(
-                f"memory of {memory / 1e6:.0f} MB is too little for {counted(n_verts, 'vertex')}"
-                + f" and a track of {n_items} vectors" * (n_items > n_verts)
-                + f"; allow at least {needed(1) / 1e6:.0f} MB"
+                f"memory of {memory / 1e6:.0f} MB is too little for one frame; allow at least "
+                f"{needed(1) / 1e6:.0f} MB"
             )
         return bisect_right(range(1, preferred), memory, key=needed)
 

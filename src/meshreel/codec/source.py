@@ -38,7 +38,7 @@ from meshreel.model.extent import Extent
 from meshreel.model.sequence import Faces, FrameSource
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
-from meshreel.model.tracks import TrackSource, error_bound_of, track_items
+from meshreel.model.tracks import TrackSource, error_bound_of, max_items
 from meshreel.runtime.progress import Count, Progress
 
 
@@ -282,9 +282,10 @@ class Source:
     @cached_property
     def block_frames(self) -> int:
         """Number of frames per block; the last block may have fewer."""
-        n_items = track_items(self.sequence.tracks[name] for name in self.bounds)
-        number_bytes = self.dtype.itemsize
-        return self.config.frames_in_block(self.n_frames, self.mesh.n_verts, number_bytes, n_items)
+        n_items = self.mesh.n_verts
+        if self.config.memory is not None:
+            n_items = max_items(n_items, [self.sequence.tracks[name] for name in self.bounds])
+        return self.config.frames_in_block(self.n_frames, n_items, self.dtype.itemsize)
 
     @cached_property
     def pieces(self) -> list[slice]:

@@ -358,9 +358,9 @@ def track_by_name(tracks: Mapping[str, AnyTrack], name: str) -> AnyTrack:
     raise MissingTrackError(f"there is no track {name!r}; {advice}")
 
 
-def track_items(tracks: Iterable[TrackSource]) -> int:
-    """Return the items of the track with most, in vectors of three, which need most memory."""
-    return max((track.shape[1] * max(3, track.shape[2]) // 3 for track in tracks), default=0)
+def max_items(n_verts: int, tracks: Iterable[TrackSource]) -> int:
+    """Return the number of vertices, or of vectors of three in a frame of the largest track."""
+    return max(n_verts, *(track.shape[1] * max(3, track.shape[2]) // 3 for track in tracks), 0)
 
 
 def track_like(track: TrackSource, values: Values) -> Track:

@@ -118,7 +118,6 @@ def test_blocks_are_as_long_as_memory_allows(method, number_bytes):
     config = config_of(method=method, memory="500MB", block_frames=5000)
     size = config.frames_in_block(5000, 10_000, number_bytes)
     assert 20 < size < 5000
-    assert config.frames_in_block(5000, 100, number_bytes, 10_000) == size
     for block_frames, is_enough in ((size, True), (size + 1, False)):
         needed = config.with_blocks_of(block_frames, 10_000, number_bytes).memory
         assert (needed <= 500e6) == is_enough

@@ -20,7 +20,7 @@ from meshreel.formats.supported_options import supported_only
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, positions_size_bytes, tracks_of_all
 from meshreel.model.surface_selection import ALL, describe_missing, missing_everywhere, select
-from meshreel.model.tracks import track_items
+from meshreel.model.tracks import max_items
 from meshreel.operations.encoding import encode_and_measure
 from meshreel.operations.registering import register_frames
 from meshreel.registration.options import RegisterOptions
@@ -176,14 +176,14 @@ def _with_smaller_blocks(
 ) -> EncoderConfig:
     largest = max(sequence.segments, key=positions_size_bytes)
     number_bytes = largest.dtype.itemsize
-    n_verts, n_items = largest.n_verts, track_items(largest.tracks.values())
-    block_frames = config.frames_in_block(largest.n_frames, n_verts, number_bytes, n_items)
+    n_items = max_items(largest.n_verts, largest.tracks.values())
+    block_frames = config.frames_in_block(largest.n_frames, n_items, number_bytes)
     n_frames = max(1, int(share * block_frames))
     notes.result(
         f"workers ran out of memory or died with blocks of {counted(block_frames, 'frame')}; "
         f"coded in blocks of {n_frames}, which take more bytes"
     )
-    return config.with_blocks_of(n_frames, max(n_verts, n_items), number_bytes)
+    return config.with_blocks_of(n_frames, n_items, number_bytes)
 
 
 def _track_bounds(

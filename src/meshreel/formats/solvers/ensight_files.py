@@ -152,9 +152,6 @@ TYPES = {
 """VTK type of each type of element."""
 
 NSIDED, NFACED, GHOST = "nsided", "nfaced", "g_"
-UNREAD = (GHOST, "point", "bar")
-"""Beginnings of types of elements that are not read."""
-
 EXPLICIT = ("given", "ignore")
 """Numbering modes for which a file contains the numbers."""
 
@@ -172,7 +169,7 @@ class Block:
     @property
     def has_faces(self) -> bool:
         """Whether its elements have faces that are read: no points, bars or ghosts."""
-        return not self.kind.startswith(UNREAD)
+        return not self.kind.startswith((GHOST, "point", "bar"))
 
 
 @dataclass(frozen=True)

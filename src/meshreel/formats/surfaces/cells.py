@@ -306,8 +306,7 @@ def cell_mesh(cells: Cells, n_points: int) -> CellSurface:
         As `extract_surface`, or if the number of points differs from what the cells declare.
     """
     key = mesh_digest(n_points, cells.types, cells.counts, cells.points)
-    surface = _SURFACES.get(key)
-    if surface is None:
+    if (surface := _SURFACES.get(key)) is None:
         surface = _SURFACES[key] = _cell_mesh(cells, n_points)
     return surface
 

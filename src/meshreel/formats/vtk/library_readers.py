@@ -59,8 +59,7 @@ UNREAD = ("NODE_SET", "SIDE_SET", "ELEM_SET", "EDGE_SET", "FACE_SET", "EDGE_BLOC
 CELL_ZONES = ("fluid", "solid")
 """Types of zones of Fluent that have cells."""
 
-WEDGE, MIRRORED = 13, (0, 2, 1, 3, 5, 4)
-"""VTK's type of wedges, and the nodes of one in the order of its mirror image."""
+WEDGE, MIRRORED = 13, (0, 2, 1, 3, 5, 4)  # type, and nodes of the mirror image
 
 STORE = "from meshreel.formats.vtk.library_readers import store; import sys; store(*sys.argv[1:])"
 MIN_MEMORY, MEMORY_RATIO = 1 << 32, 64

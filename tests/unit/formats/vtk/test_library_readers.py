@@ -29,16 +29,14 @@ FACES = [
 """Faces of the hexahedra, the first one between them."""
 
 OWNERS = [0, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1]
-HEXAHEDRAL = NODES, FACES, OWNERS, 4
-"""With the number of Fluent for hexahedra."""
+HEXAHEDRAL = NODES, FACES, OWNERS, 4  # the number of Fluent for hexahedra
 
-CUBE = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+CUBE = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
 SIDES = [
     [7, 5, 1, 3], [0, 3, 1], [4, 5, 7], [0, 1, 5, 4], [3, 0, 4, 7], [1, 3, 2], [5, 6, 7],
     [1, 2, 6, 5], [2, 3, 7, 6],
 ]  # fmt: skip
-WEDGES = np.array(CUBE, float), SIDES, [0, 0, 0, 0, 0, 1, 1, 1, 1], 6
-"""Two halves of a cube."""
+WEDGES = CUBE, SIDES, [0, 0, 0, 0, 0, 1, 1, 1, 1], 6  # two halves
 
 SHIFT = np.outer(np.arange(12), [0.01, 0.02, 0])
 TENSION = np.array([1 / 3, 2])
