@@ -141,13 +141,16 @@ const reel_cell_type reel_cell_types[REEL_N_CELL_TYPES] = {
     {34, TRIANGLE, true, true, 0, {0}},
 };
 
+/* Place of each code in `reel_cell_types`, plus 1. */
+static const uint8_t places[] = {
+    [1] = 1, [3] = 2, [5] = 3, [9] = 4, [10] = 5, [12] = 6, [13] = 7, [14] = 8, [15] = 9,
+    [16] = 10, [21] = 11, [22] = 12, [23] = 13, [24] = 14, [25] = 15, [26] = 16, [27] =
+    17, [28] = 18, [29] = 19, [32] = 20, [33] = 21, [34] = 22,
+};
+
 const reel_cell_type *reel_find_cell_type(uint32_t code) {
-    for (int i = 0; i < REEL_N_CELL_TYPES; i++) {
-        if (reel_cell_types[i].code == code) {
-            return &reel_cell_types[i];
-        }
-    }
-    return NULL;
+    bool is_known = code < sizeof places && places[code];
+    return is_known ? &reel_cell_types[places[code] - 1] : NULL;
 }
 
 int64_t reel_cell_size(int64_t code) {
@@ -206,6 +209,18 @@ static const reel_cell_shape *shape_of_cell(const reel_cell_list *cells, int64_t
     return reel_shape_of(reel_find_cell_type(cells->types[cell]));
 }
 
+static int32_t lowest_node(const reel_cell_list *cells, const reel_cell_shape *shape,
+                           int32_t side) {
+    const int32_t *nodes = cells->nodes + cells->starts[side / REEL_MAX_SIDES];
+    int local_side = side % REEL_MAX_SIDES;
+    int32_t lowest = nodes[shape->sides[local_side][0]];
+    for (int i = 1; i < shape->side_sizes[local_side]; i++) {
+        int32_t node = nodes[shape->sides[local_side][i]];
+        lowest = node < lowest ? node : lowest;
+    }
+    return lowest;
+}
+
 static side_key key_of(const reel_cell_list *cells, int32_t side) {
     const reel_cell_shape *shape = shape_of_cell(cells, side / REEL_MAX_SIDES);
     const int32_t *nodes = cells->nodes + cells->starts[side / REEL_MAX_SIDES];
@@ -236,6 +251,11 @@ static bool is_before(const reel_cell_list *cells, int32_t a, int32_t b) {
     return order < 0 || (!order && a < b);
 }
 
+static void match(int32_t a, int32_t b, int32_t *mates) {
+    mates[a] = b;
+    mates[b] = a;
+}
+
 /* Move side `parent` of a heap of n sides down until none of its children is after it. */
 static void sift(const reel_cell_list *cells, int32_t *sides, int64_t parent, int64_t n) {
     for (int64_t child = 2 * parent + 1; child < n; parent = child, child = 2 * parent + 1) {
@@ -251,8 +271,9 @@ static void sift(const reel_cell_list *cells, int32_t *sides, int64_t parent, in
     }
 }
 
-/* Sort a few sides, whose numbers ascend. */
-static void sort_few_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
+/* Sort a few sides, whose numbers ascend, and match neighbors with equal nodes. */
+static void match_few_sides(const reel_cell_list *cells, int32_t *sides, int64_t n,
+                            int32_t *mates) {
     side_key keys[FEW_SIDES];
     for (int64_t i = 0; i < n; i++) {
         int32_t side = sides[i];
@@ -265,13 +286,17 @@ static void sort_few_sides(const reel_cell_list *cells, int32_t *sides, int64_t 
         keys[index] = key;
         sides[index] = side;
     }
+    for (int64_t i = 0; i + 1 < n; i++) {
+        if (!compare_keys(&keys[i], &keys[i + 1])) {
+            match(sides[i], sides[i + 1], mates);
+            i++;
+        }
+    }
 }
 
-static void sort_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
-    if (n <= FEW_SIDES) {
-        sort_few_sides(cells, sides, n);
-        return;
-    }
+/* The same for many sides, by a heap sort. */
+static void match_many_sides(const reel_cell_list *cells, int32_t *sides, int64_t n,
+                             int32_t *mates) {
     for (int64_t i = n / 2; i-- > 0;) {
         sift(cells, sides, i, n);
     }
@@ -280,6 +305,13 @@ static void sort_sides(const reel_cell_list *cells, int32_t *sides, int64_t n) {
         sides[0] = sides[last];
         sides[last] = greatest;
         sift(cells, sides, 0, last);
+    }
+    for (int64_t i = 0; i + 1 < n; i++) {
+        side_key key = key_of(cells, sides[i]), next = key_of(cells, sides[i + 1]);
+        if (!compare_keys(&key, &next)) {
+            match(sides[i], sides[i + 1], mates);
+            i++;
+        }
     }
 }
 
@@ -298,8 +330,9 @@ bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *
     reel_zero(starts, ((size_t)n_verts + 1) * sizeof *starts);
     for (int pass = 0; pass < 2; pass++) { /* count, then list, the sides of each lowest node */
         for (int32_t cell = 0; cell < cells->n; cell++) {
-            for (int k = 0; k < shape_of_cell(cells, cell)->n_sides; k++) {
-                int32_t side = REEL_MAX_SIDES * cell + k, low = key_of(cells, side).nodes[0];
+            const reel_cell_shape *shape = shape_of_cell(cells, cell);
+            for (int k = 0; k < shape->n_sides; k++) {
+                int32_t side = REEL_MAX_SIDES * cell + k, low = lowest_node(cells, shape, side);
                 if (pass) {
                     sides[starts[low]++] = side;
                 } else {
@@ -313,16 +346,8 @@ bool reel_match_sides(const reel_cell_list *cells, int64_t n_verts, reel_arena *
         }
     }
     for (int64_t low = 0, begin = 0; low < n_verts; begin = starts[low++]) {
-        int64_t end = starts[low];
-        sort_sides(cells, sides + begin, end - begin);
-        for (int64_t i = begin; i + 1 < end; i++) {
-            side_key key = key_of(cells, sides[i]), next = key_of(cells, sides[i + 1]);
-            if (!compare_keys(&key, &next)) {
-                mates[sides[i]] = sides[i + 1];
-                mates[sides[i + 1]] = sides[i];
-                i++;
-            }
-        }
+        int64_t n = starts[low] - begin;
+        (n <= FEW_SIDES ? match_few_sides : match_many_sides)(cells, sides + begin, n, mates);
     }
     return true;
 }
