@@ -13,7 +13,12 @@ import numpy.typing as npt
 from meshreel.arrays import Integers
 from meshreel.codec.connectivity.order import encode_order, inverse_permutation
 from meshreel.errors import InvalidInputError, Keyword
-from meshreel.kernel.cells import cell_links, encode_cells, encode_cells_order
+from meshreel.kernel.cells import (
+    EncodedCells,
+    cell_links,
+    encode_cells,
+    encode_cells_order,
+)
 from meshreel.kernel.connectivity import encode_faces
 from meshreel.kernel.order import opposite_sides
 from meshreel.model.cells import Cells
@@ -26,6 +31,10 @@ CELLS_AND_VERTICES = 3
 
 GOOD_WALK_BYTES = 0.5
 """Bytes per face of a walk below which the plain face list is not tried."""
+
+GOOD_LIST_BYTES = 0.05
+"""Bytes per cell of a list below which a walk, which takes several times as long and needs the order
+of cells, is not tried."""
 
 
 @dataclass(frozen=True)
@@ -141,18 +150,22 @@ def _encode_cells(cells: Cells, n_verts: int, *, order: str) -> CodedConnectivit
         raise InvalidInputError(
             Keyword("order"), f" of a mesh of cells is keep or drop; got {order!r}"
         )
-    coded = [_code_cells(cells, n_verts, order, listed=listed) for listed in (True, False)]
-    return min(coded, key=lambda mesh: mesh.size_bytes)
+    listed = encode_cells(cells.types, cells.nodes, n_verts, listed=True)
+    if order == "keep" and len(listed.data) <= GOOD_LIST_BYTES * cells.n_cells:
+        return _coded_cells(listed, n_verts, b"")
+    walked = encode_cells(cells.types, cells.nodes, n_verts, listed=False)
+    order_payload = b""
+    if order == "keep":
+        order_payload = bytes([CELLS_AND_VERTICES]) + encode_cells_order(walked)
+    if len(listed.data) <= len(walked.data) + len(order_payload):
+        return _coded_cells(listed, n_verts, b"")
+    return _coded_cells(walked, n_verts, order_payload)
 
 
-def _code_cells(cells: Cells, n_verts: int, order: str, *, listed: bool) -> CodedConnectivity:
-    coded = encode_cells(cells.types, cells.nodes, n_verts, listed=listed)
+def _coded_cells(coded: EncodedCells, n_verts: int, order_payload: bytes) -> CodedConnectivity:
     internal = Cells(coded.types, coded.nodes)
     surface = internal.surface(n_verts)
     counts = internal.n_cells, len(internal.nodes), len(surface.sizes)
-    order_payload = b""
-    if order == "keep" and not listed:
-        order_payload = bytes([CELLS_AND_VERTICES]) + encode_cells_order(coded)
     return CodedConnectivity(
         coded.data,
         order_payload,
