@@ -1044,6 +1044,55 @@ def with_nugget(code, of_positions=False):
     return by_hand([[0, 1, 2]], 3, blocks, tracks=tracks)
 
 
+def with_relations(*distances, domain=Domain.VERTEX):
+    """Return the worked example with tracks, the first of which has this domain.
+
+    `distances` are those of the others from their related track; 0 means that there is none.
+    """
+    layout, basis = Layout(np.float32(0.5), 1, 0), np.array([[[3, 0], [0, -1], [0, 0]]])
+    rng, tracks = np.random.default_rng(0), []
+    for number, distance in enumerate((0, *distances)):
+        header = replace(HEAT, name=f"heat {number}", domain=Domain.VERTEX if number else domain)
+        related = replace(layout, nugget=13, related=distance) if distance else layout
+        n_items = 3 if header.domain is Domain.VERTEX else 1
+        tracks.append((header, [random_block(rng, related, n_items, 1, 2, n_columns=1)]))
+    return by_hand([[0, 1, 2]], 3, [(layout, basis, np.array([[4, -1, 2]]), None)], tracks=tracks)
+
+
+def chain_of_related_tracks():
+    """As many relations as a chain may have."""
+    return with_relations(*[1] * 8)
+
+
+def related_tracks():
+    """Fields of tracks that predict those of later tracks, in two blocks."""
+    sheet, rng = moving(grid(12, 12), 4), np.random.default_rng(5)
+    x, y, z = np.moveaxis(sheet.vertices.astype(np.float64), -1, 0)
+    rough = 0.1 * rng.normal(size=x.shape)
+    tracks = {
+        "first": np.sin(x) + rough,
+        "between": np.sin(y),
+        "twice": np.stack([y + 2 * rough, z - rough, x + y], axis=-1),
+        "again": x * y + 3 * rough,
+    }
+    data = meshreel.encode(sheet.replace(tracks=tracks), bound="0.5%", block_frames=2)
+    related = [blocks[0].get("related", 0) for _, blocks, _ in read_all(data)[0].tracks]
+    assert related[2:] == [2, 1]
+    return data
+
+
+def related_to_a_grid():
+    """Values on a grid that predict a field."""
+    sheet, rng = moving(grid(14, 14), 1), np.random.default_rng(5)
+    x, y, _ = np.moveaxis(sheet.vertices.astype(np.float64), -1, 0)
+    plies = rng.integers(0, 4, x.shape) + 0.1 * rng.normal(size=x.shape)
+    tracks = {"plies": plies, "near": 2 * plies + np.sin(x) * y}
+    data = meshreel.encode(sheet.replace(tracks=tracks), bound="0.5%")
+    (_, [first], _), (_, [second], _) = read_all(data)[0].tracks
+    assert (first["modes"], second["related"]) == (0, 1)
+    return data
+
+
 def with_rests(payload):
     """Return the worked example with a resting time, replaced by these bytes."""
     layout = Layout(np.float32(0.5), 1, 0, coding=BasisCoding(Rests(((1, 2),))))
@@ -1143,6 +1192,7 @@ BY_HAND = (
     cells_with_values_dropped, normals_at_the_pole, many_resolutions, no_more_rows,
     lossless_of_lossy, compact,
     compact_with_times, weights_from_points, weights_from_one_point,
-    weights_from_points_of_polygons,
+    weights_from_points_of_polygons, related_tracks, related_to_a_grid,
+    chain_of_related_tracks,
 )  # fmt: skip
 """Functions that return a stream of their name."""

@@ -157,6 +157,8 @@ class Vertex:
     stencil: list
     contexts: list
     smooth: dict
+    level: tuple = ()
+    """The number of vertices of the resolution, and the number of the level in it."""
 
 
 def resolutions_of(faces, n_verts, size):
@@ -183,11 +185,11 @@ def resolutions_of(faces, n_verts, size):
 def vertices_of(near, known, levels, size, divide):
     """Return the vertices of the levels of a resolution."""
     smooth, known, vertices = smooth_fields(near), set(known), []
-    for level in levels:
+    for number, level in enumerate(levels):
         for v in sorted(level):
             stencil = stencil_of(near, v, known, size, 1 if v in divide else 3)
             contexts = (below(near, v, level) + [u for u, _ in stencil])[:MAX_CONTEXTS]
-            vertices.append(Vertex(v, stencil, contexts, smooth))
+            vertices.append(Vertex(v, stencil, contexts, smooth, (len(near), number)))
         known |= level
     return vertices
 

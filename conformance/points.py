@@ -59,6 +59,41 @@ def covariance(p, q):
     return k(square(difference)) + TREND * (1 + ((a + b) + c))
 
 
+def factorized(matrix):
+    """Return l and g of a symmetric matrix, given as rows up to the diagonal."""
+    lower, g = [], []
+    for i, a in enumerate(matrix):
+        c, row = [], []
+        for j in range(i):
+            c_ij = a[j]
+            for c_ik, l_jk in zip(c, lower[j], strict=True):
+                c_ij -= c_ik * l_jk
+            c.append(c_ij)
+            row.append(c_ij * g[j])
+        pivot = a[i]
+        for c_ij, l_ij in zip(c, row, strict=True):
+            pivot -= c_ij * l_ij
+        lower.append(row)
+        g.append(1 / pivot)
+    return lower, g
+
+
+def solved(lower, g, b):
+    """Return the solution for the right side b, given l and g."""
+    y, n = [], len(b)
+    for i in range(n):
+        y_i = b[i]
+        for l_ij, y_j in zip(lower[i], y, strict=True):
+            y_i -= l_ij * y_j
+        y.append(y_i)
+    w = [0.0] * n
+    for i in reversed(range(n)):
+        w[i] = y[i] * g[i]
+        for j in range(i + 1, n):
+            w[i] -= lower[j][i] * w[j]
+    return w
+
+
 def weights_of(x, near, nugget):
     """Return the weights that predict a value at x from those at the points `near`."""
     offsets = [[a - b for a, b in zip(x_j, x, strict=True)] for x_j in near]
@@ -67,26 +102,10 @@ def weights_of(x, near, nugget):
         total += math.sqrt(square(offset))
     h, n = total / len(near) or 1.0, len(near)
     p = [[a / h for a in offset] for offset in offsets]
-    rows, g, y = [], [], []
+    matrix = [[covariance(p[i], p[j]) for j in range(i + 1)] for i in range(n)]
     for i in range(n):
-        c, row = [], []
-        for j in range(i):
-            c_ij = covariance(p[i], p[j])
-            for c_ik, l_jk in zip(c, rows[j], strict=True):
-                c_ij -= c_ik * l_jk
-            c.append(c_ij)
-            row.append(c_ij * g[j])
-        pivot, y_i = covariance(p[i], p[i]) + nugget, covariance(p[i], [0.0] * 3)
-        for c_ij, l_ij, y_j in zip(c, row, y, strict=True):
-            pivot -= c_ij * l_ij
-            y_i -= l_ij * y_j
-        rows.append(row)
-        g.append(1 / pivot)
-        y.append(y_i)
-    w = [0.0] * n
-    for i in reversed(range(n)):
-        w[i] = y[i] * g[i]
-        for j in range(i + 1, n):
-            w[i] -= rows[j][i] * w[j]
+        matrix[i][i] += nugget
+    lower, g = factorized(matrix)
+    w = solved(lower, g, [covariance(p_i, [0.0] * 3) for p_i in p])
     weights = [single(w_i) for w_i in w]
     return weights if all(map(math.isfinite, weights)) else [0.0] * n

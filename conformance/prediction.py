@@ -1,7 +1,7 @@
 """Fields from their residuals: "Prediction" of docs/format.md, in single precision."""
 
 from conformance.hierarchy import SMALL_GRAPH
-from conformance.points import weights_of
+from conformance.points import factorized, solved, weights_of
 from conformance.rounding import single
 
 
@@ -94,7 +94,57 @@ def observe_smooth(weights, vertex, size):
         weights.observe(z, p, single(y - p), q, 0.0)
 
 
-def predict_fields(resolutions, residuals, size, n_learned, key=(), points=None, nugget=0.0):
+MAX_RELATED = 4
+
+
+class Regression:
+    """Regression of innovations on those of the fields of a related track."""
+
+    def __init__(self, related, n_modes):
+        self.related, n = related[:MAX_RELATED], len(related[:MAX_RELATED])
+        self.gram = [[0.0] * n for _ in range(n)]
+        self.products = [[0.0] * n_modes for _ in range(n)]
+        self.factors = []
+        self.level = ()
+
+    def innovations(self, weights, vertex):
+        results = []
+        for field in self.related:
+            z, y = offsets(field, vertex.stencil, vertex.number)
+            results.append(single(y - weights.predict(z)))
+        return results
+
+    def begin(self, level):
+        """Solve the normal equations at the beginning of a level, and halve them."""
+        if level == self.level:
+            return
+        self.level, n = level, len(self.gram)
+        rows = [[*self.gram[i][:i], self.gram[i][i] + 1.0] for i in range(n)]
+        lower, inverse = factorized(rows)
+        columns = zip(*self.products, strict=True)
+        solutions = [solved(lower, inverse, list(column)) for column in columns]
+        self.factors = [list(row) for row in zip(*solutions, strict=True)]
+        self.gram = [[0.5 * number for number in row] for row in self.gram]
+        self.products = [[0.5 * number for number in row] for row in self.products]
+
+    def correction(self, known, mode):
+        total = 0.0
+        for row, innovation in zip(self.factors, known, strict=True):
+            total += row[mode] * innovation
+        return total
+
+    def add(self, known, own):
+        """Add a vertex: the innovations of the related fields, and those of the modes."""
+        for i, a in enumerate(known):
+            for j in range(i + 1):
+                self.gram[i][j] += a * known[j]
+            for mode, innovation in enumerate(own):
+                self.products[i][mode] += a * innovation
+
+
+def predict_fields(
+    resolutions, residuals, size, n_learned, key=(), points=None, nugget=0.0, related=()
+):
     """Return the values of each mode in steps, as dicts by vertex.
 
     Parameters
@@ -111,7 +161,10 @@ def predict_fields(resolutions, residuals, size, n_learned, key=(), points=None,
     points : list, optional
         Point of each vertex, if the initial weights follow from points.
     nugget : float
+    related : list of dict
+        Values of the fields of the related track.
     """
+    regression = Regression(related, len(residuals))
     t = single(RELATIVE_NOISE / size)
     fields = [{} for _ in residuals]
     for column, vertex in enumerate(v for resolution in resolutions for v in resolution):
@@ -121,6 +174,8 @@ def predict_fields(resolutions, residuals, size, n_learned, key=(), points=None,
                 field[v] = float(row[column])
             continue
         weights = initial_filter(vertex, size, points, nugget)
+        regression.begin(vertex.level)
+        known, own = regression.innovations(weights, vertex), []
         for field in key[:n_learned]:
             z, y = offsets(field, vertex.stencil, v)
             p = weights.predict(z)
@@ -129,7 +184,10 @@ def predict_fields(resolutions, residuals, size, n_learned, key=(), points=None,
             first = field[vertex.stencil[0][0]]
             z = [single(field[j] - first) for j, _ in vertex.stencil]
             p = weights.predict(z)
-            field[v] = (first + p) + row[column]
+            correction = regression.correction(known, mode)
+            field[v] = ((first + p) + correction if related else first + p) + row[column]
+            own.append(correction + row[column])
             if mode < n_learned:
                 weights.observe(z, p, single(row[column]), NOISE, t)
+        regression.add(known, own)
     return fields

@@ -10,6 +10,7 @@ import struct
 import sys
 from array import array
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from conformance import paper, predicted
@@ -259,7 +260,7 @@ def read_track(payload):
     """Return the fields of a TRACK, and its placement."""
     payload = Payload(payload)
     kind, domain, number_type, coding = (payload.byte() for _ in range(4))
-    has_bound, coding = coding & 16 > 0, coding & ~16
+    has_bound, letter, coding = coding & 16 > 0, "f" if coding & 32 else "d", coding & ~48
     name, unit, n_columns = payload.text(), payload.text(), payload.varint()
     need(kind < 7 and domain < 6 and coding < 9 and number_type in LETTERS)
     need(n_columns in COLUMNS.get(kind, range(1, 257)), "a track has a wrong number of columns")
@@ -267,14 +268,14 @@ def read_track(payload):
     bound, scale, origin = 0.0, 1.0, [0.0] * n_columns
     if has_bound:
         need(predicted.is_exact(coding), "only exact tracks may have a bound of their source")
-        bound = payload.number("d")
+        bound = payload.number(letter)
         need(0 < bound < math.inf, "the bound of an exact track is not positive and finite")
     elif not predicted.is_exact(coding):
-        bound, scale = payload.number("d"), payload.number("d")
+        bound, scale = payload.number(letter), payload.number(letter)
         need(0 <= bound < math.inf and 0 < scale < math.inf, "a bound or scale is out of range")
     need(coding == EXACT or number_type in (4, 8), "modes and differences require floats")
     if coding == 0:
-        origin = [payload.number("d") for _ in range(n_columns)]
+        origin = [payload.number(letter) for _ in range(n_columns)]
         need(all(map(math.isfinite, origin)), "an origin is not finite")
     elif coding == predicted.ROTATED:
         need(kind == NORMALS and domain != OF_CELLS, "a rotated track does not contain normals")
@@ -284,7 +285,7 @@ def read_track(payload):
             kind == VELOCITIES and domain in (0, BY_VERTEX),
             "differences require velocities",
         )
-        track["rate"] = payload.number("d")
+        track["rate"] = payload.number(letter)
         need(math.isfinite(track["rate"]), "a rate is not finite")
     if domain == BY_ROW:
         track["rows"] = payload.rest()
@@ -347,7 +348,10 @@ def read_reel_tracks(container, mesh, polygons, cells, memory):
                 nodes = cells and [cell.nodes for cell in cells.cells]
                 return points_of(domain, frame, items, polygons, nodes)
 
-            integers, numbers = read(block[number], n_frames, placed, blocks, items, coding, points)
+            kind = track["domain"], rows
+            others = points, partial(related_fields, tracks[1:], len(blocks), kind)
+            integers, numbers = read(block[number], n_frames, placed, blocks, items, coding, others)
+            integers["items"] = kind
             if coding > EXACT:
                 moving = tracks[0][2][first * size : (first + n_frames) * size]
                 letter = LETTERS[placed.number_type]
@@ -402,7 +406,22 @@ def spread(values, n_frames, items):
     return result
 
 
-def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
+MAX_RELATIONS = 8
+
+
+def related_fields(tracks, number, items, distance):
+    """Return the fields of a block that are related to those of the next track of these items.
+
+    Also returns the length of their chain. `tracks` are those before, without the positions.
+    """
+    need(distance <= len(tracks), "a track is related to one before the first")
+    block = tracks[-distance][1][number]
+    need("values" in block and block["items"] == items, "a related track has other items")
+    need(block.get("relations", 0) < MAX_RELATIONS, "a chain of related tracks is too long")
+    return block["values"], block.get("relations", 0) + 1
+
+
+def read_reel_block(group, n_frames, placed, blocks, items, coding, others):
     """Return integers and values of a track in a block; `blocks` are the previous ones.
 
     Values of a predicted track are not rounded.
@@ -418,7 +437,10 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
     need(n_reused <= len(key), "the key block has fewer fields than are reused")
     reused = key[:n_reused]
     resolutions = items.resolutions(block["stencil"])
-    nugget = 2.0 ** (8 - block["nugget"]) if "nugget" in block else 0.0
+    nugget, (points, related) = 2.0 ** (8 - block["nugget"]) if "nugget" in block else 0.0, others
+    fields = []
+    if "related" in block:
+        fields, block["relations"] = related(block["related"])
     block["values"] = reused + predict_fields(
         resolutions,
         block["coefficients"],
@@ -427,6 +449,7 @@ def read_reel_block(group, n_frames, placed, blocks, items, coding, points):
         key,
         points() if nugget else None,
         nugget,
+        fields,
     )
     scaled = [{v: x * block["step"] for v, x in field.items()} for field in block["values"]]
     # A field lists its vertices in decoding order.
@@ -489,6 +512,12 @@ def read_grid_block(group, n_frames, placed, blocks, items, coding, _):
     else:
         whole = replace(placed, number_type=36)
         block, integers = read_exact_block(rest, n_frames, whole, blocks, items, 0, None)
+    n_columns = len(placed.origin)
+    block["values"] = [
+        dict(zip(items.order, integers[column:][::n_columns][at : at + items.n], strict=True))
+        for at in range(0, len(integers) // n_columns, items.n)
+        for column in range(n_columns)
+    ]
     numbers = array(LETTERS[placed.number_type])
     for i, n in enumerate(integers):
         value = n * step * placed.scale + placed.origin[i % len(placed.origin)]
@@ -548,7 +577,8 @@ def read_layout(group, n_frames, n_columns):
         *(layout.varint(), layout.varint()),
     )
     nugget = layout.byte() if from_points else 0
-    need(nugget <= 24, "a nugget is out of range")
+    related = layout.varint() if nugget & 32 else 0
+    need(nugget & ~32 <= 24 and (related or not nugget & 32), "a nugget or relation is wrong")
     rest_bits, rests = read_rests(layout, n_frames) if has_rests else (0, [])
     n_reused, finer = 0, 0.0
     if reference and layout.position < len(layout.data):
@@ -564,7 +594,8 @@ def read_layout(group, n_frames, n_columns):
         "precision": precision,
         "stencil": size,
         "learned": n_learned,
-        **({"nugget": nugget} if from_points else {}),
+        **({"nugget": nugget & ~32} if from_points else {}),
+        **({"related": related} if related else {}),
         **({"rests": rests, "rest bits": rest_bits} if rests else {}),
         **({"cosines": 1} if cosines else {}),
         **({"adaptive": 1} if is_adaptive else {}),

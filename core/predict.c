@@ -155,6 +155,109 @@ static bool quantize_jointly(const reel_quantizer *quantizer, int64_t k, const d
     return true;
 }
 
+/* What the initial weights leave of the related fields at a vertex. */
+static void find_innovations(const reel_mesh *mesh, const reel_fields *fields, int64_t vertex,
+                             double *innovations) {
+    int64_t size = mesh->stencil_size, n = fields->n_related;
+    const int32_t *stencil = mesh->stencil + vertex * size;
+    const float *weights = mesh->weights + vertex * size;
+    for (int64_t r = 0; r < n; r++) {
+        double base = fields->related[stencil[0] * n + r];
+        float predicted = 0.0F;
+        for (int64_t j = 0; j < size && stencil[j] >= 0; j++) {
+            predicted += weights[j] * (float)(fields->related[stencil[j] * n + r] - base);
+        }
+        innovations[r] = (double)((float)(fields->related[vertex * n + r] - base) - predicted);
+    }
+}
+
+/* Sum over r of factors[r] innovations[r] for mode k. */
+static double correction_of(const reel_fields *fields, const double *factors, int64_t k,
+                            const double *innovations) {
+    double sum = 0.0;
+    for (int64_t r = 0; r < fields->n_related; r++) {
+        sum += factors[r * fields->n_modes + k] * innovations[r];
+    }
+    return sum;
+}
+
+/* Add the vertices of a level to the normal equations of the regression. */
+static void add_level(const reel_mesh *mesh, const reel_fields *fields, int64_t level,
+                      double *gram, double *products, const double *factors) {
+    double innovations[REEL_MAX_RELATED];
+    for (int64_t v = mesh->level_starts[level]; v < mesh->level_starts[level + 1]; v++) {
+        find_innovations(mesh, fields, v, innovations);
+        for (int64_t r = 0; r < fields->n_related; r++) {
+            for (int64_t s = 0; s <= r; s++) {
+                gram[r * fields->n_related + s] += innovations[r] * innovations[s];
+            }
+        }
+        for (int64_t k = 0; k < fields->n_modes; k++) {
+            double innovation = correction_of(fields, factors, k, innovations) +
+                                (double)fields->residuals[k * fields->n_verts + v];
+            for (int64_t r = 0; r < fields->n_related; r++) {
+                products[r * fields->n_modes + k] += innovations[r] * innovation;
+            }
+        }
+    }
+}
+
+/* Solve (gram + I) factors = products by the factorization L D L^T, then halve both. */
+static void solve_regression(int64_t n, int64_t n_modes, double *gram, double *products,
+                             double *factors) {
+    double lower[REEL_MAX_RELATED][REEL_MAX_RELATED], inverse[REEL_MAX_RELATED];
+    for (int64_t i = 0; i < n; i++) {
+        double scaled[REEL_MAX_RELATED], pivot = gram[i * n + i] + 1.0;
+        for (int64_t j = 0; j < i; j++) {
+            scaled[j] = gram[i * n + j];
+            for (int64_t k = 0; k < j; k++) {
+                scaled[j] -= scaled[k] * lower[j][k];
+            }
+            lower[i][j] = scaled[j] * inverse[j];
+            pivot -= scaled[j] * lower[i][j];
+            gram[i * n + j] *= 0.5;
+        }
+        inverse[i] = 1.0 / pivot;
+        gram[i * n + i] *= 0.5;
+    }
+    for (int64_t k = 0; k < n_modes; k++) {
+        double *x = factors + k;
+        for (int64_t i = 0; i < n; i++) {
+            x[i * n_modes] = products[i * n_modes + k];
+            for (int64_t j = 0; j < i; j++) {
+                x[i * n_modes] -= lower[i][j] * x[j * n_modes];
+            }
+            products[i * n_modes + k] *= 0.5;
+        }
+        for (int64_t i = n - 1; i >= 0; i--) {
+            x[i * n_modes] *= inverse[i];
+            for (int64_t j = i + 1; j < n; j++) {
+                x[i * n_modes] -= lower[j][i] * x[j * n_modes];
+            }
+        }
+    }
+}
+
+/* Regress the innovations of the levels before on those of the related fields, and store the
+   corrections of a level in the place of its values. */
+static void relate_level(const reel_mesh *mesh, reel_fields *fields, int64_t level) {
+    int64_t n = fields->n_related, n_modes = fields->n_modes;
+    double *gram = fields->regression, *products = gram + n * n, *factors = products + n * n_modes;
+    double innovations[REEL_MAX_RELATED];
+    if (level > 1) {
+        add_level(mesh, fields, level - 1, gram, products, factors);
+    } else {
+        reel_zero(gram, (size_t)(n * (n + n_modes)) * sizeof *gram);
+    }
+    solve_regression(n, n_modes, gram, products, factors);
+    for (int64_t v = mesh->level_starts[level]; v < mesh->level_starts[level + 1]; v++) {
+        find_innovations(mesh, fields, v, innovations);
+        for (int64_t k = 0; k < n_modes; k++) {
+            fields->values[v * n_modes + k] = correction_of(fields, factors, k, innovations);
+        }
+    }
+}
+
 #define LANES 2
 #include "predict_lanes.h"
 
@@ -200,6 +303,9 @@ static bool code_level(int vector_width, const reel_mesh *mesh, reel_fields *fie
     }
     if (!level) {
         return code_coarsest(fields, quantizer, first, last);
+    }
+    if (fields->n_related) {
+        relate_level(mesh, fields, level);
     }
     return REEL_WIDEST(vector_width, code, mesh, fields, quantizer, level, first, last);
 }

@@ -540,6 +540,9 @@ TARGET REEL_INLINE bool NAMED(code_adaptive)(NAMED(batch) *b, int size, bool to_
         }
         NAMED(predict)(b, size, result.offset[m], predicted);
         FOR_LANES(l) { predictions.number[l] = result.base[m][l] + (double)AT(predicted, l); }
+        for (int l = 0; fields->n_related && l < REEL_BATCH; l++) { /* the correction */
+            predictions.number[l] += fields->values[b->neighbors[SELF][l] * n_modes + k];
+        }
         bool is_joint = quantizer && k < quantizer->n_joint;
         if (is_joint && !quantize_jointly(quantizer, k, predictions.number, b->neighbors[SELF],
                                           b->n_lanes, errors, fields)) {
@@ -615,6 +618,9 @@ TARGET REEL_INLINE bool NAMED(code_fixed)(const NAMED(batch) *b, int size, int n
         VEC_D *values = (VEC_D *)(fields->values + vertex * n_modes + k);
         REEL_UNROLLED for (int i = 0; i < n; i++) {
             int32_t *residual = fields->residuals + (k + i * LANES) * n_verts + vertex;
+            if (fields->n_related) {
+                predictions[i] += values[i];
+            }
             if (quantizer) {
                 fits &= NAMED(quantize_modes)(
                     to_nearest, quantizer, (const VEC_D *)(quantizer->zones + k) + i,
@@ -664,7 +670,7 @@ TARGET static bool NAMED(code)(const reel_mesh *mesh, reel_fields *fields,
     int size = (int)mesh->stencil_size;
     const float *smooth = smooth_rows(mesh, level);
     float noise = smooth_noise(mesh, level);
-    bool is_shaped = quantizer && level >= quantizer->first_shaped;
+    bool is_shaped = quantizer && quantizer->gain != 0.0 && level >= quantizer->first_shaped;
     bool to_nearest = quantizer && quantizer->rd_lambda == 0.0;
     for (int64_t n = 0; first < last; first += REEL_BATCH, n++) {
         if (quantizer && n % BATCHES_PER_ZONE == 0) {

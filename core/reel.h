@@ -124,8 +124,13 @@ typedef struct {
     int32_t *residuals; /* n_modes x n_verts */
     double *values;     /* n_verts x n_modes, decoded, in quantization steps */
     const double *key;  /* n_verts x n_key, in quantization steps */
+    /* Fields of a related track, of which what the weights leave is regressed; these are needed. */
+    int64_t n_related;     /* at most REEL_MAX_RELATED, or 0 */
+    const double *related; /* n_verts x n_related, in any unit */
+    double *regression;    /* n_related (n_related + 2 n_modes): scratch space */
 } reel_fields;
 
+#define REEL_MAX_RELATED 4
 #define REEL_MAX_JOINT 8   /* modes that are quantized jointly */
 #define REEL_MAGNITUDES 16 /* counters of residual magnitudes; the last counts all larger ones */
 
@@ -145,7 +150,7 @@ typedef struct {
 } reel_quantizer;
 
 /* Reconstruct the values of vertices first..last-1; those before must be complete. Vertices of one
-   level are independent, and may be split among threads. The encoder writes the residuals too. Both
+   level are independent, and may be split among threads; with related fields, `first` is 0. The encoder writes the residuals too. Both
    return 0. */
 REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t first,
                                      int64_t last);

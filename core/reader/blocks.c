@@ -12,6 +12,7 @@
 #define PACK_TILE 64 /* ranges of values begin at multiples of this */
 #define BATCH 16     /* vertices that the predictor processes at once */
 #define N_AXES 3
+#define MAX_RELATIONS 8 /* in a chain of related tracks */
 
 static int fail_corrupt(reel_call *call, const meshreel_decoder *decoder, uint64_t block,
                         uint32_t track, const char *message) {
@@ -245,9 +246,9 @@ static int64_t vertices_per_task(int64_t n_verts, int64_t n_threads) {
     return result < MAX_TASK ? result : MAX_TASK;
 }
 
-/* Predict fields level by level, splitting large levels among threads. */
+/* Predict fields level by level, splitting large levels among threads unless fields are related. */
 static void predict(const reel_call *call, const reel_mesh *mesh, reel_fields *fields) {
-    int64_t n_threads = reel_threads(call), n_done = 0;
+    int64_t n_threads = fields->n_related ? 1 : reel_threads(call), n_done = 0;
     for (int64_t level = 0; level < mesh->n_levels; level++) {
         int64_t first = mesh->level_starts[level], end = mesh->level_starts[level + 1];
         if (n_threads > 1 && end - first >= MIN_SHARED) {
@@ -304,6 +305,64 @@ static int find_weights(reel_call *call, meshreel_decoder *decoder, uint32_t tra
                              nugget, weights);
 }
 
+/* Copy the first fields of a loaded block, or numbers of its first frames on a grid, in coding
+   order. */
+static void copy_related(const reel_track_state *state, const reel_field_mesh *mesh,
+                         uint64_t n_numbers, int64_t n, double *related) {
+    const double *fields = state->current.n_modes ? reel_loaded_fields(state) : NULL;
+    const int32_t *units = state->current.exact;
+    uint64_t n_items = (uint64_t)mesh->mesh.n_verts, n_modes = state->current.n_modes;
+    for (uint64_t i = 0; i < n_items; i++) {
+        uint64_t item = (uint64_t)mesh->items[i];
+        for (uint64_t r = 0; r < (uint64_t)n; r++) {
+            related[i * (uint64_t)n + r] =
+                fields ? fields[i * n_modes + r]
+                       : units[(r / n_numbers * n_items + item) * n_numbers + r % n_numbers];
+        }
+    }
+}
+
+/* Find the fields of the related track of a block, in scratch memory. */
+static int find_related(reel_call *call, meshreel_decoder *decoder, uint32_t track,
+                        uint64_t block, const reel_group *group, reel_fields *fields) {
+    uint32_t other = track - (uint32_t)group->related;
+    reel_track_state *state = &decoder->tracks[other];
+    const reel_track *definitions = decoder->file->tracks;
+    uint64_t n_columns = definitions[other].n_coded;
+    bool fits;
+    REEL_TRY(have_same_rows(call, &definitions[track], &definitions[other], &fits));
+    if (!fits || decoder->n_relations >= MAX_RELATIONS) {
+        return fail_corrupt(call, decoder, block, track,
+                            "a track is related to one of other items, or in a chain that is too long");
+    }
+    decoder->n_relations++;
+    int failed = reel_load(call, decoder, other, block, 0);
+    if (!failed && state->current.basis && !reel_loaded_fields(state)) {
+        reel_forget(call, decoder, other); /* only its packed fields are left */
+        failed = reel_load(call, decoder, other, block, 0);
+    }
+    decoder->n_relations--;
+    REEL_TRY(failed);
+    decoder->tracks[track].current.n_relations = state->current.n_relations + 1;
+    if (decoder->tracks[track].current.n_relations > MAX_RELATIONS) {
+        return fail_corrupt(call, decoder, block, track, "a chain of related tracks is too long");
+    }
+    bool is_grid = state->current.group.grid > 0.0;
+    if (!is_grid && !state->current.n_modes) {
+        return fail_corrupt(call, decoder, block, track, "a track is related to an exact one");
+    }
+    uint64_t n_fields = is_grid ? n_columns * state->current.group.n_frames : state->current.n_modes;
+    int64_t n = n_fields < REEL_MAX_RELATED ? (int64_t)n_fields : REEL_MAX_RELATED;
+    double *related = reel_scratch(call, (uint64_t)(fields->n_verts * n), sizeof *related);
+    fields->regression = reel_scratch(call, (uint64_t)(n * (n + 2 * fields->n_modes)),
+                                      sizeof *fields->regression);
+    REEL_NEED(related && fields->regression);
+    copy_related(state, decoder->tracks[track].mesh, n_columns, n, related);
+    fields->n_related = n;
+    fields->related = related;
+    return MESHREEL_OK;
+}
+
 /* Decode the first n_modes fields of a block, and its basis unless `basis` is NULL. */
 static int decode_fields(reel_call *call, meshreel_decoder *decoder, uint32_t track,
                          uint64_t block, const reel_group *group, uint64_t n_modes,
@@ -335,6 +394,9 @@ static int decode_fields(reel_call *call, meshreel_decoder *decoder, uint32_t tr
                                   .values = new_values,
                                   .n_key = key ? (int64_t)key->n_modes : 0,
                                   .key = key ? key->values : NULL};
+    if (group->related) {
+        REEL_TRY(find_related(call, decoder, track, block, group, &job.predicted));
+    }
     reel_run(call, run_block_job, &job, 2, (n_items + n_columns * group->n_frames) * n_modes);
     REEL_TRY(reel_fail_core(call, job.fields.result, job.fields.offset, "the fields are damaged"));
     REEL_TRY(

@@ -24,6 +24,7 @@ typedef struct {
     reel_group group;
     reel_pool pool;   /* owns the arrays below */
     uint64_t n_modes; /* decoded modes */
+    uint32_t n_relations; /* length of the chain of related tracks */
     double *basis;    /* n_coded x n_frames x n_modes */
     uint8_t *packed;  /* fields packed in output order; NULL until needed */
     int32_t *rows;    /* row of `fields` of each output item; NULL until needed */
@@ -51,6 +52,7 @@ struct meshreel_decoder {
                           void *numbers);
     reel_pool pool;
     reel_track_state *tracks;
+    uint32_t n_relations; /* related tracks that are being loaded, one within the other */
 };
 
 /* Bytes held by a decoder. */

@@ -12,6 +12,7 @@
 #define ADAPTIVE 64
 #define FROM_POINTS 128
 #define MAX_NUGGET_CODE 24
+#define WITH_RELATED 32 /* flag added to the code of a nugget */
 #define MAX_TIMES ((uint64_t)INT32_MAX)
 
 #define BIT(id) (1U << ((id) - FIRST_ID))
@@ -144,15 +145,22 @@ int reel_read_rests(reel_call *call, const reel_group *group, uint8_t **rests) {
     return MESHREEL_OK;
 }
 
-/* Read the nugget of a track whose weights come from points. */
+/* Read the nugget of a track whose weights come from points, and its related track, if any. */
 static int read_nugget(reel_call *call, reel_range *input, bool is_positions, reel_group *group) {
     uint8_t code;
     uint64_t offset = input->offset;
     REEL_TRY(reel_read_bytes(call, input, &code, sizeof code));
+    bool has_related = code & WITH_RELATED;
+    code &= (uint8_t)~WITH_RELATED;
     REEL_CORRUPT_IF(is_positions || code > MAX_NUGGET_CODE, offset,
                     "a nugget is out of range, or that of positions");
     group->nugget = 256.0 / (double)(1U << code);
-    return MESHREEL_OK;
+    if (!has_related) {
+        return MESHREEL_OK;
+    }
+    REEL_TRY(reel_read_varint(call, input, &group->related));
+    return group->related ? MESHREEL_OK
+                          : reel_corrupt(call, offset, "a track is related to itself");
 }
 
 static int read_fields(reel_call *call, reel_range input, bool is_positions, reel_group *group) {
@@ -262,6 +270,8 @@ int reel_read_group(reel_call *call, const reel_outline *outline, const reel_tra
         return read_values(call, is_grid, !number, &sections, group);
     }
     REEL_TRY(read_fields(call, *payload(&sections, REEL_FIELDS), !number, group));
+    REEL_CORRUPT_IF(group->related && group->related >= number, bytes.offset,
+                    "a track is related to one before the first");
     REEL_TRY(read_corrections(call, *payload(&sections, REEL_CORRECTIONS), group));
     group->basis = *payload(&sections, REEL_BASIS);
     group->coefficients = *payload(&sections, REEL_COEFFICIENTS);

@@ -20,6 +20,7 @@ typedef struct {
     bool has_cosines; /* BASIS holds coefficients of a cosine transform over time */
     bool is_adaptive; /* BASIS holds times whose predictions adapt */
     double nugget;    /* of the initial weights, from points; 0: from connectivity */
+    uint64_t related; /* tracks from the related one to this one; 0: none */
     reel_range basis, coefficients;
     /* Corrections: their step, number of corrected items, number of corrections, and the coded
        integers. */

@@ -5,6 +5,7 @@
 #include "names.h"
 
 #define WITH_BOUND 16
+#define SINGLE 32 /* the numbers of a track are floats */
 #define OF_CELLS ((int)MESHREEL_CORNERS + (int)REEL_OF_ROWS + 1)
 
 /* Least and greatest number of columns of each kind. */
@@ -43,28 +44,41 @@ static bool is_valid_coding(const reel_track *track) {
     return !track->difference || (info->kind == MESHREEL_TRACK_VELOCITY && is_of_vertices);
 }
 
-/* Read the numbers of a track that its coding stores: bound, scale, origins, rate. */
-static int read_numbers(reel_call *call, reel_range *input, reel_track *track, bool has_bound) {
-    meshreel_track *info = &track->info;
-    double numbers[2] = {0.0, 1.0};
-    if (has_bound || !info->is_exact) {
-        REEL_TRY(reel_read_bytes(call, input, numbers, info->is_exact ? 8 : sizeof numbers));
+/* Read a float or double. */
+static int read_number(reel_call *call, reel_range *input, bool is_single, double *number) {
+    if (!is_single) {
+        return reel_read_bytes(call, input, number, sizeof *number);
     }
-    info->bound = numbers[0];
-    track->placement[0] = numbers[1];
-    bool are_valid = reel_is_finite(numbers[0]) && numbers[0] >= 0.0 &&
-                     (numbers[0] > 0.0 || !has_bound) &&
-                     reel_is_finite(numbers[1]) && numbers[1] > 0.0;
+    float single;
+    REEL_TRY(reel_read_bytes(call, input, &single, sizeof single));
+    *number = (double)single;
+    return MESHREEL_OK;
+}
+
+/* Read the numbers of a track that its coding stores: bound, scale, origins, rate. */
+static int read_numbers(reel_call *call, reel_range *input, reel_track *track, uint32_t flags) {
+    meshreel_track *info = &track->info;
+    bool has_bound = flags & WITH_BOUND, is_single = flags & SINGLE;
+    double *scale = &track->placement[0];
+    *scale = 1.0;
+    if (has_bound || !info->is_exact) {
+        REEL_TRY(read_number(call, input, is_single, &info->bound));
+    }
+    if (!info->is_exact) {
+        REEL_TRY(read_number(call, input, is_single, scale));
+    }
+    bool are_valid = reel_is_finite(info->bound) && info->bound >= 0.0 &&
+                     (info->bound > 0.0 || !has_bound) && reel_is_finite(*scale) && *scale > 0.0;
     for (uint32_t i = 0; i < track->n_coded; i++) {
-        double origin = 0.0;
+        double *origin = &track->placement[1 + i];
+        *origin = 0.0;
         if (info->coding == REEL_MODES) {
-            REEL_TRY(reel_read_bytes(call, input, &origin, sizeof origin));
+            REEL_TRY(read_number(call, input, is_single, origin));
         }
-        track->placement[1 + i] = origin;
-        are_valid &= reel_is_finite(origin);
+        are_valid &= reel_is_finite(*origin);
     }
     if (track->difference) {
-        REEL_TRY(reel_read_bytes(call, input, &track->rate, sizeof track->rate));
+        REEL_TRY(read_number(call, input, is_single, &track->rate));
         are_valid &= reel_is_finite(track->rate);
     }
     return are_valid
@@ -83,9 +97,9 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     REEL_TRY(reel_read_text(call, pool, &input, &info->name));
     REEL_TRY(reel_read_text(call, pool, &input, &info->unit));
     REEL_TRY(reel_read_varint(call, &input, &n_columns));
-    bool has_bound = codes[3] & WITH_BOUND;
+    uint32_t flags = codes[3] & (WITH_BOUND | SINGLE), coding = codes[3] - flags;
     if (codes[0] >= N_KINDS || codes[1] > OF_CELLS || !has_type(track, codes[2]) ||
-        codes[3] - (has_bound ? WITH_BOUND : 0) > REEL_EXACT_FORWARD) {
+        coding > REEL_EXACT_FORWARD) {
         return reel_fail(call, MESHREEL_UNSUPPORTED, section->payload.offset,
                          "a track needs a newer version; update meshreel");
     }
@@ -98,7 +112,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     info->kind = codes[0];
     info->domain = is_of_cells ? MESHREEL_CELLS : codes[1] - track->sharing;
     info->type = codes[2];
-    info->coding = codes[3] - (has_bound ? WITH_BOUND : 0);
+    info->coding = coding;
     info->n_columns = (uint32_t)n_columns;
     info->n_items = reel_count_items(outline, info->domain);
     if (!info->n_items) {
@@ -110,7 +124,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
                         : info->coding >= REEL_BACKWARD ? info->coding
                                                         : 0;
     track->n_coded = info->coding == REEL_ROTATIONS ? 2 : (uint32_t)n_columns;
-    if (!is_valid_coding(track) || (has_bound && !info->is_exact)) {
+    if (!is_valid_coding(track) || (flags & WITH_BOUND && !info->is_exact)) {
         return fail_track(call, section, "the coding of a track does not match its kind");
     }
     if (!track->is_float && info->coding != REEL_EXACT) {
@@ -118,7 +132,7 @@ static int read_track(reel_call *call, reel_pool *pool, const reel_outline *outl
     }
     track->placement = reel_pool_allocate(call, pool, 1 + track->n_coded, sizeof(double));
     REEL_NEED(track->placement);
-    REEL_TRY(read_numbers(call, &input, track, has_bound));
+    REEL_TRY(read_numbers(call, &input, track, flags));
     if (input.length && track->sharing != REEL_OF_ROWS) {
         return fail_track(call, section, "bytes follow a track");
     }

@@ -75,13 +75,15 @@ def test_bytes_of_parts_and_tracks_sum_to_the_file_and_are_printed(folder):
 
 
 def test_encoding_prints_what_set_each_bound(folder):
-    tracks = {"touch": (WAVES > 0.99).astype(np.float32), "number": (9 * WAVES).astype(int)}
+    fractions = np.random.default_rng(0).integers(0, 1000, WAVES.shape) / np.float32(64)
+    tracks = {"fractions": fractions, "number": (9 * WAVES).astype(int)}
     meshreel.save(GRID.replace(tracks={**tracks, "wave": WAVES}), "sim.npz")
     for words, wave in [
         (["--quality", 68], "0.4 %, quality 68"),
         (["--max-error", 1], "0.1 %, default"),
         (["--bound", 1], "1 %, --bound"),
     ]:
+        words += ["--track", "fractions=1e-5"]
         done = run("encode", "sim.npz", "-o", "b.reel", "--force", *words)
         assert done.exit_code == 0, done.output
         assert " exact, takes fewer bytes " in done.output

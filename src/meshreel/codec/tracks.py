@@ -68,6 +68,9 @@ class Coding(IntEnum):
 WITH_BOUND = 16
 """Added to the code of an exact coding if the encoded values come from a lossy file."""
 
+SINGLE = 32
+"""Added to the code of a coding if its numbers are stored in single precision."""
+
 OF_CELLS = 5
 """Code of the domain of cells; it follows the codes of corners that share values."""
 
@@ -148,8 +151,6 @@ def write_track(track: TrackHeader) -> bytes:
     domain = OF_CELLS if track.domain is Domain.CELL else domain
     bound = track.total_bound
     coding = track.coding + (WITH_BOUND if track.is_exact and bound else 0)
-    payload = bytes((kind, domain, number_type, coding))
-    payload += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
     numbers: tuple[float, ...] = () if track.is_exact and not bound else (bound,)
     if track.coding is Coding.MODES:
         numbers += track.placement
@@ -157,4 +158,11 @@ def write_track(track: TrackHeader) -> bytes:
         numbers += (track.scale,)
     if track.coding.has_rate:
         numbers += (track.rate,)
-    return payload + np.array(numbers, "<f8").tobytes() + track.rows
+    stored = np.array(numbers, "<f8")
+    with np.errstate(over="ignore", under="ignore"):
+        single = stored.astype("<f4")
+    if numbers and np.array_equal(single, stored):
+        stored, coding = single, coding + SINGLE
+    payload = bytes((kind, domain, number_type, coding))
+    payload += write_text(track.name) + write_text(track.unit) + write_varint(track.n_columns)
+    return payload + stored.tobytes() + track.rows

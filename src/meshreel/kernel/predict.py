@@ -19,6 +19,9 @@ CHUNK_VERTICES = 16384
 """Number of vertices of a level that one thread encodes. Each part has its own statistics, so that
 the encoder's choices do not depend on the number of threads."""
 
+MAX_RELATED = 4
+"""Maximum number of fields of a related track that a prediction uses."""
+
 MAX_JOINT = 8
 """Maximum number of modes that are quantized jointly."""
 
@@ -39,6 +42,8 @@ class _Fields(ctypes.Structure):
     _fields_ = [
         *fields_of(ctypes.c_int64, "n_verts n_modes n_learned n_key"),
         *fields_of(_POINTER, "residuals values key"),
+        ("n_related", ctypes.c_int64),
+        *fields_of(_POINTER, "related regression"),
     ]
 
 
@@ -72,6 +77,7 @@ def encode_values(
     key: Floats | None = None,
     forms: npt.NDArray[np.float32] | None = None,
     weights: npt.NDArray[np.float32] | None = None,
+    related: Floats | None = None,
 ) -> tuple[npt.NDArray[np.int32], Floats]:
     """Encode fields; return residuals of shape (K, V) and their decoded values, of shape (V, K).
 
@@ -89,6 +95,8 @@ def encode_values(
         weight p, of the sum over k of p_k (e_k + sum of c_kj e_j)^2.
     weights : float32 array of shape (V, S), optional
         Initial weights, from `kriging_weights`; the default derives them from the graph.
+    related : float64 array of shape (V, up to `MAX_RELATED`), optional
+        Fields of a related track; requires `weights`.
 
     Raises
     ------
@@ -101,7 +109,10 @@ def encode_values(
     core_mesh = _core_mesh(mesh, weights)
     n_key = 0 if key is None else key.shape[1]
     results_and_key = map(_address, (residuals, values, key))
-    fields = _Fields(n_verts, n_modes, n_learned, n_key, *results_and_key)
+    n_related = 0 if related is None else related.shape[1]
+    regression = np.empty(n_related * (n_related + 2 * n_modes))
+    relation = n_related, _address(related), _address(regression)
+    fields = _Fields(n_verts, n_modes, n_learned, n_key, *results_and_key, *relation)
     n_joint = 0 if forms is None else math.isqrt(2 * forms.shape[1])
     counts = np.concatenate([np.zeros(2 * n_modes), np.tile(FIRST_COUNTS, n_joint)])
 
@@ -114,7 +125,8 @@ def encode_values(
         call("reel_predict_encode", *arguments, part.start, part.stop, noun="fields")
         return part_counts
 
-    for parts in independent_parts(mesh):
+    stages = independent_parts(mesh) if related is None else [[slice(0, n_verts)]]
+    for parts in stages:
         if len(parts) == 1:
             counts = run(parts[0])
             continue

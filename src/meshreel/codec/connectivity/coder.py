@@ -33,8 +33,8 @@ GOOD_WALK_BYTES = 0.5
 """Bytes per face of a walk below which the plain face list is not tried."""
 
 GOOD_LIST_BYTES = 0.05
-"""Bytes per cell of a list below which a walk, which takes several times as long and needs the order
-of cells, is not tried."""
+"""Bytes per cell of a list below which a walk is not tried: it takes several times as long, and
+needs the order of cells."""
 
 
 @dataclass(frozen=True)

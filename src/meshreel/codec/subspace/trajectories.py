@@ -42,16 +42,27 @@ class BoundingFrame:
 
         The scale is rounded down, so that a bound relative to it is no larger.
         """
-        exact = np.array([*self.origin, self.scale])
+        origin, scale = np.array(self.origin), single_below(self.scale)
         with np.errstate(over="ignore", under="ignore"):
-            single = exact.astype(np.float32)
-        if single[-1] > exact[-1]:
-            single[-1] = np.nextafter(single[-1], np.float32(0.0))
-        error = np.abs(single[:-1] - exact[:-1]).max()
-        if error > MAX_ORIGIN_ERROR * self.scale or single[-1] < np.finfo(np.float32).tiny:
+            single = origin.astype(np.float32)
+        error = np.abs(single - origin).max()
+        if error > MAX_ORIGIN_ERROR * self.scale or not _is_normal(scale):
             return self
-        *origin, scale = single.tolist()
-        return BoundingFrame(tuple(origin), scale)
+        return BoundingFrame(tuple(single.tolist()), scale)
+
+
+def single_below(number: float) -> float:
+    """Return the largest single-precision number up to a positive one, if normal; else that one."""
+    with np.errstate(over="ignore", under="ignore"):
+        single = np.float32(number)
+        if number < float(single) < np.inf:
+            single = np.nextafter(single, np.float32(0.0))
+    return float(single) if _is_normal(float(single)) else number
+
+
+def _is_normal(number: float) -> bool:
+    """Whether a positive number is in the range of normal single-precision numbers."""
+    return float(np.finfo(np.float32).tiny) <= number <= float(np.finfo(np.float32).max)
 
 
 def bounding_frame(extent: Extent) -> BoundingFrame:

@@ -82,7 +82,7 @@ def test_smooth_functions_of_positions_take_few_bytes(order, is_live, monkeypatc
         return np.array([track.size_bytes for track in meshreel.info(data).tracks])
 
     with_points = sizes_of()
-    monkeypatch.setattr(tracks_module, "NUGGETS", ())
+    monkeypatch.setattr(tracks_module, "MAX_POINTS_RATIO", 1e-9)
     assert (with_points < 0.8 * sizes_of()).all()
 
 
@@ -216,13 +216,33 @@ def test_unsupported_tracks_are_refused():
     meshreel.encode(quad_sheet_with(area=area), method="pca-qp", tracks={"area": "drop"})
 
 
-def test_few_different_values_are_exact_where_that_takes_fewer_bytes():
+def test_few_different_integers_are_exact_where_that_takes_fewer_bytes():
     moving = waving_grid(40)
-    contact = np.zeros((40, moving.n_verts), np.float32)
+    contact = np.full((40, moving.n_verts), -2.0, np.float32)
     contact[:, RNG.permutation(moving.n_verts)[:20]] = 1.0
+    contact[7:, 5] = np.nan
     sequence = moving.replace(tracks={"contact": contact})
     decoded = meshreel.decode(meshreel.encode(sequence, bound="0.1%"))
-    assert (decoded.tracks["contact"].values[..., 0] == contact).all()
+    np.testing.assert_array_equal(decoded.tracks["contact"].values[..., 0], contact)
+
+
+@pytest.mark.parametrize("n_frames", [1, 6])
+def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatch):
+    sheet, rng = waving_grid(n_frames, 20, 20), np.random.default_rng(6)
+    x, y, _ = np.moveaxis(sheet.vertices.astype(float), -1, 0)
+    rough, tracks = np.abs(np.sin(x)) * rng.normal(size=(1, sheet.n_verts)), {}
+    for number in range(12):  # more than a chain may have
+        rough = rough + 0.2 * rng.normal(size=rough.shape)
+        tracks[f"step {number}"] = (number * y + rough).astype("f4")
+    original, sizes = sheet.replace(tracks=tracks), []
+    for n_candidates in (tracks_module.MAX_CANDIDATES, 0):
+        monkeypatch.setattr(tracks_module, "MAX_CANDIDATES", n_candidates)
+        data = meshreel.encode(original, bound="0.5%", block_frames=4)
+        errors = measure_stream(original, data).tracks
+        infos = meshreel.info(data).tracks
+        assert all(errors[track.name].largest <= track.bound for track in infos)
+        sizes.append(sum(track.size_bytes for track in infos))
+    assert sizes[0] < 0.9 * sizes[1]
 
 
 @pytest.mark.parametrize("n_columns", [1, 3])
@@ -413,8 +433,8 @@ def test_missing_values_stay_missing_and_others_keep_their_bound():
 
 
 def test_track_is_coded_exactly_when_that_is_smaller():
-    noise = INTEGERS.integers(0, 3, (12, n_items("vertex"))).astype(np.float64)
-    data = meshreel.encode(quad_sheet_with(noise=noise), tracks={"noise": 1e-9})
+    noise = INTEGERS.integers(0, 1000, (12, n_items("vertex"))) / 64.0
+    data = meshreel.encode(quad_sheet_with(noise=noise), tracks={"noise": 1e-6})
     [track] = meshreel.info(data).tracks
     assert track.is_exact
     np.testing.assert_array_equal(meshreel.decode(data).tracks["noise"].values[..., 0], noise)

@@ -141,7 +141,8 @@ def analyze_fields(
     is_single = choices.position_step >= MIN_SINGLE_STEP
     layout = Layout(step, choices.stencil_size, choices.n_learned, reference, is_single)
     if frames.from_points is not None:
-        layout = replace(layout, nugget=frames.from_points.code)
+        points = frames.from_points
+        layout = replace(layout, nugget=points.code, related=points.related)
     reused = None
     if key is not None:
         reused = _analyze_reusing(frames, mesh, choices, key, layout)
@@ -301,8 +302,11 @@ def quantized_fields(
         As in `encode_values`.
     """
     choice = Choice(_first_shaped(mesh, choices), choices.feedback_gain, choices.rate_weight)
-    weights = None if from_points is None else from_points.weights
-    return encode_values(mesh.hierarchy, target, choice, choices.n_learned, key, forms, weights)
+    weights = related = None
+    if from_points is not None:
+        weights, related = from_points.weights, from_points.fields
+    arrays = key, forms, weights, related
+    return encode_values(mesh.hierarchy, target, choice, choices.n_learned, *arrays)
 
 
 def _first_shaped(mesh: FieldMesh, choices: FieldChoices) -> int:

@@ -13,6 +13,7 @@ from meshreel.codec.reel.encoding.track_coders import exact_coder, track_coder
 from meshreel.codec.reel.encoding.track_residuals import UnreachableError, moving_surface
 from meshreel.codec.reel.encoding.tracks import (
     DecodedPositions,
+    RelatedTrack,
     StepSearch,
     encode_losslessly,
 )
@@ -79,6 +80,7 @@ class FollowingTracks:
 
     def _encoded(self, data: bytes, n_trials: int | None) -> list[CodedTrack]:
         tracks, results = list(self._source.tracks), []
+        self._related: list[RelatedTrack] = []
         with ReelFile(BytesIO(data), memory=OWN_STREAM) as reel:
             decoded = DecodedPositions(reel.read)
             for number, (coded, name) in enumerate(zip(tracks, self._source.bounds, strict=True)):
@@ -90,8 +92,10 @@ class FollowingTracks:
                     )
                     smaller = min(coded, predicted, key=_size_of)
                 elif coded.values is not None and n_trials is None:
-                    searched = self._searched(name, coded.values, decoded)
-                    smaller = min(coded, searched, key=_size_of)
+                    searched = self._searched(name, coded.values, decoded, number)
+                    smaller = min(searched, coded, key=_size_of)
+                    if smaller is coded:
+                        self._related = [other for other in self._related if other.number < number]
                 results.append(replace(smaller, prediction=None, values=None))
         return results
 
@@ -120,17 +124,24 @@ class FollowingTracks:
         except UnreachableError:
             first_bytes = math.inf
         if first_bytes * CLEAR_RATIO > coded.size_bytes and n_trials is None:
-            results.append(self._searched(name, track, decoded))
+            coder = track_coder(name, track, bound, mesh, value_range(track))
+            results.append(StepSearch(coder, track, pieces, decoded).best()[1])
         if first_bytes < CLEAR_RATIO * coded.size_bytes:
             self._steps[name], best = search.best(n_trials, start)
             results.append(best)
         return min(results, key=_size_of)
 
-    def _searched(self, name: str, track: TrackSource, decoded: DecodedPositions) -> CodedTrack:
-        """Encode a track with its best step, and weights from decoded positions if they help."""
+    def _searched(
+        self, name: str, track: TrackSource, decoded: DecodedPositions, number: int
+    ) -> CodedTrack:
+        """Encode a track with its best step, predicted from positions and tracks if that helps."""
         mesh, bound = self._source.mesh, self._source.bounds[name]
         coder = track_coder(name, track, bound, mesh, value_range(track))
-        return StepSearch(coder, track, self._source.pieces, decoded).best()[1]
+        relation = decoded, number, self._related
+        search = StepSearch(coder, track, self._source.pieces, *relation)
+        result = search.best()[1]
+        self._related.append(search.as_related)
+        return result
 
 
 def _size_of(track: CodedTrack) -> int:

@@ -31,13 +31,13 @@ from meshreel.codec.reel.normative.mesh import FieldMesh
 from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugget_of
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
-from meshreel.codec.subspace.trajectories import BoundingFrame, bounding_frame
+from meshreel.codec.subspace.trajectories import BoundingFrame, single_below, stored_frame
 from meshreel.codec.track_bounds import Measure, TrackBound
 from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, Sharing, TrackHeader, write_track
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.kernel.fields import encode_fields
 from meshreel.kernel.mesh import Neighbors, neighbors
-from meshreel.kernel.predict import kriging_weights
+from meshreel.kernel.predict import MAX_RELATED, kriging_weights
 from meshreel.model.extent import Extent
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
@@ -120,6 +120,17 @@ class PreparedValues:
 
 
 @dataclass(frozen=True)
+class CodedValues:
+    """A block of a track as sections."""
+
+    sections: Sections
+    fields: Floats
+    """float64 array of shape (N, n), in coding order. Up to `MAX_RELATED` fields, or numbers of the
+    first frame on a grid, from which those of other tracks may be predicted.
+    """
+
+
+@dataclass(frozen=True)
 class TrackCoder(_Coder):
     """Codes blocks of a track within a bound."""
 
@@ -153,7 +164,7 @@ class TrackCoder(_Coder):
             Decoded positions in output order, if they predict the track; of the first frame, if
             only its weights follow from them.
         """
-        return self.code_prepared(self.prepare(values, positions))
+        return self.code_prepared(self.prepare(values, positions)).sections
 
     def prepare(
         self,
@@ -197,25 +208,35 @@ class TrackCoder(_Coder):
         residuals, _ = quantized_fields(targets, coder.mesh, coder.choices, from_points)
         return len(encode_fields(residuals, coder.mesh.coding_order))
 
-    def code_prepared(self, prepared: PreparedValues) -> Sections:
+    def code_prepared(self, prepared: PreparedValues) -> CodedValues:
         """Encode the next block."""
-        on_grid = self.grid and self._on_grid(self.grid, prepared.frames)
-        opening, *sections = on_grid or self._blocks.code(prepared.frames).sections
-        return [opening, *([prepared.missing] if prepared.missing else []), *sections]
+        coded = None if self.grid is None else self._on_grid(self.grid, prepared.frames)
+        if coded is None:
+            by_modes = self._blocks.code(prepared.frames)
+            fields = np.array(by_modes.analyzed.decoded.values[:, :MAX_RELATED])
+            coded = CodedValues(list(by_modes.sections), fields)
+        opening, *sections = coded.sections
+        missing = [prepared.missing] if prepared.missing else []
+        return replace(coded, sections=[opening, *missing, *sections])
 
-    def _on_grid(self, grid: PositionGrid, frames: BlockFrames) -> Sections | None:
+    def _on_grid(self, grid: PositionGrid, frames: BlockFrames) -> CodedValues | None:
         """Encode a block on a grid; None if that exceeds the bound, as later live values may."""
-        values = frames.internal_vertices
-        coordinates = grid.coordinates(values)
-        try:
-            decoded = grid.positions(coordinates, values.dtype)
-        except CorruptStreamError:  # beyond the largest float
-            return None
-        errors = (decoded - values.astype(np.float64)) / grid.frame.scale
-        lengths = np.abs(errors) if self.coder.each_column else np.linalg.norm(errors, axis=2)
-        if lengths.max() > self.share:
-            return None
-        return write_values_block(coordinates, self.coder.mesh.neighbors, grid.step)
+        coordinates = np.empty(frames.vertices.shape, np.int32)
+        for number in range(frames.n_frames):
+            values = frames.internal_frame(number)
+            coordinates[number] = grid.coordinates(values)
+            try:
+                decoded = grid.positions(coordinates[number], values.dtype)
+            except CorruptStreamError:  # beyond the largest float
+                return None
+            errors = (decoded - values.astype(np.float64)) / grid.frame.scale
+            lengths = np.abs(errors) if self.coder.each_column else np.linalg.norm(errors, axis=1)
+            if lengths.max() > self.share:
+                return None
+        mesh, n_first = self.coder.mesh, -(-MAX_RELATED // frames.n_columns)
+        first = np.moveaxis(coordinates[:n_first, mesh.order], 1, 0).reshape(frames.n_verts, -1)
+        fields = first[:, :MAX_RELATED].astype(np.float64)
+        return CodedValues(write_values_block(coordinates, mesh.neighbors, grid.step), fields)
 
     def with_prediction(
         self, coding: Coding, rate: float, surface: MovingSurface, bound: TrackBound
@@ -240,6 +261,21 @@ class TrackCoder(_Coder):
     def single_step(self) -> float:
         """Largest step with which no single number needs a correction."""
         return 2.0 * (self.share - self.rounding / self.header.scale) * (1.0 - ROUNDING_SLACK)
+
+    @property
+    def of_integers(self) -> "TrackCoder | None":
+        """A coder of values on a grid of all integers; None if one within the bound is coarser."""
+        if self.header.coding is not Coding.MODES or self.share * self.header.scale > 0.5:
+            return None
+        scale = 2.0 ** math.ceil(math.log2(self.header.scale))
+        frame = BoundingFrame(tuple(map(float, np.rint(self.header.origin))), max(scale, 1.0))
+        return replace(
+            self,
+            nugget=None,
+            header=replace(self.header, scale=frame.scale, origin=frame.origin),
+            share=self.share * self.header.scale / frame.scale,
+            grid=PositionGrid(1.0 / frame.scale, frame),
+        )
 
     @property
     def on_grid(self) -> "TrackCoder | None":
@@ -326,7 +362,7 @@ def track_coder(
         Lowest and highest number of each column.
     """
     low, high = np.nan_to_num(extent[0]), np.nan_to_num(extent[1])  # NaN without any value
-    frame = bounding_frame(Extent(low, high, 0.0))
+    frame = stored_frame(Extent(low, high, 0.0))
     allowed = length_allowed(bound, frame)
     share = allowed / frame.scale
     graph, order = _graph_of(name, track, mesh)
@@ -375,7 +411,7 @@ def track_coder(
 def length_allowed(bound: TrackBound, frame: BoundingFrame) -> float:
     """Return the length of the difference of two values, or numbers, that a bound allows."""
     if bound.measure is Measure.SHARE:
-        return bound.amount / 100.0 * frame.scale
+        return single_below(bound.amount / 100.0 * frame.scale)
     if bound.measure is Measure.ANGLE:
         return math.sin(math.radians(bound.amount)) * (1.0 - UNIT_LENGTH_TOLERANCE)
     return bound.amount

@@ -1,14 +1,13 @@
 """Encoding of tracks, with a search for their quantization steps."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import product
 
 import numpy as np
 
-from meshreel.arrays import Vertices
+from meshreel.arrays import Floats, Values, Vertices
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.method_names import LOSSLESS
@@ -18,9 +17,9 @@ from meshreel.codec.reel.encoding.effort import STEPS_OF_BOUND
 from meshreel.codec.reel.encoding.rate_control import estimated_bytes, least_cost, sampled
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack, shared_track
 from meshreel.codec.reel.encoding.track_coders import (
+    CodedValues,
     ExactTrackCoder,
     PreparedValues,
-    Sections,
     TrackCoder,
     exact_coder,
     track_coder,
@@ -49,6 +48,13 @@ MAX_TRIALS = 6
 NUGGETS = 13, 7
 """Codes of the nuggets that are tried: 1/32 for smooth fields, 2 for noisy ones."""
 
+MAX_RELATIONS, MAX_CANDIDATES = 8, 6
+"""Longest chain of related tracks, and the number of earlier tracks that are compared."""
+
+N_SAMPLED, MIN_SAVED_BITS = 1 << 14, 0.05
+"""Related tracks are compared by this many items, the last ones in coding order; the closest is
+tried if it promises to save this many bits per number."""
+
 MAX_CACHED_WEIGHTS = 4
 """Number of blocks whose weights are cached."""
 
@@ -62,10 +68,13 @@ multiplied by the ratio of the shares to this power, within these limits."""
 GRID_SAMPLE = 1 << 18
 """Values on a grid are compared with modes by the first frames, up to this many numbers."""
 
+ROUNDING_VARIANCE = 1.0 / 12.0
+"""Variance of a rounded number, in squared steps."""
+
 MAX_POINTS_RATIO = 0.99
 """Weights from points have to save 1 %: a value then needs positions of its block."""
 
-MIN_COMPARED_MODES, MAX_COMPARED_VALUES = 4, 1 << 18
+MIN_COMPARED_MODES, MAX_COMPARED_VALUES = 2, 1 << 18
 """Weights are compared by the strongest modes: at least this many, and up to this many values."""
 
 MAX_ROWS_SHARE = 0.1
@@ -89,12 +98,12 @@ def encode_tracks(source: Source, progress: Progress) -> list[CodedTrack]:
         progress("encoding tracks", Count(number, len(source.bounds), "tracks"))
         track = _with_shared_values(name, source.sequence.tracks[name], bound, source)
         prediction = _prediction(source, track, bound)
-        is_exact = prediction is None and bound == EXACT
         config = source.config
         assert isinstance(config, ReelOptions)  # the options of this method
         has_size = config.target.kind is TargetKind.SIZE
         n_trials = None if has_size and prediction is None else 1
         coded = encode_track(name, track, bound, source, n_trials)
+        is_exact = prediction is None and bound == EXACT
         tracks.append(coded if is_exact else replace(coded, prediction=prediction, values=track))
     return tracks
 
@@ -141,15 +150,17 @@ def encode_track(
     coder = track_coder(name, track, bound, mesh, value_range(track))
     _, lossy = StepSearch(coder, track, pieces).best(n_trials)
     is_compact = lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize
-    if is_compact and not _has_few_values(track):
+    if is_compact and len(_numbers(track)) > FEW_VALUES:
         return lossy
     exact = encode_losslessly(coder.as_exact, track, pieces)
     return min(lossy, exact, key=lambda coded: coded.size_bytes)
 
 
-def _has_few_values(track: TrackSource) -> bool:
+def _numbers(track: TrackSource) -> Values:
+    """Return the different numbers in the middle of a track, without missing ones."""
     middle = track.shape[0] // 2
-    return len(np.unique(track.read(middle, middle + 1))) <= FEW_VALUES
+    numbers: Values = np.unique(track.read(middle, middle + 1))
+    return numbers[~np.isnan(numbers)]
 
 
 def _prediction(
@@ -240,6 +251,24 @@ def live_track_coders(
     }
 
 
+@dataclass(frozen=True, eq=False)
+class RelatedTrack:
+    """A track from which others may be predicted."""
+
+    number: int
+    """Place among the tracks of a sequence."""
+    mesh: FieldMesh
+    """Hierarchy of its items."""
+    fields: Mapping[int, Floats]
+    """Fields as in `CodedValues`, by the first frame of the block."""
+    n_relations: int
+    """Length of the chain of tracks that it is predicted from."""
+
+
+WeightChoice = tuple[int | None, int, RelatedTrack | None]
+"""Code of the nugget of weights from points, number of modes they adapt to, and related track."""
+
+
 class DecodedPositions:
     """Decoded positions, and the weights that follow from them, for the tracks of a sequence.
 
@@ -282,6 +311,10 @@ class StepSearch:
         Frames of each block.
     decoded : DecodedPositions, optional
         Default: weights follow from connectivity.
+    number : int, optional
+        Place among the tracks of the sequence.
+    candidates : sequence of RelatedTrack, optional
+        Earlier tracks that may predict this one.
     """
 
     def __init__(
@@ -290,13 +323,22 @@ class StepSearch:
         track: TrackSource,
         pieces: Sequence[slice],
         decoded: "DecodedPositions | None" = None,
+        number: int = 0,
+        candidates: Sequence[RelatedTrack] = (),
     ) -> None:
         self._coder, self._track, self._pieces, self._decoded = coder, track, pieces, decoded
+        self._number = number
+        self._related: RelatedTrack | None = None
+        self._candidates = [
+            other
+            for other in candidates
+            if other.mesh is coder.coder.mesh and other.n_relations < MAX_RELATIONS
+        ][::-1][:MAX_CANDIDATES]
         self._sampled = sampled(pieces)
         self._sizes: dict[float, float] = {}
         self._shares: dict[float, float] = {}
         """Share of the bytes that corrections take, by step."""
-        self._best: tuple[float, list[Sections]] | None = None
+        self._best: tuple[float, list[CodedValues]] | None = None
 
     def best(
         self, n_trials: int | None = None, start: float | None = None
@@ -321,28 +363,45 @@ class StepSearch:
             step = min(steps, key=self._size_bytes)
         if self._best is None or self._best[0] != step:
             self._best = step, self._coded(step, self._pieces)
-        by_modes = CodedTrack(self._coder.leading_section(), self._best[1])
-        on_grid = self._on_grid(by_modes.size_bytes) if n_trials is None else None
-        return step, on_grid or by_modes
+        if n_trials is None:
+            self._best = step, self._on_grid(self._best[1]) or self._best[1]
+        return step, self._coded_track(self._best[1])
 
-    def _on_grid(self, size_bytes: int) -> CodedTrack | None:
-        """Encode the track on a grid, unless that takes more than this many bytes."""
-        coder, n_frames = self._coder.on_grid, self._track.shape[0]
+    @property
+    def as_related(self) -> RelatedTrack:
+        """The encoded track, after `best`, for those that follow."""
+        assert self._best is not None
+        blocks = zip(self._pieces, self._best[1], strict=True)
+        fields = {piece.start: block.fields for piece, block in blocks}
+        related = None if self._coder.grid else self._related
+        n_relations = 0 if related is None else related.n_relations + 1
+        return RelatedTrack(self._number, self._coder.coder.mesh, fields, n_relations)
+
+    def _coded_track(self, blocks: list[CodedValues]) -> CodedTrack:
+        return CodedTrack(self._coder.leading_section(), [block.sections for block in blocks])
+
+    def _on_grid(self, by_modes: list[CodedValues]) -> list[CodedValues] | None:
+        """Encode the track on a grid; None if that takes more bytes than by modes."""
+        n_frames, coder = self._track.shape[0], None
+        numbers = _numbers(self._track)
+        if len(numbers) <= FEW_VALUES and np.array_equal(numbers, np.rint(numbers)):
+            coder = self._coder.of_integers
+        coder = self._coder.on_grid if coder is None else coder
         if coder is None:
             return None
+        size_bytes = self._coded_track(by_modes).size_bytes
         n_sampled = max(2, GRID_SAMPLE // math.prod(self._track.shape[1:]))
         n_sampled = min(n_sampled, self._pieces[0].stop)
         if n_sampled < n_frames:
-            sections = coder.code_prepared(self._prepare(slice(0, n_sampled)))
+            sections = coder.code_prepared(self._prepare(slice(0, n_sampled))).sections
             sampled_bytes = sum(len(payload) for _, payload in sections)
             if sampled_bytes * n_frames > size_bytes * n_sampled:
                 return None
         blocks = [coder.code_prepared(block) for block in self._blocks(self._pieces)]
-        coded = CodedTrack(coder.leading_section(), blocks)
-        if coded.size_bytes >= size_bytes:
+        if self._coded_track(blocks).size_bytes >= size_bytes:
             return None
         self._coder = coder
-        return coded
+        return blocks
 
     @property
     def coder(self) -> TrackCoder:
@@ -387,27 +446,36 @@ class StepSearch:
         n_modes = max(MIN_COMPARED_MODES, MAX_COMPARED_VALUES // frames.n_verts)
         targets = field_targets(frames, coder.mesh, coder.choices)[:, :n_modes]
 
-        def size_bytes(weights: tuple[int | None, int]) -> float:
-            coder = self._coder.with_weights(*weights)
-            size = coder.fields_bytes(targets, self._weights(coder, piece))
-            return size if weights[0] is None else size / MAX_POINTS_RATIO
+        def size_bytes(choice: WeightChoice) -> float:
+            nugget, n_learned, related = choice
+            coder = self._coder.with_weights(nugget, n_learned)
+            size = coder.fields_bytes(targets, self._weights(coder, piece, related))
+            return size if nugget is None else size / MAX_POINTS_RATIO
 
-        sizes = {weights: size_bytes(weights) for weights in product((None, *NUGGETS), [n_learned])}
-        nugget, _ = min(sizes, key=lambda weights: sizes[weights])
+        def best_of(choices: Iterable[WeightChoice]) -> WeightChoice:
+            sizes.update((choice, size_bytes(choice)) for choice in choices)
+            return min(sizes, key=lambda choice: sizes[choice])
+
+        sizes: dict[WeightChoice, float] = {}
+        nugget, _, _ = best = best_of((nugget, n_learned, None) for nugget in (None, *NUGGETS))
         if nugget is not None:
-            sizes[nugget, 0] = size_bytes((nugget, 0))
-        self._coder = self._coder.with_weights(*min(sizes, key=lambda weights: sizes[weights]))
+            best = best_of([(nugget, 0, None)])
+        closest = self._closest(targets, piece)
+        if closest is not None:
+            best = best_of([(NUGGETS[0] if nugget is None else nugget, best[1], closest)])
+        nugget, n_learned, self._related = best
+        self._coder = self._coder.with_weights(nugget, n_learned)
         self._sizes, self._best = {}, None
         self.__dict__.pop("_single", None)
 
     def _size_bytes(self, step: float) -> float:
         if step not in self._sizes:
             blocks = self._coded(step, self._sampled)
-            sizes = [sum(len(payload) for _, payload in block) for block in blocks]
+            sizes = [sum(len(payload) for _, payload in block.sections) for block in blocks]
             corrections = (
                 len(payload)
                 for block in blocks
-                for name, payload in block
+                for name, payload in block.sections
                 if name is Section.CORRECTIONS
             )
             self._shares[step] = sum(corrections) / sum(sizes)
@@ -419,7 +487,7 @@ class StepSearch:
             self._sizes[step] = size
         return self._sizes[step]
 
-    def _coded(self, step: float, pieces: Sequence[slice]) -> list[Sections]:
+    def _coded(self, step: float, pieces: Sequence[slice]) -> list[CodedValues]:
         coder = self._coder.with_step(step)
         return [coder.code_prepared(prepared) for prepared in self._blocks(pieces)]
 
@@ -435,13 +503,49 @@ class StepSearch:
         values, positions = self._track.read(piece.start, piece.stop), None
         if self._decoded is not None and self._coder.surface is not None:
             positions = self._decoded(piece.start, piece.stop)
-        return self._coder.prepare(values, positions, self._weights(self._coder, piece))
+        weights = self._weights(self._coder, piece, self._related)
+        return self._coder.prepare(values, positions, weights)
 
-    def _weights(self, coder: TrackCoder, piece: slice) -> PointWeights | None:
+    def _weights(
+        self, coder: TrackCoder, piece: slice, related: RelatedTrack | None
+    ) -> PointWeights | None:
         """Return the initial weights of a block that follow from points, if any."""
         if self._decoded is None or coder.nugget is None:
             return None
-        return self._decoded.weights(coder, piece.start)
+        weights = self._decoded.weights(coder, piece.start)
+        if related is None:
+            return weights
+        distance, fields = self._number - related.number, related.fields[piece.start]
+        return replace(weights, related=distance, fields=fields)
+
+    def _closest(self, targets: Floats, piece: slice) -> RelatedTrack | None:
+        """Return the candidate that explains most of what weights from points leave of fields.
+
+        It is None if none promises to save bits.
+        """
+        levels = self._coder.coder.mesh.hierarchy
+        n_coarsest = int(levels.level_starts[1])
+        if not self._candidates or self._decoded is None or n_coarsest == len(targets):
+            return None
+        coder = self._coder.with_weights(NUGGETS[0], 0)
+        last = slice(max(len(targets) - N_SAMPLED, n_coarsest), None)
+        stencil = levels.stencil[last]
+        weights = self._decoded.weights(coder, piece.start).weights[last]
+        weights = np.where(stencil < 0, 0.0, weights)
+
+        def innovations(fields: Floats) -> Floats:
+            return np.asarray(fields[last] - np.einsum("ij,ijk->ik", weights, fields[stencil]))
+
+        left = innovations(targets)
+
+        def saved_bits(other: RelatedTrack) -> float:
+            known = innovations(other.fields[piece.start])
+            rest = left - known @ np.linalg.lstsq(known, left, rcond=None)[0]
+            before, after = (np.mean(some**2, axis=0) + ROUNDING_VARIANCE for some in (left, rest))
+            return float(np.mean(np.log2(before / after))) / 2.0
+
+        closest = max(self._candidates, key=saved_bits)
+        return closest if saved_bits(closest) > MIN_SAVED_BITS else None
 
 
 def encode_losslessly(

@@ -34,6 +34,9 @@ WITH_COSINES = 32
 ADAPTIVE = 64
 """Flag of the layout: the prediction weights of the basis adapt."""
 
+WITH_RELATED = 32
+"""Flag of the code of a nugget: the fields are related to those of another track."""
+
 FROM_POINTS = 128
 """Flag of the layout: the initial weights of the fields follow from points."""
 
@@ -153,12 +156,16 @@ def write_layout(layout: Layout) -> bytes:
         write_varint(layout.reference),
         struct.pack("<f", layout.step),
         write_varints(layout.stencil_size, layout.n_learned),
-        b"" if layout.nugget is None else bytes([layout.nugget]),
+        b"" if layout.nugget is None else _write_nugget(layout.nugget, layout.related),
         rests,
     ]
     if layout.n_reused:
         parts += [write_varint(layout.n_reused), struct.pack("<f", layout.finer)]
     return b"".join(parts)
+
+
+def _write_nugget(code: int, related: int) -> bytes:
+    return bytes([code | WITH_RELATED]) + write_varint(related) if related else bytes([code])
 
 
 def _write_rests(rests: Rests) -> bytes:

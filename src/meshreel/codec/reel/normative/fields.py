@@ -41,6 +41,8 @@ class Layout:
     """Coding of the temporal basis."""
     nugget: int | None = None
     """Code of the nugget if the initial weights follow from points, else None."""
+    related: int = 0
+    """Number of tracks from the related one to this one; 0 without one."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,12 @@ class PointWeights:
     code: int
     weights: npt.NDArray[np.float32]
     """float32 array of shape (N, S), in coding order."""
+    related: int = 0
+    """Number of tracks from the related one to this one; 0 without one."""
+    fields: Floats | None = None
+    """float64 array of shape (N, n), or None. Fields of the related track in this block, in coding
+    order.
+    """
 
 
 @dataclass(frozen=True)
