@@ -19,6 +19,7 @@ from conformance.sources import (
     holes,
     mixed_cells,
     moving,
+    of_everything,
     of_rough_integers,
     of_type,
     seamed_uvs,
@@ -622,14 +623,27 @@ def grid_copied():
 def attributes_on_surface():
     """Integers of vertices and of corners of polygons, two of them by a divisor, on the surface."""
 
-    def last(forms, faces):
-        return list(tables._trials(forms, faces))[-1]
+    def last(forms, faces, points):
+        return list(tables._trials(forms, faces, None))[-1]
 
     with patch.object(tables, "_shortest", last):
         data = meshreel.encode(of_rough_integers(), method="grid", max_error=0.01, uv_bits=10)
     with patch("conformance.surface.read_on_surface", wraps=read_on_surface) as read:
         read_all(data)
     assert read.call_count == 4
+    return data
+
+
+def attributes_from_points(n_frames=5, **options):
+    """Attributes of vertices and corners, of all types, from positions; some are not finite."""
+
+    def last_or_too_long(forms, faces, points):
+        table = list(tables._trials(forms, faces, points))[-1]
+        return table if faces is None or points is not None else table + bytes(9999)
+
+    with patch.object(tables, "_shortest", last_or_too_long):
+        data = meshreel.encode(of_everything(n_frames=n_frames), **options)
+    assert len(read_container(data).all_of("ATTRIBUTE_FROM_POINTS")) == 8
     return data
 
 
@@ -1141,6 +1155,11 @@ def with_section(number, *sections, n_replaced=0, of=None):
     return head + b"".join(write_sections([*parts, (Section.END, b"")]))
 
 
+def with_attribute(section, domain, n_rows, predictor):
+    """Return the worked example with an attribute of equal integers."""
+    return with_section(1, (section, bytes([2, domain, 1, 1, 0, 0, n_rows, 0, 255, predictor])))
+
+
 def compact():
     """A name, a track, and a bound and a start that are decimals, under one checksum."""
     sheet = moving(grid(2, 2), 3, n_waves=1).replace(name="compact", start_s=2.5)
@@ -1185,8 +1204,9 @@ BY_HAND = (
     live_with_bound, no_index, key_blocks, reused_fields, rests, cosines, cosines_of_1024_frames,
     adaptive_times, adaptive_limits, large_residuals, lively, nothing_moves, corrections, tracks,
     tracks_of_triangles, tracks_of_polygons, still_track, normals, grid_of_all_kinds, grid_copied,
-    attributes_on_surface, attributes_on_own_grids, grid_live, lossless_live, missing_values,
-    values_on_grids, predicted_tracks, predicted_from_exact_positions, normals_of_polygons,
+    attributes_on_surface, attributes_from_points, attributes_on_own_grids, grid_live,
+    lossless_live, missing_values, values_on_grids, predicted_tracks,
+    predicted_from_exact_positions, normals_of_polygons,
     corners_of_vertices, exact_velocities_of_corners, corners_in_rows, concave_polygons,
     cells_around_an_edge, cells_of_all_types, cells_of_all_types_dropped, cells_with_values,
     cells_with_values_dropped, normals_at_the_pole, many_resolutions, no_more_rows,

@@ -43,6 +43,7 @@ NAMES = {
     138: "TRACK",
     139: "HARD_EDGES",
     140: "TIMES",
+    141: "ATTRIBUTE_FROM_POINTS",
 }
 MAX_NAME_BYTES = 4096
 MAX_COMPACT = 1024
@@ -222,7 +223,7 @@ class Container:
 
 OF_MESH = (
     *("CONNECTIVITY", "ORDER", "EDIT", "CELLS", "POLYGONS", "ATTRIBUTE", "GROUPS"),
-    *("PARTS", "MATERIAL", "IMAGE", "HARD_EDGES"),
+    *("PARTS", "MATERIAL", "IMAGE", "HARD_EDGES", "ATTRIBUTE_FROM_POINTS"),
 )
 IN_BLOCKS = (
     *("BASIS", "ANCHORS", "COEFFICIENTS", "EXACT", "FIELDS", "CORRECTIONS"),
@@ -233,7 +234,7 @@ OF_MODES = {"BLOCK", "BASIS", "FIELDS", "CORRECTIONS", "COEFFICIENTS"}
 OF_MODES_OF_A_TRACK = {*OF_MODES, "TRACK_BLOCK", "MISSING"} - {"BLOCK"}
 OF_PAPER = {"BLOCK", "BASIS", "ANCHORS", "ANCHOR_RESIDUALS", "EXACT", "COEFFICIENTS"}
 LAST = {"COEFFICIENTS", "VALUES"}
-REPEATED = {"ATTRIBUTE", "GROUPS", "MATERIAL", "IMAGE", "TRACK"}
+REPEATED = {"ATTRIBUTE", "ATTRIBUTE_FROM_POINTS", "GROUPS", "MATERIAL", "IMAGE", "TRACK"}
 
 
 def read_containers(data):
@@ -357,7 +358,9 @@ def sections_of_range(containers, payload):
     other = containers[-1 - distance]
     stored = [one for one in other.leading[other.n_shared :] if one[0] in OF_MESH]
     need(n_skipped + n_sections <= len(stored), "a reference adds sections that do not exist")
-    return stored[n_skipped : n_skipped + n_sections]
+    shared = stored[n_skipped : n_skipped + n_sections]
+    need("ATTRIBUTE_FROM_POINTS" not in dict(shared), "a shared attribute depends on positions")
+    return shared
 
 
 def read_container(data):

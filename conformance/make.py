@@ -36,6 +36,7 @@ from conformance.by_hand import (
     swinging,
     three_frames,
     with_adaptive_cosines,
+    with_attribute,
     with_cells,
     with_cosines,
     with_error_bound,
@@ -400,6 +401,14 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "cells_of_no_bits": partial(cells_and_payload, write_varints(36, 288, 66)),
     "cells_with_a_zero_byte": lambda: cells_and_payload(cells_payload() + b"\0"),
     "cells_with_more_bytes": lambda: cells_and_payload(cells_payload() + b"\0\0\0\0\0\0\0\1"),
+    **{
+        f"attribute_{reason}": partial(with_attribute, *numbers)
+        for reason, numbers in {
+            "predicted_from_points": (Section.ATTRIBUTE, 0, 3, 4),
+            "from_points_along_faces": (Section.ATTRIBUTE_FROM_POINTS, 0, 3, 2),
+            "from_points_of_faces": (Section.ATTRIBUTE_FROM_POINTS, 1, 1, 4),
+        }.items()
+    },
     "track_of_no_cells": lambda: with_section(1, (Section.TRACK, write_track(OF_NO_CELLS))),
     **{
         f"track_with_{reason}": partial(heated, **changes)

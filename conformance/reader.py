@@ -193,7 +193,7 @@ def read_segment(container, memory):
         faces=faces,
         order=order,
         blocks=blocks,
-        surface=read_surface(container, polygons, memory),
+        surface=read_surface(container, polygons, memory, positions),
         cells=cells,
         anchors=anchors,
         shape=shape,

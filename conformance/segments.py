@@ -308,6 +308,10 @@ def encoded_box(seed):
     return meshreel.encode(moving(BOX, 2, seed=seed))
 
 
+OF_A_BOX = bytes([2, 0, 1, 1, 0, 0, 8, 0, 255, 4])
+"""An attribute of equal integers at 8 vertices, predicted from their positions."""
+
+
 def refer(*numbers):
     """Return a function that replaces leading sections by a REFERENCE."""
     payload = b"".join(map(write_varint, numbers))
@@ -362,6 +366,9 @@ REFUSED: dict[str, Callable[[], bytes]] = {
     "reference_to_three_sections": lambda: with_leading(refer(2, 0, 3)),
     "reference_to_256_sections": lambda: with_leading(
         lambda leading: [*leading, *300 * [(Section.IMAGE, b"\0\0")]], refer(1, 0, 256)
+    ),
+    "reference_to_an_attribute_from_points": lambda: with_leading(
+        lambda leading: [*leading, (Section.ATTRIBUTE_FROM_POINTS, OF_A_BOX)], refer(1, 0, 1)
     ),
     "reference_of_one_number": lambda: with_leading(refer(2)),
     "reference_of_two_numbers": lambda: with_leading(refer(2, 2)),

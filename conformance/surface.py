@@ -8,13 +8,15 @@ from math import isfinite
 from conformance.bits import integers, need
 from conformance.container import Payload
 from conformance.order import rotated, twins_of
-from conformance.patterns import nothing, read_patterns, row_before
+from conformance.patterns import Stencil, nothing, read_patterns, row_before
+from conformance.points import weights_of
 from conformance.rounding import single
 from conformance.surface_integers import read_surface_integers
 
 KINDS, DOMAINS = ("uv", "color", "other"), ("vertex", "face", "corner", "cell")
 EACH, INDEXED, SHARED = range(3)
-ALONG_FACES = 2
+ALONG_FACES, FROM_POINTS = 2, 4
+NUGGET = 0.125
 SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive")
 MATERIAL_NUMBERS = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.5)
 TEXTURE_NUMBERS = (0.0, 0.0, 0.0, 1.0, 1.0)
@@ -80,9 +82,13 @@ def corners_of_face(triangles):
 
 
 class AlongFaces:
-    """Rows in coding order along the faces, each with its predictors."""
+    """Rows in coding order along the faces, each with its predictors.
 
-    def __init__(self, faces, n_rows):
+    With `points`, those of the rows, rows that have a stencil are predicted from it.
+    """
+
+    def __init__(self, faces, n_rows, points=None):
+        self.points = points
         self.faces, self.twins, self.n_rows = faces, twins_of(faces), n_rows
         self.row_of = [row for face in faces for row in face]
         self.corners = [[] for _ in range(n_rows)]
@@ -116,10 +122,24 @@ class AlongFaces:
 
     def add(self, row, near):
         if row not in self.known:
-            self.coded.append(
-                (row, self.parallelograms(row) or ([] if near is None else [(near,)]))
-            )
+            predictors = self.parallelograms(row) or ([] if near is None else [(near,)])
+            stencil = self.stencil(row) if self.points else []
+            if stencil:
+                places = [self.points[other] for other in stencil]
+                predictors = Stencil(stencil, weights_of(self.points[row], places, NUGGET))
+            self.coded.append((row, predictors))
             self.known.add(row)
+
+    def stencil(self, row):
+        """Return up to 16 known rows, the nearest first."""
+        found = [row]
+        for center in found:  # grows
+            for corner in self.corners[center][:32]:
+                for by in (1, 2):
+                    near = self.row_of[rotated(corner, by)]
+                    if near in self.known and near not in found and len(found) <= 16:
+                        found.append(near)
+        return found[1:]
 
     def push(self, side):
         twin = self.twins[side]
@@ -235,7 +255,8 @@ def divisor(form):
     return 10.0**form if form < 10 else {10: 255.0, 11: 65535.0}.get(form) or 2.0 ** (form - 64)
 
 
-def read_attribute(payload, polygons, n_verts, memory):
+def read_attribute(payload, polygons, n_verts, memory, positions, is_from_points):
+    """Read an attribute; `positions` are those of the first frame, or None."""
     payload = Payload(payload)
     kind, domain = KINDS[payload.byte()], DOMAINS[payload.byte()]
     number_type, width = "Bifd"[payload.byte()], payload.byte()
@@ -263,10 +284,12 @@ def read_attribute(payload, polygons, n_verts, memory):
             if is_corner
             else read_references(references, n_items)
         )
-    need(
-        predictor < (2 if domain in ("face", "cell") else 4)
-        and all(0 <= row < n_rows for row in rows)
-    )
+    is_of_faces = domain in ("face", "cell")
+    if is_from_points:
+        need(predictor == FROM_POINTS and not is_of_faces and positions is not None)
+    else:
+        need(predictor < (2 if is_of_faces else 4))
+    need(all(0 <= row < n_rows for row in rows))
     stored = number_type if form == 255 else "i"
     if predictor < ALONG_FACES:
         predictors = (nothing, row_before)[predictor](n_rows)
@@ -274,8 +297,18 @@ def read_attribute(payload, polygons, n_verts, memory):
     else:
         corners = polygons.triangles if domain == "vertex" else polygons.corners
         triangles = [tuple(rows[corner] for corner in triangle) for triangle in corners]
-        read = read_along_faces if predictor == ALONG_FACES else read_on_surface
-        table = read(payload.rest(), n_rows, width, stored, triangles)
+        if is_from_points:
+            points = [(0.0, 0.0, 0.0)] * n_rows
+            for triangle, vertices_of in zip(
+                triangles[::-1], polygons.triangles[::-1], strict=True
+            ):
+                for row, vertex in zip(triangle[::-1], vertices_of[::-1], strict=True):
+                    points[row] = tuple(positions[3 * vertex : 3 * vertex + 3])
+            predictors = AlongFaces(triangles, n_rows, points).traverse()
+            table = read_patterns(payload.rest(), width, stored, predictors)
+        else:
+            read = read_along_faces if predictor == ALONG_FACES else read_on_surface
+            table = read(payload.rest(), n_rows, width, stored, triangles)
     if form != 255:
         need(number_type == "f" if grid else number_type in "fd" and is_divisor(form))
         table = [
@@ -477,8 +510,8 @@ class CornerRows:
         return [(self.of_corners[a], self.of_corners[b]) for a, b in pairs]
 
 
-def read_surface(container, polygons, memory):
-    """Return the surface, in output order."""
+def read_surface(container, polygons, memory, positions):
+    """Return the surface, in output order; `positions` are those of the frames, or None."""
     n_verts, hard_edges = container.header.n_verts, container.all_of("HARD_EDGES")
     need(len(hard_edges) < 2)
     n_faces, images = len(polygons.sizes), list(map(read_image, container.all_of("IMAGE")))
@@ -489,8 +522,9 @@ def read_surface(container, polygons, memory):
         "polygons": None if polygons.is_plain else polygons.sizes,
         "triangle corners": [corner for triangle in polygons.corners for corner in triangle],
         "attributes": [
-            read_attribute(payload, polygons, n_verts, memory)
-            for payload in container.all_of("ATTRIBUTE")
+            read_attribute(payload, polygons, n_verts, memory, positions, name != "ATTRIBUTE")
+            for name, payload in container.leading
+            if name in ("ATTRIBUTE", "ATTRIBUTE_FROM_POINTS")
         ],
         "groups": [read_groups(data, n_faces) for data in container.all_of("GROUPS")],
         "parts": [

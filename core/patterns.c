@@ -154,6 +154,26 @@ static uint64_t predict_bits(const number_table *table, int64_t col, const int32
     return (uint64_t)mean & all_bits(table);
 }
 
+/* Predict the bits of a number in a column from the rows of a stencil. */
+static uint64_t predict_by_weights(const number_table *table, int64_t col, const int32_t *stencil,
+                                   const float *weights) {
+    uint64_t first = bits_at(table, stencil[0] * table->width + col);
+    double least = table->size == 1 ? 0 : INT32_MIN, most = table->size == 1 ? 255 : INT32_MAX;
+    double origin = 0, sum = 0;
+    for (int i = 0; i < REEL_MAX_STENCIL && stencil[i] >= 0; i++) {
+        uint64_t bits = bits_at(table, stencil[i] * table->width + col);
+        double value = table->is_float ? float_of(table, bits) : (double)integer_of(table, bits);
+        origin = i ? origin : value;
+        sum += (double)weights[i] * (value - origin);
+    }
+    sum += origin;
+    if (table->is_float) {
+        return bits_of_float(table, sum, first);
+    }
+    sum = sum < least ? least : sum > most ? most : sum;
+    return (uint64_t)(int64_t)(sum + (sum < 0 ? -0.5 : 0.5)) & all_bits(table);
+}
+
 /* Class of the decaying mean; each octave has two classes. */
 static int mean_class(uint64_t scaled_mean) {
     int octave = 61 - __builtin_clzll(scaled_mean + 4);
@@ -274,12 +294,15 @@ static bool code_repetition(reel_range_coder *coder, pattern_models *models,
 }
 
 static void code_row(reel_range_coder *coder, pattern_models *models, column_state *columns,
-                     const number_table *table, int64_t row, const int32_t *triples,
-                     int64_t count) {
-    int predictor = count == 0 ? 0 : triples[2] < 0 ? 1 : 2, previous_sign = 0;
+                     const number_table *table, int64_t row, const int32_t *triples, int64_t count,
+                     const int32_t *stencil, const float *weights) {
+    bool is_weighted = stencil && stencil[0] >= 0;
+    int previous_sign = 0, predictor = is_weighted ? 2 : count == 0 ? 0 : triples[2] < 0 ? 1 : 2;
     for (int64_t i = 0; i < table->width; i++) {
         int64_t index = row * table->width + i;
-        uint64_t predicted = to_ordered(table, predict_bits(table, i, triples, count));
+        uint64_t predicted =
+            to_ordered(table, is_weighted ? predict_by_weights(table, i, stencil, weights)
+                                          : predict_bits(table, i, triples, count));
         uint64_t difference =
             (to_ordered(table, bits_at(table, index)) - predicted) & all_bits(table);
         difference = code_number(coder, models, predictor, &columns[i], &previous_sign,
@@ -290,7 +313,8 @@ static void code_row(reel_range_coder *coder, pattern_models *models, column_sta
 
 static int64_t code_table(reel_range_coder *coder, void *memory, size_t memory_size,
                           const number_table *table, int64_t n_rows, const int32_t *order,
-                          const int64_t *starts, const int32_t *triples) {
+                          const int64_t *starts, const int32_t *triples, const int32_t *stencils,
+                          const float *weights) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     pattern_models *models = reel_allocate(&arena, 1, sizeof *models);
     column_state *columns = reel_allocate(&arena, (size_t)table->width, sizeof *columns);
@@ -302,7 +326,9 @@ static int64_t code_table(reel_range_coder *coder, void *memory, size_t memory_s
     for (int64_t i = 0; i < n_rows; i++) {
         int64_t row = order[i], count = starts[i + 1] - starts[i];
         if (!code_repetition(coder, models, table, row)) {
-            code_row(coder, models, columns, table, row, triples + 3 * starts[i], count);
+            int64_t first = REEL_MAX_STENCIL * row;
+            code_row(coder, models, columns, table, row, triples + 3 * starts[i], count,
+                     stencils ? stencils + first : NULL, stencils ? weights + first : NULL);
         }
     }
     return reel_finish(coder);
@@ -310,18 +336,22 @@ static int64_t code_table(reel_range_coder *coder, void *memory, size_t memory_s
 
 int64_t reel_patterns_encode(void *memory, size_t memory_size, void *values, int64_t n_rows,
                              int64_t width, int64_t size, int64_t is_float, const int32_t *order,
-                             const int64_t *starts, const int32_t *triples, uint8_t *out,
+                             const int64_t *starts, const int32_t *triples,
+                             const int32_t *stencils, const float *weights, uint8_t *out,
                              size_t capacity) {
     number_table table = {values, width, (int)size, is_float != 0};
     reel_range_coder coder = reel_start_encoder(out, capacity);
-    return code_table(&coder, memory, memory_size, &table, n_rows, order, starts, triples);
+    return code_table(&coder, memory, memory_size, &table, n_rows, order, starts, triples, stencils,
+                      weights);
 }
 
 int64_t reel_patterns_decode(void *memory, size_t memory_size, const uint8_t *in, size_t in_size,
                              void *values, int64_t n_rows, int64_t width, int64_t size,
                              int64_t is_float, const int32_t *order, const int64_t *starts,
-                             const int32_t *triples) {
+                             const int32_t *triples, const int32_t *stencils,
+                             const float *weights) {
     number_table table = {values, width, (int)size, is_float != 0};
     reel_range_coder coder = reel_start_decoder(in, in_size);
-    return code_table(&coder, memory, memory_size, &table, n_rows, order, starts, triples);
+    return code_table(&coder, memory, memory_size, &table, n_rows, order, starts, triples, stencils,
+                      weights);
 }

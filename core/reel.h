@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 23 /* changes whenever a function or struct below changes */
+#define REEL_ABI 24 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -343,17 +343,20 @@ REEL_API int64_t reel_cells_decode(void *memory, size_t memory_size, const uint8
 /* Tables of numbers (patterns.c): n_rows x width values of `size` bytes (1: unsigned, 4, 8),
    integers or floats (4 and 8). Rows are coded in `order`, a permutation of 0..n_rows-1. The i-th
    of them is predicted from triples[3 starts[i]..3 starts[i + 1]): rows a, b, c coded before it,
-   each giving a + b - c; or a single triple with c < 0, giving a. Writes at most 24 bytes for each
-   number, 32 for each row, and 32 more. */
+   each giving a + b - c; or a single triple with c < 0, giving a. With `stencils`, from
+   reel_predictors_find, rows that have one are instead predicted with these `weights`. Writes at
+   most 24 bytes for each number, 32 for each row, and 32 more. */
 REEL_API size_t reel_patterns_memory(int64_t width);
 REEL_API int64_t reel_patterns_encode(void *memory, size_t memory_size, void *values,
                                       int64_t n_rows, int64_t width, int64_t size, int64_t is_float,
                                       const int32_t *order, const int64_t *starts,
-                                      const int32_t *triples, uint8_t *out, size_t capacity);
+                                      const int32_t *triples, const int32_t *stencils,
+                                      const float *weights, uint8_t *out, size_t capacity);
 REEL_API int64_t reel_patterns_decode(void *memory, size_t memory_size, const uint8_t *in,
                                       size_t in_size, void *values, int64_t n_rows, int64_t width,
                                       int64_t size, int64_t is_float, const int32_t *order,
-                                      const int64_t *starts, const int32_t *triples);
+                                      const int64_t *starts, const int32_t *triples,
+                                      const int32_t *stencils, const float *weights);
 
 /* Lossless numbers over time on a graph (exact.c): n_frames x n_items x width values of `size`
    bytes (1, 2, 4, 8; floats 4, 8), at most 2^28 frames and 2^31 - 1 items, at least 1 of each.
@@ -428,11 +431,13 @@ REEL_API int64_t reel_corner_rows(void *memory, size_t memory_size, const int32_
 /* The rows that predict each row of a table along the faces (row_predictors.c), as
    reel_patterns_encode takes them. `faces` are triples of rows 0..n_rows-1, and twins[h] is the
    other half-edge with the same two rows, or itself; an involution. `triples` has space for 3
-   n_faces + n_rows triples; returns their number. */
+   n_faces + n_rows triples; returns their number. Unless NULL, `stencils` receives for each row up
+   to REEL_MAX_STENCIL rows coded before it, padded with -1. */
 REEL_API size_t reel_predictors_memory(int64_t n_rows, int64_t n_faces);
 REEL_API int64_t reel_predictors_find(void *memory, size_t memory_size, const int32_t *faces,
                                       const int32_t *twins, int64_t n_rows, int64_t n_faces,
-                                      int32_t *order, int64_t *starts, int32_t *triples);
+                                      int32_t *order, int64_t *starts, int32_t *triples,
+                                      int32_t *stencils);
 
 /* Integers on a surface (surface_integers.c): n_frames x n_rows x n_columns values within
    +-REEL_MAX_SURFACE_VALUE, at most REEL_MAX_SURFACE_COLUMNS columns and INT32_MAX rows in all;

@@ -15,7 +15,7 @@ typedef struct {
     const int32_t *faces; /* row of each corner */
     const int32_t *twins; /* of half-edges */
     int64_t n_rows, n_faces;
-    int32_t *order, *triples;
+    int32_t *order, *triples, *stencils;
     int64_t *starts;
     int64_t n_coded, n_triples;
     bool *is_coded, *is_visited; /* per row; per face */
@@ -89,6 +89,28 @@ static int parallelograms(const traversal *walk, int32_t row, int32_t *triples_o
     return n;
 }
 
+/* Find the nearest coded rows by breadth-first search from a row, through coded rows. */
+static void find_stencil(const traversal *walk, int32_t row, int32_t *stencil) {
+    int n = 0;
+    for (int center = -1; center < n; center++) {
+        int32_t from = center < 0 ? row : stencil[center];
+        int64_t first = walk->firsts[from], end = walk->firsts[from + 1];
+        end = end - first > MAX_CORNERS ? first + MAX_CORNERS : end;
+        for (int64_t i = 2 * first; i < 2 * end && n < REEL_MAX_STENCIL; i++) {
+            int32_t near = walk->faces[rotated_corner(walk->corners[i / 2], 1 + (int)(i & 1))];
+            bool is_new = walk->is_coded[near];
+            for (int k = 0; k < n; k++) {
+                is_new &= stencil[k] != near;
+            }
+            stencil[n] = near;
+            n += is_new;
+        }
+    }
+    while (n < REEL_MAX_STENCIL) {
+        stencil[n++] = -1;
+    }
+}
+
 /* Append a row to the order, with its parallelograms; without any, row `fallback` predicts it,
    unless that is negative. */
 static void add_row(traversal *walk, int32_t row, int32_t fallback) {
@@ -100,6 +122,9 @@ static void add_row(traversal *walk, int32_t row, int32_t fallback) {
         n = 1;
     }
     walk->n_triples += n;
+    if (walk->stencils) {
+        find_stencil(walk, row, walk->stencils + REEL_MAX_STENCIL * (int64_t)row);
+    }
     walk->is_coded[row] = true;
     walk->order[walk->n_coded++] = row;
     walk->starts[walk->n_coded] = walk->n_triples;
@@ -162,7 +187,7 @@ size_t reel_predictors_memory(int64_t n_rows, int64_t n_faces) {
 
 int64_t reel_predictors_find(void *memory, size_t memory_size, const int32_t *faces,
                              const int32_t *twins, int64_t n_rows, int64_t n_faces, int32_t *order,
-                             int64_t *starts, int32_t *triples) {
+                             int64_t *starts, int32_t *triples, int32_t *stencils) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     traversal walk = {.faces = faces,
                       .twins = twins,
@@ -170,6 +195,7 @@ int64_t reel_predictors_find(void *memory, size_t memory_size, const int32_t *fa
                       .n_faces = n_faces,
                       .order = order,
                       .triples = triples,
+                      .stencils = stencils,
                       .starts = starts};
     if (!start_traversal(&walk, &arena)) {
         return reel_failure(REEL_NO_MEMORY, 0);

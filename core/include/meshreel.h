@@ -388,8 +388,8 @@ typedef struct meshreel_surface {
     uint32_t n_attributes, n_groups, n_parts, n_materials, n_images, n_hard_edges;
 } meshreel_surface;
 
-/* Decode polygons, attributes, groups, parts, materials and hard edges, and the mesh if necessary.
-   Does nothing when called again. No other thread may use the file meanwhile. */
+/* Decode polygons, attributes, groups, parts, materials and hard edges, and the mesh if necessary;
+   also the first frame, if attributes depend on positions. Does nothing when called again. No other thread may use the file meanwhile. */
 MESHREEL_API int meshreel_read_surface(meshreel_file *file, meshreel_error *error);
 
 /* Return the surface; NULL before `meshreel_read_surface`. Owned by the file. */

@@ -9,12 +9,13 @@
 #define MAX_WIDTH 16
 #define MAX_ROWS INT32_MAX
 #define NONE (-1)
+#define NUGGET 0.125 /* of weights from points */
 
 /* EACH: every item has its own row. INDEXED: items refer to rows. SHARED: they do so only to save
    space. */
 enum layout_number { PER_ITEM = 0, INDEXED = 1, SHARED = 2 };
 enum reference_code { REPEAT = 0, NEW = 1, EXPLICIT = 2 };
-enum row_predictor { NO_PREDICTOR = 0, ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3 };
+enum row_predictor { ROW_BEFORE = 1, ALONG_FACES = 2, ON_SURFACE = 3, FROM_POINTS = 4 };
 
 /* Stored forms of numbers; 0 to 9: integers divided by a power of ten. */
 enum number_form {
@@ -186,8 +187,9 @@ static int read_rows(reel_call *call, reel_pool *pool, const reel_faces *faces, 
 
 /* The coding order of rows and their predictors, as reel_patterns_decode takes them. */
 typedef struct {
-    int32_t *rows, *triples;
+    int32_t *rows, *triples, *stencils;
     int64_t *starts;
+    float *weights;
 } row_order;
 
 static int allocate_row_order(reel_call *call, uint64_t n_rows, uint64_t n_triples,
@@ -250,16 +252,43 @@ static int predict_along_faces(reel_call *call, const reel_faces *faces,
     void *memory = reel_scratch(call, memory_size, 1);
     REEL_NEED(memory);
     int64_t result = reel_predictors_find(memory, memory_size, triangles, twins, n_rows, n_faces,
-                                          order->rows, order->starts, order->triples);
+                                          order->rows, order->starts, order->triples,
+                                          order->stencils);
     reel_drop_scratch(call, mark);
     return reel_fail_core(call, result, REEL_UNKNOWN, "an attribute does not match the faces");
 }
 
+/* Predict rows along the faces, and those with a stencil by weights from points. */
+static int predict_from_points(reel_call *call, const reel_faces *faces,
+                               const meshreel_attribute *output, row_order *order) {
+    uint64_t n_rows = output->n_rows, n_corners = 3 * faces->outline->n_faces;
+    order->stencils = reel_scratch(call, n_rows, REEL_MAX_STENCIL * sizeof *order->stencils);
+    order->weights = reel_scratch(call, n_rows, REEL_MAX_STENCIL * sizeof *order->weights);
+    REEL_NEED(order->stencils && order->weights);
+    REEL_TRY(predict_along_faces(call, faces, output, order));
+    int32_t *triangles = reel_scratch(call, n_corners, sizeof *triangles);
+    double *points = reel_scratch(call, n_rows, 3 * sizeof *points);
+    REEL_NEED(triangles && points);
+    find_rows_of_triangles(faces, output, triangles);
+    reel_zero(points, n_rows * 3 * sizeof *points);
+    for (uint64_t i = 3 * n_corners; i-- > 0;) { /* the first corner of a row sets its point */
+        uint64_t from = 3 * (uint64_t)faces->triangles[i / 3] + i % 3;
+        points[3 * (uint64_t)triangles[i / 3] + i % 3] =
+            faces->outline->number_bytes == 4 ? (double)((const float *)faces->positions)[from]
+                                              : ((const double *)faces->positions)[from];
+    }
+    const reel_mesh rows = {.stencil_size = REEL_MAX_STENCIL, .stencil = order->stencils};
+    reel_kriging(&rows, points, NUGGET, 0, (int64_t)n_rows, order->weights);
+    return MESHREEL_OK;
+}
+
 static int find_row_order(reel_call *call, const reel_faces *faces,
                           const meshreel_attribute *result, uint8_t predictor, row_order *order) {
-    return predictor == ALONG_FACES
-               ? predict_along_faces(call, faces, result, order)
-               : predict_in_order(call, result->n_rows, predictor == ROW_BEFORE, order);
+    *order = (row_order){0};
+    return predictor == FROM_POINTS   ? predict_from_points(call, faces, result, order)
+           : predictor == ALONG_FACES ? predict_along_faces(call, faces, result, order)
+                                      : predict_in_order(call, result->n_rows,
+                                                         predictor == ROW_BEFORE, order);
 }
 
 /* ---- values ---- */
@@ -277,7 +306,8 @@ static int decode_patterns(reel_call *call, reel_range data, const meshreel_attr
     reel_zero(values, (size_t)output->n_rows * output->width * size);
     int64_t result = reel_patterns_decode(memory, memory_size, bytes, (size_t)data.length, values,
                                           output->n_rows, output->width, (int64_t)size, of_floats,
-                                          order->rows, order->starts, order->triples);
+                                          order->rows, order->starts, order->triples,
+                                          order->stencils, order->weights);
     return reel_fail_core(call, result, data.offset, "the values of an attribute are damaged");
 }
 
@@ -359,8 +389,8 @@ static int read_grid(reel_call *call, reel_range *input, const meshreel_attribut
     return MESHREEL_OK;
 }
 
-static int read_number_layout(reel_call *call, reel_range *input, const meshreel_attribute *result,
-                              number_layout *layout) {
+static int read_number_layout(reel_call *call, reel_range *input, bool is_from_points,
+                              const meshreel_attribute *result, number_layout *layout) {
     uint64_t offset = input->offset;
     REEL_TRY(reel_read_bytes(call, input, &layout->form, 1));
     REEL_CORRUPT_IF(!is_form(result, layout->form), offset,
@@ -373,7 +403,9 @@ static int read_number_layout(reel_call *call, reel_range *input, const meshreel
     bool has_integers = layout->form != PLAIN || result->type == MESHREEL_INT32;
     bool is_of_faces = result->domain == MESHREEL_FACES || result->domain == MESHREEL_CELLS;
     uint8_t last = is_of_faces ? ROW_BEFORE : has_integers ? ON_SURFACE : ALONG_FACES;
-    REEL_CORRUPT_IF(layout->predictor > last, offset,
+    bool is_valid = is_from_points ? layout->predictor == FROM_POINTS && !is_of_faces
+                                   : layout->predictor <= last;
+    REEL_CORRUPT_IF(!is_valid, offset,
                     "the row predictor of an attribute is unknown");
     return MESHREEL_OK;
 }
@@ -388,10 +420,10 @@ static void place_on_grid(const meshreel_attribute *result, const int32_t *integ
     }
 }
 
-static int read_values(reel_call *call, const reel_faces *faces, reel_range data,
-                       const meshreel_attribute *result, void *values) {
+static int read_values(reel_call *call, const reel_faces *faces, bool is_from_points,
+                       reel_range data, const meshreel_attribute *result, void *values) {
     number_layout layout;
-    REEL_TRY(read_number_layout(call, &data, result, &layout));
+    REEL_TRY(read_number_layout(call, &data, is_from_points, result, &layout));
     if (layout.form == PLAIN && result->type == MESHREEL_INT32) {
         return decode_integers(call, faces, data, result, layout.predictor, values);
     }
@@ -413,9 +445,9 @@ static int read_values(reel_call *call, const reel_faces *faces, reel_range data
 }
 
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_range payload, meshreel_attribute *result) {
+                        const reel_section *section, meshreel_attribute *result) {
     const reel_chunk *mark = call->scratch.last;
-    reel_range input = payload;
+    reel_range input = section->payload;
     value_layout layout;
     void *values;
     *result = (meshreel_attribute){0};
@@ -428,7 +460,8 @@ int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *face
         result->is_indexed = layout.number == INDEXED;
         REEL_TRY(read_rows(call, pool, faces, layout.references, result));
     }
-    REEL_TRY(read_values(call, faces, input, result, values));
+    bool is_from_points = section->id == REEL_ATTRIBUTE_FROM_POINTS;
+    REEL_TRY(read_values(call, faces, is_from_points, input, result, values));
     reel_drop_scratch(call, mark);
     return MESHREEL_OK;
 }

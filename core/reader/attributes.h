@@ -5,8 +5,8 @@
 
 #include "polygons.h"
 
-/* Decode a section ATTRIBUTE into memory of `pool`. */
+/* Decode a section ATTRIBUTE or ATTRIBUTE_FROM_POINTS into memory of `pool`. */
 int reel_read_attribute(reel_call *call, reel_pool *pool, const reel_faces *faces,
-                        reel_range payload, meshreel_attribute *result);
+                        const reel_section *section, meshreel_attribute *result);
 
 #endif

@@ -232,8 +232,9 @@ static int check_leading(reel_call *call, reel_outline *outline, const reel_sect
     REEL_CORRUPT_IF(id == REEL_SEGMENT, section->offset, "a segment is out of place");
     REEL_CORRUPT_IF(id == REEL_REFERENCE, section->offset,
                     "a reference does not follow the section SEGMENT");
-    bool may_repeat = id == REEL_ATTRIBUTE || id == REEL_GROUPS || id == REEL_MATERIAL ||
-                      id == REEL_IMAGE || id == REEL_TRACK;
+    bool may_repeat = id == REEL_ATTRIBUTE || id == REEL_ATTRIBUTE_FROM_POINTS ||
+                      id == REEL_GROUPS || id == REEL_MATERIAL || id == REEL_IMAGE ||
+                      id == REEL_TRACK;
     uint32_t bit = 1U << (is_optional ? 16 + (id & 15U) : id);
     REEL_CORRUPT_IF(!may_repeat && outline->stored_ids & bit, section->offset,
                     "a section is stored twice that occurs at most once");
@@ -732,12 +733,12 @@ static int read_reference(reel_call *call, const reel_segments *segments, uint64
     return MESHREEL_OK;
 }
 
-/* Whether sections with this id describe the mesh, which segments may share. */
+/* Whether a REFERENCE counts sections with this id: those of a mesh. */
 static bool is_of_mesh(uint32_t id) {
     bool is_of_surface = id >= REEL_POLYGONS && id <= REEL_HARD_EDGES && id != REEL_START &&
                          id != REEL_TRACK;
     return id == REEL_CONNECTIVITY || id == REEL_ORDER || id == REEL_EDIT || id == REEL_CELLS ||
-           is_of_surface;
+           id == REEL_ATTRIBUTE_FROM_POINTS || is_of_surface;
 }
 
 /* Whether a section is behind the leading ones of the segment that begins at `begin`. */
@@ -760,6 +761,8 @@ static int add_range(reel_call *call, reel_pool *pool, const shared_range *range
         REEL_CORRUPT_IF(is_after_leading(&section, segment->offset), reference_at,
                         "a segment refers to more sections than the other one has");
         if (i >= range->n_skipped && is_of_mesh(section.id)) {
+            REEL_CORRUPT_IF(section.id == REEL_ATTRIBUTE_FROM_POINTS, reference_at,
+                            "a segment refers to an attribute that depends on positions");
             REEL_TRY(verify_leading(call, &section));
             REEL_TRY(add_leading(call, pool, outline, &section));
         }

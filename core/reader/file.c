@@ -412,6 +412,24 @@ const int32_t *meshreel_stored_triangles(const meshreel_file *file,
     return file->has_mesh ? file->mesh.internal_faces : NULL;
 }
 
+/* Decode the positions of the first frame into scratch memory, if an attribute depends on them. */
+static int read_positions(reel_call *call, const meshreel_file *file, reel_faces *faces) {
+    const reel_outline *outline = faces->outline;
+    if (!reel_count_sections(outline, REEL_ATTRIBUTE_FROM_POINTS, NULL)) {
+        return MESHREEL_OK;
+    }
+    REEL_CORRUPT_IF(reel_is_of_paper(file), REEL_UNKNOWN,
+                    "an attribute depends on positions, which this method does not define");
+    meshreel_decoder *decoder = NULL;
+    void *positions = reel_scratch(call, 3 * outline->n_verts, outline->number_bytes);
+    REEL_NEED(positions);
+    int failed = meshreel_begin(file, &decoder, &call->error);
+    failed = failed ? failed : meshreel_decode(decoder, 0, 0, 1, 0, NULL, positions, &call->error);
+    meshreel_end(decoder);
+    faces->positions = positions;
+    return failed;
+}
+
 int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     int failed = meshreel_read_mesh(file, error);
     if (failed || file->has_surface) {
@@ -419,7 +437,9 @@ int meshreel_read_surface(meshreel_file *file, meshreel_error *error) {
     }
     reel_call call = reel_begin_file_call(file, file->pool.n_bytes);
     reel_pool pool = {NULL, 0};
-    failed = reel_read_surface(&call, &pool, &file->faces, &file->surface);
+    reel_faces faces = file->faces;
+    failed = read_positions(&call, file, &faces);
+    failed = failed ? failed : reel_read_surface(&call, &pool, &faces, &file->surface);
     file->has_surface = !failed;
     return reel_end_call(&call, reel_append(&file->host, failed, &file->pool, &pool), error);
 }

@@ -7,11 +7,12 @@
 
 /* The faces of a mesh: output triangles, and if some have more than three corners, the sizes of all
    and the face corner at each corner of the triangles, n_faces x 3; otherwise NULL. Face corners
-   are numbered face by face. */
+   are numbered face by face. With ATTRIBUTE_FROM_POINTS, also the positions of the first frame. */
 typedef struct {
     const reel_outline *outline;
     const uint32_t *triangles, *sizes;
     const int32_t *corners;
+    const void *positions;
 } reel_faces;
 
 /* Decode the sizes of faces, the section POLYGONS, into memory of `pool`. */

@@ -258,7 +258,7 @@ int reel_section_at(reel_call *call, uint64_t offset, uint64_t limit, reel_secti
 }
 
 bool reel_is_known(uint32_t id) {
-    uint32_t last = id & REEL_OPTIONAL ? REEL_TIMES : REEL_ROUNDING;
+    uint32_t last = id & REEL_OPTIONAL ? REEL_ATTRIBUTE_FROM_POINTS : REEL_ROUNDING;
     bool is_gap = (id > REEL_CELLS && id < REEL_BLOCK) || id == REEL_OPTIONAL;
     return id <= last && !is_gap;
 }

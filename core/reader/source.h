@@ -42,7 +42,8 @@ enum reel_section_id {
     REEL_IMAGE = 137,
     REEL_TRACK = 138,
     REEL_HARD_EDGES = 139,
-    REEL_TIMES = 140
+    REEL_TIMES = 140,
+    REEL_ATTRIBUTE_FROM_POINTS = 141
 };
 
 /* A range of bytes of the file; readers consume it from the front. */

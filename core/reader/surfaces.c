@@ -103,7 +103,8 @@ typedef struct {
 
 static int allocate_arrays(reel_call *call, reel_pool *pool, const reel_outline *outline,
                            surface_arrays *arrays) {
-    uint64_t n_attributes = reel_count_sections(outline, REEL_ATTRIBUTE, NULL);
+    uint64_t n_attributes = reel_count_sections(outline, REEL_ATTRIBUTE, NULL) +
+                            reel_count_sections(outline, REEL_ATTRIBUTE_FROM_POINTS, NULL);
     uint64_t n_groups = reel_count_sections(outline, REEL_GROUPS, NULL);
     uint64_t n_materials = reel_count_sections(outline, REEL_MATERIAL, NULL);
     uint64_t n_images = reel_count_sections(outline, REEL_IMAGE, NULL);
@@ -123,7 +124,8 @@ static int read_section(reel_call *call, reel_pool *pool, const reel_faces *face
     reel_range payload = section->payload;
     switch (section->id) {
     case REEL_ATTRIBUTE:
-        return reel_read_attribute(call, pool, faces, payload,
+    case REEL_ATTRIBUTE_FROM_POINTS:
+        return reel_read_attribute(call, pool, faces, section,
                                    &arrays->attributes[surface->n_attributes++]);
     case REEL_GROUPS:
         return read_groups(call, pool, outline->n_polygons, payload,

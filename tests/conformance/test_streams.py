@@ -66,9 +66,9 @@ def test_every_refused_stream_is_stored():
     assert {path.stem for path in REFUSED_FILES} == set(REFUSED)
 
 
-def first_frames(data):
+def surface_and_first_frames(data):
     reel = ReelFile(BytesIO(data))
-    return [part[0] for part in (reel, *reel.tracks.values())]
+    return reel.surface, [part[0] for part in (reel, *reel.tracks.values())]
 
 
 @pytest.mark.every_case
@@ -78,7 +78,7 @@ def test_every_reader_refuses_a_stream_that_breaks_a_rule(path):
     with pytest.raises(CorruptStreamError):
         meshreel.decode(data)
     with pytest.raises(CorruptStreamError):
-        first_frames(data)
+        surface_and_first_frames(data)
     with pytest.raises(DamagedError):
         read(data)
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from meshreel.codec.attributes_from_points import predict_from_positions
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.displaced import with_bound_of_motion
 from meshreel.codec.joining import join_streams
@@ -167,6 +168,8 @@ def encode_with(
             source = replace(source, edit=edits.edit_to(segment.faces, segment.n_verts))
         sources.append(source)
     streams = list(method_named(config.method).encode(sources, progress))
+    if any(surface.attributes for surface in surfaces) and not config.positions_only:
+        streams = predict_from_positions(streams, [source.mesh for source in sources])
     if not has_several:
         return streams[0]
     return join_streams(streams, name=sequence.name, timing=sequence.timing)

@@ -1,4 +1,4 @@
-"""Description of a stream, without decoding a frame."""
+"""Description of a stream, without decoding more than its first frame."""
 
 from collections import Counter
 from collections.abc import Hashable, Iterable

@@ -244,7 +244,7 @@ class ReelFile(Timed):
         return track_dataset(self.tracks, self.times)
 
     def info(self) -> StreamInfo:
-        """Describe the contents of the file, with bytes by section, without decoding a frame."""
+        """Describe the contents of the file, with bytes by section; decodes at most a frame."""
         is_remote = isinstance(self._file, RangedFile)
         return file_info(self._whole, self._number, self._limit, is_remote=is_remote)
 

@@ -135,17 +135,20 @@ class CodedMesh:
         if self.edit is not None:
             yield Section.EDIT, self.edit.payload
         yield from timing_sections(self.timing)
-        yield from self._surface_sections
+        yield from self.surface_sections
 
     @cached_property
-    def _surface_sections(self) -> list[tuple[Section, bytes]]:
-        faces = self.output_faces
+    def surface_sections(self) -> list[tuple[Section, bytes]]:
+        """Sections of the surface."""
+        return list(surface_sections(self.output_surface, self.output_faces, self.config.uv_bits))
+
+    @cached_property
+    def output_surface(self) -> Surface:
+        """Surface of the decoded faces."""
         if self.surface.cells is not None and self.order_kept is Order.DROP:
-            return list(surface_sections(self.cell_surface, faces, self.config.uv_bits))
-        surface = surface_in_order(
-            self.surface, self.order_kept, self.given_faces, faces, self.order
-        )
-        return list(surface_sections(surface, faces, self.config.uv_bits))
+            return self.cell_surface
+        faces = self.output_faces
+        return surface_in_order(self.surface, self.order_kept, self.given_faces, faces, self.order)
 
     @property
     def face_order(self) -> Integers:

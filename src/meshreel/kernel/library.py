@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 
-ABI = 23
+ABI = 24
 """REEL_ABI of the `core/reel.h` that this package expects."""
 
 PATH_VARIABLE = "MESHREEL_CORE"

@@ -7,8 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.kernel.library import call, encoded, int32s
+from meshreel.kernel.predict import kriging_weights
 
 Numbers = npt.NDArray[Any]
+
+STENCIL_SIZE, NUGGET = 16, 0.125
+"""Maximum number of rows in a stencil; variance of the noise for weights from points."""
 
 MAX_NUMBER_BYTES, MAX_ROW_BYTES = 24, 32
 """Upper bounds of the bytes of a number, and of the overhead of a row."""
@@ -27,6 +31,10 @@ class Predictors:
     over the triples ``starts[i]:starts[i + 1]``, or row ``a`` if c is -1. All are rows coded before
     it.
     """
+    stencils: npt.NDArray[np.int32] | None = None
+    """int32 array of shape (N, S). Rows that instead predict each row, padded with -1."""
+    weights: npt.NDArray[np.float32] | None = None
+    """float32 array of shape (N, S). Their weights."""
 
 
 def no_predictors(n_rows: int) -> Predictors:
@@ -53,7 +61,9 @@ def _in_order(n_rows: int) -> npt.NDArray[np.int32]:
     return np.arange(n_rows, dtype=np.int32)
 
 
-def face_predictors(faces: Numbers, twins: Numbers, n_rows: int) -> Predictors:
+def face_predictors(
+    faces: Numbers, twins: Numbers, n_rows: int, points: Numbers | None = None
+) -> Predictors:
     """Find the predictors of the rows of a table, which are adjacent as in faces.
 
     Parameters
@@ -64,7 +74,10 @@ def face_predictors(faces: Numbers, twins: Numbers, n_rows: int) -> Predictors:
         The opposite side of each side ``3 i + k`` of face i, or itself: an involution.
     n_rows : int
         N.
+    points : float64 array of shape (N, 3), optional
+        Positions of the rows, from which weights of stencils follow.
     """
+    stencils = None if points is None else np.empty((n_rows, STENCIL_SIZE), np.int32)
     order = np.empty(n_rows, np.int32)
     starts = np.empty(n_rows + 1, np.int64)
     triples = np.empty((3 * len(faces) + n_rows, 3), np.int32)
@@ -77,10 +90,14 @@ def face_predictors(faces: Numbers, twins: Numbers, n_rows: int) -> Predictors:
         order,
         starts,
         triples,
+        stencils,
         noun="rows",
         memory_of=("reel_predictors_memory", n_rows, len(faces)),
     )
-    return Predictors(order, starts, triples[:n_triples].copy())
+    weights = None
+    if stencils is not None and points is not None:
+        weights = kriging_weights(stencils, points, NUGGET)
+    return Predictors(order, starts, triples[:n_triples].copy(), stencils, weights)
 
 
 def encode_patterns(values: Numbers, predictors: Predictors) -> bytes:
@@ -96,6 +113,8 @@ def encode_patterns(values: Numbers, predictors: Predictors) -> bytes:
         predictors.order,
         predictors.starts,
         predictors.triples,
+        predictors.stencils,
+        predictors.weights,
         noun="numbers",
         capacity=MAX_NUMBER_BYTES * table.size + MAX_ROW_BYTES * (n_rows + 1),
         memory_of=("reel_patterns_memory", width),
@@ -123,6 +142,8 @@ def decode_patterns(
         predictors.order,
         predictors.starts,
         predictors.triples,
+        predictors.stencils,
+        predictors.weights,
         noun="numbers",
         memory_of=("reel_patterns_memory", shape[1]),
     )

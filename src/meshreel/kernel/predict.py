@@ -140,19 +140,24 @@ def encode_values(
     return residuals, values
 
 
-def kriging_weights(mesh: Hierarchy, points: Floats, nugget: float) -> npt.NDArray[np.float32]:
+def kriging_weights(
+    mesh: Hierarchy | npt.NDArray[np.int32], points: Floats, nugget: float
+) -> npt.NDArray[np.float32]:
     """Weights of the stencils from points, of shape (V, S); 0 without a stencil.
 
     Parameters
     ----------
+    mesh : Hierarchy, or int32 array of shape (V, S)
+        Or only the stencils: numbers of points, padded with -1.
     points : float64 array of shape (V, 3)
         In coding order.
     nugget : float
         Variance of the noise of a value, relative to that of the field at the mean distance of a
         stencil; above 0.
     """
-    weights = np.empty(mesh.stencil.shape, np.float32)
-    core_mesh = _core_mesh(mesh, None)
+    stencils = mesh.stencil if isinstance(mesh, Hierarchy) else mesh
+    weights, (n_points, size) = np.empty(stencils.shape, np.float32), stencils.shape
+    core_mesh = _Mesh(n_points, 0, size, None, None, _address(stencils), None, None, None)
     points = np.ascontiguousarray(points, np.float64)
 
     def fill(part: slice) -> None:
@@ -161,7 +166,7 @@ def kriging_weights(mesh: Hierarchy, points: Floats, nugget: float) -> npt.NDArr
             "reel_kriging", ctypes.byref(core_mesh), points, nugget, *ends, weights, noun="weights"
         )
 
-    in_chunks(fill, mesh.n_verts, CHUNK_VERTICES)
+    in_chunks(fill, n_points, CHUNK_VERTICES)
     return weights
 
 

@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import arrays
 from meshreel.errors import MeshReelError
 from meshreel.kernel.order import opposite_sides
 from meshreel.kernel.patterns import (
+    STENCIL_SIZE,
     Predictors,
     decode_patterns,
     encode_patterns,
@@ -15,16 +16,21 @@ from meshreel.kernel.patterns import (
     no_predictors,
     previous_predictors,
 )
+from samples.meshes import waving_grid
 
 TYPES = ["u1", "i4", "f4", "f8"]
 SHAPES = st.tuples(st.integers(0, 30), st.integers(1, 4))
 
 
 def any_expected(n_rows, rng):
-    """Return rows in any order, each predicted from up to three earlier triples or one row."""
+    """Return rows in any order, each predicted from earlier rows: triples, one row or a stencil."""
     order = rng.permutation(n_rows).astype(np.int32)
     triples, starts = [], [0]
+    stencils = np.full((n_rows, STENCIL_SIZE), -1, np.int32)
+    weights = rng.normal(size=stencils.shape).astype(np.float32)
     for i in range(n_rows):
+        size = int(rng.integers(0, STENCIL_SIZE + 1)) if i and rng.random() < 0.3 else 0
+        stencils[order[i], :size] = order[rng.integers(0, max(i, 1), size)]
         count = int(rng.integers(0, 4)) if i else 0
         rows = order[rng.integers(0, max(i, 1), (count, 3))]
         if count == 1 and rng.random() < 0.5:
@@ -32,7 +38,7 @@ def any_expected(n_rows, rng):
         triples.append(rows)
         starts.append(starts[-1] + count)
     every = np.concatenate([np.zeros((0, 3), np.int32), *triples]).astype(np.int32)
-    return Predictors(order, np.array(starts, np.int64), every)
+    return Predictors(order, np.array(starts, np.int64), every, stencils, weights)
 
 
 @pytest.mark.parametrize("dtype", TYPES)
@@ -114,9 +120,13 @@ def test_rows_are_predicted_from_earlier_rows_for_any_faces(case):
     n_rows, listed = case
     faces = np.array(listed, np.int32).reshape(-1, 3)
     twins = opposite_sides(faces, n_rows) if len(faces) else np.zeros(0, np.int64)
-    expected = face_predictors(faces, twins, n_rows)
+    expected = face_predictors(faces, twins, n_rows, np.eye(n_rows, 3))
     assert sorted(expected.order) == list(range(n_rows))
     place = np.argsort(expected.order)
+    for row, stencil in enumerate(expected.stencils):
+        known = stencil[stencil >= 0]
+        assert (place[known] < place[row]).all()
+        assert len(set(known)) == len(known)
     for i, (start, end) in enumerate(zip(expected.starts[:-1], expected.starts[1:], strict=True)):
         triples = expected.triples[start:end]
         assert (place[triples[triples >= 0]] < i).all()
@@ -135,3 +145,12 @@ def test_rows_of_a_grid_are_predicted_by_parallelograms():
     rows, cols = np.divmod(np.arange(n * n, dtype=np.int32), n)
     values = np.stack([7 * rows + 100 * cols, rows - 3 * cols], axis=1).astype(np.int32)
     assert len(encode_patterns(values, expected)) < 60
+
+
+def test_linear_functions_of_positions_take_few_bytes():
+    sheet = waving_grid(1, 20, 20)
+    points, faces = sheet.vertices[0].astype(np.float64), sheet.faces
+    values = np.rint(points @ [[900.0, -70.0], [20.0, 800.0], [333.0, 50.0]]).astype(np.int32)
+    twins = opposite_sides(faces, 400)
+    flat, placed = (face_predictors(faces, twins, 400, known) for known in (None, points))
+    assert len(encode_patterns(values, placed)) < 0.5 * len(encode_patterns(values, flat))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from hashlib import blake2b
 from io import BytesIO
-from itertools import chain, islice, starmap
+from itertools import chain, islice, starmap, takewhile
 from typing import BinaryIO
 
 from meshreel.codec.bitstream.layout import (
@@ -256,7 +256,8 @@ class StoredMeshes:
         all_sections = list(leading)
         mesh = [section for section in all_sections if section[0] in MESH_SECTIONS]
         stored, ranges = mesh, b""
-        digests = _digests(_coded_counts(header, mesh), mesh[:MAX_SHARED])
+        constant = takewhile(lambda part: part[0] != Section.ATTRIBUTE_FROM_POINTS, mesh)
+        digests = _digests(_coded_counts(header, mesh), [*islice(constant, MAX_SHARED)])
         n_shared = sum(digest in self._prefixes for digest in digests)
         if n_shared:
             distance = number - self._prefixes[digests[n_shared - 1]]

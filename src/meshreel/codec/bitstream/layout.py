@@ -49,11 +49,13 @@ class Section(IntEnum):
     TRACK = OPTIONAL | 10
     HARD_EDGES = OPTIONAL | 11
     TIMES = OPTIONAL | 12
+    ATTRIBUTE_FROM_POINTS = OPTIONAL | 13
 
 
 SURFACE_SECTIONS = (
     Section.POLYGONS,
     Section.ATTRIBUTE,
+    Section.ATTRIBUTE_FROM_POINTS,
     Section.GROUPS,
     Section.PARTS,
     Section.MATERIAL,
@@ -68,7 +70,8 @@ MESH_SECTIONS = (
     Section.CELLS,
     *SURFACE_SECTIONS,
 )
-"""Sections that a segment may share with an earlier one."""
+"""Sections of a mesh. A segment may share them with an earlier one, except those that depend on
+its positions."""
 
 APPEARANCE_SECTIONS = (Section.MATERIAL, Section.IMAGE)
 """Surface sections that do not depend on the mesh; writers store them last."""

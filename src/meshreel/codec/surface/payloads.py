@@ -34,6 +34,7 @@ from meshreel.model.surface import PLAIN, VALUE_TYPES, Attribute, Domain, FaceGr
 
 Integers = npt.NDArray[np.integer]
 Faces = npt.NDArray[np.int32]
+Positions = npt.NDArray[np.floating]
 Appearance = Material | Texture
 
 PER_ITEM, INDEXED, SHARED = range(3)
@@ -81,7 +82,7 @@ def surface_sections(
         sizes = surface.face_sizes
         yield Section.POLYGONS, write_varint(len(sizes)) + encode_integers([sizes - 3])
     for attribute in surface.attributes:
-        yield Section.ATTRIBUTE, _write_attribute(attribute, surface, faces, uv_bits)
+        yield Section.ATTRIBUTE, write_attribute(attribute, surface, faces, uv_bits)
     for groups in surface.groups:
         yield Section.GROUPS, _write_groups(groups)
     if surface.parts:
@@ -211,17 +212,27 @@ def _reordered(attribute: Attribute, numbers: Integers) -> Attribute:
     return replace(attribute, values=attribute.values[numbers])
 
 
-def _write_attribute(
-    attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
+def write_attribute(
+    attribute: Attribute,
+    surface: Surface,
+    faces: Faces,
+    uv_bits: int | None,
+    positions: Positions | None = None,
 ) -> bytes:
+    """Encode an attribute; with positions of the vertices, predicted from these."""
     kind, domain = KINDS.index(attribute.kind), DOMAINS.index(attribute.domain)
     number_type = VALUE_TYPES.index(attribute.values.dtype)
     head = bytes([kind, domain, number_type, attribute.values.shape[1]])
-    return head + write_text(attribute.name) + _write_values(attribute, surface, faces, uv_bits)
+    values = _write_values(attribute, surface, faces, uv_bits, positions)
+    return head + write_text(attribute.name) + values
 
 
 def _write_values(
-    attribute: Attribute, surface: Surface, faces: Faces, uv_bits: int | None
+    attribute: Attribute,
+    surface: Surface,
+    faces: Faces,
+    uv_bits: int | None,
+    positions: Positions | None,
 ) -> bytes:
     """Encode values in the layout that takes the fewest bytes."""
     domain, indices = attribute.domain, attribute.indices
@@ -236,10 +247,14 @@ def _write_values(
         elif rows is not None:
             references = encode_references(rows)
         counts = write_varint(len(table)) + write_varint(len(references))
-        row_faces = faces_of_rows(domain, rows, surface, faces)
+        row_faces, points = faces_of_rows(domain, rows, surface, faces), None
+        if positions is not None and row_faces is not None:
+            points = np.zeros((len(table), 3))
+            points[row_faces.ravel()[::-1]] = positions[faces.ravel()[::-1]]  # of first corners
         if bits is None:
-            return bytes([layout]) + counts + references + encode_table(table, row_faces)
-        return bytes([layout]) + counts + references + encode_grid_table(table, bits, row_faces)
+            return bytes([layout]) + counts + references + encode_table(table, row_faces, points)
+        grid = encode_grid_table(table, bits, row_faces, points)
+        return bytes([layout]) + counts + references + grid
 
     if indices is not None:
         return encoded(INDEXED, indices, values)

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from io import BytesIO
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -8,9 +10,11 @@ from hypothesis.extra.numpy import arrays
 
 import meshreel
 from conformance.surface import CornerReferences, Polygons, read_references
+from meshreel.codec import encoder
 from meshreel.codec.bitstream.container import write_text, write_varint
 from meshreel.codec.bitstream.layout import SURFACE_SECTIONS, Order, Section
 from meshreel.codec.connectivity.coder import encode_connectivity
+from meshreel.codec.joining import join_streams
 from meshreel.codec.surface.payloads import (
     order_loss_note,
     order_notes,
@@ -19,6 +23,7 @@ from meshreel.codec.surface.payloads import (
 )
 from meshreel.codec.surface.rows import encode_corner_references, encode_references
 from meshreel.errors import CorruptStreamError, InvalidInputError
+from meshreel.kernel.files import OpenFile
 from meshreel.kernel.integers import encode_integers
 from meshreel.kernel.polygons import triangle_corners, triangulate
 from meshreel.model.cells import Cells
@@ -50,6 +55,64 @@ def test_surface_is_lossless(make, method):
     assert_same_surface(decoded.surface, sequence.surface)
     np.testing.assert_array_equal(decoded.faces, sequence.faces)
     assert (decoded.fps, decoded.start_s) == (24.0, 1001 / 24)
+
+
+def rough_sheet(height=1.0):
+    """Return an irregular sheet whose texture coordinates are a projection of its first frame."""
+    sheet = waving_grid(2, 20, 21)
+    jitter = np.random.default_rng(3).uniform(-0.04, 0.04, (420, 3))
+    vertices = ((sheet.vertices + jitter) * [1.0, 1.0, height]).astype(np.float32)
+    x, y, z = vertices[0].T
+    uvs = np.rint(4096 * np.stack([x + z, y - 0.5 * z], axis=1)).astype(np.float32) / 4096
+    surface = Surface(attributes=(Attribute("uv", "uv", "vertex", uvs),))
+    return sheet.replace(vertices=vertices, surface=surface)
+
+
+def ids_of(data, segment=0):
+    return [section.id for section in OpenFile(data, float("inf")).segment(segment).leading]
+
+
+@pytest.mark.parametrize("order", ["keep", "drop"])
+@pytest.mark.parametrize("method", ["reel", "lossless", "grid"])
+def test_uvs_are_predicted_from_positions(method, order):
+    options = {"order": order} | ({"max_error": "0.1%"} if method == "grid" else {})
+    data = meshreel.encode(rough_sheet(), method, **options)
+    with patch.object(encoder, "predict_from_positions", lambda streams, meshes: streams):
+        plain = meshreel.encode(rough_sheet(), method, **options)
+    stored, stored_plain = (meshreel.info(stream).part_bytes["surface"] for stream in (data, plain))
+    assert stored < 0.8 * stored_plain
+    decoded = meshreel.decode(data)
+    assert_same_surface(decoded.surface, meshreel.decode(plain).surface)
+    assert_same_surface(decode_all(data)[0], decoded.surface)
+
+
+def decode_all(data):
+    """Return the surface of each segment of a file that is decoded segment by segment."""
+    with meshreel.open(BytesIO(data)) as reel:
+        return [segment.surface for segment in reel.segments]
+
+
+def test_methods_of_the_paper_do_not_predict_from_positions():
+    assert Section.ATTRIBUTE_FROM_POINTS not in ids_of(meshreel.encode(rough_sheet(), "pca-qp"))
+    stream = Stream(meshreel.encode(waving_grid(5), "pca-qp"))
+    placed = Section.ATTRIBUTE_FROM_POINTS, bytes([2, 0, 1, 1, 0, 0, 99, 0, 255, 4])
+    with pytest.raises(CorruptStreamError, match="method does not define"):
+        meshreel.decode(raw_stream(stream.header, [placed, *parts_of(stream)]))
+
+
+def test_segments_of_one_mesh_keep_the_uvs_of_their_own_positions():
+    segments = [rough_sheet(), rough_sheet(height=2.0), rough_sheet()]
+    data = meshreel.encode(meshreel.MeshSequence.of_segments(segments[:2]))
+    assert Section.ATTRIBUTE_FROM_POINTS in ids_of(data)
+    decoded = [segment.surface for segment in meshreel.decode(data).segments]
+    for number, surface in enumerate([*decoded, *decode_all(data)]):
+        assert_same_surface(surface, segments[number % 2].surface)
+    shared = meshreel.encode(meshreel.MeshSequence.of_segments(segments))
+    assert Section.ATTRIBUTE in ids_of(shared)  # the third segment refers to it
+    joined = join_streams(2 * [meshreel.encode(segments[0])])
+    for number, surface in enumerate(decode_all(joined)):
+        assert_same_surface(surface, segments[0].surface)
+        assert Section.ATTRIBUTE_FROM_POINTS in ids_of(joined, number)
 
 
 @pytest.mark.parametrize("dtype", ["u1", "i4", "f4", "f8"])
