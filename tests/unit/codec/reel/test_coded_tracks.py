@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel import Surface
 from meshreel.codec.achieved import measure_stream
-from meshreel.codec.reel.encoding import tracks as tracks_module
+from meshreel.codec.reel.encoding import step_search
 from meshreel.codec.reel.encoding.track_coders import (
     UNIT_LENGTH_TOLERANCE,
     TrackCoder,
@@ -82,7 +82,7 @@ def test_smooth_functions_of_positions_take_few_bytes(order, is_live, monkeypatc
         return np.array([track.size_bytes for track in meshreel.info(data).tracks])
 
     with_points = sizes_of()
-    monkeypatch.setattr(tracks_module, "MAX_POINTS_RATIO", 1e-9)
+    monkeypatch.setattr(step_search, "MAX_POINTS_RATIO", 1e-9)
     assert (with_points < 0.8 * sizes_of()).all()
 
 
@@ -235,8 +235,8 @@ def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatc
         rough = rough + 0.2 * rng.normal(size=rough.shape)
         tracks[f"step {number}"] = (number * y + rough).astype("f4")
     original, sizes = sheet.replace(tracks=tracks), []
-    for n_candidates in (tracks_module.MAX_CANDIDATES, 0):
-        monkeypatch.setattr(tracks_module, "MAX_CANDIDATES", n_candidates)
+    for n_candidates in (step_search.MAX_CANDIDATES, 0):
+        monkeypatch.setattr(step_search, "MAX_CANDIDATES", n_candidates)
         data = meshreel.encode(original, bound="0.5%", block_frames=4)
         errors = measure_stream(original, data).tracks
         infos = meshreel.info(data).tracks
