@@ -86,7 +86,7 @@ def test_encoding_prints_what_set_each_bound(folder):
         words += ["--track", "fractions=1e-5"]
         done = run("encode", "sim.npz", "-o", "b.reel", "--force", *words)
         assert done.exit_code == 0, done.output
-        assert " exact, takes fewer bytes " in done.output
+        assert " exact, for size or precision " in done.output
         assert " exact, integers " in done.output
         assert wave in done.output
     assert done.output.count("--bound") == 1

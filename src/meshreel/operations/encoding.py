@@ -129,5 +129,5 @@ def encode_and_measure(
 
 def _origin(track: TrackInfo, bound: TrackBound, original: TrackSource) -> str:
     """Return what set the bound of a track."""
-    origin = "takes fewer bytes" if track.is_exact and bound != EXACT else bound.origin
+    origin = "for size or precision" if track.is_exact and bound != EXACT else bound.origin
     return Message(*parts_of(origin), ", plus the source's") if error_bound_of(original) else origin

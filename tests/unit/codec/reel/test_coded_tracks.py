@@ -180,7 +180,6 @@ REFUSED = {
     "no track 'heap'; did you mean 'heat'": {"heap": "1%"},
     "there is no track 'x'; there are heat, n, c": {"x": "1%"},
     "500K in its unit or one that converts to it, exact or drop; got '3Pa'": {"heat": "3Pa"},
-    "cannot be guaranteed, since its numbers of type float32 are rounded": {"heat": "1e-7%"},
 }
 
 
@@ -194,6 +193,17 @@ def test_invalid_bounds_are_refused(words):
     )
     with pytest.raises(InvalidInputError, match=words):
         meshreel.encode(original, tracks=REFUSED[words])
+
+
+@pytest.mark.parametrize("is_live", [False, True])
+def test_values_are_exact_if_their_number_type_is_coarser_than_the_bound(is_live):
+    heat = (293 + 1e-4 * np.random.default_rng(0).random((11, GRID.n_verts))).astype("f4")
+    if is_live:
+        tracks = ({"heat": one} for one in heat)
+        data = recorded(zip(GRID.vertices, tracks, strict=True), {"heat": "0.1%"})
+    else:
+        data = meshreel.encode(GRID.replace(tracks={"heat": heat}), tracks={"heat": "0.1%"})
+    np.testing.assert_array_equal(meshreel.decode(data).tracks["heat"].values[..., 0], heat)
 
 
 def test_values_that_cannot_meet_a_bound_are_refused():

@@ -14,14 +14,18 @@ from meshreel.codec.reel.encoding.step_search import (
     RelatedTrack,
     StepSearch,
 )
-from meshreel.codec.reel.encoding.track_coders import exact_coder, track_coder
+from meshreel.codec.reel.encoding.track_coders import (
+    ExactTrackCoder,
+    exact_coder,
+    track_coder,
+)
 from meshreel.codec.reel.encoding.track_residuals import UnreachableError, moving_surface
 from meshreel.codec.reel.encoding.tracks import encode_losslessly
 from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.source import CodedTrack, Source
 from meshreel.codec.track_bounds import EXACT
 from meshreel.codec.tracks import Coding
-from meshreel.model.tracks import TrackSource, value_range
+from meshreel.model.tracks import TrackSource
 from meshreel.runtime.progress import Count, Progress
 
 CLEAR_RATIO = 1.15
@@ -92,10 +96,7 @@ class FollowingTracks:
                     )
                     smaller = min(coded, predicted, key=_size_of)
                 elif coded.values is not None and n_trials is None:
-                    searched = self._searched(name, coded.values, decoded, number)
-                    smaller = min(searched, coded, key=_size_of)
-                    if smaller is coded:
-                        self._related = [other for other in self._related if other.number < number]
+                    smaller = self._searched(name, coded.values, coded, decoded, number)
                 results.append(replace(smaller, prediction=None, values=None))
         return results
 
@@ -115,7 +116,9 @@ class FollowingTracks:
         if bound == EXACT:
             exact = exact_coder(name, track, mesh).with_prediction(*prediction, surface)
             return encode_losslessly(exact, track, pieces, decoded)
-        coder = track_coder(name, track, bound, mesh, value_range(track))
+        coder = track_coder(name, track, bound, mesh)
+        if isinstance(coder, ExactTrackCoder):
+            return coded
         predicted = coder.with_prediction(*prediction, surface, bound)
         search, results = StepSearch(predicted, track, pieces, decoded), [coded]
         start = self._steps.get(name)
@@ -124,7 +127,6 @@ class FollowingTracks:
         except UnreachableError:
             first_bytes = math.inf
         if first_bytes * CLEAR_RATIO > coded.size_bytes and n_trials is None:
-            coder = track_coder(name, track, bound, mesh, value_range(track))
             results.append(StepSearch(coder, track, pieces, decoded).best()[1])
         if first_bytes < CLEAR_RATIO * coded.size_bytes:
             self._steps[name], best = search.best(n_trials, start)
@@ -132,16 +134,22 @@ class FollowingTracks:
         return min(results, key=_size_of)
 
     def _searched(
-        self, name: str, track: TrackSource, decoded: DecodedPositions, number: int
+        self,
+        name: str,
+        track: TrackSource,
+        coded: CodedTrack,
+        decoded: DecodedPositions,
+        number: int,
     ) -> CodedTrack:
         """Encode a track with its best step, predicted from positions and tracks if that helps."""
-        mesh, bound = self._source.mesh, self._source.bounds[name]
-        coder = track_coder(name, track, bound, mesh, value_range(track))
-        relation = decoded, number, self._related
-        search = StepSearch(coder, track, self._source.pieces, *relation)
-        result = search.best()[1]
-        self._related.append(search.as_related)
-        return result
+        coder = track_coder(name, track, self._source.bounds[name], self._source.mesh)
+        if isinstance(coder, ExactTrackCoder):
+            return coded
+        search = StepSearch(coder, track, self._source.pieces, decoded, number, self._related)
+        smaller = min(search.best()[1], coded, key=_size_of)
+        if smaller is not coded:
+            self._related.append(search.as_related)
+        return smaller
 
 
 def _size_of(track: CodedTrack) -> int:

@@ -15,7 +15,7 @@ from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.reel.encoding.analysis import quantized_fields
 from meshreel.codec.reel.encoding.block_coder import FieldBlockCoder, KeyedBlocks, shared_field_mesh
 from meshreel.codec.reel.encoding.block_frames import BlockFrames, largest_rounding
-from meshreel.codec.reel.encoding.corrections import check_error_bound
+from meshreel.codec.reel.encoding.corrections import FLOOR
 from meshreel.codec.reel.encoding.effort import choices_for, finest_step
 from meshreel.codec.reel.encoding.shared_corners import SharedTrack
 from meshreel.codec.reel.encoding.track_residuals import exact_residuals, residuals
@@ -32,7 +32,7 @@ from meshreel.codec.reel.normative.points import ItemPoints, PointWeights, nugge
 from meshreel.codec.reel_options import DEFAULT_EFFORT, ReelOptions, Tune
 from meshreel.codec.source import CodedMesh
 from meshreel.codec.subspace.trajectories import BoundingFrame, single_below, stored_frame
-from meshreel.codec.track_bounds import Measure, TrackBound
+from meshreel.codec.track_bounds import EXACT, Measure, TrackBound
 from meshreel.codec.tracks import ROTATION_COLUMNS, Coding, Sharing, TrackHeader, write_track
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.kernel.fields import encode_fields
@@ -41,7 +41,7 @@ from meshreel.kernel.predict import MAX_RELATED, kriging_weights
 from meshreel.model.extent import Extent
 from meshreel.model.geometry.polygons import join_triangles
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of
+from meshreel.model.tracks import KIND_ROWS, TrackSource, error_bound_of, value_range
 
 Sections = list[tuple[Section, bytes]]
 
@@ -350,31 +350,22 @@ def track_coder(
     track: TrackSource,
     bound: TrackBound,
     mesh: CodedMesh,
-    extent: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]],
-) -> TrackCoder:
+) -> TrackCoder | ExactTrackCoder:
     """Return the coder of a track; its step is still to be set.
 
-    Parameters
-    ----------
-    name, track, bound, mesh
-        As in `encode_track`.
-    extent : two arrays of shape (C,)
-        Lowest and highest number of each column.
+    It is exact if the bound is, or below the rounding of the number type. Parameters as in
+    `encode_track`.
     """
-    low, high = np.nan_to_num(extent[0]), np.nan_to_num(extent[1])  # NaN without any value
+    if bound == EXACT:
+        return exact_coder(name, track, mesh)
+    low, high = map(np.nan_to_num, value_range(track))  # NaN without any value
     frame = stored_frame(Extent(low, high, 0.0))
     allowed = length_allowed(bound, frame)
     share = allowed / frame.scale
-    graph, order = _graph_of(name, track, mesh)
     rounding = largest_rounding(float(low.min()), float(high.max()), track.dtype, frame)
-    try:
-        check_error_bound(share, rounding, track.dtype)
-    except InvalidInputError:
-        least = 1.01 * rounding * frame.scale
-        raise InvalidInputError(
-            f"track {name!r}: an error of {allowed:.3g} cannot be guaranteed, since its numbers of "
-            f"type {track.dtype} are rounded by up to {least:.2g}; allow more, or use exact"
-        ) from None
+    if share <= rounding + FLOOR:
+        return exact_coder(name, track, mesh)
+    graph, order = _graph_of(name, track, mesh)
     config = mesh.config
     assert isinstance(config, ReelOptions)  # the options of this method
     effort = DEFAULT_EFFORT if config.effort is None else config.effort

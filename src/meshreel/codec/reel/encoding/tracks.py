@@ -19,7 +19,6 @@ from meshreel.codec.reel.encoding.step_search import (
 from meshreel.codec.reel.encoding.track_coders import (
     ExactTrackCoder,
     TrackCoder,
-    exact_coder,
     track_coder,
 )
 from meshreel.codec.reel.encoding.track_residuals import DifferenceFit, moving_surface
@@ -29,7 +28,7 @@ from meshreel.codec.targets import TargetKind
 from meshreel.codec.track_bounds import EXACT, TrackBound, kept_bounds
 from meshreel.codec.tracks import Coding, Sharing
 from meshreel.model.surface import Domain
-from meshreel.model.tracks import KIND_ROWS, TrackSource, value_range
+from meshreel.model.tracks import KIND_ROWS, TrackSource
 from meshreel.runtime.progress import Count, Progress
 
 RAW_RATIO = 8
@@ -103,9 +102,9 @@ def encode_track(
         If the bound cannot be guaranteed.
     """
     mesh, pieces = source.mesh, source.pieces
-    if bound == EXACT:
-        return encode_losslessly(exact_coder(name, track, mesh), track, pieces)
-    coder = track_coder(name, track, bound, mesh, value_range(track))
+    coder = track_coder(name, track, bound, mesh)
+    if isinstance(coder, ExactTrackCoder):
+        return encode_losslessly(coder, track, pieces)
     _, lossy = StepSearch(coder, track, pieces).best(n_trials)
     is_compact = lossy.size_bytes * RAW_RATIO < math.prod(track.shape) * track.dtype.itemsize
     if is_compact and len(numbers_of(track)) > FEW_VALUES:
@@ -165,10 +164,10 @@ def live_track_coder(
     InvalidInputError
         If the bound cannot be guaranteed.
     """
-    if bound == EXACT:
-        return exact_coder(name, first, mesh)
+    coder = track_coder(name, first, bound, mesh)
+    if isinstance(coder, ExactTrackCoder):
+        return coder
     piece = slice(0, first.shape[0])
-    coder = track_coder(name, first, bound, mesh, value_range(first))
     search = StepSearch(coder, first, [piece], decoded)
     step, coded = search.best()
     if decoded is not None and _is_velocity(first):
