@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from conformance.by_hand import with_relations
 from conformance.container import Payload, read_header
 from conformance.reader import read_all
 from conformance.segments import BOX, TETRAHEDRON, with_edit
@@ -89,6 +90,7 @@ STREAMS = {
     "segments": segments,
     "volume": lambda: meshreel.encode(volume(), lossless=True),
     "tracks": lambda: meshreel.encode(tracks(), bound=1),
+    "related": lambda: with_relations(1),
     "grid": lambda: meshreel.encode(moving(TETRAHEDRON, 1), "grid", max_error=1),
     "surface": lambda: meshreel.encode(surface(), lossless=True),
     "edit": lambda: with_edit(8, 12, 0, 1, 1, kept=[3], dropped=[1], new=[1], corners=[0, 1, 1]),
