@@ -236,7 +236,7 @@ def test_few_different_integers_are_exact_where_that_takes_fewer_bytes():
     np.testing.assert_array_equal(decoded.tracks["contact"].values[..., 0], contact)
 
 
-@pytest.mark.parametrize("n_frames", [1, 6])
+@pytest.mark.parametrize("n_frames", [1, 16])
 def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatch):
     sheet, rng = waving_grid(n_frames, 20, 20), np.random.default_rng(6)
     x, y, _ = np.moveaxis(sheet.vertices.astype(float), -1, 0)
@@ -247,12 +247,12 @@ def test_tracks_that_resemble_earlier_ones_take_fewer_bytes(n_frames, monkeypatc
     original, sizes = sheet.replace(tracks=tracks), []
     for n_candidates in (step_search.MAX_CANDIDATES, 0):
         monkeypatch.setattr(step_search, "MAX_CANDIDATES", n_candidates)
-        data = meshreel.encode(original, bound="0.5%", block_frames=4)
+        data = meshreel.encode(original, bound="0.5%", block_frames=8)
         errors = measure_stream(original, data).tracks
         infos = meshreel.info(data).tracks
         assert all(errors[track.name].largest <= track.bound for track in infos)
         sizes.append(sum(track.size_bytes for track in infos))
-    assert sizes[0] < 0.9 * sizes[1]
+    assert sizes[0] < 0.96 * sizes[1]
 
 
 @pytest.mark.parametrize("n_columns", [1, 3])

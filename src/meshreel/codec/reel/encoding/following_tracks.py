@@ -31,6 +31,9 @@ from meshreel.runtime.progress import Count, Progress
 CLEAR_RATIO = 1.15
 """An alternative that is this many times larger at its first step is abandoned."""
 
+MIN_NUMBERS = 8
+"""Fields of several blocks are kept for later tracks if these have this many numbers per item."""
+
 FEW_TRIALS = 3
 """Number of steps tried to estimate the size of a track."""
 
@@ -145,11 +148,21 @@ class FollowingTracks:
         coder = track_coder(name, track, self._source.bounds[name], self._source.mesh)
         if isinstance(coder, ExactTrackCoder):
             return coded
-        search = StepSearch(coder, track, self._source.pieces, decoded, number, self._related)
+        pieces, is_followed = self._source.pieces, self._may_be_related(track, number)
+        relation = decoded, number, self._related
+        search = StepSearch(coder, track, pieces, *relation, keeps_fields=is_followed)
         smaller = min(search.best()[1], coded, key=_size_of)
-        if smaller is not coded:
+        if is_followed and smaller is not coded:
             self._related.append(search.as_related)
         return smaller
+
+    def _may_be_related(self, track: TrackSource, number: int) -> bool:
+        """Whether later tracks have the same items, and fields take little memory beside values."""
+        source = self._source
+        later = list(source.bounds)[number + 1 :]
+        is_followed = any(source.sequence.tracks[name].domain is track.domain for name in later)
+        n_numbers = source.n_frames * track.shape[2] / len(source.pieces)
+        return is_followed and (len(source.pieces) == 1 or n_numbers >= MIN_NUMBERS)
 
 
 def _size_of(track: CodedTrack) -> int:

@@ -47,6 +47,8 @@ multiplied by the ratio of the shares to this power, within these limits."""
 GRID_SAMPLE = 1 << 18
 """Values on a grid are compared with modes by the first frames, up to this many numbers."""
 
+NO_FIELDS = np.empty((0, 0))
+
 ROUNDING_VARIANCE = 1.0 / 12.0
 """Variance of a rounded number, in squared steps."""
 
@@ -119,6 +121,8 @@ class StepSearch:
         Default: weights follow from connectivity.
     number : int, optional
         Place among the tracks of the sequence.
+    keeps_fields : bool, optional
+        Whether to keep the fields of all blocks, for `as_related`.
     candidates : sequence of RelatedTrack, optional
         Earlier tracks that may predict this one.
     """
@@ -131,9 +135,11 @@ class StepSearch:
         decoded: DecodedPositions | None = None,
         number: int = 0,
         candidates: Sequence[RelatedTrack] = (),
+        *,
+        keeps_fields: bool = False,
     ) -> None:
         self._coder, self._track, self._pieces, self._decoded = coder, track, pieces, decoded
-        self._number = number
+        self._number, self._keeps_fields = number, keeps_fields
         self._related: RelatedTrack | None = None
         self._candidates = [
             other
@@ -175,7 +181,7 @@ class StepSearch:
 
     @property
     def as_related(self) -> RelatedTrack:
-        """The encoded track, after `best`, for those that follow."""
+        """The encoded track, after `best`, for those that follow; requires its fields."""
         assert self._best is not None
         blocks = zip(self._pieces, self._best[1], strict=True)
         fields = {piece.start: block.fields for piece, block in blocks}
@@ -203,7 +209,7 @@ class StepSearch:
             sampled_bytes = sum(len(payload) for _, payload in sections)
             if sampled_bytes * n_frames > size_bytes * n_sampled:
                 return None
-        blocks = [coder.code_prepared(block) for block in self._blocks(self._pieces)]
+        blocks = self._coded_by(coder, self._pieces)
         if self._coded_track(blocks).size_bytes >= size_bytes:
             return None
         self._coder = coder
@@ -294,8 +300,13 @@ class StepSearch:
         return self._sizes[step]
 
     def _coded(self, step: float, pieces: Sequence[slice]) -> list[CodedValues]:
-        coder = self._coder.with_step(step)
-        return [coder.code_prepared(prepared) for prepared in self._blocks(pieces)]
+        return self._coded_by(self._coder.with_step(step), pieces)
+
+    def _coded_by(self, coder: TrackCoder, pieces: Sequence[slice]) -> list[CodedValues]:
+        blocks = map(coder.code_prepared, self._blocks(pieces))
+        return [
+            block if self._keeps_fields else replace(block, fields=NO_FIELDS) for block in blocks
+        ]
 
     def _blocks(self, pieces: Sequence[slice]) -> Iterable[PreparedValues]:
         """Return the prepared blocks of frames; a single one is cached."""
