@@ -1089,7 +1089,8 @@ def related_tracks():
         "twice": np.stack([y + 2 * rough, z - rough, x + y], axis=-1),
         "again": x * y + 3 * rough,
     }
-    data = meshreel.encode(sheet.replace(tracks=tracks), bound="0.5%", block_frames=2)
+    with patch("meshreel.codec.reel.encoding.following_tracks.MIN_NUMBERS", 0):
+        data = meshreel.encode(sheet.replace(tracks=tracks), bound="0.5%", block_frames=2)
     related = [blocks[0].get("related", 0) for _, blocks, _ in read_all(data)[0].tracks]
     assert related[2:] == [2, 1]
     return data
