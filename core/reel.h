@@ -150,8 +150,8 @@ typedef struct {
 } reel_quantizer;
 
 /* Reconstruct the values of vertices first..last-1; those before must be complete. Vertices of one
-   level are independent, and may be split among threads; with related fields, `first` is 0. The encoder writes the residuals too. Both
-   return 0. */
+   level are independent, and may be split among threads; with related fields, `first` is 0. The
+   encoder writes the residuals too. Both return 0. */
 REEL_API int64_t reel_predict_decode(const reel_mesh *mesh, reel_fields *fields, int64_t first,
                                      int64_t last);
 REEL_API int64_t reel_predict_encode(const reel_mesh *mesh, reel_fields *fields,

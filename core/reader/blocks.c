@@ -332,8 +332,9 @@ static int find_related(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     bool fits;
     REEL_TRY(have_same_rows(call, &definitions[track], &definitions[other], &fits));
     if (!fits || decoder->n_relations >= MAX_RELATIONS) {
-        return fail_corrupt(call, decoder, block, track,
-                            "a track is related to one of other items, or in a chain that is too long");
+        return fail_corrupt(
+            call, decoder, block, track,
+            "a track is related to one of other items, or in a chain that is too long");
     }
     decoder->n_relations++;
     int failed = reel_load(call, decoder, other, block, 0);
@@ -351,7 +352,8 @@ static int find_related(reel_call *call, meshreel_decoder *decoder, uint32_t tra
     if (!is_grid && !state->current.n_modes) {
         return fail_corrupt(call, decoder, block, track, "a track is related to an exact one");
     }
-    uint64_t n_fields = is_grid ? n_columns * state->current.group.n_frames : state->current.n_modes;
+    uint64_t n_fields =
+        is_grid ? n_columns * state->current.group.n_frames : state->current.n_modes;
     int64_t n = n_fields < REEL_MAX_RELATED ? (int64_t)n_fields : REEL_MAX_RELATED;
     double *related = reel_scratch(call, (uint64_t)(fields->n_verts * n), sizeof *related);
     fields->regression = reel_scratch(call, (uint64_t)(n * (n + 2 * fields->n_modes)),
@@ -382,8 +384,8 @@ static int decode_fields(reel_call *call, meshreel_decoder *decoder, uint32_t tr
     double *new_values =
         n_reused ? reel_scratch(call, n_items * n_new, sizeof *new_values) : output->values;
     REEL_NEED(output->values && new_values);
-    REEL_TRY(prepare_rows(call, group->coefficients, &field_mesh->order, group->n_modes - n_reused, n_new,
-                          &job.fields));
+    REEL_TRY(prepare_rows(call, group->coefficients, &field_mesh->order, group->n_modes - n_reused,
+                          n_new, &job.fields));
     if (basis) {
         REEL_TRY(prepare_basis(call, group, n_columns, n_modes, &job));
     }
