@@ -243,9 +243,8 @@ class StepSearch:
             return self._coder.single_step
         if self._may_follow:
             return self._coder.share / STEPS_OF_BOUND
-        piece = self._sampled[0]
         coder = self._coder.with_step(self._coder.share / 2.0).coder
-        frames = self._prepare(piece).frames
+        frames = self._first_block.frames
         n_modes = field_targets(frames, coder.mesh, coder.choices).shape[1]
         n_steps = math.pow(frames.n_frames, 0.27) * math.pow(n_modes, 0.33)
         return self._coder.share * BOUNDS_PER_STEP / n_steps
@@ -254,7 +253,7 @@ class StepSearch:
         """Choose the weights with which the strongest modes of the first block take least bytes."""
         n_learned, piece = self._coder.coder.choices.n_learned, self._sampled[0]
         coder = self._coder.with_step(step).coder
-        frames = self._prepare(piece).frames
+        frames = self._first_block.frames
         n_modes = max(MIN_COMPARED_MODES, MAX_COMPARED_VALUES // frames.n_verts)
         targets = field_targets(frames, coder.mesh, coder.choices)[:, :n_modes]
 
@@ -311,6 +310,11 @@ class StepSearch:
     def _blocks(self, pieces: Sequence[slice]) -> Iterable[PreparedValues]:
         """Return the prepared blocks of frames; a single one is cached."""
         return [self._single] if len(pieces) == 1 else map(self._prepare, pieces)
+
+    @property
+    def _first_block(self) -> PreparedValues:
+        """The first of the blocks that are compared."""
+        return self._single if len(self._pieces) == 1 else self._prepare(self._sampled[0])
 
     @cached_property
     def _single(self) -> PreparedValues:
