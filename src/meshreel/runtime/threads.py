@@ -34,7 +34,8 @@ POOL = "meshreel-pool"
 """Prefix of the names of threads of the pool."""
 
 MAX_AHEAD_PER_CORE = 4
-"""Pieces that `results_in_order` submits before the oldest of them is complete."""
+"""Pieces that `results_in_order` submits before the oldest of them is complete, and pieces that
+threads of the pool offer to idle ones."""
 
 _LOCKS: WeakSet[Any] = WeakSet()
 
@@ -121,18 +122,43 @@ def _with_idle_threads(
     """Yield the result for each piece, which an idle thread of the pool computes, or the caller.
 
     The caller waits only for pieces that another thread has begun: threads of the pool that waited
-    for each other's pieces to begin would wait forever.
+    for each other's pieces to begin would wait forever. A busy pool keeps offers in its queue, so
+    they are few, and hold their piece only until a thread claims it.
     """
-    futures = [pool().submit(_in_caller_context(work), piece) for piece in pieces[1:]]
+    threads = pool()
+    offers = [[partial(_in_caller_context(work), piece)] for piece in pieces]
+    futures = [
+        threads.submit(_accept, offer, threads.places)
+        if threads.places.acquire(blocking=False)
+        else None
+        for offer in offers[1:]
+    ]
     try:
-        for piece, future in zip(pieces, [None, *futures], strict=True):
-            if future is None or future.cancel():
-                yield work(piece)
+        for offer, future in zip(offers, [None, *futures], strict=True):
+            task = _claim(offer)
+            if task is not None:
+                yield task()
             else:
-                yield future.result()
+                assert future is not None
+                yield future.result()  # type: ignore[misc]  # it claimed the piece
     finally:
-        for future in futures:
-            future.cancel()
+        for offer in offers:
+            offer.clear()
+
+
+def _claim(offer: list[partial[Result]]) -> partial[Result] | None:
+    """Return the task of an offer to the first caller, None to others."""
+    try:
+        return offer.pop()
+    except IndexError:
+        return None
+
+
+def _accept(offer: list[partial[Result]], places: threading.Semaphore) -> Result | None:
+    """Return the result of an offer, unless another thread has claimed it."""
+    places.release()
+    task = _claim(offer)
+    return None if task is None else task()
 
 
 def in_chunks(work: Callable[[slice], None], length: int, size: int) -> None:
@@ -245,10 +271,16 @@ def limit_cores(limit: int) -> None:
         pool.cache_clear()
 
 
+class _Pool(ThreadPoolExecutor):
+    def __init__(self) -> None:
+        super().__init__(n_cores(), POOL)
+        self.places = threading.Semaphore(MAX_AHEAD_PER_CORE * n_cores())
+
+
 @lru_cache(maxsize=1)
-def pool() -> ThreadPoolExecutor:
+def pool() -> _Pool:
     """The threads of `in_threads`, one per core; their names begin with `POOL`."""
-    return ThreadPoolExecutor(n_cores(), POOL)
+    return _Pool()
 
 
 def n_cores() -> int:

@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 import warnings
+import weakref
 
 import numpy as np
 import pytest
@@ -156,6 +157,22 @@ def test_nested_pieces_also_run_in_idle_threads():
 
     nested, other = in_threads(work, [True, False])
     assert (sorted(nested), other) == ([0, 1], [])
+
+
+def test_nested_pieces_are_released_when_all_threads_are_busy():
+    all_are_busy, are_alive = threading.Barrier(n_cores(), timeout=60), []
+
+    def work(_):
+        all_are_busy.wait()
+        pieces = [np.zeros(1) for _ in range(5)]
+        references = [*map(weakref.ref, pieces)]
+        in_threads(len, pieces)
+        del pieces
+        are_alive.extend(reference() is not None for reference in references)
+        all_are_busy.wait()
+
+    in_threads(work, range(n_cores()))
+    assert not any(are_alive)
 
 
 def test_first_error_of_nested_pieces_is_raised():
