@@ -1,12 +1,14 @@
 """Cleaning of raw meshes: welded vertices, no degenerate faces, no small components."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, rows_as_bytes
-from meshreel.model.geometry.connectivity import component_labels
+from meshreel.metrics.closest_points import k_d_tree
+from meshreel.model.geometry.connectivity import boundary_edges, face_components, lowest_connected
 from meshreel.model.geometry.normals import face_normals
 from meshreel.model.sequence import Faces, MeshFrame
 
@@ -14,6 +16,29 @@ Indices = npt.NDArray[np.int64]
 
 MIN_COMPONENT_AREA = 0.002
 """Minimum area of a component to keep, as a share of the area of its frame."""
+
+MAX_CRACK = 0.01
+"""Largest distance, in tolerances, between vertices of a crack, which are welded."""
+
+N_NEIGHBORS = 8
+"""Number of nearest vertices, including itself, with which a vertex at a crack may be welded."""
+
+
+class Removed(NamedTuple):
+    """What cleaning a frame removed.
+
+    Attributes
+    ----------
+    n_degenerate : int
+        Number of faces without area.
+    n_small_components : int
+    n_welded : int
+        Number of vertices that were welded at cracks.
+    """
+
+    n_degenerate: int = 0
+    n_small_components: int = 0
+    n_welded: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +53,14 @@ class CleanMesh:
         The number of each face in the raw frame.
     n_components : int
         Number of connected components; faces with a common vertex are connected.
-    n_degenerate : int
-        Number of removed faces without area.
-    n_small_components : int
-        Number of removed components.
+    removed : Removed
     """
 
     vertices: Floats
     faces: Faces
     raw_faces: Indices
     n_components: int
-    n_degenerate: int
-    n_small_components: int
+    removed: Removed
 
     @property
     def is_empty(self) -> bool:
@@ -47,36 +68,65 @@ class CleanMesh:
         return not len(self.faces)
 
 
-def clean(frame: MeshFrame, max_removed_area: float = np.inf) -> CleanMesh:
-    """Weld equal positions, and remove faces without area and small components.
+def clean(frame: MeshFrame, max_removed_area: float = np.inf, max_crack: float = 0.0) -> CleanMesh:
+    """Weld vertices, and remove faces without area and small components.
 
-    Texture seams and quantization leave several vertices at one position; welding them restores
-    the connectivity of the surface.
+    Texture seams and quantization leave several vertices at one position, and rounding opens cracks
+    between faces; welding restores the connectivity of the surface.
 
     Parameters
     ----------
     max_removed_area : float
         Largest area of a removed component, if that is less than `MIN_COMPONENT_AREA`.
+    max_crack : float
+        Vertices on boundaries are welded within this distance, others at equal positions.
     """
     _, first, inverse = np.unique(
         rows_as_bytes(frame.vertices + 0), return_index=True, return_inverse=True
     )
     vertices = frame.vertices[first].astype(np.float64)
     faces: Faces = inverse[frame.faces].astype(np.int32)
+    n_distinct = len(np.unique(roots := _roots_at_cracks(vertices, faces, max_crack)))
+    faces = roots[faces]
     doubled_areas = np.linalg.norm(face_normals(vertices, faces), axis=1)
     has_area = doubled_areas > 0
     face_numbers = np.flatnonzero(has_area)
-    component = component_labels(faces[face_numbers], len(vertices))
-    labels, face_components = np.unique(component[faces[face_numbers, 0]], return_inverse=True)
-    areas = np.bincount(face_components, doubled_areas[face_numbers], len(labels))
+    labels = face_components(faces[face_numbers], len(vertices))
+    areas = np.bincount(labels, doubled_areas[face_numbers])
     is_large = areas >= min(MIN_COMPONENT_AREA * areas.sum(), max_removed_area)
-    face_numbers = face_numbers[is_large[face_components]]
-    used_vertices, corners = np.unique(faces[face_numbers], return_inverse=True)
+    face_numbers = face_numbers[is_large[labels]]
     return CleanMesh(
-        vertices[used_vertices],
-        corners.reshape(-1, 3).astype(np.int32),
+        *compact(vertices, faces[face_numbers]),
         face_numbers,
         int(is_large.sum()),
-        int((~has_area).sum()),
-        int((~is_large).sum()),
+        Removed(int((~has_area).sum()), int((~is_large).sum()), len(vertices) - n_distinct),
     )
+
+
+def compact(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
+    """Return the vertices that faces use, and the faces with their new numbers."""
+    used, corners = np.unique(faces, return_inverse=True)
+    return vertices[used], corners.reshape(-1, 3).astype(np.int32)
+
+
+def _roots_at_cracks(vertices: Floats, faces: Faces, max_crack: float) -> Faces:
+    """Return the vertex that replaces each vertex, of shape (V,): itself, except at cracks.
+
+    Boundary vertices that are connected by distances up to `max_crack` are replaced by the lowest,
+    unless they extend over more than twice that distance, as the outline of a fine mesh does.
+    """
+    roots = np.arange(len(vertices), dtype=np.int32)
+    rim = np.unique(boundary_edges(faces))
+    if not (max_crack and len(rim)):
+        return roots
+    points = vertices[rim]
+    _, near = k_d_tree(points).query(points, N_NEIGHBORS, distance_upper_bound=max_crack)
+    first, column = np.nonzero(near < len(rim))  # it is len(rim) where there is no neighbor
+    lowest = lowest_connected(len(rim), first, near[first, column])
+    order = np.argsort(lowest, kind="stable")
+    starts = np.flatnonzero(np.diff(lowest[order], prepend=-1))
+    low, high = (bound.reduceat(points[order], starts) for bound in (np.minimum, np.maximum))
+    is_small = np.zeros(len(rim), bool)
+    is_small[lowest[order[starts]]] = np.linalg.norm(high - low, axis=1) <= 2 * max_crack
+    roots[rim] = rim[np.where(is_small[lowest], lowest, np.arange(len(rim)))]
+    return roots

@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.metrics.closest_points import k_d_tree
-from meshreel.model.geometry.connectivity import component_labels
+from meshreel.model.geometry.connectivity import face_components
 from meshreel.model.sequence import Faces
+from meshreel.registration.cleaning import compact
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
@@ -107,14 +108,13 @@ def _patches_beyond(
     closest = key.closest(surface.centroids)
     far = np.flatnonzero(closest.distances > tolerance.length)
     is_beyond = key.ends_before(surface.centroids[far], closest.at(far))
-    labels = component_labels(surface.faces[far], len(surface.vertices))[surface.faces[far, 0]]
-    _, numbers = np.unique(labels, return_inverse=True)
+    numbers = face_components(surface.faces[far], len(surface.vertices))
     areas = np.bincount(numbers, surface.areas[far])
     beyond = np.bincount(numbers, surface.areas[far] * is_beyond)
     for patch in np.flatnonzero(
         (areas > MIN_AREA * tolerance.patch_area) & (beyond > MIN_SHARE_BEYOND * areas)
     ):
-        yield TriangleMesh(*_compact(surface.vertices, surface.faces[far[numbers == patch]]))
+        yield TriangleMesh(*compact(surface.vertices, surface.faces[far[numbers == patch]]))
 
 
 def _match_boundary(
@@ -150,17 +150,11 @@ def _join(
     closest = cleaned.closest(vertices[added].mean(axis=1))
     weights = np.eye(3)[closest.weights.argmax(axis=1)]
     return KeyMesh(
-        TriangleMesh(*_compact(vertices, np.concatenate([mesh.faces, added]))),
+        TriangleMesh(*compact(vertices, np.concatenate([mesh.faces, added]))),
         np.concatenate([key.parents, np.repeat(closest.faces[:, None], 3, axis=1)]),
         np.concatenate([key.weights, np.repeat(weights[:, None], 3, axis=1)]),
         key.n_added + len(added),
     )
-
-
-def _compact(vertices: Floats, faces: Faces) -> tuple[Floats, Faces]:
-    """Return the vertices that faces use, and the faces with their new numbers."""
-    used, corners = np.unique(faces, return_inverse=True)
-    return vertices[used], corners.reshape(-1, 3).astype(np.int32)
 
 
 def _mean_edge(mesh: TriangleMesh) -> float:

@@ -1,6 +1,5 @@
 """Registration of a sequence whose faces change in almost every frame."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -26,7 +25,13 @@ from meshreel.model.sequence import (
 )
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track, TrackKind
-from meshreel.registration.cleaning import MIN_COMPONENT_AREA, CleanMesh, clean
+from meshreel.registration.cleaning import (
+    MAX_CRACK,
+    MIN_COMPONENT_AREA,
+    CleanMesh,
+    Removed,
+    clean,
+)
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.holes import SCANNED, scanned_faces
@@ -323,13 +328,13 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
     limit = Tolerance(options.bound.share(diagonal) * diagonal / scale, quality)
-    max_removed_area = limit.patch_area * scale**2
+    max_removed_area, max_crack = limit.patch_area * scale**2, MAX_CRACK * limit.length * scale
 
     n_faces = max(len(segment.faces) for segment in sequence.segments)
 
     @lru_cache(max(MIN_CACHED_FRAMES, CACHED_FACES // max(n_faces, 1)))
     def cleaned(number: int) -> CleanMesh:
-        return clean(sequence[number], max_removed_area)
+        return clean(sequence[number], max_removed_area, max_crack)
 
     low = np.asarray(extent.low, np.float64)
     frames = Frames(
@@ -340,11 +345,8 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         scale,
         sequence.dtype,
     )
-    topologies, n_removed, digest = (
-        [],
-        Counter[str](),
-        blake2b(f"{options.bound!r} {quality}".encode()),
-    )
+    topologies, removed = [], []
+    digest = blake2b(f"{options.bound!r} {quality}".encode())
 
     def prepare(number: int) -> tuple[CleanMesh, Topology | None]:
         mesh = cleaned(number)
@@ -354,7 +356,7 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     for number, (mesh, topology) in enumerate(meshes):
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(topology)
-        n_removed.update({"face": mesh.n_degenerate, "component": mesh.n_small_components})
+        removed.append(mesh.removed)
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
@@ -373,7 +375,7 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         sequence.name,
         sequence.timing,
     )
-    changes = [*_changes(n_removed, topologies, sequence, registered, segments)]
+    changes = [*_changes(removed, topologies, sequence, registered, segments)]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
     if keep_holes and not any(SCANNED in segment.tracks for segment in registered.segments):
@@ -487,7 +489,7 @@ def _key_surface(
 
 
 def _changes(
-    n_removed: Mapping[str, int],
+    removed: Sequence[Removed],
     topologies: Sequence[Topology | None],
     raw: MeshSequence,
     registered: MeshSequence,
@@ -503,12 +505,16 @@ def _changes(
             f"added surface that other frames show to the mesh of "
             f"{counted(len(larger), 'key frame')}"
         )
-    if n_removed["face"]:
-        yield f"removed {counted(n_removed['face'], 'face')} without area"
-    if n_removed["component"]:
+    n_degenerate, n_small, n_welded = (sum(column) for column in zip(*removed, strict=True))
+    if n_welded:
+        n_vertices = counted(n_welded, "vertex")
+        yield f"closed cracks: welded {n_vertices} within {MAX_CRACK:g} tolerances of others"
+    if n_degenerate:
+        yield f"removed {counted(n_degenerate, 'face')} without area"
+    if n_small:
         yield (
-            f"removed {counted(n_removed['component'], 'component')} smaller than "
-            f"{100 * MIN_COMPONENT_AREA:g} % of the surface of the frame"
+            f"removed {counted(n_small, 'component')} smaller than {100 * MIN_COMPONENT_AREA:g} % "
+            "of the surface of the frame"
         )
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"

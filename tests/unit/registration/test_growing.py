@@ -8,7 +8,7 @@ import pytest
 import meshreel
 from meshreel import MeshFrame, MeshSequence
 from meshreel.registration import growing
-from meshreel.registration.cleaning import CleanMesh, clean
+from meshreel.registration.cleaning import CleanMesh, Removed, clean
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Failure, Fit, Follower, Frames, Segment, Success, Topology
 from meshreel.registration.refining import KeyMesh
@@ -245,7 +245,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(growing, "_grow", grow)
     monkeypatch.setattr(growing, "_complete", lambda frames, key, key_mesh, *_: key_mesh)
     monkeypatch.setattr(KeyMesh, "refined", refined)
-    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
+    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
     run = range(n_in_run)
     chosen = growing._longest(frames, 0, run, TOLERANCE, TemporaryStore(), lambda _: None)
@@ -274,7 +274,7 @@ def test_a_key_is_registered_again_only_without_large_additions(
         return replace(key_mesh, n_added=n_added) if n_added else key_mesh
 
     monkeypatch.setattr(growing, "_complete", completed)
-    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, 0, 0)
+    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
     frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     assert grown == ["0", "0_given"][:n_grown]

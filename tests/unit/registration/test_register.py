@@ -201,6 +201,19 @@ def test_a_warning_names_what_was_removed(raw):
         meshreel.register(meshreel.concatenate([*others, flat]), tolerance="2%")
 
 
+@pytest.mark.slow
+def test_cracks_are_closed(raw):
+    """Separate triangles, a fifth of whose corners are off by a thousandth of the tolerance."""
+    rng, soups = np.random.default_rng(0), []
+    for segment in raw.segments:
+        corners = segment.vertices[0][segment.faces.ravel()].astype(np.float64)
+        offsets = rng.normal(0.0, 1e-5, corners.shape) * (rng.random(len(corners)) < 0.2)[:, None]
+        soups.append((corners + offsets, np.arange(len(corners)).reshape(-1, 3).astype(np.int32)))
+    result = register(as_frames(soups), tolerance=TOLERANCE)
+    assert only_segment(result).n_verts < raw.segments[0].n_verts
+    assert any("within 0.01 tolerances of others" in change for change in result.changes)
+
+
 def test_tolerances_are_lengths_or_percent(raw):
     result = meshreel.register(raw[:2], tolerance="20mm", unit="m")
     assert result.n_segments == 1

@@ -24,6 +24,11 @@ def component_labels(faces: Faces, n_verts: int) -> Integers:
     return np.unique(labels, return_inverse=True)[1]
 
 
+def face_components(faces: Faces, n_verts: int) -> Integers:
+    """Number of the connected component of each face, of shape (M,), from 0 without gaps."""
+    return np.unique(component_labels(faces, n_verts)[faces[:, 0]], return_inverse=True)[1]
+
+
 def lowest_connected(n_items: int, first: Integers, second: Integers) -> Integers:
     """The lowest item connected to each item by pairs (first, second), of shape (n_items,).
 
