@@ -1,7 +1,7 @@
 """Selection of frames by number, slice or list."""
 
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -10,6 +10,9 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError, Keyword, MissingFrameError
 
 FrameChoice = SupportsIndex | slice | npt.ArrayLike
+
+MAX_RUNS = 8
+"""Maximum number of runs of frames that `frames_text` lists."""
 
 
 def chosen_frames(choice: FrameChoice, n_frames: int) -> int | range | npt.NDArray[np.int64]:
@@ -77,6 +80,15 @@ def consecutive_runs(numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, rang
     for run in np.argsort(numbers[starts[:-1]], kind="stable") if len(numbers) else ():
         start, first = int(starts[run]), int(numbers[starts[run]])
         yield start, range(first, first + int(starts[run + 1]) - start)
+
+
+def frames_text(numbers: Sequence[int]) -> str:
+    """Ascending numbers of frames as text: "frame 4" or "frames 0-5, 8", at most a few runs."""
+    runs = [run for _, run in consecutive_runs(np.array(numbers))]
+    parts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs[:MAX_RUNS]]
+    n_more = sum(map(len, runs[MAX_RUNS:]))
+    noun = "frame" if len(numbers) == 1 else "frames"
+    return f"{noun} {', '.join(parts)}{f' and {n_more} more' if n_more else ''}"
 
 
 def frame_range(frames: slice | None, n_frames: int) -> range:

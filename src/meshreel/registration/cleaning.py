@@ -1,12 +1,12 @@
 """Cleaning of raw meshes: welded vertices, no degenerate faces, no small components."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from meshreel.arrays import Floats, rows_as_bytes
+from meshreel.arrays import Floats, Values, rows_as_bytes
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.model.geometry.connectivity import boundary_edges, face_components, lowest_connected
 from meshreel.model.geometry.normals import face_normals
@@ -54,6 +54,8 @@ class CleanMesh:
     n_components : int
         Number of connected components; faces with a common vertex are connected.
     removed : Removed
+    is_turned : bool
+        Whether the corners of each face are in the reverse of their order in the raw frame.
     """
 
     vertices: Floats
@@ -61,11 +63,24 @@ class CleanMesh:
     raw_faces: Indices
     n_components: int
     removed: Removed
+    is_turned: bool = False
 
     @property
     def is_empty(self) -> bool:
         """Whether no face is left."""
         return not len(self.faces)
+
+    def turned(self) -> "CleanMesh":
+        """Return the mesh with its faces turned over."""
+        faces = np.ascontiguousarray(self.faces[:, ::-1])
+        return replace(self, faces=faces, is_turned=not self.is_turned)
+
+    def reordered(self, values: Values) -> Values:
+        """Return values at the three corners of faces, of shape (..., 3), in the other order.
+
+        From the order of the raw corners to that of `faces`, or back.
+        """
+        return values[..., ::-1] if self.is_turned else values
 
 
 def clean(frame: MeshFrame, max_removed_area: float = np.inf, max_crack: float = 0.0) -> CleanMesh:

@@ -71,8 +71,6 @@ KEY_BITS, MOTION_BITS = 18.0, 1.0
 """Bits of a vertex in the key, and in each other frame, measured in files of quality 70 at fast
 motion, where segments end."""
 
-INSIDE_OUT = "its faces are oriented inside out compared with the key"
-
 
 @dataclass(frozen=True, eq=False)
 class Frames:
@@ -444,8 +442,7 @@ class Follower:
         self.tracker: Tracker = Tracker(key)
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
         self._folds = Folds(key, tolerance.length)
-        self._faces, self._orientation = key.faces, key.orientation
-        self._tolerance = tolerance
+        self._faces, self._tolerance = key.faces, tolerance
 
     def follow(self, state: State, target: TriangleMesh) -> Success | Failure:
         """Return the next frame, or why no attempt meets the tolerance.
@@ -474,8 +471,6 @@ class Follower:
             self._restore_folds(fit, target)
             next_state = self.tracker.arrive(state, fit.pose, fit.posed, fit.mesh.vertices)
             return Success(next_state, fit.mesh.vertices, fit.errors, fit.n_folded)
-        if self._orientation * target.orientation < 0:
-            return Failure(INSIDE_OUT, np.inf)
         nearest = min((fit.errors for fit in fits), key=self._excess)
         return Failure(nearest.exceeds(self._tolerance), self._excess(nearest))
 

@@ -15,6 +15,7 @@ from meshreel.codec.reel_file import ReelFile
 from meshreel.codec.reel_options import VERTEX_ERRORS, ReelOptions, Tune
 from meshreel.codec.targets import QUALITIES
 from meshreel.errors import InvalidInputError, Keyword, Message
+from meshreel.model.frame_choice import frames_text
 from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import (
     FrameSource,
@@ -332,9 +333,16 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
 
     n_faces = max(len(segment.faces) for segment in sequence.segments)
 
-    @lru_cache(max(MIN_CACHED_FRAMES, CACHED_FACES // max(n_faces, 1)))
-    def cleaned(number: int) -> CleanMesh:
+    n_cached = max(MIN_CACHED_FRAMES, CACHED_FACES // max(n_faces, 1))
+    turned_frames: set[int] = set()
+
+    @lru_cache(n_cached)
+    def as_oriented(number: int) -> CleanMesh:
         return clean(sequence[number], max_removed_area, max_crack)
+
+    def cleaned(number: int) -> CleanMesh:
+        mesh = as_oriented(number)
+        return mesh.turned() if number in turned_frames else mesh
 
     low = np.asarray(extent.low, np.float64)
     frames = Frames(
@@ -345,21 +353,26 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         scale,
         sequence.dtype,
     )
-    topologies, removed = [], []
+    topologies, orientations, removed = [], [], []
     digest = blake2b(f"{options.bound!r} {quality}".encode())
 
-    def prepare(number: int) -> tuple[CleanMesh, Topology | None]:
+    def prepare(number: int) -> tuple[CleanMesh, Topology | None, int]:
         mesh = cleaned(number)
-        return mesh, None if mesh.is_empty else Topology.of_mesh(mesh)
+        if mesh.is_empty:
+            return mesh, None, 0
+        return mesh, Topology.of_mesh(mesh), TriangleMesh(mesh.vertices, mesh.faces).orientation
 
     meshes = results_in_order(prepare, range(frames.n_frames), lambda _: True)
-    for number, (mesh, topology) in enumerate(meshes):
+    for number, (mesh, topology, orientation) in enumerate(meshes):
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(topology)
+        orientations.append(orientation)
         removed.append(mesh.removed)
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
+    usual = 1 if sum(orientations) >= 0 else -1
+    turned_frames.update(np.flatnonzero(np.array(orientations) == -usual).tolist())
     folder = options.folder
     store = TemporaryStore() if folder is None else FolderStore(Path(folder), digest.hexdigest())
     with one_blas_thread():
@@ -375,7 +388,9 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         sequence.name,
         sequence.timing,
     )
-    changes = [*_changes(removed, topologies, sequence, registered, segments)]
+    changes = [
+        *_changes(removed, sorted(turned_frames), topologies, sequence, registered, segments)
+    ]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
     if keep_holes and not any(SCANNED in segment.tracks for segment in registered.segments):
@@ -414,7 +429,7 @@ def _wedges(frame: MeshSequence, cleaned: CleanMesh) -> Indices | None:
     for attribute in attributes_of(frame):
         if attribute.kind is Kind.UV:
             items = items_at_corners(frame, attribute.domain)[cleaned.raw_faces]
-            columns += [*np.moveaxis(attribute.per_item()[items], -1, 0)]
+            columns += [*np.moveaxis(attribute.per_item()[cleaned.reordered(items)], -1, 0)]
     rows = np.stack(columns, axis=-1, dtype=np.float64).reshape(-1, len(columns))
     _, numbers = np.unique(rows_as_bytes(rows + 0), return_inverse=True)
     return np.asarray(numbers.reshape(-1, 3))
@@ -466,7 +481,8 @@ def _key_surface(
     """
     surface, triangles = key.surface, cleaned.raw_faces[key_mesh.parents]
     polygons = items_at_corners(key, Domain.FACE)[triangles[:, 0], 0]
-    corners = SurfacePoints(triangles.ravel(), key_mesh.weights.reshape(-1, 3))
+    weights = cleaned.reordered(key_mesh.weights)
+    corners = SurfacePoints(triangles.ravel(), weights.reshape(-1, 3))
 
     def transfer(attribute: Attribute) -> Attribute:
         if attribute.domain is Domain.FACE:
@@ -490,11 +506,12 @@ def _key_surface(
 
 def _changes(
     removed: Sequence[Removed],
+    turned_frames: Sequence[int],
     topologies: Sequence[Topology | None],
     raw: MeshSequence,
     registered: MeshSequence,
     segments: Sequence[Segment],
-) -> Iterator[str]:
+) -> Iterator[str | Message]:
     if refined := [segment.key for segment in segments if segment.key_mesh.is_refined]:
         yield (
             f"split edges of the mesh of {counted(len(refined), 'key frame')}, which then follows "
@@ -516,6 +533,8 @@ def _changes(
             f"removed {counted(n_small, 'component')} smaller than {100 * MIN_COMPONENT_AREA:g} % "
             "of the surface of the frame"
         )
+    if turned_frames:
+        yield f"turned the faces of {frames_text(turned_frames)}, which were inside out"
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
     registered_names = set.intersection(*(set(segment.tracks) for segment in registered.segments))

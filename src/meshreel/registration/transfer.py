@@ -50,7 +50,8 @@ class RawFrame:
     def closest(self, points: Floats) -> SurfacePoints:
         """Return the closest surface points of points in longest sides of the box, (N, 3)."""
         closest = self.mesh.closest(points)
-        return SurfacePoints(self.cleaned.raw_faces[closest.faces], closest.weights)
+        weights = self.cleaned.reordered(closest.weights)
+        return SurfacePoints(self.cleaned.raw_faces[closest.faces], weights)
 
 
 def attributes_of(frame: MeshSequence) -> tuple[Attribute, ...]:

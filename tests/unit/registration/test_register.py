@@ -112,13 +112,18 @@ def test_registration_is_deterministic(raw, registered):
     assert np.array_equal(again.vertices, only_segment(registered).vertices)
 
 
-@pytest.mark.slow
-def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
+def torn():
+    """Two small capsules apart, as (vertices, faces)."""
     vertices, faces = capsule(20, 20)
     aside = np.array([0.7, 0, 0])
-    torn = np.vstack([vertices * 0.5 + aside, vertices * 0.5 - aside])
-    both = np.vstack([faces, faces + len(vertices)])
-    others = as_frames([(torn, both), (torn + np.array([0, 0, 0.01]), both)])
+    halves = np.vstack([vertices * 0.5 + aside, vertices * 0.5 - aside])
+    return halves, np.vstack([faces, faces + len(vertices)])
+
+
+@pytest.mark.slow
+def test_a_surface_that_cannot_be_followed_begins_a_segment(raw):
+    vertices, faces = torn()
+    others = as_frames([(vertices, faces), (vertices + np.array([0, 0, 0.01]), faces)])
     result = register(meshreel.concatenate([raw, others]), tolerance=TOLERANCE)
     assert [segment.n_frames for segment in result.sequence.segments] == [raw.n_frames, 2]
     assert any("does not continue the mesh" in line for line in result.cuts())
@@ -133,15 +138,48 @@ def test_frames_without_a_surface_stay_as_they_are(raw):
     assert any("without a surface" in note for note in result.changes)
 
 
+def with_corner_values(segment, is_turned):
+    """A raw frame with texture coordinates of its corners, and with its faces turned over or not.
+
+    The height is in the texture coordinates.
+    """
+    faces = segment.faces[:, ::-1] if is_turned else segment.faces
+    uv = segment.vertices[0][faces.ravel()][:, ::2].copy()
+    surface = Surface(attributes=(Attribute("uv", Kind.UV, Domain.CORNER, uv),))
+    return MeshSequence(segment.vertices, faces, segment.fps, surface=surface)
+
+
+@pytest.mark.parametrize(
+    ("turned", "named"),
+    [
+        ({1}, "turned the faces of frame 1, which were inside out"),
+        ({0, 2, 3}, "turned the faces of frame 1, which were inside out"),
+        ({0, 1, 2, 3}, None),
+    ],
+)
 @pytest.mark.slow
-def test_a_frame_inside_out_is_named(raw):
-    frames = [
-        MeshSequence(segment.read(0, 1), segment.faces, segment.fps) for segment in raw.segments
+def test_frames_inside_out_are_turned_like_most(raw, turned, named):
+    """With the values of their corners, also where a turned frame is the key."""
+    key, *_ = (segment.key for segment in register(raw, tolerance=TOLERANCE).segments)
+    assert key == 1
+    results = [
+        register(
+            meshreel.concatenate(
+                [with_corner_values(one, n in numbers) for n, one in enumerate(raw.segments)]
+            ),
+            tolerance=TOLERANCE,
+        )
+        for numbers in (set(), turned)
     ]
-    frames[0] = frames[0].replace(faces=frames[0].faces[:, ::-1])
-    result = register(meshreel.concatenate(frames), tolerance=TOLERANCE)
-    assert any("oriented inside out" in cut for cut in result.cuts())
-    assert result.sequence.n_frames == N_FRAMES
+    expected, found = map(only_segment, results)
+    if turned == {1}:
+        assert np.array_equal(found.vertices, expected.vertices)
+        assert np.array_equal(found.faces, expected.faces)
+    uv = found.surface.attributes[0].per_item()
+    key_vertices = found.vertices[key][found.faces.ravel()]
+    np.testing.assert_allclose(uv, key_vertices[:, ::2], atol=0.005)
+    notes = [change for change in results[1].changes if "inside out" in change]
+    assert notes == ([named] if named else [])
 
 
 def test_constant_faces_are_an_error(raw):
@@ -186,9 +224,7 @@ def test_distances_of_a_decoded_sequence_include_those_of_coding(raw, registered
 
 @pytest.mark.slow
 def test_notes_state_the_result_and_the_cuts(raw):
-    other = as_frames([capsule(20, 20)]).segments[0]
-    apart = MeshSequence(other.read(0, 1)[:, :, ::-1].copy(), other.faces, fps=25.0)
-    result = register(meshreel.concatenate([raw[:2], apart]), tolerance=TOLERANCE)
+    result = register(meshreel.concatenate([raw[:2], as_frames([torn()])]), tolerance=TOLERANCE)
     first, *others = result.notes()
     assert first.startswith("registered 3 frames in 2 segments; distance from the raw surface:")
     assert any("does not continue the mesh" in note for note in others)
