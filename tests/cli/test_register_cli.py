@@ -115,7 +115,8 @@ def test_holes_are_kept_on_request(raw, tmp_path):
     assert (of_register.mean(axis=1)[:, 0] < 1).tolist() == [True, False, False, False]
     done = run("register", raw, *options, "--tolerance", "0.5%", "--force")
     assert "the raw frames have all faces, so there is no track 'scanned'" in done.stderr
-    assert_fails(run("encode", raw, *options, "--force"), "add --register")
+    for option in ("--keep-holes", "--keep-debris"):
+        assert_fails(run("encode", raw, "-o", output, option, "--force"), "add --register")
 
 
 def test_encode_of_a_raw_capture_advises_registration(raw, tmp_path):

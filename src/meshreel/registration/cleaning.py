@@ -34,11 +34,17 @@ class Removed(NamedTuple):
     n_small_components : int
     n_welded : int
         Number of vertices that were welded at cracks.
+    n_debris : int
+        Number of components that are debris.
+    debris_share : float
+        Their share of the area.
     """
 
     n_degenerate: int = 0
     n_small_components: int = 0
     n_welded: int = 0
+    n_debris: int = 0
+    debris_share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +75,24 @@ class CleanMesh:
     def is_empty(self) -> bool:
         """Whether no face is left."""
         return not len(self.faces)
+
+    def without(self, is_debris: npt.NDArray[np.bool_]) -> "CleanMesh":
+        """Return the mesh without the faces of debris, given as an array of shape (M,)."""
+        if not is_debris.any():
+            return self
+        n_debris = int(face_components(self.faces[is_debris], len(self.vertices)).max()) + 1
+        areas = np.linalg.norm(face_normals(self.vertices, self.faces), axis=1)
+        vertices, faces = compact(self.vertices, self.faces[~is_debris])
+        return replace(
+            self,
+            vertices=vertices,
+            faces=faces,
+            raw_faces=self.raw_faces[~is_debris],
+            n_components=self.n_components - n_debris,
+            removed=self.removed._replace(
+                n_debris=n_debris, debris_share=float(areas[is_debris].sum() / areas.sum())
+            ),
+        )
 
     def turned(self) -> "CleanMesh":
         """Return the mesh with its faces turned over."""

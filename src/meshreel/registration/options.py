@@ -43,6 +43,14 @@ class RegisterOptions:
             group=READING,
         ),
     ] = False
+    keep_debris: Annotated[
+        bool,
+        Option(
+            "Keep debris: small components that the frames before and after theirs lack. A frame "
+            "with debris may become a separate segment.",
+            group=READING,
+        ),
+    ] = False
     quality: Annotated[
         float,
         Option(

@@ -33,6 +33,7 @@ from meshreel.registration.cleaning import (
     Removed,
     clean,
 )
+from meshreel.registration.debris import debris_faces
 from meshreel.registration.folds import Folds
 from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
 from meshreel.registration.holes import SCANNED, scanned_faces
@@ -337,8 +338,15 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     turned_frames: set[int] = set()
 
     @lru_cache(n_cached)
+    def with_debris(number: int) -> CleanMesh | None:
+        is_frame = 0 <= number < sequence.n_frames
+        return clean(sequence[number], max_removed_area, max_crack) if is_frame else None
+
+    @lru_cache(n_cached)
     def as_oriented(number: int) -> CleanMesh:
-        return clean(sequence[number], max_removed_area, max_crack)
+        mesh = with_debris(number)
+        assert mesh is not None
+        return mesh if options.keep_debris else mesh.without(debris_faces(with_debris, number))
 
     def cleaned(number: int) -> CleanMesh:
         mesh = as_oriented(number)
@@ -522,7 +530,9 @@ def _changes(
             f"added surface that other frames show to the mesh of "
             f"{counted(len(larger), 'key frame')}"
         )
-    n_degenerate, n_small, n_welded = (sum(column) for column in zip(*removed, strict=True))
+    n_degenerate, n_small, n_welded, n_debris, _ = (
+        sum(column) for column in zip(*removed, strict=True)
+    )
     if n_welded:
         n_vertices = counted(n_welded, "vertex")
         yield f"closed cracks: welded {n_vertices} within {MAX_CRACK:g} tolerances of others"
@@ -533,6 +543,14 @@ def _changes(
             f"removed {counted(n_small, 'component')} smaller than {100 * MIN_COMPONENT_AREA:g} % "
             "of the surface of the frame"
         )
+    if n_debris:
+        numbers = [number for number, frame in enumerate(removed) if frame.n_debris]
+        share = max(frame.debris_share for frame in removed)
+        yield Message(
+            f"removed {counted(n_debris, 'small component')} that the frames before and after lack "
+            f"(up to {100 * share:.2g} % of the surface; {frames_text(numbers)}); ",
+            Keyword("keep_debris"), " keeps them",
+        )  # fmt: skip
     if turned_frames:
         yield f"turned the faces of {frames_text(turned_frames)}, which were inside out"
     if None in topologies:

@@ -1,9 +1,11 @@
-"""Raw meshes are welded, and lose degenerate faces and small components."""
+"""Raw meshes are welded, and lose degenerate faces, small components and debris."""
 
 import numpy as np
+import pytest
 
 from meshreel import MeshFrame
 from meshreel.registration.cleaning import clean
+from meshreel.registration.debris import debris_faces
 from samples.captures import capsule
 from samples.shapes import cube, square
 
@@ -60,3 +62,81 @@ def test_vertices_at_cracks_are_welded():
     assert closer.removed.n_welded == 0
     fine = clean(frame(vertices, faces), max_crack=0.11)
     assert (len(fine.vertices), fine.removed.n_welded) == (121, 0)
+
+
+BESIDE = np.array([1.0, 0.0, 0.0])
+RADIUS = 0.05
+
+
+def with_balls(places, number, is_turned=False):
+    """A capsule that moves by 0.02 in each frame, and small balls next to it, cleaned."""
+    body, faces = capsule(30 + number % 2, 20)
+    ball, ball_faces = capsule(8, 8)
+    ball = RADIUS * ball * [3.3, 3.3, 1]
+    vertices = [
+        body + 0.02 * number * BESIDE,
+        *(ball + BESIDE + RADIUS * np.array(p) for p in places),
+    ]
+    starts = len(body) + len(ball) * np.arange(len(places))
+    faces = np.concatenate([faces, *(ball_faces + start for start in starts)])
+    cleaned = clean(frame(np.concatenate(vertices), faces), max_removed_area=0.01)
+    return cleaned.turned() if is_turned else cleaned
+
+
+def debris_of(meshes):
+    """The number of components in each frame that are debris."""
+    get_mesh = dict(enumerate(meshes)).get
+    return [
+        mesh.without(debris_faces(get_mesh, n)).removed.n_debris for n, mesh in enumerate(meshes)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("places", "n_debris"),
+    [
+        ([[], [(0, 0, 0)], [], []], [0, 1, 0, 0]),
+        ([[], [], [], [(0, 0, 0)]], [0, 0, 0, 1]),
+        ([[(0, 9, 9), (0, 0, 9)], [(0, 9, -9)], [(0, -9, -9)], [(0, -9, 0)]], [2, 1, 1, 1]),
+        (4 * [[(0, 0, 0)]], [0, 0, 0, 0]),
+        ([[(0, 0, 0)], [(0, 0, 0)], [], []], [0, 0, 0, 0]),
+        ([[], [(0, 0, 0)], [(0, 0, 0)], [], []], [0, 1, 1, 0, 0]),
+        ([[], [], [(0, 0, 0)], [(0, 0, 0.8)]], [0, 0, 0, 0]),
+        ([[(0, 0, z)] for z in (0, 4, 9, 13)], [0, 0, 0, 0]),
+        ([[(0, 0, z)] for z in (0, 4, -4, 0)], [1, 1, 1, 1]),
+        (3 * [[]] + [[(0, y, z) for y in range(-9, 9, 3) for z in range(-9, 9, 3)]], [0, 0, 0, 0]),
+    ],
+    ids=[
+        "one frame",
+        "last frame",
+        "random places",
+        "still",
+        "leaves",
+        "two frames",
+        "enters",
+        "fast",
+        "back and forth",
+        "too many",
+    ],
+)
+@pytest.mark.parametrize("turned", [None, 1])
+def test_components_that_neighboring_frames_lack_are_debris(places, n_debris, turned):
+    meshes = [with_balls(one, number, number == turned) for number, one in enumerate(places)]
+    assert debris_of(meshes) == n_debris
+
+
+def test_parts_that_holes_cut_off_are_no_debris():
+    whole, end = with_balls([], 0), with_balls([], 1)
+    heights = end.vertices[end.faces][:, :, 2].mean(axis=1)
+    cut = clean(frame(end.vertices, end.faces[np.abs(heights - 0.9) > 0.03]))
+    assert cut.n_components == 2
+    assert debris_of([whole, cut, whole]) == [0, 0, 0]
+
+
+def test_without_debris_a_mesh_refers_to_the_same_raw_faces():
+    mesh = with_balls([(0, 0, 0)], 0)
+    left = mesh.without(debris_faces({0: mesh, 1: with_balls([], 1)}.get, 0))
+    body = with_balls([], 0)
+    assert (left.n_components, left.removed.n_debris) == (1, 1)
+    assert np.array_equal(left.raw_faces, np.arange(len(body.faces)))
+    assert np.array_equal(left.vertices[left.faces], body.vertices[body.faces])
+    assert 0.005 < left.removed.debris_share < 0.02

@@ -237,6 +237,28 @@ def test_a_warning_names_what_was_removed(raw):
         meshreel.register(meshreel.concatenate([*others, flat]), tolerance="2%")
 
 
+@pytest.fixture(scope="module")
+def with_ball(raw):
+    """The raw frames, with a small ball beside the body in one of them."""
+    ball, faces = capsule(10, 10)
+    first, second, *others = raw.segments
+    vertices = np.concatenate([second.vertices[0], 0.06 * ball + [1, 0, 0]])
+    faces = np.concatenate([second.faces, faces + second.n_verts])
+    second = MeshSequence(vertices[None].astype(np.float32), faces, second.fps)
+    return meshreel.concatenate([first, second, *others])
+
+
+def test_debris_is_removed_unless_it_is_to_be_kept(with_ball):
+    result = register(with_ball, tolerance=TOLERANCE)
+    assert only_segment(result).vertices[..., 0].max() < 0.9
+    (note,) = (change for change in result.changes if "debris" in change)
+    assert note.startswith("removed 1 small component that the frames before and after lack (up to")
+    assert "% of the surface; frame 1)" in note
+    kept = register(with_ball, tolerance=TOLERANCE, keep_debris=True)
+    assert kept.sequence[1].vertices[:, 0].max() > 0.9
+    assert not any("debris" in change for change in kept.changes)
+
+
 @pytest.mark.slow
 def test_cracks_are_closed(raw):
     """Separate triangles, a fifth of whose corners are off by a thousandth of the tolerance."""

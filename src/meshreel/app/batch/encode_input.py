@@ -73,7 +73,8 @@ class EncodeOptions:
         }
         if self.registering is not None:
             options["register"] = self.registering.bound.plain
-            options |= {"keep_holes": True} if self.registering.keep_holes else {}
+            names = "keep_holes", "keep_debris"
+            options |= {name: True for name in names if getattr(self.registering, name)}
         return {**options, "tracks": self.tracks} if self.tracks else options
 
 

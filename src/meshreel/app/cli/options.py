@@ -327,9 +327,8 @@ _OUTPUT = replace(
     annotation=Path,
     help=f"{_REGISTERING['texture_output'].help} Default: a video named after the output.",
 )
-REGISTERING = Group(
-    (_REGISTERING["tolerance"], _REGISTERING["texture"], _OUTPUT, _REGISTERING["keep_holes"]), dict
-)
+_KEEPING = _REGISTERING["keep_holes"], _REGISTERING["keep_debris"]
+REGISTERING = Group((_REGISTERING["tolerance"], _REGISTERING["texture"], _OUTPUT, *_KEEPING), dict)
 """Options of `meshreel register`."""
 
 _REGISTER = replace(
@@ -340,23 +339,24 @@ _REGISTER = replace(
     help="Follow the surface of a raw capture, which has a new mesh in every frame, with few "
     "meshes, up to this distance: 0.2% of the diagonal, or 0.5u in model units (needs [register]; "
     "see `meshreel register`).",
-    group=_REGISTERING["keep_holes"].group,
+    group=_KEEPING[0].group,
     metavar="TOLERANCE",
 )
 
 
 def _registering(values: dict[str, Any]) -> RegisterOptions | None:
-    tolerance, keep_holes = values["register"], values["keep_holes"]
+    tolerance, kept = values["register"], {option.name: values[option.name] for option in _KEEPING}
     if tolerance is None:
-        if keep_holes:
-            raise click.UsageError("--keep-holes is for captures; add --register")
+        if any(kept.values()):
+            raise click.UsageError(
+                "--keep-holes and --keep-debris are for captures; add --register"
+            )
         return None
-    bound = bound_of(tolerance, option="register")
-    return RegisterOptions(tolerance=bound.plain, keep_holes=keep_holes)
+    return RegisterOptions(tolerance=bound_of(tolerance, option="register").plain, **kept)
 
 
 RegisteringOption = Annotated[
-    RegisterOptions | None, Group((_REGISTER, _REGISTERING["keep_holes"]), _registering, ())
+    RegisterOptions | None, Group((_REGISTER, *_KEEPING), _registering, ())
 ]
 """Options of commands that can register their input before they write it."""
 
