@@ -28,7 +28,12 @@ from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.encoding import Encoded, encode_and_measure
 from meshreel.operations.inputs import chosen_frames, local_input
-from meshreel.operations.registering import Registered, extras_to_register, register_frames
+from meshreel.operations.registering import (
+    Registered,
+    extras_to_register,
+    loading_raw,
+    register_frames,
+)
 from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
@@ -222,7 +227,10 @@ def convert(
         origin = None if writes_stream or len(files) > 1 else origin_of_file(files[0])
         target = replace(target, options=replace(target.options, origin=origin))
         is_matched = not splits and registering is None
-        opened = open_any(found, _loading(target, reading, matches=is_matched))
+        loading = _loading(target, reading, matches=is_matched)
+        if registering is not None:
+            loading = loading_raw(loading)
+        opened = open_any(found, loading)
         input_bytes = _size_bytes({*files} | reading.referenced) if reading.object is None else None
         if splits:
             parts = _write_segments(opened, target, files, notes, progress)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
+from meshreel.formats.options import Reading
 from meshreel.model.notes import Note, Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.options import RegisterOptions
@@ -17,6 +18,17 @@ if TYPE_CHECKING:
     from meshreel.operations.textures import TextureJob
     from meshreel.registration.register import Registration
     from meshreel.registration.report import Report
+
+
+MAX_LOADED_BYTES = 256 << 20
+"""Raw frames up to this size are loaded; others stay in their files, and are read six times."""
+
+
+def loading_raw(reading: Reading) -> Reading:
+    """Return the options with which the raw frames of a capture are opened."""
+    max_bytes = reading.max_loaded_bytes
+    max_bytes = MAX_LOADED_BYTES if max_bytes is None else min(max_bytes, MAX_LOADED_BYTES)
+    return replace(reading, max_loaded_bytes=max_bytes, matches_frames=False)
 
 
 def extras_to_register(options: RegisterOptions) -> list[Extra]:

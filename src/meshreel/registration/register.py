@@ -22,7 +22,6 @@ from meshreel.model.sequence import (
     MeshSequence,
     frames_of,
     segment_of_frame,
-    tracks_of_all,
 )
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track, TrackKind
@@ -56,8 +55,8 @@ from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread, results_in_order
 
-CACHED_FACES = 4_000_000
-"""Maximum number of faces of the cleaned frames in memory, about 40 bytes each."""
+CACHED_VERTICES = 1_000_000
+"""Maximum number of vertices of the cleaned frames in memory, about 100 bytes each."""
 
 MIN_CACHED_FRAMES = 4
 
@@ -332,9 +331,9 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     limit = Tolerance(options.bound.share(diagonal) * diagonal / scale, quality)
     max_removed_area, max_crack = limit.patch_area * scale**2, MAX_CRACK * limit.length * scale
 
-    n_faces = max(len(segment.faces) for segment in sequence.segments)
+    n_verts = max(segment.n_verts for segment in sequence.segments)
 
-    n_cached = max(MIN_CACHED_FRAMES, CACHED_FACES // max(n_faces, 1))
+    n_cached = max(MIN_CACHED_FRAMES, CACHED_VERTICES // n_verts)
     turned_frames: set[int] = set()
 
     @lru_cache(n_cached)
@@ -361,21 +360,24 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         scale,
         sequence.dtype,
     )
-    topologies, orientations, removed = [], [], []
-    digest = blake2b(f"{options.bound!r} {quality}".encode())
+    topologies, orientations, removed, has_hard_edges = [], [], [], False
+    raw_names, digest = set[str](), blake2b(f"{options.bound!r} {quality}".encode())
 
-    def prepare(number: int) -> tuple[CleanMesh, Topology | None, int]:
-        mesh = cleaned(number)
+    def prepare(number: int) -> tuple[CleanMesh, Topology | None, int, MeshSequence]:
+        mesh, frame = cleaned(number), _frame(sequence, number)
         if mesh.is_empty:
-            return mesh, None, 0
-        return mesh, Topology.of_mesh(mesh), TriangleMesh(mesh.vertices, mesh.faces).orientation
+            return mesh, None, 0, frame
+        orientation = TriangleMesh(mesh.vertices, mesh.faces).orientation
+        return mesh, Topology.of_mesh(mesh), orientation, frame
 
     meshes = results_in_order(prepare, range(frames.n_frames), lambda _: True)
-    for number, (mesh, topology, orientation) in enumerate(meshes):
+    for number, (mesh, topology, orientation, frame) in enumerate(meshes):
         digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
         topologies.append(topology)
         orientations.append(orientation)
         removed.append(mesh.removed)
+        has_hard_edges |= frame.surface.hard_edges is not None
+        raw_names |= {n for n, track in frame.tracks.items() if track.kind is not TrackKind.UV}
         progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
     if not any(topologies):
         raise InvalidInputError("no frame has a face with an area; nothing can be registered")
@@ -397,8 +399,10 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         sequence.timing,
     )
     changes = [
-        *_changes(removed, sorted(turned_frames), topologies, sequence, registered, segments)
+        *_changes(removed, sorted(turned_frames), topologies, raw_names, registered, segments)
     ]
+    if has_hard_edges:
+        changes.append("left out hard edges of registered frames")
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
     if keep_holes and not any(SCANNED in segment.tracks for segment in registered.segments):
@@ -516,7 +520,7 @@ def _changes(
     removed: Sequence[Removed],
     turned_frames: Sequence[int],
     topologies: Sequence[Topology | None],
-    raw: MeshSequence,
+    raw_names: set[str],
     registered: MeshSequence,
     segments: Sequence[Segment],
 ) -> Iterator[str | Message]:
@@ -556,8 +560,5 @@ def _changes(
     if None in topologies:
         yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
     registered_names = set.intersection(*(set(segment.tracks) for segment in registered.segments))
-    raw_names = {n for n, track in tracks_of_all(raw).items() if track.kind is not TrackKind.UV}
     if names := sorted(raw_names - registered_names):
         yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
-    if any(segment.surface.hard_edges is not None for segment in raw.segments):
-        yield "left out hard edges of registered frames"

@@ -13,20 +13,29 @@ import numpy.typing as npt
 from meshreel.formats.file_errors import errors_naming, read_bytes
 from meshreel.formats.frames.field_tracks import NORMALS, Fields
 from meshreel.formats.frames.frame import Frame, FrameData
-from meshreel.formats.frames.stored_frames import Description, FrameSurvey, changed_error
+from meshreel.formats.frames.stored_frames import (
+    Description,
+    FrameSurvey,
+    StoredFrames,
+    changed_error,
+    identity,
+)
 from meshreel.formats.kinds import FrameFormat
 from meshreel.formats.options import Reading
 from meshreel.formats.surfaces.polygons import triangulated
 from meshreel.formats.surfaces.welding import CornerWelder
 from meshreel.model.notes import CHANGES, Note, NoteKind, Notes
 from meshreel.model.notes import NORMALS as NORMALS_SUBJECT
-from meshreel.model.sequence import FrameSource, Vertices
+from meshreel.model.sequence import FrameSource, MeshSequence, Vertices
 from meshreel.model.surface import Surface
 from meshreel.model.surface_selection import differing_names
 from meshreel.model.timing import Timing
 from meshreel.model.tracks import read_tracks
 from meshreel.model.validation import validate_finite
 from meshreel.runtime.progress import Count
+
+MAX_RECENT = 8
+"""Number of recently read frames that stay in memory, because callers read one part at a time."""
 
 
 class FrameFiles:
@@ -38,6 +47,11 @@ class FrameFiles:
         One file per frame, in order.
     format : FrameFormat
         Format of all files.
+
+    Attributes
+    ----------
+    recent : deque of (int, FrameSource)
+        Frames with other faces than their neighbors that were read last, with their numbers.
     """
 
     def __init__(self, paths: Sequence[Path], format: FrameFormat) -> None:
@@ -45,6 +59,7 @@ class FrameFiles:
         self.format = format
         self._checksums: dict[int, int] = {}
         self._last: tuple[int, Frame] | None = None
+        self.recent: deque[tuple[int, FrameSource]] = deque(maxlen=MAX_RECENT)
 
     def __len__(self) -> int:
         return len(self.paths)
@@ -75,8 +90,8 @@ class FrameFiles:
 def read_runs(files: FrameFiles, name: str, reading: Reading) -> Iterator[FrameSource]:
     """Read all files once, and yield each run of frames with the same vertices and faces.
 
-    Runs are loaded until they take `max_loaded_bytes` together; longer runs then stay in their
-    files, and need memory for one frame. A run of a single frame is always loaded.
+    Runs are loaded until they take `max_loaded_bytes` together; others stay in their files, and
+    need memory for one frame.
 
     Parameters
     ----------
@@ -186,11 +201,45 @@ class _Run:
         reading.notes.add_all(notes)
         description = Description(faces, name, timing, surface)
         if self._positions:
-            return description.sequence(self._stack_positions(rows), read_tracks(tracks))
+            loaded = description.sequence(self._stack_positions(rows), read_tracks(tracks))
+            if self._n_frames > 1:
+                return loaded
+            self.kept_bytes = loaded.raw_size_bytes
+            is_large = self._max_bytes is not None and self.kept_bytes > self._max_bytes
+            return self._stored(loaded, reading) if is_large else loaded
         shape = self._n_frames, len(mesh.vertices[rows])
         files = self._files.paths[self._start : self._start + self._n_frames]
         read = partial(self._read_range, rows)
         return description.stored_frames(shape, self._survey, read, files, tracks)
+
+    def _stored(self, frame: MeshSequence, reading: Reading) -> StoredFrames:
+        """Return the only frame as a sequence that parses its file whenever it is read."""
+        files, start, name = self._files, self._start, frame.name
+        options = replace(reading, notes=Notes())
+        self.kept_bytes = 0
+
+        def read() -> FrameSource:
+            for number, recent in tuple(files.recent):
+                if number == start:
+                    return recent
+            sequence = _Run(files, start, files.frame(start), None).sequence(name, options)
+            files.recent.append((start, sequence))
+            return sequence
+
+        return StoredFrames(
+            n_frames=1,
+            n_verts=frame.n_verts,
+            dtype=frame.dtype,
+            name=name,
+            timing=frame.timing,
+            read_range=lambda first, stop: read().read(first, stop),
+            read_faces=lambda: read().faces,
+            read_surface=lambda: read().surface,
+            read_tracks=lambda: read().tracks,
+            read_extent=partial(identity, frame.extent),
+            files=(files.paths[start],),
+            keeps_mesh=False,
+        )
 
     def _surface(self, notes: Notes) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""

@@ -128,10 +128,10 @@ def _mesh_readers(
     surface = surface.validated(n_verts, faces)
     check_tracks(tracks, n_frames, n_verts, len(faces), surface)
     mesh = {"faces": faces, "surface": surface, "tracks": tracks}
-    return {f"read_{name}": partial(_identity, value) for name, value in mesh.items()}
+    return {f"read_{name}": partial(identity, value) for name, value in mesh.items()}
 
 
-def _identity(value: Any) -> Any:
+def identity(value: Any) -> Any:
     """Return the value; unlike a lambda, a `partial` of this function can be pickled."""
     return value
 
@@ -291,7 +291,7 @@ class Description:
             name=self.name,
             timing=self.timing,
             read_range=read_range,
-            read_extent=partial(_identity, survey.extent),
+            read_extent=partial(identity, survey.extent),
             files=tuple(files),
             error_bound=self.error_bound,
             **_mesh_readers(n_frames, n_verts, self.faces, self.surface, tracks),

@@ -20,7 +20,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from meshreel.operations.save import save
-from samples.meshes import quad_sheet, two_sheets, waving_grid
+from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks
 
@@ -117,21 +117,28 @@ def test_files_of_collections_are_parsed_again_for_what_is_not_kept(tmp_path, pa
     assert len(parsed_files) == 6 + 1 + 3
 
 
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [(3, [MeshSequence, StoredFrames, MeshSequence]), (0, [StoredFrames] * 3)],
+)
 @pytest.mark.parametrize("extension", [".ply", ".vtp", ".stl"])
-def test_runs_stay_in_their_files_once_they_take_the_limit_together(tmp_path, extension):
+def test_runs_stay_in_their_files_once_they_take_the_limit_together(
+    tmp_path, extension, share, expected
+):
     folder = frames_of(tmp_path, extension, is_changing=True)
     paths, form = sorted(folder.iterdir()), FRAME_FORMATS[extension]
     loaded = list(read_runs(FrameFiles(paths, form), "walk", Reading()))
-    size = 3 * loaded[0].read(0, 6).nbytes
+    size = share * loaded[0].read(0, 6).nbytes
     options = Reading(max_loaded_bytes=size)
     mixed = list(read_runs(FrameFiles(paths, form), "walk", options))
-    kinds = [type(run) for run in mixed]
-    assert kinds == [MeshSequence, StoredFrames, MeshSequence]  # single frames are always loaded
+    assert [type(run) for run in mixed] == expected
     for run, other in zip(mixed, loaded, strict=True):
         positions = [one.read(0, run.n_frames) for one in (run, other)]
         np.testing.assert_array_equal(*positions, strict=True)
         np.testing.assert_array_equal(run.faces, other.faces)
+        assert_same_surface(run.surface, other.surface)
         assert_same_tracks(run.tracks, other.tracks)
+        np.testing.assert_array_equal(run.extent.low, other.extent.low)
 
 
 def survey_of(*blocks, is_decimal=True):
