@@ -5,6 +5,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from meshreel.errors import Message
+from meshreel.kernel.mp4 import MediaTrack
 from meshreel.runtime.counting import change_text, counted, counts_text, size_text
 
 if TYPE_CHECKING:
@@ -33,9 +34,20 @@ def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, st
         "sequence": mesh_text(stream, len(stream.segments), n_meshes),
         "method": method_text(stream),
         "raw": size_text(stream.raw_size_bytes),
-        "file": size_text(stream.size_bytes),
+        **media_rows(stream),
         "ratio": change_text(stream.raw_size_bytes, stream.size_bytes),
         "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame",
+    }
+
+
+def media_rows(stream: "StreamInfo") -> dict[str, str]:
+    """Size of the file; of an MP4 file, sizes and rates of its geometry, video and sound."""
+    if not stream.media:
+        return {"file": size_text(stream.size_bytes)}
+    geometry = MediaTrack("geometry", ".reel", stream.size_bytes, stream.duration_s or 0.0)
+    return {
+        part.kind: f"{size_text(part.size_bytes)}, {part.mbit_per_s:.3g} Mbit/s, {part.codec}"
+        for part in (geometry, *stream.media)
     }
 
 
@@ -284,8 +296,8 @@ def error_text(percent: float, diagonal: float) -> str:
 
 
 PLAYER_ROWS = (
-    "sequence", "method", "raw", "file", "ratio", "rate", "frame rate", "parts", "error bound",
-    "end",
+    "sequence", "method", "raw", "file", "geometry", "video", "sound", "ratio", "rate",
+    "frame rate", "parts", "error bound", "end",
 )  # fmt: skip
 """Rows of `info_rows` that the player shows."""
 

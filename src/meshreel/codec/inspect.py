@@ -13,6 +13,7 @@ from meshreel.codec.open_stream import OpenStream, timing_of, whole_file
 from meshreel.codec.surface.codes import DOMAINS
 from meshreel.codec.tracks import KINDS
 from meshreel.kernel.files import OpenFile
+from meshreel.kernel.mp4 import MediaTrack
 from meshreel.model.notes import Note, NoteKind
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface_description import SURFACE_TEXTS, describe_surface
@@ -143,6 +144,8 @@ class StreamInfo:
         Tracks other than the positions.
     segments : tuple of SegmentInfo
         At least one.
+    media : tuple of MediaTrack
+        Video and sound beside the stream in an MP4 file.
     """
 
     n_frames: int
@@ -175,6 +178,7 @@ class StreamInfo:
     images: tuple[str, ...]
     tracks: tuple[TrackInfo, ...]
     segments: tuple[SegmentInfo, ...]
+    media: tuple[MediaTrack, ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -411,6 +415,7 @@ def stream_info(
         times=opened.timing.uneven_times,
         diagonal=opened.frame.scale,
         tracks=tracks,
+        media=file.media,
         segments=(
             SegmentInfo(
                 file.first_frame, opened.n_frames, opened.n_verts, opened.n_faces, opened.size_bytes

@@ -214,15 +214,15 @@ def whole_file(data: bytes, limit: MemoryLimit = DEFAULT_LIMIT) -> OpenFile:
         If a newer build is needed.
     """
     file = OpenFile(data, limit.limit_bytes)
-    require_whole(file, len(data))
+    require_whole(file)
     return file
 
 
-def require_whole(file: OpenFile, size_bytes: int) -> None:
-    """Raise an error if the end of a file of this size is missing or damaged; as `whole_file`."""
+def require_whole(file: OpenFile) -> None:
+    """Raise an error if the end of a file is missing or damaged; as `whole_file`."""
     if file.info.damage is not None:
         raise file.info.damage
-    if file.info.size_bytes != size_bytes:
+    if file.info.size_bytes != file.source_bytes:
         raise CorruptStreamError(
-            f"{size_bytes - file.info.size_bytes} bytes follow the end marker of the stream"
+            f"{file.source_bytes - file.info.size_bytes} bytes follow the end marker of the stream"
         )

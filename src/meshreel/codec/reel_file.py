@@ -1,6 +1,5 @@
 """A `.reel` file whose frames are decoded on demand."""
 
-import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
@@ -250,7 +249,7 @@ class ReelFile(Timed):
 
     def require_whole(self) -> None:
         """Raise CorruptStreamError or TruncatedStreamError if the end is missing or damaged."""
-        require_whole(self._whole, self._file.seek(0, os.SEEK_END))
+        require_whole(self._whole)
 
     def read(self, start: int, stop: int) -> Vertices:
         """Decode positions of frames start..stop - 1, of shape (stop - start, V, 3).

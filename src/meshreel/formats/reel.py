@@ -20,10 +20,11 @@ from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
 from meshreel.formats.kinds import EVERY_DOMAIN, SequenceFormat
 from meshreel.formats.options import Origin, Reading, WriteOptions, origin_of
 from meshreel.formats.registry import FORMATS as ALL_FORMATS
-from meshreel.formats.registry import extension_of
+from meshreel.formats.registry import STREAMS, extension_of
 from meshreel.formats.sources import missing_source
 from meshreel.kernel.files import OpenFile
 from meshreel.model.extent import Extent
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, Vertices, positions_size_bytes
 from meshreel.model.timing import Timing
 from meshreel.model.validation import validate_finite
@@ -119,7 +120,7 @@ def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
     if is_remote(path):
         return open_ranged(str(path))
     check_input_file(Path(path))
-    if extension_of(path) in ALL_FORMATS.keys() - {".reel"} and Path(path).is_file():
+    if extension_of(path) in ALL_FORMATS.keys() - {*STREAMS} and Path(path).is_file():
         raise InvalidInputError(f"{path} is not a .reel file; meshreel.load reads it")
     try:
         return Path(path).open("rb")
@@ -128,11 +129,17 @@ def _open_binary(path: str | os.PathLike[str]) -> BinaryIO:
 
 
 def origin_of_file(path: str | os.PathLike[str]) -> Origin | None:
-    """Return the origin that a `.reel` file declares for its frames; None for other files."""
-    if Path(without_query(path)).suffix.lower() != ".reel":
+    """Return the origin that a stream declares for its frames; None for other files."""
+    if extension_of(without_query(path)) not in STREAMS:
         return None
     with open(path) as reel:
         return origin_of(reel)
+
+
+def note_video(path: str | os.PathLike[str], notes: Notes) -> None:
+    """Note that the video and the sound of an `.mp4` are left out."""
+    if extension_of(without_query(path)) == ".mp4":
+        notes.left_out("the video, which is the texture, and its sound")
 
 
 def open_reel(path: Path, reading: Reading) -> MeshSequence:
@@ -146,6 +153,7 @@ def open_reel(path: Path, reading: Reading) -> MeshSequence:
     CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         If the file is not a complete stream that this version supports; errors name the file.
     """
+    note_video(path, reading.notes)
     if reading.max_loaded_bytes is not None:
         sequence = _open_stored(path, reading)
         if sum(map(positions_size_bytes, sequence.segments)) > reading.max_loaded_bytes:
@@ -270,4 +278,5 @@ FORMATS = (
         holds_materials=True,
         track_domains=EVERY_DOMAIN,
     ),
+    SequenceFormat(".mp4", "meshreel with a texture video", open_reel),
 )

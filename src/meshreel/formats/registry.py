@@ -19,6 +19,9 @@ Row = TypeVar("Row", FrameFormat, SequenceFormat, FolderFormat, FrameFormat | Se
 NAMES = {"d3plot": ".d3plot"}
 """Extensions of files whose name has none."""
 
+STREAMS = (".reel", ".mp4")
+"""Extensions of files with a stream; in .mp4 it is beside a video, the texture, and sound."""
+
 COMPANION = ".obj"
 """Extension of the mesh file that accompanies a point cache."""
 
@@ -70,7 +73,7 @@ _FRAME_MODULES = {
 }
 _SEQUENCE_MODULES = {
     ".npz": "arrays.npz",
-    ".reel": "reel",
+    **dict.fromkeys(STREAMS, "reel"),
     ".abc": "alembic.write",
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "usd.rigged"),
     **dict.fromkeys((".glb", ".gltf"), "gltf.write"),
@@ -103,7 +106,10 @@ PROGRAMS = {
 }
 """Extensions of scenes that only their programs read completely, and these programs."""
 
-ADVICE = dict.fromkeys((".xdmf", ".xmf"), "ParaView and VisIt also read .vtkhdf and .pvd")
+ADVICE = {
+    **dict.fromkeys((".xdmf", ".xmf"), "ParaView and VisIt also read .vtkhdf and .pvd"),
+    ".mp4": "`meshreel register --texture` writes them; of other sequences, write a .reel",
+}
 """Advice for formats that are read, but not written; otherwise all written formats are listed."""
 
 

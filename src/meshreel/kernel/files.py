@@ -17,6 +17,7 @@ import numpy.typing as npt
 from meshreel.errors import InvalidInputError, Keyword, MemoryLimitError
 from meshreel.kernel.host import ALLOCATOR, ANNOUNCE, READ, RUN, TASK, HostMemory, SourceReader
 from meshreel.kernel.library import library
+from meshreel.kernel.mp4 import MediaTrack, find_reel, read_media
 from meshreel.kernel.structures import (
     LIMIT,
     NO_MEMORY,
@@ -332,7 +333,7 @@ def _close(process: int, host: _HostParts, handle: ctypes.c_void_p) -> None:
 
 
 class OpenFile:
-    """A `.reel` file whose container was parsed; mesh and surface are decoded on demand.
+    """A `.reel`, or one in an MP4 file, whose container was parsed; the rest is read on demand.
 
     Several threads may share it.
 
@@ -349,6 +350,8 @@ class OpenFile:
         Time of each frame in seconds; None if they are evenly spaced.
     whole : FileInfo
         Information about the whole file; the same as `info` unless this is a segment.
+    source_bytes : int
+        Size of the source; in an MP4 file, of its `.reel`.
     offset, first_frame : int
         Byte and frame of the file at which a segment begins; 0 for the first, and for a file.
 
@@ -364,10 +367,13 @@ class OpenFile:
 
     def __init__(self, source: bytes | BinaryIO, limit_bytes: float) -> None:
         self._limit = limit_bytes
-        self._source = source = source.getvalue() if type(source) is BytesIO else source
+        source = source.getvalue() if type(source) is BytesIO else source
         self._memory = HostMemory(*ALLOCATOR)
         self._lock = fork_safe_lock()
-        self._reader = None if isinstance(source, bytes) else SourceReader(source)
+        self._reader = SourceReader(BytesIO(source) if isinstance(source, bytes) else source)
+        part = find_reel(self._reader.bytes_at, self._reader.size_bytes)
+        self._reader.start, self.source_bytes = part.start, len(part)
+        self._source = source[part.start : part.stop] if isinstance(source, bytes) else None
         n_threads = n_cores()
         self._host = Host(
             ctypes.addressof(self._memory),
@@ -447,14 +453,12 @@ class OpenFile:
         return record_of(record, structure)
 
     def _core_source(self) -> Source:
-        if isinstance(self._source, bytes):
+        if self._source is not None:
             return Source(self._source, len(self._source), READ(), None, ANNOUNCE())
-        assert self._reader is not None
-        size = self._source.seek(0, os.SEEK_END)
         # Keep references, because the core stores their addresses.
         self._callbacks = READ(self._reader.read), ANNOUNCE(self._reader.announce)
         read, announce = self._callbacks
-        return Source(None, size, read, None, announce)
+        return Source(None, self.source_bytes, read, None, announce)
 
     def _describe(self) -> None:
         structure = structure_of(FileInfo).from_address(_function("info_of")(self.handle))
@@ -475,7 +479,7 @@ class OpenFile:
 
     def failure(self, error: Error) -> BaseException:
         """Return the exception for an error of the core: that of the source if reading failed."""
-        source_error = None if self._reader is None else self._reader.failure()
+        source_error = self._reader.failure()
         if error.code == UNREADABLE and source_error is not None:
             return source_error
         if error.code == LIMIT:
@@ -589,10 +593,13 @@ class OpenFile:
 
     def bytes_at(self, offset: int, size: int) -> bytes:
         """Return `size` bytes of the file from `offset` on."""
-        if self._reader is not None:
-            return self._reader.bytes_at(offset, size)
-        assert isinstance(self._source, bytes)
-        return self._source[offset : offset + size]
+        return self._reader.bytes_at(self._reader.start + offset, size)
+
+    @property
+    def media(self) -> tuple[MediaTrack, ...]:
+        """Video and sound beside the `.reel` in an MP4 file; raises as the class."""
+        reader = self._reader
+        return read_media(reader.bytes_at, reader.size_bytes) if reader.start else ()
 
     @property
     def memory_bytes(self) -> int:

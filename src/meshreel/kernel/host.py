@@ -50,6 +50,9 @@ class SourceReader:
         self._has_position = not is_plain or not hasattr(os, "pread")
         self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
         self._lock = fork_safe_lock()
+        self.size_bytes: int = file.seek(0, os.SEEK_END)
+        self.start: int = 0
+        """Byte of the file at which offsets of the core begin."""
         self._failures: dict[int, BaseException] = {}
 
     def bytes_at(self, offset: int, size: int) -> bytes:
@@ -70,7 +73,7 @@ class SourceReader:
     def read(self, _: int | None, offset: int, address: int, size: int) -> int:
         """Callback `read`: copy bytes of the file to an address; return 0, or 1 on failure."""
         try:
-            data = self.bytes_at(offset, size)
+            data = self.bytes_at(self.start + offset, size)
         except BaseException as error:  # raised again by the call of the core that failed
             return self._fail(error)
         if len(data) != size:
@@ -86,7 +89,7 @@ class SourceReader:
         try:
             if self._fetch is not None:
                 with self._lock:
-                    self._fetch(offset, offset + size)
+                    self._fetch(self.start + offset, self.start + offset + size)
         except BaseException as error:
             return self._fail(error)
         return 0

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshreel.errors import InvalidInputError
-from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, extension_of
+from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, STREAMS, extension_of
 from meshreel.formats.sources import natural_order
 from meshreel.runtime.stores.address import is_remote, name_of
 from meshreel.runtime.stores.filesystem import RemoteFile, files_below
 
 OUTPUT_EXTENSION = ".reel"
-WHOLE_SEQUENCES = tuple(
-    extension for extension in SEQUENCE_FORMATS if extension != OUTPUT_EXTENSION
-)
+WHOLE_SEQUENCES = tuple(extension for extension in SEQUENCE_FORMATS if extension not in STREAMS)
 
 
 @dataclass(frozen=True)

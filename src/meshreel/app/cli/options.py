@@ -88,11 +88,12 @@ def output_stem(source: str) -> str:
 
 
 def is_stream_file(source: str) -> bool:
-    """Whether a file is a .reel stream, by its extension or its first bytes."""
+    """Whether a file contains a .reel stream, by its extension or its first bytes."""
     from meshreel.codec.bitstream.layout import MAGIC
+    from meshreel.formats.registry import STREAMS
 
     path = Path(without_query(source))
-    if path.suffix.lower() == ".reel" or source == STANDARD_INPUT:
+    if path.suffix.lower() in STREAMS or source == STANDARD_INPUT:
         return True
     if is_remote(source) or not path.is_file():
         return False
