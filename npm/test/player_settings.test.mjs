@@ -134,7 +134,6 @@ test("invalid values are rejected", () => {
     [{ "field-of-view": "180deg" }, /field-of-view must be above 0deg and below 180deg/],
     [{ interpolate: "no" }, /interpolate must be "true" or "false"/],
     [{ "texture-kind": "video" }, /texture-kind has no effect without texture/],
-    [{ muted: "" }, /muted has no effect without texture/],
     [{ "track-range": "0:1" }, /track-range has no effect without track; add track/],
     [{ track: "u", texture: "a.png" }, /texture and track cannot be combined/],
     [{ track: "u", "track-colormap": "jet" }, /track-colormap must be "sequential" or "diverging"/],

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 import meshreel
+from meshreel.kernel.mp4 import reel_box
 from meshreel.metrics.heat import heat_field
 from meshreel.rendering.colormap import HEAT
 from samples.browser import checked_rules
@@ -582,6 +583,19 @@ def test_served_page_starts_a_video_with_sound_muted(new_page, tmp_path):
         red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
         assert (np.abs(red - blue) > 40).mean() > 0.02
         assert not page.get_by_role("alert").is_visible()
+
+
+def test_exported_page_plays_a_capture_in_one_file(new_page, tmp_path):
+    film = numbered_video(tmp_path / "moving.mp4") + reel_box(meshreel.encode(moving_sheet()))
+    (tmp_path / "scan.mp4").write_bytes(film)
+    command = [*COMMAND, "export", "scan.mp4", "-o", "scan.html"]
+    subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+    page = new_page((tmp_path / "scan.html").as_uri(), is_at_rest=False)
+    wait_until(page, "document.querySelector('reel-player').mesh.video?.currentTime > 0.2")
+    wait_until(page, "player.state().frame > 5")
+    red, _, blue = picture_of(page, "canvas")[60:].transpose(2, 0, 1)
+    assert (np.abs(red - blue) > 40).mean() > 0.02
+    assert not page.get_by_role("alert").is_visible()
 
 
 def test_page_shows_an_error_when_webgl_is_missing(new_page, url):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.kernel.mp4 import reel_box
 from samples.browser import checked_rules
 from samples.element_pages import drawn_fraction, picture, press, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet, numbered_video
@@ -64,6 +65,7 @@ def files(tmp_path_factory):
         "/damaged.reel": bytes(damaged),
         "/sheet.reel": sheet,
         "/walk.webm": film,
+        "/sheet.mp4": numbered_video(tmp_path_factory.mktemp("film") / "a.mp4") + reel_box(sheet),
         "/stress.reel": meshreel.encode(stressed_flag(), max_error=0.02, effort=5),
         "/walk.reel": meshreel.encode(walking_post(), max_error=0.02, effort=5),
         "/run.reel": meshreel.encode(walking_post(heights=6), max_error=0.02, effort=5),
@@ -701,10 +703,11 @@ def test_the_camera_follows_a_model_that_moves_far(shown, attributes):
     assert page.evaluate("player.getCameraTarget().x") == pytest.approx(700)
 
 
-def test_a_video_is_synchronized_and_pauses_off_screen(shown):
+@pytest.mark.parametrize("files_of", ['src="/sheet.reel" texture="/walk.webm"', 'src="/sheet.mp4"'])
+def test_a_video_is_synchronized_and_pauses_off_screen(shown, files_of):
     page = shown(
-        '<reel-player src="/sheet.reel" autoplay loop controls muted interpolate="false"'
-        ' texture="/walk.webm"></reel-player><div class="far"></div>'
+        f'<reel-player {files_of} autoplay loop controls muted interpolate="false">'
+        '</reel-player><div class="far"></div>'
     )
     page.evaluate("document.querySelector('.far').style.height = '4000px'")
     page.evaluate(
@@ -728,6 +731,7 @@ def test_a_video_is_synchronized_and_pauses_off_screen(shown):
     assert page.evaluate("player.mesh.video.muted")
     page.locator("reel-player").get_by_label("Unmute").click()
     until(page, "!player.mesh.video.muted && !player.muted")
+    until(page, "player.mesh.video.webkitAudioDecodedByteCount > 0")
     page.evaluate("scrollTo(0, 3000)")
     until(page, "player.mesh.video.paused && !player.paused")
     page.evaluate("scrollTo(0, 0)")

@@ -50,7 +50,7 @@ def numbering():
 
 
 def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True):
-    """Write a numbered WebM film."""
+    """Write a numbered film as .webm, or as .mp4 with the same codecs, which all Chromiums have."""
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="needs imageio-ffmpeg")
     seconds = n_frames / fps
     picture = f"gradients=s={SIZE}x{SIZE}:r={fps}:d={seconds}:c0=0xd06030:c1=0x3060d0:speed=0.01"
@@ -58,7 +58,9 @@ def numbered_video(path, n_frames=90, *, fps=FPS, has_sound=True):
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", "-f", "lavfi", "-i", picture]
     if has_sound:
         command += ["-f", "lavfi", "-i", sound, "-c:a", "libopus"]
-    command += ["-vf", numbering(), "-c:v", "libvpx", "-b:v", "2M", "-g", "15"]
+    codec = "libvpx" if path.suffix == ".webm" else "libvpx-vp9"
+    command += ["-vf", numbering(), "-c:v", codec, "-b:v", "2M", "-g", "15"]
+    command += ["-movflags", "+faststart"] if path.suffix == ".mp4" else []
     command += ["-deadline", "realtime", "-cpu-used", "8", "-threads", "1"]  # a fourth of the work
     command += ["-pix_fmt", "yuv420p", "-frames:v", str(n_frames), str(path)]
     subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)

@@ -90,10 +90,11 @@ def serving(files, headers=None, posted=None):
                 ".js": "text/javascript",
                 ".reel": "application/octet-stream",
                 ".webm": "video/webm",
+                ".mp4": "video/mp4",
                 ".png": "image/png",
             }
             range_header = self.headers.get("Range")
-            if range_header and path.endswith((".reel", ".webm")):
+            if range_header and path.endswith((".reel", ".webm", ".mp4")):
                 begin, _, end = range_header.removeprefix("bytes=").partition("-")
                 first, last = int(begin), min(int(end or len(body)), len(body) - 1)
                 if path.endswith(".reel"):

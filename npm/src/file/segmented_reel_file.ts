@@ -92,6 +92,11 @@ export class SegmentedReelFile implements OpenSegments {
     return { segment, positions, triangles: reel.surface.triangles };
   }
 
+  /** Whether it is an MP4 file: its video is the texture. */
+  get isInMp4(): boolean {
+    return this.#engines.isInMp4;
+  }
+
   /** Whether a worker decodes frames, rather than the calling thread. */
   get isInWorker(): boolean {
     return this.#engines.positions.isInWorker;

@@ -96,9 +96,7 @@ function propertiesOf(file: EmbeddedTexture): Partial<ReelPlayerElement> {
   const { mediaType: type } = file;
   const texture =
     "url" in file ? file.url : URL.createObjectURL(new Blob([decodeBase64(file)], { type }));
-  // Browsers start only muted videos; the bar has a button for the sound.
-  if (type.startsWith("video/")) return { texture, textureKind: "video", muted: true };
-  return { texture, textureKind: "image" };
+  return { texture, textureKind: type.startsWith("video/") ? "video" : "image" };
 }
 
 function fileSource(embedded: EmbeddedFile): string | Uint8Array {

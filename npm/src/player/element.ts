@@ -123,6 +123,8 @@ export class ReelPlayerElement extends PlayerAttributes {
   /** Whether the camera follows the model; null: if that moves far. */
   #isFollowed: boolean | null = null;
   #srcObject: Exclude<SourceInput, string | URL> | null = null;
+  /** Address of the video in an open MP4 file, or null. */
+  #video: string | null = null;
   /** What is open or opening: an address or an object. */
   #openedSource: SourceInput | null = null;
   /** Waits until the player is near the viewport; null unless a lazy file is to be opened. */
@@ -479,6 +481,7 @@ export class ReelPlayerElement extends PlayerAttributes {
       // Errors of frames are reported when they are shown.
       const framing = await estimateFraming(file, settings.start, { signal }).catch(() => null);
       signal.throwIfAborted();
+      this.#video = file.isInMp4 ? addressOf(from) : null;
       const { center, diagonal } = file.info;
       this.#framing = framing ?? unknownFraming(diagonal / 2);
       mesh = new ReelMesh(file, { origin: center, ownsReel: true });
@@ -565,7 +568,9 @@ export class ReelPlayerElement extends PlayerAttributes {
   }
 
   async #applyAppearance(mesh: ReelMesh, settings: PlayerSettings): Promise<void> {
-    const { texture, kind, offset, muted } = settings;
+    const { offset, muted } = settings;
+    const texture = settings.texture ?? this.#video;
+    const kind = texture === this.#video ? "video" : settings.kind;
     const { track, component, range, map } = settings;
     this.#ui?.legend.show(null);
     try {
@@ -635,6 +640,8 @@ export class ReelPlayerElement extends PlayerAttributes {
     this.#loading = null;
     this.#isSuspended = this.#isAutoplayBlocked = this.#isSeeking = this.#hasEnded = false;
     this.#mesh = null;
+    if (this.#video) URL.revokeObjectURL(this.#video);
+    this.#video = null;
     if (mesh) {
       this.#ui?.legend.show(null);
       this.#ui?.view.remove(mesh);
@@ -792,6 +799,12 @@ export class ReelPlayerElement extends PlayerAttributes {
     action();
     return true;
   }
+}
+
+/** Return the address of an MP4 file; that of an object is to be revoked. */
+function addressOf(from: SourceInput): string {
+  if (typeof from === "string" || from instanceof URL) return String(from);
+  return URL.createObjectURL(new Blob([from as BlobPart], { type: "video/mp4" }));
 }
 
 function barState(mesh: ReelMesh, isPlaying: boolean): BarState {

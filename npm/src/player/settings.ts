@@ -88,7 +88,7 @@ const DEFAULT_FIELD_OF_VIEW = 30;
 type ReadAttribute = (name: AttributeName) => string | null;
 
 /** Attributes that need a texture or a track. */
-const TEXTURE_ATTRIBUTES = ["texture-kind", "texture-offset", "muted"] as const;
+const TEXTURE_ATTRIBUTES = ["texture-kind", "texture-offset"] as const;
 const TRACK_ATTRIBUTES = ["track-component", "track-range", "track-colormap"] as const;
 
 /** Parsed attributes of a player, with defaults; `start` is seconds, or a frame. */

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from meshreel.codec.reel_file import ReelFile
     from meshreel.rendering.looks import TrackLook
 
-SourceArgument = Annotated[Path, Argument("FILE.reel", "The stream to play.")]
+SourceArgument = Annotated[
+    Path, Argument("FILE", "The .reel to play, or the .mp4 with a .reel, its texture and sound.")
+]
 OriginalOption = Annotated[
     File | None,
     Option(
@@ -60,6 +62,8 @@ def open_player(
                     Keyword("original"),
                 )
         comparison = _comparison(first, original, reading) if original else None
+        if texture is None and source.suffix.lower() == ".mp4":
+            texture = source
         with errors_naming(source):
             shown = PlayerData(
                 file, source.stem, player_rows, comparison, measured_rows, reading.progress, look,

@@ -136,13 +136,16 @@ def export_page(
 
 
 def _parts(shown: PlayerData, stem: str, original: OriginalStream | None) -> list[Part]:
-    stream = shown.file.stored(0, shown.file.size_bytes)
-    parts = [Part("animation", f"{stem}.reel", stream)]
+    texture = shown.texture
+    if texture is not None and texture.path in shown.file.files:  # an .mp4 that contains both
+        parts, texture = [Part("animation", f"{stem}.mp4", texture.path.read_bytes())], None
+    else:
+        parts = [Part("animation", f"{stem}.reel", shown.file.stored(0, shown.file.size_bytes))]
     if original is not None:
         parts.append(Part("original", f"{stem}-original.reel", original.data))
-    if shown.texture is not None:
-        data = shown.texture.path.read_bytes()
-        parts.append(Part("texture", shown.texture.path.name, data, shown.texture.media_type))
+    if texture is not None:
+        data = texture.path.read_bytes()
+        parts.append(Part("texture", texture.path.name, data, texture.media_type))
     return parts
 
 

@@ -18,12 +18,16 @@ import pytest
 from meshreel.app.viewer import export
 from meshreel.app.viewer.export import export_page
 from meshreel.app.viewer.page import Page, built_page
+from meshreel.app.viewer.player_data import PlayerData
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.errors import InvalidInputError
+from meshreel.formats import reel
+from meshreel.kernel.mp4 import reel_box
 from meshreel.model.notes import Notes
 from meshreel.model.tracks import Track
 from samples.meshes import quad_sheet, waving_grid
+from samples.mp4 import mp4
 from samples.players import PAGE, carried, opened_api, write_page
 from samples.web_package import built_package
 
@@ -162,6 +166,22 @@ def test_exported_player_includes_the_texture(tmp_path, is_split):
     else:
         assert b64decode(texture["base64"]) == b"moving picture"
         assert [path.name for path in out.iterdir()] == ["p.html"]
+    assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+def test_exported_player_contains_an_mp4_with_both_once(tmp_path, is_split):
+    film, out = tmp_path / "scan.mp4", tmp_path / "out"
+    film.write_bytes(mp4(reel_box(encode(quad_sheet(3)))))
+    out.mkdir()
+    with reel.open(film) as opened:
+        shown = PlayerData(opened, "scan", lambda _: {}, texture=film)
+        sizes = export_page(shown, out / "p.html", page=PAGE, split=is_split)
+    data = carried((out / "p.html").read_text())
+    assert data["facts"]["texture"] is None
+    stored = (out / "p.mp4").read_bytes() if is_split else data["stream"]
+    assert stored == film.read_bytes()
+    assert list(sizes) == ["player", "animation"]
     assert sum(sizes.values()) == sum(path.stat().st_size for path in out.iterdir())
 
 
