@@ -280,7 +280,7 @@ MISSING = {
     "render walk.reel -o walk.gif": "render",
     "render walk.reel -o walk.mp4": "video",
     "render run.vtkhdf -o walk.mp4": "video,hdf",
-    "register walk.npz -o other.reel --texture images": "register,video",
+    "register walk.npz -o other.mp4 --texture images": "register,video",
     "register walk.npz -o a.reel --texture images --texture-output t_%d.png": "register",
     "register frame.drc -o other.reel": "draco,register",
     "encode frame.drc -o other.reel --register 0.2%": "draco,register",

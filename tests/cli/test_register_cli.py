@@ -1,8 +1,10 @@
 """`meshreel register`, and `--register` of other commands, on a raw capture in frame files."""
 
 import json
+import wave
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 import meshreel
@@ -149,9 +151,22 @@ def test_register_bakes_textures(tmp_path):
         attribute.kind for attribute in meshreel.load(tmp_path / "walk.reel").surface.attributes
     ] == ["uv"]
     pytest.importorskip("imageio_ffmpeg")
-    done = run(*given, "-o", "film.reel", cwd=tmp_path)
+    with wave.open(str(tmp_path / "take.wav"), "wb") as take:
+        take.setparams((1, 2, 48000, 0, "NONE", ""))
+        take.writeframes(bytes(2 * 5760))
+    done = run(*given, "-o", "film.mp4", "--sound", "take.wav", cwd=tmp_path)
     assert "film.mp4, 128 x 128 texels" in done.stdout
-    assert (tmp_path / "film.mp4").stat().st_size > 1000
+    assert "Mbit/s, mp4a" in done.stdout
+    assert not (tmp_path / "film.registration").exists()
+    film, walk = (meshreel.decode(tmp_path / name) for name in ("film.mp4", "walk.reel"))
+    assert np.array_equal(film.vertices, walk.vertices)
+    media = meshreel.info(tmp_path / "film.mp4").media
+    assert [part.kind for part in media] == ["video", "sound"]
+    before = (tmp_path / "film.mp4").read_bytes()
+    assert_fails(run(*given, "-o", "film.mp4", cwd=tmp_path), "film.mp4 already exists")
+    replaced = run("register", "film.mp4", *given[2:], "-o", "film.mp4", "--force", cwd=tmp_path)
+    assert_fails(replaced, "film.mp4 is the input")
+    assert (tmp_path / "film.mp4").read_bytes() == before
 
 
 @pytest.mark.slow
@@ -163,6 +178,8 @@ def test_register_bakes_textures(tmp_path):
         (["encode", "RAW", "--register", "0.5%", "--split"], "cannot be combined"),
         (["register", "RAW", "--texture-output", "a.mp4"], "give both"),
         (["register", "RAW", "--texture", "*.png"], "no texture images"),
+        (["register", "RAW", "--texture", "*.png", "-o", "a.reel"], "name the video with"),
+        (["register", "RAW", "--sound", "a.wav"], "give --texture too"),
         (["register", "flag.npz"], "all 3 frames have the same faces"),
     ],
 )

@@ -17,9 +17,9 @@ from meshreel.formats.load import loading_for
 from meshreel.formats.needed_extras import extras_to_read, extras_to_write
 from meshreel.formats.options import Reading, WriteOptions
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, numbering
+from meshreel.formats.reel import note_video, origin_of_file
 from meshreel.formats.reel import open as open_reel
-from meshreel.formats.reel import origin_of_file
-from meshreel.formats.registry import FRAME_FORMATS
+from meshreel.formats.registry import FRAME_FORMATS, STREAMS
 from meshreel.formats.save import save_part
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, find_files
@@ -38,6 +38,7 @@ from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
+from meshreel.runtime.outputs.checks import check_output_path
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import STANDARD_INPUT, is_remote
 
@@ -47,8 +48,8 @@ if TYPE_CHECKING:
 
 
 def is_stream(output: AnyPath) -> bool:
-    """Whether an output is a .reel."""
-    return Path(output).suffix.lower() == ".reel"
+    """Whether an output is, or contains, a .reel."""
+    return Path(output).suffix.lower() in STREAMS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,15 +97,16 @@ class Target:
         *,
         first: int = 0,
     ) -> "Written":
-        """Write these frames of a sequence; parameters as of `check`."""
+        """Write these frames of a sequence; parameters as of `check`. A .mp4 is only encoded."""
         if is_stream(self.output):
             path = Path(self.output)
             assert isinstance(sequence, MeshSequence)  # a .reel is read with `open_any`
             encoded = encode_and_measure(
                 sequence.part(frames), self.config, self.tracks, notes, progress=progress
             )
-            with replace_when_done(path, overwrite=self.overwrite) as temporary:
-                temporary.write_bytes(encoded.data)
+            if path.suffix.lower() == ".reel":
+                with replace_when_done(path, overwrite=self.overwrite) as temporary:
+                    temporary.write_bytes(encoded.data)
             return Written([path], sequence, len(frames), encoded)
         figures: dict[str, Any] = {}
         paths = save_part(
@@ -223,7 +225,11 @@ def convert(
         files = found.with_companions(reading.topology)
         extras = [*extras_to_read(files), *extras_to_write(target.output)]
         require([*extras, *([] if registering is None else extras_to_register(registering))])
-        target.check(files, None if splits else _known_frames(files, frames))
+        is_joined = registering is not None and registering.texture_output == target.output
+        if is_joined:
+            check_output_path(Path(target.output), overwrite=target.overwrite, inputs=files)
+        else:
+            target.check(files, None if splits else _known_frames(files, frames))
         origin = None if writes_stream or len(files) > 1 else origin_of_file(files[0])
         target = replace(target, options=replace(target.options, origin=origin))
         is_matched = not splits and registering is None
@@ -251,10 +257,11 @@ def convert(
         written = target.write(opened, numbers, files, notes, progress)
         written.input_bytes = input_bytes if len(numbers) == opened.n_frames else None
         result = Result([written], registered)
-        if registered is not None and writes_stream:
-            with open_reel(written.paths[0]) as reel:
+        if registered is not None and written.encoded is not None:
+            data = written.encoded.data
+            with open_reel(data) as reel:
                 result.report = registered.report(reel, progress) if reports else None
-                registered.bake(reel, progress)
+                registered.bake(reel, progress, data if is_joined else b"")
         if registering is not None and registering.folder is not None:
             shutil.rmtree(registering.folder)
         return result
@@ -293,6 +300,7 @@ def decode(
             file = stack.enter_context(local_input(source, notes, memory))
         reel = stack.enter_context(open_reel(file, n_modes=n_modes, segment=segment, memory=memory))
         stack.enter_context(errors_naming(source))
+        note_video(source, notes)
         numbers = chosen_frames(frames, reel.n_frames, notes)
         written = target.write(reel, numbers, inputs, notes, progress)
         if not reel.is_whole:

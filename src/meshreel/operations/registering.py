@@ -54,9 +54,7 @@ def register_frames(
     if options.texture is not None and options.texture_output is not None:
         from meshreel.operations.textures import TextureJob  # imports Pillow
 
-        job = TextureJob.checked(
-            options.texture, options.texture_output, raw, overwrite=options.overwrite
-        )
+        job = TextureJob.checked(options, raw, notes)
     registration = register(raw, **vars(replace(options, progress=progress)))
     return Registered(registration if job is None else job.prepared(registration, notes), job)
 
@@ -89,7 +87,9 @@ class Registered:
 
         return Report.measured(self.registration, decoded, progress)
 
-    def bake(self, sequence: "MeshSequence | ReelFile", progress: Progress) -> None:
-        """Write the textures, if there are any, for the surface of these segments."""
+    def bake(
+        self, sequence: "MeshSequence | ReelFile", progress: Progress, stream: bytes = b""
+    ) -> None:
+        """Write the textures, if there are any, for these segments; parameters as of the job."""
         if self.job is not None:
-            self.job.write(self.registration, sequence, progress)
+            self.job.write(self.registration, sequence, progress, stream)

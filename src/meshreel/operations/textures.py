@@ -4,9 +4,9 @@ import glob
 import os
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from subprocess import DEVNULL, PIPE, Popen
+from subprocess import DEVNULL, PIPE, Popen, run
 
 from PIL import Image as PillowImage
 from PIL import UnidentifiedImageError
@@ -16,10 +16,12 @@ from meshreel.errors import FormatError, InvalidInputError
 from meshreel.formats.file_errors import check_input_file
 from meshreel.formats.needed_extras import VIDEOS
 from meshreel.formats.outputs import numbered_paths
-from meshreel.formats.sources import NUMBER_FIELD, AnyPath, Source, natural_order
+from meshreel.formats.sources import NUMBER_FIELD, Source, natural_order
+from meshreel.kernel.mp4 import reel_box
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.baking import COMBINE, Size, bake, check_textured, with_atlases
+from meshreel.registration.options import RegisterOptions
 from meshreel.registration.register import Registration
 from meshreel.rendering.film_files import write_mp4
 from meshreel.rendering.films import UNKNOWN_FPS
@@ -82,11 +84,11 @@ class TextureJob:
     """A video (.mp4), or a pattern of images (``%04d.png``)."""
     overwrite: bool
     """Whether existing files may be replaced."""
+    sound: tuple[str, ...] = ()
+    """Arguments of ffmpeg that store the sound in the video."""
 
     @classmethod
-    def checked(
-        cls, source: Source, output: AnyPath, raw: MeshSequence, *, overwrite: bool
-    ) -> "TextureJob":
+    def checked(cls, options: RegisterOptions, raw: MeshSequence, notes: Notes) -> "TextureJob":
         """Return a job for raw frames; call it before registration to fail early.
 
         Raises
@@ -95,9 +97,12 @@ class TextureJob:
             If the numbers of textures and frames differ, a frame has no texture
             coordinates or several images, or the output cannot or must not be written.
         FormatError
-            As `open_textures`; also if writing a video needs an extra.
+            As `open_textures`; also if writing a video needs an extra, or ffmpeg reads no sound.
         """
-        textures, path = open_textures(source), Path(output)
+        assert options.texture is not None  # callers check for one
+        assert options.texture_output is not None
+        textures, path = open_textures(options.texture), Path(options.texture_output)
+        overwrite = options.overwrite
         if textures.n_frames != raw.n_frames:
             has_several = textures.n_frames % raw.n_frames == 0
             raise InvalidInputError(
@@ -113,7 +118,10 @@ class TextureJob:
         check_output_paths(
             job.paths, overwrite=overwrite, inputs=textures.paths, makes_folder=not job.is_video
         )
-        return job
+        if options.sound is None:
+            return job
+        duration_s = raw.n_frames / (raw.fps or UNKNOWN_FPS)
+        return replace(job, sound=_sound(Path(options.sound), duration_s, raw.fps, notes))
 
     @property
     def is_video(self) -> bool:
@@ -153,13 +161,20 @@ class TextureJob:
         registration: Registration,
         sequence: MeshSequence | ReelFile,
         progress: Progress = silent,
+        stream: bytes = b"",
     ) -> None:
-        """Write the textures for a registered sequence; arguments as `bake`."""
+        """Write the textures for a registered sequence; arguments as `bake`.
+
+        The video also contains the `.reel` in `stream`, if there is one.
+        """
         images = self.textures.images()
         pictures = bake(registration, sequence, images, self.size, progress)
         if self.is_video:
             fps = registration.sequence.fps or UNKNOWN_FPS
-            write_mp4(pictures, self.output, self.size, fps, overwrite=self.overwrite)
+            write_mp4(
+                pictures, self.output, self.size, fps, overwrite=self.overwrite,
+                sound=self.sound, appended=reel_box(stream) if stream else b"",
+            )  # fmt: skip
             return
         with replace_all_when_done(
             self.paths, overwrite=self.overwrite, makes_folder=True
@@ -187,6 +202,26 @@ def _n_pictures(path: Path) -> int:
     except (OSError, RuntimeError) as error:
         raise FormatError(f"{path} is not a video that ffmpeg reads") from error
     return int(n_frames)
+
+
+def _sound(path: Path, duration_s: float, fps: float, notes: Notes) -> tuple[str, ...]:
+    """Return the arguments of ffmpeg for the sound of a take; notes a difference in length."""
+    check_input_file(path)
+    # Samples of a byte, a thousand per second, measure the length of any input.
+    command = [
+        VIDEO.load().get_ffmpeg_exe(), "-i", str(path),
+        "-map", "0:a:0", "-ac", "1", "-ar", "1000", "-f", "u8", "-",
+    ]  # fmt: skip
+    result = run(command, stdin=DEVNULL, capture_output=True, check=False)
+    if result.returncode:
+        raise FormatError("is not a file with sound that ffmpeg reads", path=path)
+    sound_s = len(result.stdout) / 1000
+    if abs(sound_s - duration_s) > 1 / (fps or UNKNOWN_FPS):
+        end = "its end is left out" if sound_s > duration_s else "the end is silent"
+        notes.changed(f"{path} lasts {sound_s:.2f} s, and the take {duration_s:.2f} s: {end}")
+    codec = ["copy"] if b"Audio: aac" in result.stderr else ["aac", "-b:a", "160k"]
+    maps = ["-map", "0:v:0", "-map", "1:a:0", "-t", f"{duration_s:.6f}"]
+    return "-i", str(path), *maps, "-c:a", *codec
 
 
 def _decode_video(path: Path) -> Generator[PillowImage.Image, None, None]:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from meshreel.codec.error_bounds import METERS, ErrorBound, bound_of
@@ -85,6 +86,14 @@ class RegisterOptions:
             metavar="FILE",
         ),
     ] = None
+    sound: Annotated[
+        str | os.PathLike[str] | None,
+        Option(
+            "The sound of the take, which begins at its first frame: any file that ffmpeg reads. "
+            "AAC is copied, other sound encoded as AAC, into the video of the textures.",
+            metavar="FILE",
+        ),
+    ] = None
     overwrite: Annotated[bool, Option("Whether existing textures may be replaced.")] = False
     progress: Progress = silent
 
@@ -94,6 +103,12 @@ class RegisterOptions:
             raise InvalidInputError(
                 Keyword("texture"), " and ", Keyword("texture_output"),
                 " belong together; give both or none",
+            )  # fmt: skip
+        video = self.texture_output is not None and Path(self.texture_output).suffix == ".mp4"
+        if self.sound is not None and not video:
+            raise InvalidInputError(
+                Keyword("sound"), " is stored in a video of textures (.mp4); give ",
+                Keyword("texture"), " too",
             )  # fmt: skip
 
     @property

@@ -1,6 +1,6 @@
 """Write films to .mp4 (extra [video]) and .gif (extra [render]), picture by picture."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen
@@ -74,8 +74,13 @@ def write_mp4(
     fps: float,
     *,
     overwrite: bool = False,
+    sound: Sequence[str] = (),
+    appended: bytes = b"",
 ) -> None:
-    """Write RGB pictures of one size as H.264, atomically; errors as `save_mp4`."""
+    """Write RGB pictures of one size as H.264, atomically; errors as `save_mp4`.
+
+    `sound` are the arguments of ffmpeg for sound, and `appended` is a box for the end of the file.
+    """
     ffmpeg = VIDEO.load()
     width, height = size
     if width % 2 or height % 2:
@@ -84,7 +89,7 @@ def write_mp4(
         command = [
             ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error",
             "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}",
-            "-i", "-", *_MP4_OPTIONS, str(temporary),
+            "-i", "-", *(sound or ["-an"]), *_MP4_OPTIONS, str(temporary),
         ]  # fmt: skip
         with (
             Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=log) as encoder,
@@ -95,6 +100,8 @@ def write_mp4(
             log.seek(0)
             reason = log.read().decode(errors="replace").strip() or f"code {encoder.returncode}"
             raise OSError(f"ffmpeg could not write {path}: {reason}")
+        with temporary.open("ab") as file:
+            file.write(appended)
 
 
 def _feed(pipe: IO[bytes] | None, pictures: Iterable[PillowImage.Image]) -> None:
@@ -107,12 +114,12 @@ def _feed(pipe: IO[bytes] | None, pictures: Iterable[PillowImage.Image]) -> None
 
 # BT.709, which players assume, and no metadata that differs between runs.
 _MP4_OPTIONS = [
-    "-an", "-c:v", "libx264", "-pix_fmt", "yuv420p",
+    "-c:v", "libx264", "-pix_fmt", "yuv420p",
     "-crf", _QUALITY, "-preset", "medium", "-threads", "1",
     "-vf", "scale=out_color_matrix=bt709:out_range=tv,"
     "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709",
     "-movflags", "+faststart", "-map_metadata", "-1", "-fflags", "+bitexact",
-    "-flags:v", "+bitexact",
+    "-flags", "+bitexact",
 ]  # fmt: skip
 
 

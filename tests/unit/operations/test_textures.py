@@ -1,14 +1,21 @@
 """Textures of raw frames in images or a video, and the files that baked ones are written to."""
 
+import wave
+
 import numpy as np
 import pytest
 from PIL import Image as PillowImage
 
 import meshreel
 from meshreel import FormatError, InvalidInputError
+from meshreel.kernel.mp4 import reel_box
+from meshreel.model.notes import Notes
 from meshreel.operations.textures import TextureJob, open_textures
+from meshreel.registration.options import RegisterOptions
 from meshreel.rendering.film_files import write_mp4
 from samples.captures import capture, textured_capture
+
+STREAM = meshreel.encode(meshreel.simulate_flag(3))
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +29,11 @@ def folder(raw, tmp_path_factory):
     for number, image in enumerate(raw[1]):
         image.save(folder / f"frame_{number + 8}.png")  # 8, 9, 10: natural order differs
     return folder
+
+
+def job_of(frames, texture, output, notes=None, **given):
+    options = RegisterOptions(texture=texture, texture_output=output, **given)
+    return TextureJob.checked(options, frames, Notes() if notes is None else notes)
 
 
 @pytest.mark.parametrize("as_source", [str, lambda item: f"{item}/*.png", lambda item: item])
@@ -56,12 +68,55 @@ def test_videos_are_read_and_written(raw, folder, tmp_path):
         assert np.abs(np.asarray(result, int) - expected).mean() < 8
 
 
+@pytest.mark.parametrize(
+    ("seconds", "note"),
+    [(0.14, None), (0.5, "lasts 0.50 s, and the take 0.12 s: its end is left out"),
+     (0.05, "lasts 0.05 s, and the take 0.12 s: the end is silent")],
+)  # fmt: skip
+def test_sound_is_stored_with_the_video(seconds, note, raw, folder, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    notes, take, output = Notes(), tmp_path / "take.wav", tmp_path / "walk.mp4"
+    with wave.open(str(take), "wb") as file:
+        file.setparams((2, 2, 44100, 0, "NONE", ""))
+        file.writeframes(np.zeros((round(44100 * seconds), 2), "<i2").tobytes())
+    job = job_of(raw[0], folder, output, notes, sound=take)
+    assert [note.split(" ", 1)[1] for note in notes] == ([note] if note else [])
+    write_mp4(raw[1], output, (128, 128), 25, sound=job.sound, appended=reel_box(STREAM))
+    for parts in (meshreel.info(output).media, _copied(output, raw[0], folder).media):
+        assert [part.kind for part in parts] == ["video", "sound"]
+        assert [part.codec for part in parts] == ["avc1", "mp4a"]
+        assert [part.duration_s for part in parts] == pytest.approx(
+            [0.12, min(seconds, 0.12)], abs=0.05
+        )
+
+
+def _copied(video, frames, folder):
+    """Return the description of a video into which the AAC of another one was copied."""
+    job, output = (
+        job_of(frames, folder, video.with_name("b.mp4"), sound=video),
+        video.with_name("b.mp4"),
+    )
+    assert "copy" in job.sound
+    pictures = [PillowImage.new("RGB", (64, 64))] * 3
+    write_mp4(pictures, output, (64, 64), 25, sound=job.sound, appended=reel_box(STREAM))
+    return meshreel.info(output)
+
+
+def test_sound_needs_a_video_and_a_file_with_sound(raw, folder, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    take = folder / "frame_8.png"
+    with pytest.raises(InvalidInputError, match=r"stored in a video of textures \(\.mp4\)"):
+        job_of(raw[0], folder, tmp_path / "%d.png", sound=take)
+    with pytest.raises(FormatError, match=r"frame_8\.png: is not a file with sound"):
+        job_of(raw[0], folder, tmp_path / "walk.mp4", sound=take)
+
+
 def test_a_video_of_an_odd_size_becomes_even(raw, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     images = [tmp_path / f"{number}.png" for number in range(3)]
     for image, path in zip(raw[1], images, strict=True):
         image.resize((63, 65)).save(path)
-    job = TextureJob.checked(images, tmp_path / "walk.mp4", raw[0], overwrite=False)
+    job = job_of(raw[0], images, tmp_path / "walk.mp4")
     assert job.size == (64, 66)
 
 
@@ -78,20 +133,20 @@ def test_a_video_of_an_odd_size_becomes_even(raw, tmp_path):
 )
 def test_textures_that_do_not_fit_are_errors(source, output, message, raw, folder):
     with pytest.raises((InvalidInputError, FormatError), match=message):
-        TextureJob.checked(str(folder / source), folder / output, raw[0], overwrite=False)
+        job_of(raw[0], str(folder / source), folder / output)
 
 
 def test_several_images_per_frame_are_an_error(raw, folder, tmp_path):
     images = [folder / f"frame_{number}.png" for number in (8, 8, 9, 9, 10, 10)]
     with pytest.raises(InvalidInputError, match=r"6 textures for 3 frames; .* combine the"):
-        TextureJob.checked(images, tmp_path / "%d.png", raw[0], overwrite=False)
+        job_of(raw[0], images, tmp_path / "%d.png")
 
 
 def test_inputs_are_never_replaced(raw, tmp_path):
     raw[1][0].save(tmp_path / "frame_2.png")
     images = [tmp_path / "frame_2.png"] * 3
     with pytest.raises(InvalidInputError, match="is the input"):
-        TextureJob.checked(images, tmp_path / "frame_%d.png", raw[0], overwrite=True)
+        job_of(raw[0], images, tmp_path / "frame_%d.png", overwrite=True)
 
 
 @pytest.mark.slow

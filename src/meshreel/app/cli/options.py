@@ -255,12 +255,17 @@ def frame_slice(text: str | None) -> slice | None:
     return slice(start, stop)
 
 
-def stream_output(output: File | None, inputs: Sequence[str]) -> File:
-    """The .reel to write, by default named after the first input."""
+def stream_output(
+    output: File | None,
+    inputs: Sequence[str],
+    extension: str = ".reel",
+    advice: str = OTHER_OUTPUTS,
+) -> File:
+    """The file to write, by default named after the first input."""
     from meshreel.runtime.outputs.checks import check_extension
 
-    output = output or File(f"{output_stem(inputs[0])}.reel")
-    check_extension(Path(output), (".reel",), OTHER_OUTPUTS)
+    output = output or File(f"{output_stem(inputs[0])}{extension}")
+    check_extension(Path(output), (extension,), advice)
     return output
 
 
@@ -326,10 +331,11 @@ _REGISTERING = {option.name: option for option in options_of_fields(RegisterOpti
 _OUTPUT = replace(
     _REGISTERING["texture_output"],
     annotation=Path,
-    help=f"{_REGISTERING['texture_output'].help} Default: a video named after the output.",
+    help=f"{_REGISTERING['texture_output'].help} Default: the output, a .mp4.",
 )
 _KEEPING = _REGISTERING["keep_holes"], _REGISTERING["keep_debris"]
-REGISTERING = Group((_REGISTERING["tolerance"], _REGISTERING["texture"], _OUTPUT, *_KEEPING), dict)
+_BAKING = *(_REGISTERING[name] for name in ("texture", "sound")), _OUTPUT
+REGISTERING = Group((_REGISTERING["tolerance"], *_BAKING, *_KEEPING), dict)
 """Options of `meshreel register`."""
 
 _REGISTER = replace(

@@ -1,6 +1,5 @@
 """`meshreel register`: follow the surface of a raw capture, and encode the result."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
 from meshreel.app.cli.commands import command
@@ -18,6 +17,8 @@ from meshreel.codec.error_bounds import METERS
 from meshreel.codec.option import Option
 from meshreel.formats.options import Reading
 from meshreel.registration.options import RegisterOptions
+
+SEPARATE_FILES = "to write a .reel and a video, name the video with --texture-output"
 
 
 @command
@@ -46,13 +47,14 @@ def register_command(
     force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Compress a raw capture, which has a new mesh in every frame, into one .reel file.
+    """Compress a raw capture, which has a new mesh in every frame, into one file.
 
     The mesh of a key frame is deformed to fit the frames before and after it, as far as the
     tolerance is met; where it is not, another key begins a segment. The distance of the registered
     surface from the raw one, and that of the decoded surface, are measured and printed. Frames that
     cannot be followed keep their raw mesh. Texture coordinates and materials are those of the keys;
-    --texture bakes the texture of every frame for them.
+    --texture bakes the texture of every frame for them, into a .mp4 that also contains the .reel:
+    programs play its video, `meshreel view`, `meshreel export` and <reel-player> all of it.
 
     Registered frames are stored in a folder beside the output, such as walk.registration, until the
     file is complete. If the command is stopped, start it again: it continues after these frames,
@@ -64,19 +66,20 @@ def register_command(
     - `meshreel register 'scan/*.obj' -o walk.reel --tolerance 0.1% --quality 70`
     - `meshreel register capture/ --tolerance 1mm --unit m`
     - `meshreel register capture/ --size 2MB`
-    - `meshreel register capture/ -o walk.reel --texture 'capture/*.png' --texture-output walk.mp4`
+    - `meshreel register scans/ -o walk.mp4 --texture 'scans/*.png' --sound walk.wav`
     """
     from meshreel.app.cli.written import convert_and_print
     from meshreel.codec.options import config_of
     from meshreel.operations.convert import Target
 
-    output = stream_output(output, inputs)
+    joins = registering["texture"] is not None and registering["texture_output"] is None
+    output = stream_output(output, inputs, *((".mp4", SEPARATE_FILES) if joins else ()))
     unit = None
     if registering["tolerance"].strip().lower().endswith(tuple(METERS)):
         unit = encoding["unit"]
         encoding = {**encoding, "unit": unit if encoding["max_error"] is not None else None}
-    if registering["texture"] is not None and registering["texture_output"] is None:
-        registering["texture_output"] = Path(output).with_suffix(".mp4")
+    if joins:
+        registering["texture_output"] = output
     target = Target(output=output, config=config_of(**encoding), overwrite=force)
     convert_and_print(
         inputs, target, reading,

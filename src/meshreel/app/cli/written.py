@@ -12,7 +12,7 @@ from meshreel.app.cli.console import (
     shown_progress,
 )
 from meshreel.app.cli.options import source_of
-from meshreel.app.figures import PART_HEADINGS, encoded_rows, part_table, uv_rows
+from meshreel.app.figures import PART_HEADINGS, encoded_rows, media_rows, part_table, uv_rows
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.runtime.counting import counted, counts_text, size_text
 
@@ -117,8 +117,14 @@ def _capture_figures(result: "Result") -> dict[str, Any]:
 
 def _capture_rows(result: "Result") -> dict[str, str]:
     """Return the distances from a raw capture, and its textures, as rows of a table."""
-    rows = {} if result.report is None else result.report.rows(result.files[0].size_bytes)
+    written = result.files[0]
+    encoded_bytes = written.encoded.stream.size_bytes if written.encoded else written.size_bytes
+    rows = {} if result.report is None else result.report.rows(encoded_bytes)
     if result.registered is not None and (job := result.registered.job) is not None:
         width, height = job.size
         rows["textures"] = f"{job.output}, {width} x {height} texels"
+        if job.output == written.paths[0]:
+            from meshreel.formats.reel import read_info
+
+            rows |= media_rows(read_info(job.output))
     return rows
