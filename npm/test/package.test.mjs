@@ -15,7 +15,7 @@ import { PLAYED, streamBytes, expectedOf, sha } from "./support/streams.mjs";
 const [MAX_DECODER_BYTES, MAX_THREE_BYTES] = [90_700, 13_800];
 
 /** Limits of the script with <reel-player>, and of the page of `meshreel view`. */
-const [MAX_PLAYER_BYTES, MAX_PAGE_BYTES] = [136_700, 154_500];
+const [MAX_PLAYER_BYTES, MAX_PAGE_BYTES] = [136_600, 154_500];
 
 void Response; // Node compiles a module of its own when it is first used
 

@@ -2,7 +2,7 @@
 
 import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
-import { findReel, Mp4Part } from "../source/mp4.js";
+import { findReel } from "../source/mp4.js";
 import { openSource } from "../source/open.js";
 import { DEFAULT_MEMORY, type SourceInput, type SourceOptions } from "../source/transport.js";
 import type { ByteSource } from "../types.js";
@@ -25,7 +25,7 @@ export class FileEngines {
   private constructor(
     /** Decodes positions and surfaces. */
     readonly positions: RemoteEngine,
-    private readonly source: ByteSource,
+    readonly source: ByteSource,
     private readonly options: FileOptions,
   ) {}
 
@@ -36,10 +36,11 @@ export class FileEngines {
     segment: number | null,
   ): Promise<{ engines: FileEngines; opened: Results["open"] }> {
     // The module compiles and the worker starts while bytes are being fetched.
-    const opening = openReel(from, options);
-    const engine = new RemoteEngine(opening, options.worker ?? true);
+    const opening = openSource(from, options);
+    const finding = opening.then((file) => findReel(file, options.signal));
+    const engine = new RemoteEngine(finding, options.worker ?? true);
     try {
-      const [source] = await Promise.all([opening, engine.sendModule(loadModule())]);
+      const [source] = await Promise.all([finding, engine.sendModule(loadModule())]);
       const engines = new FileEngines(engine, source, options);
       return { engines, opened: await engines.openSegment(segment, options.signal) };
     } catch (error) {
@@ -47,11 +48,6 @@ export class FileEngines {
       opening.then((source) => source.close()).catch(() => {});
       throw error;
     }
-  }
-
-  /** Whether the file is an MP4 file, which contains the texture too. */
-  get isInMp4(): boolean {
-    return this.source instanceof Mp4Part;
   }
 
   /** Open a segment, which may be null if there is only one. */
@@ -94,13 +90,4 @@ export class FileEngines {
       throw error;
     }
   }
-}
-
-/** Open a source; of an MP4 file, the `.reel` in it. */
-async function openReel(from: SourceInput, options: FileOptions): Promise<ByteSource> {
-  const source = await openSource(from, options);
-  return findReel(source, options.signal).catch((error: unknown) => {
-    source.close();
-    throw error;
-  });
 }

@@ -1,5 +1,6 @@
 // An open `.reel` file with any number of segments.
 
+import { Mp4Part } from "../source/mp4.js";
 import type { SourceInput } from "../source/transport.js";
 import type { FileInfo, MeshFrame, OpenSegments, SegmentInfo } from "../types.js";
 import { requireIndex } from "./arguments.js";
@@ -94,7 +95,7 @@ export class SegmentedReelFile implements OpenSegments {
 
   /** Whether it is an MP4 file: its video is the texture. */
   get isInMp4(): boolean {
-    return this.#engines.isInMp4;
+    return this.#engines.source instanceof Mp4Part;
   }
 
   /** Whether a worker decodes frames, rather than the calling thread. */

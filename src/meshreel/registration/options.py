@@ -104,8 +104,7 @@ class RegisterOptions:
                 Keyword("texture"), " and ", Keyword("texture_output"),
                 " belong together; give both or none",
             )  # fmt: skip
-        video = self.texture_output is not None and Path(self.texture_output).suffix == ".mp4"
-        if self.sound is not None and not video:
+        if self.sound is not None and Path(self.texture_output or "").suffix.lower() != ".mp4":
             raise InvalidInputError(
                 Keyword("sound"), " is stored in a video of textures (.mp4); give ",
                 Keyword("texture"), " too",

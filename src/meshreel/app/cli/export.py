@@ -74,5 +74,5 @@ def export_command(
     figures = {"output": str(output), "size_bytes": sum(parts.values()), "parts": parts}
     rows = {"size": size_text(sum(parts.values()))}
     rows |= {f"of which {part}": size_text(size) for part, size in parts.items()}
-    rows["input .reel"] = size_text(source.stat().st_size)
+    rows[f"input {source.suffix}"] = size_text(source.stat().st_size)
     print_figures(str(output), rows, figures, reading.notes, as_json=as_json)
