@@ -370,8 +370,9 @@ class OpenFile:
         source = source.getvalue() if type(source) is BytesIO else source
         self._memory = HostMemory(*ALLOCATOR)
         self._lock = fork_safe_lock()
-        self._reader = SourceReader(BytesIO(source) if isinstance(source, bytes) else source)
-        part = find_reel(self._reader.bytes_at, self._reader.size_bytes)
+        file = BytesIO(source) if isinstance(source, bytes) else source
+        self._reader, self._file_bytes = SourceReader(file), file.seek(0, os.SEEK_END)
+        part = find_reel(self._reader.bytes_at, self._file_bytes)
         self._reader.start, self.source_bytes = part.start, len(part)
         self._source = source[part.start : part.stop] if isinstance(source, bytes) else None
         n_threads = n_cores()
@@ -599,7 +600,7 @@ class OpenFile:
     def media(self) -> tuple[MediaTrack, ...]:
         """Video and sound beside the `.reel` in an MP4 file; raises as the class."""
         reader = self._reader
-        return read_media(reader.bytes_at, reader.size_bytes) if reader.start else ()
+        return read_media(reader.bytes_at, self._file_bytes) if reader.start else ()
 
     @property
     def memory_bytes(self) -> int:

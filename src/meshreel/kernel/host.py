@@ -50,7 +50,6 @@ class SourceReader:
         self._has_position = not is_plain or not hasattr(os, "pread")
         self._fetch: Callable[[int, int], None] | None = getattr(file, "fetch", None)
         self._lock = fork_safe_lock()
-        self.size_bytes: int = file.seek(0, os.SEEK_END)
         self.start: int = 0
         """Byte of the file at which offsets of the core begin."""
         self._failures: dict[int, BaseException] = {}
