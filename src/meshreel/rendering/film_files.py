@@ -31,40 +31,20 @@ _QUALITY = "18"  # of x264: visually nearly lossless
 def save_film(
     film: Film, path: Path, *, overwrite: bool = False, progress: Progress = silent
 ) -> None:
-    """Write a film to .mp4 with `save_mp4` or to .gif with `save_gif`.
+    """Write a film to .mp4 with `write_mp4` or to .gif with `save_gif`.
 
     Raises
     ------
     FormatError
         If the path has another file extension.
     """
-    writers = {".mp4": save_mp4, ".gif": save_gif}
-    if path.suffix.lower() not in writers:
-        raise FormatError(f"{path}: films are {' and '.join(writers)} files")
-    writers[path.suffix.lower()](film, path, overwrite=overwrite, progress=progress)
-
-
-def save_mp4(
-    film: Film, path: Path, *, overwrite: bool = False, progress: Progress = silent
-) -> None:
-    """Write a film as H.264, atomically.
-
-    Parameters
-    ----------
-    film : Film
-        Its width and height must be even.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    InvalidInputError
-        If a side is odd, or the path cannot or must not be written.
-    FormatError
-        If imageio_ffmpeg is not installed.
-    """
+    extension = path.suffix.lower()
+    if extension == ".gif":
+        return save_gif(film, path, overwrite=overwrite, progress=progress)
+    if extension != ".mp4":
+        raise FormatError(f"{path}: films are .mp4 and .gif files")
     pictures = _pictures(film, 1, progress)
-    write_mp4(pictures, path, film.size, film.fps, overwrite=overwrite)
+    return write_mp4(pictures, path, film.size, film.fps, overwrite=overwrite)
 
 
 def write_mp4(
@@ -77,9 +57,16 @@ def write_mp4(
     sound: Sequence[str] = (),
     appended: bytes = b"",
 ) -> None:
-    """Write RGB pictures of one size as H.264, atomically; errors as `save_mp4`.
+    """Write RGB pictures of one size as H.264, atomically.
 
     `sound` are the arguments of ffmpeg for sound, and `appended` is a box for the end of the file.
+
+    Raises
+    ------
+    InvalidInputError
+        If a side is odd, or the path cannot or must not be written.
+    FormatError
+        If imageio_ffmpeg is not installed.
     """
     ffmpeg = VIDEO.load()
     width, height = size

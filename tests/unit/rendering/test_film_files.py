@@ -8,7 +8,7 @@ from PIL import Image, ImageSequence
 from meshreel.errors import FormatError, InvalidInputError
 from meshreel.model.sequence import MeshSequence
 from meshreel.rendering import film_files
-from meshreel.rendering.film_files import save_film, save_gif, save_mp4
+from meshreel.rendering.film_files import save_film, save_gif
 from meshreel.rendering.films import UNKNOWN_FPS, film
 from meshreel.rendering.scenes import Scene
 from meshreel.rendering.shots import frame_labels
@@ -77,7 +77,7 @@ def test_gif_of_a_static_mesh_shows_it_in_every_picture(grid, tmp_path):
 def test_mp4_has_every_picture_at_its_rate(grid, tmp_path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     grid_film = make_film(grid, fps=12.5)
-    save_mp4(grid_film, tmp_path / "a.mp4")
+    save_film(grid_film, tmp_path / "a.mp4")
     path = str(tmp_path / "a.mp4")
     assert ffmpeg.count_frames_and_secs(path) == (12, pytest.approx(12 / 12.5, abs=0.01))
     command = [ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
@@ -93,21 +93,21 @@ def test_mp4_error_contains_the_message_of_ffmpeg(grid, tmp_path, monkeypatch):
     pytest.importorskip("imageio_ffmpeg")
     monkeypatch.setattr(film_files, "_MP4_OPTIONS", ["-c:v", "nothing"])
     with pytest.raises(OSError, match=r"ffmpeg could not write .*a\.mp4: .*nothing"):
-        save_mp4(make_film(grid), tmp_path / "a.mp4")
+        save_film(make_film(grid), tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_mp4_with_an_odd_side_is_rejected(grid, tmp_path):
     pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(InvalidInputError, match="even width and height; got 161 x 120"):
-        save_mp4(make_film(grid, size=(161, 120)), tmp_path / "a.mp4")
+        save_film(make_film(grid, size=(161, 120)), tmp_path / "a.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_error_names_the_extra_of_a_missing_library(grid, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(FormatError, match=r"pip install 'meshreel\[video\]'"):
-        save_mp4(make_film(grid), tmp_path / "a.mp4")
+        save_film(make_film(grid), tmp_path / "a.mp4")
 
 
 def test_existing_film_is_not_overwritten(grid, tmp_path):
