@@ -56,8 +56,8 @@ export class ReelFile implements OpenReel {
   /**
    * Open a file.
    *
-   * @param from - An address, read by range requests; a blob, such as a dropped file; or bytes, such as
-   *   a `Buffer` of Node, which are copied.
+   * @param from - A `.reel`, or an MP4 file that contains one: an address, read by range requests; a
+   *   blob, such as a dropped file; or bytes, such as a `Buffer` of Node, which are copied.
    * @throws SourceError if the bytes cannot be read.
    * @throws CorruptStreamError, TruncatedStreamError if the file is damaged or not a `.reel` file. A
    *   file that is damaged only at its end still opens; `info.damage` has the reason.

@@ -39,7 +39,7 @@ def open(
     segment: int | None = None,
     memory: float | str | None = None,
 ) -> ReelFile:
-    """Open a `.reel` file for random access: reads its index, and decodes nothing yet.
+    """Open a `.reel`, or the one in an `.mp4`, for random access: reads only its index.
 
     Parameters
     ----------

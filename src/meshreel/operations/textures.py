@@ -99,10 +99,8 @@ class TextureJob:
         FormatError
             As `open_textures`; also if writing a video needs an extra, or ffmpeg reads no sound.
         """
-        assert options.texture is not None  # callers check for one
-        assert options.texture_output is not None
-        textures, path = open_textures(options.texture), Path(options.texture_output)
-        overwrite = options.overwrite
+        textures = open_textures(options.texture or ())
+        path, overwrite = Path(options.texture_output or ""), options.overwrite
         if textures.n_frames != raw.n_frames:
             has_several = textures.n_frames % raw.n_frames == 0
             raise InvalidInputError(
