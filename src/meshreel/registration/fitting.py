@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.geometry.normals import unit
@@ -30,6 +31,10 @@ RESIDUAL = 1e-2
 
 DAMPING = 1e-3
 """Weight of the squared change of each vertex, which holds vertices without correspondences."""
+
+HARMONIC_DAMPING = 1e-6
+"""Weight of the current values of harmonic vectors; it makes the equations solvable for components
+whose vertices all move."""
 
 
 @dataclass(frozen=True)
@@ -205,3 +210,21 @@ def uniform_laplacian(faces: Faces, n_verts: int) -> Any:
     degrees = np.asarray(adjacency.sum(axis=1)).ravel()
     neighbor_means = sparse.diags(1.0 / np.maximum(degrees, 1.0)) @ adjacency
     return (sparse.diags((degrees > 0).astype(float)) - neighbor_means).tocsr()
+
+
+def harmonic(
+    laplacian: Any,
+    vectors: Floats,
+    is_moving: npt.NDArray[np.bool_],
+    damping: float = HARMONIC_DAMPING,
+) -> Floats:
+    """Return vectors of shape (V, 3), replaced by means of their neighbors where they move.
+
+    `laplacian` is that of `uniform_laplacian`, and `damping` the weight of their current values.
+    """
+    sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
+    rows, result = laplacian[is_moving], vectors.copy()
+    rhs = damping * vectors[is_moving] - rows[:, ~is_moving] @ vectors[~is_moving]
+    matrix = rows[:, is_moving] + damping * sparse.identity(rows.shape[0])
+    result[is_moving] = linalg.spsolve(matrix.tocsc(), rhs)
+    return result

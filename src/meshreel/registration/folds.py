@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
-from meshreel.registration.fitting import uniform_laplacian
+from meshreel.registration.fitting import harmonic, uniform_laplacian
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.runtime.extras import REGISTER_SCIPY
 
@@ -24,10 +24,6 @@ FLATTENINGS_PER_RING = 2
 RESTORINGS_PER_RING = 2
 OPENINGS_PER_RING = 4
 """Rounds after which one more ring of vertices around the remaining folds moves too."""
-
-POSITION_WEIGHT = 1e-6
-"""Weight of the current position of a moving vertex when flattening or restoring; it makes the
-equations solvable for components whose vertices all move."""
 
 MIN_AREA = 0.1
 """Smallest area of a face that opening accepts, as seen along the normal of the surface, relative
@@ -92,7 +88,7 @@ class Folds:
             if not len(folds):
                 break
             is_moving = _vertices_around(mesh, folds, number // FLATTENINGS_PER_RING)
-            mesh = TriangleMesh(self._average(mesh.vertices, is_moving), mesh.faces)
+            mesh = TriangleMesh(harmonic(self._laplacian, mesh.vertices, is_moving), mesh.faces)
         return mesh
 
     def restore(self, mesh: TriangleMesh, target: TriangleMesh, rest: Floats) -> TriangleMesh:
@@ -112,18 +108,9 @@ class Folds:
             if not len(folds):
                 break
             is_moving = _vertices_around(mesh, folds, 1 + number // RESTORINGS_PER_RING)
-            displacements = self._average(mesh.vertices - rest, is_moving)
+            displacements = harmonic(self._laplacian, mesh.vertices - rest, is_moving)
             mesh = TriangleMesh(rest + displacements, mesh.faces)
         return mesh
-
-    def _average(self, vectors: Floats, is_moving: npt.NDArray[np.bool_]) -> Floats:
-        """Return vectors of shape (V, 3), replaced by means of their neighbors where they move."""
-        sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        rows, averaged = self._laplacian[is_moving], vectors.copy()
-        damping = POSITION_WEIGHT * sparse.identity(rows.shape[0])
-        rhs = POSITION_WEIGHT * vectors[is_moving] - rows[:, ~is_moving] @ vectors[~is_moving]
-        averaged[is_moving] = linalg.spsolve((rows[:, is_moving] + damping).tocsc(), rhs)
-        return averaged
 
     def open(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
         """Return the mesh with folds turned until they agree with the surface; some may remain.

@@ -1,7 +1,7 @@
 """Segments grow from key frames in both directions, as far as the tolerance is met."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, count
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from meshreel.model.sequence import Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface
 from meshreel.registration.decimating import decimated_key
+from meshreel.registration.filling import Mask, filled_frames, shown_vertices
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
 from meshreel.registration.graph import Pose, PosedMesh
@@ -196,6 +197,8 @@ class Segment:
     may_lack_vertices : bool
         Whether the tolerance was nearly met at one of these frames, which has as many components
         as the key: a key with more vertices may be able to follow it.
+    filled, unknown : tuple of (int, float)
+        Frames that lack surface, and its share: filled as near frames show it, or not shown by any.
     """
 
     first: int
@@ -206,6 +209,8 @@ class Segment:
     n_folded: int
     reasons: tuple[tuple[int, str], ...]
     may_lack_vertices: bool
+    filled: tuple[tuple[int, float], ...] = ()
+    unknown: tuple[tuple[int, float], ...] = ()
 
     @property
     def n_frames(self) -> int:
@@ -259,6 +264,7 @@ def grow_segments(
     def divide(run: range) -> list[Segment]:
         key = _choose_key(run, topologies)
         segment = _longest(frames, key, run, tolerance, store, partial(report_all, key))
+        segment = _filled(segment, frames, tolerance, store, partial(report_all, key))
         n_growing[key] = segment.n_frames
         remaining = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
         return [segment, *divide_all(filter(None, remaining))]
@@ -317,6 +323,59 @@ def _longest(
         return segment
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_refined)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
+
+
+def _filled(
+    segment: Segment,
+    frames: Frames,
+    tolerance: Tolerance,
+    store: TemporaryStore,
+    report: Callable[[str, int], None],
+) -> Segment:
+    """Return the segment with the surface that some frames lack moved as in frames near them.
+
+    Frames that would then miss the tolerance are fitted again, or stay as they are.
+    """
+    faces, name = segment.key_mesh.mesh.faces, f"{segment.key}_filled"
+    lacking = [row for row, errors in enumerate(segment.errors) if errors.unsupported]
+    if segment.n_frames == 1 or not lacking:
+        return segment
+
+    def positions(row: int) -> Floats:
+        return frames.normalized(segment.positions[row])
+
+    def shown(row: int) -> Mask:
+        report("filling", row)
+        target = frames.mesh(segment.numbers[row])
+        return shown_vertices(TriangleMesh(positions(row), faces), target, tolerance)
+
+    is_shown = {row: mask for row in lacking if not (mask := shown(row)).all()}
+    if not is_shown:
+        return segment
+    fit = TwoSidedFit(faces, len(segment.key_mesh.mesh.vertices))
+    all_errors, filled, unknown = list(segment.errors), [], []
+    for number, vertices in zip(segment.numbers, segment.positions, strict=True):
+        store.put(name, number, vertices)
+    for row, vertices, is_unknown in filled_frames(positions, segment.n_frames, faces, is_shown):
+        number, mesh = segment.numbers[row], TriangleMesh(vertices, faces)
+        target = frames.mesh(number)
+        errors = measure(mesh, target, tolerance)
+        if errors.exceeds(tolerance):
+            vertices = fit.step(mesh, vertices, target, SMOOTHNESS[0])
+            errors = measure(TriangleMesh(vertices, faces), target, tolerance)
+        if not errors.exceeds(tolerance):
+            store.put(name, number, frames.restored(vertices))
+            all_errors[row] = errors
+            filled.append((number, errors.unsupported))
+        if share := mesh.vertex_areas[is_unknown].sum() / mesh.areas.sum():
+            unknown.append((number, float(share)))
+    return replace(
+        segment,
+        positions=store.stack(name, segment.numbers),
+        errors=tuple(all_errors),
+        filled=tuple(filled),
+        unknown=tuple(unknown),
+    )
 
 
 def _complete(

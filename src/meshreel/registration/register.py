@@ -534,6 +534,15 @@ def _changes(
             f"added surface that other frames show to the mesh of "
             f"{counted(len(larger), 'key frame')}"
         )
+    gaps = {
+        "filled as frames near in time show it": [segment.filled for segment in segments],
+        "no near frame shows it, so its shape is a guess": [each.unknown for each in segments],
+    }
+    for text, shares in gaps.items():
+        if lacking := {number: share for each in shares for number, share in each}:
+            percent = 100 * max(lacking.values())
+            where = f"{frames_text(sorted(lacking))} (up to {percent:.2g} %)"
+            yield f"missing surface of {where}: {text}"
     n_degenerate, n_small, n_welded, n_debris, _ = (
         sum(column) for column in zip(*removed, strict=True)
     )

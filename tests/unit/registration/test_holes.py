@@ -57,7 +57,8 @@ def test_a_capture_without_holes_has_no_unsupported_surface():
 @pytest.mark.slow
 def test_kept_holes_are_a_track_of_the_faces_that_frames_have():
     raw = scans(3, 1, 0.0)
-    found = meshreel.register(raw, keep_holes=True)
+    with pytest.warns(UserWarning, match="filled as frames near in time show it"):
+        found = meshreel.register(raw, keep_holes=True)
     assert found.n_segments == 1
     track, areas = found.tracks[SCANNED], face_areas(found[1])
     assert (track.domain, track.dtype, track.shape) == ("face", np.uint8, (3, found.n_faces, 1))
