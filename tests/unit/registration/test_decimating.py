@@ -96,8 +96,8 @@ def test_vertices_with_colors_all_remain():
 
 def test_a_frame_that_cannot_be_followed_is_decimated_too():
     vertices, faces = capsule(60, 50)
-    raw = as_frames([(vertices, faces), (vertices[:, ::-1].copy(), faces)])
-    found = register(raw, tolerance=0.5)
+    raw = as_frames([(vertices, faces), (4 * vertices, faces)])
+    found = register(raw, tolerance=0.2)
     assert [segment.n_frames for segment in found.sequence.segments] == [1, 1]
     n_verts = [segment.n_verts for segment in found.sequence.segments]
     assert max(n_verts) < 0.8 * len(vertices)
