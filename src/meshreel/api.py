@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast, overload
 
 from meshreel.codec import decoder, encoder
 from meshreel.codec import inspect as streams
@@ -15,14 +15,15 @@ from meshreel.codec.option import takes_fields
 from meshreel.codec.reel_file import ReelFile
 from meshreel.errors import InvalidInputError
 from meshreel.formats.file_errors import check_input_file, errors_naming, os_errors_naming
+from meshreel.formats.load import is_path
 from meshreel.formats.options import Reading
 from meshreel.formats.reel import open as open_reel
 from meshreel.formats.reel import read_info
-from meshreel.formats.sources import AnyPath
+from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.inputs import AnyInput, Stream, loaded, opened
-from meshreel.operations.registering import extras_to_register, register_frames
+from meshreel.operations.registering import extras_to_register, open_part, register_frames
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
@@ -161,8 +162,7 @@ def register(source: AnyInput, options: RegisterOptions) -> MeshSequence:
     Parameters
     ----------
     source : MeshSequence, path, bytes, or ReelFile
-        Raw frames, as `encode` accepts them. Frames that stay in their files are read three or four
-        times.
+        Raw frames, as `encode` accepts them. Frames that stay in their files are read four times.
     options
         The fields of `RegisterOptions`.
     progress : callable, optional
@@ -189,7 +189,8 @@ def register(source: AnyInput, options: RegisterOptions) -> MeshSequence:
     reading, notes = Reading(matches_frames=False), Notes()
     with opened(source, reading) as frames:
         _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS])
-        registered = register_frames(frames, options, notes, options.progress)
+        parts = open_part(cast("Source", source), reading) if is_path(source) else None
+        registered = register_frames(frames, options, notes, options.progress, parts)
         registered.bake(registered.sequence, options.progress)
     _warn([*registered.registration.changes, *notes])
     return registered.sequence

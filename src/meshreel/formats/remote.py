@@ -91,7 +91,7 @@ def _download(
     addresses: list[str], folder: Path, limit_bytes: float, notes: Notes | None
 ) -> Source:
     """Download files into a new folder; return the copies as a source."""
-    files = [file for address in addresses for file in _resolve(address)]
+    files = remote_files(addresses)
     names = [name_of(file) for file in files]
     if len(set(names)) < len(names):
         raise InvalidInputError("two remote frames have the same file name; rename one of them")
@@ -108,6 +108,12 @@ def _download(
     if len(files) == 1 and len(addresses) == 1 and addresses[0] == files[0]:
         return folder / names[0]
     return [folder / name for name in names]
+
+
+def remote_files(source: Source) -> list[str]:
+    """Return the addresses of the files of a remote source; raises as `local_copy`."""
+    addresses = [source] if isinstance(source, str | os.PathLike) else source
+    return [file for address in addresses for file in _resolve(os.fspath(address))]
 
 
 def _resolve(address: str) -> list[str]:

@@ -32,6 +32,7 @@ from meshreel.operations.registering import (
     Registered,
     extras_to_register,
     loading_raw,
+    open_part,
     register_frames,
 )
 from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
@@ -249,7 +250,8 @@ def convert(
                 folder = Path(target.output).with_suffix(".registration")
                 quality = quality_of(target.config)
                 registering = replace(registering, quality=quality, folder=folder)
-            registered = register_frames(opened, registering, notes, progress)
+            parts_of = None if source == STANDARD_INPUT else open_part(source, loading)
+            registered = register_frames(opened, registering, notes, progress, parts_of)
             opened = registered.sequence
             target = replace(target, config=registered.tuned(target.config, notes))
             notes += registered.notes(is_reported=writes_stream and reports)

@@ -1,16 +1,24 @@
 """Registration of the raw frames of an input, and of their textures."""
 
-from collections.abc import Iterable
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from meshreel.formats.needed_extras import REGISTRATION, extras_to_bake
 from meshreel.formats.options import Reading
+from meshreel.formats.remote import local_copy, remote_files
+from meshreel.formats.segments import open_any
+from meshreel.formats.sources import AnyPath, Source, find_files
 from meshreel.model.notes import Note, Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import Extra
-from meshreel.runtime.progress import Progress
+from meshreel.runtime.progress import Progress, silent
+from meshreel.runtime.stores.address import is_remote
 
 if TYPE_CHECKING:
     from meshreel.codec.config import EncoderConfig
@@ -18,6 +26,7 @@ if TYPE_CHECKING:
     from meshreel.operations.textures import TextureJob
     from meshreel.registration.register import Registration
     from meshreel.registration.report import Report
+    from meshreel.registration.runs import Open
 
 
 MAX_LOADED_BYTES = 256 << 20
@@ -38,24 +47,63 @@ def extras_to_register(options: RegisterOptions) -> list[Extra]:
     return [*REGISTRATION, *extras_to_bake(options.texture, options.texture_output or "")]
 
 
+def open_part(source: Source, reading: Reading) -> Callable[[range], "Open"]:
+    """Return a function that returns a function that opens a range of the frames of a source.
+
+    Workers call the second one, so files must have the same path or address there.
+    """
+    reading = replace(loading_raw(reading), notes=Notes(), referenced=set[Path](), progress=silent)
+
+    @cache
+    def files() -> Sequence[AnyPath]:
+        sources = [source] if isinstance(source, str | os.PathLike) else source
+        is_elsewhere = any(map(is_remote, sources))
+        return remote_files(source) if is_elsewhere else find_files(source).paths
+
+    def of_frames(numbers: range) -> "Open":
+        if len(files()) == 1:
+            return partial(_opened, files(), reading, numbers)
+        return partial(_opened, files()[numbers.start : numbers.stop], reading)
+
+    return of_frames
+
+
+@contextmanager
+def _opened(
+    files: Source, reading: Reading, numbers: range | None = None
+) -> Iterator[MeshSequence]:
+    with local_copy(files) as copies:
+        sequence = open_any(find_files(copies), reading)
+        yield sequence if numbers is None else sequence.part(numbers)
+
+
 def register_frames(
-    raw: MeshSequence, options: RegisterOptions, notes: Notes, progress: Progress
+    raw: MeshSequence,
+    options: RegisterOptions,
+    notes: Notes,
+    progress: Progress,
+    source: Callable[[range], "Open"] | None = None,
 ) -> "Registered":
     """Register raw frames, with texture coordinates that fit the textures.
+
+    Parameters
+    ----------
+    source : callable, optional
+        Opens frames on workers, as `open_part`. Default: frames are sent to them.
 
     Raises
     ------
     InvalidInputError, FormatError
         As `meshreel.register`.
     """
-    from meshreel.registration.register import register  # imports SciPy
+    from meshreel.registration.register import register_files  # imports SciPy
 
     job = None
     if options.texture is not None and options.texture_output is not None:
         from meshreel.operations.textures import TextureJob  # imports Pillow
 
         job = TextureJob.checked(options, raw, notes)
-    registration = register(raw, **vars(replace(options, progress=progress)))
+    registration = register_files(raw, replace(options, progress=progress), source)
     return Registered(registration if job is None else job.prepared(registration, notes), job)
 
 

@@ -1,8 +1,8 @@
 """Segments grow from key frames in both directions, as far as the tolerance is met."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property, partial
 from itertools import chain, count
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.frame_choice import consecutive_runs
 from meshreel.model.geometry.connectivity import boundary_edges, component_labels, undirected_edges
-from meshreel.model.sequence import Vertices
+from meshreel.model.sequence import MeshSequence, Vertices
 from meshreel.registration.cleaning import CleanMesh
 from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface
 from meshreel.registration.decimating import decimated_key
@@ -21,7 +21,7 @@ from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.folds import Folds
 from meshreel.registration.graph import Pose, PosedMesh
 from meshreel.registration.refining import KeyMesh
-from meshreel.registration.stores import Course, TemporaryStore
+from meshreel.registration.stores import Arrays, Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, check, measure, one_way
@@ -80,6 +80,8 @@ class Frames:
     Attributes
     ----------
     n_frames : int
+    raw : callable
+        Returns a frame as it is, with its surface and tracks.
     cleaned : callable
         Returns a frame.
     wedges : callable
@@ -94,6 +96,7 @@ class Frames:
     """
 
     n_frames: int
+    raw: Callable[[int], MeshSequence]
     cleaned: Callable[[int], CleanMesh]
     wedges: Callable[[int], Indices | None]
     low: Floats
@@ -190,8 +193,8 @@ class Segment:
         The mesh of the key, decimated or refined, in longest sides of the box.
     errors : tuple of FrameErrors
         Errors of each frame.
-    n_folded : int
-        Faces that fold over, in all frames.
+    n_folded : tuple of int
+        Faces that fold over in each frame.
     reasons : tuple of (int, str)
         The frames at which it ended, and why each could not be followed.
     may_lack_vertices : bool
@@ -206,7 +209,7 @@ class Segment:
     positions: Vertices
     key_mesh: KeyMesh
     errors: tuple[FrameErrors, ...]
-    n_folded: int
+    n_folded: tuple[int, ...]
     reasons: tuple[tuple[int, str], ...]
     may_lack_vertices: bool
     filled: tuple[tuple[int, float], ...] = ()
@@ -222,6 +225,59 @@ class Segment:
         """Numbers of the frames in the sequence."""
         return range(self.first, self.first + self.n_frames)
 
+    def arrays(self) -> Arrays:
+        """Return the arrays that make up the segment, by name."""
+        numbers, reasons = zip(*self.reasons, strict=True) if self.reasons else ((), ())
+        return {
+            "positions": self.positions,
+            "vertices": self.key_mesh.mesh.vertices,
+            "faces": self.key_mesh.mesh.faces,
+            "parents": self.key_mesh.parents,
+            "weights": self.key_mesh.weights,
+            "numbers": np.array([self.first, self.key, self.key_mesh.n_added, *numbers]),
+            "reasons": np.array(reasons, np.str_),
+            "errors": np.array([*map(astuple, self.errors)]),
+            "n_folded": np.array(self.n_folded),
+            "may_lack_vertices": np.array(self.may_lack_vertices),
+            "filled": np.array(self.filled).reshape(-1, 2),
+            "unknown": np.array(self.unknown).reshape(-1, 2),
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays: Arrays) -> "Segment":
+        """Return the segment of these arrays; the inverse of `arrays`."""
+        mesh = TriangleMesh(arrays["vertices"], arrays["faces"])
+        first, key, n_added, *numbers = arrays["numbers"].tolist()
+        return cls(
+            first,
+            key,
+            arrays["positions"],
+            KeyMesh(mesh, arrays["parents"], arrays["weights"], n_added),
+            tuple(FrameErrors(*row) for row in arrays["errors"].tolist()),
+            tuple(arrays["n_folded"].tolist()),
+            tuple(zip(numbers, arrays["reasons"].tolist(), strict=True)),
+            bool(arrays["may_lack_vertices"]),
+            *(
+                tuple((int(number), share) for number, share in arrays[name].tolist())
+                for name in ("filled", "unknown")
+            ),
+        )
+
+    def part(self, numbers: range) -> "Segment":
+        """Return some of its frames."""
+        rows = slice(numbers.start - self.first, numbers.stop - self.first)
+        ends = numbers.start - 1, numbers.stop
+        return replace(
+            self,
+            first=numbers.start,
+            positions=self.positions[rows],
+            errors=self.errors[rows],
+            n_folded=self.n_folded[rows],
+            reasons=tuple(reason for reason in self.reasons if reason[0] in ends),
+            filled=tuple(row for row in self.filled if row[0] in numbers),
+            unknown=tuple(row for row in self.unknown if row[0] in numbers),
+        )
+
     @property
     def bits_per_frame(self) -> float:
         """Estimated mean bits of a frame: its share of the key, and its motion."""
@@ -235,17 +291,17 @@ def _bits_per_frame(key_mesh: KeyMesh, n_frames: int) -> float:
 
 def grow_segments(
     frames: Frames,
-    topologies: list[Topology | None],
+    topologies: Mapping[int, Topology | None],
     tolerance: Tolerance,
     store: TemporaryStore,
     report: Callable[[str, int], None],
 ) -> list[Segment]:
-    """Divide all frames into segments.
+    """Divide frames into segments.
 
     Parameters
     ----------
-    topologies : list of Topology, or None for frames without a surface
-        Frames without a surface belong to no segment.
+    topologies : mapping of int to Topology, or to None for frames without a surface
+        By the numbers of the frames. Frames without a surface belong to no segment.
     tolerance : Tolerance
         In longest sides of the box.
     store : TemporaryStore
@@ -253,7 +309,7 @@ def grow_segments(
     report : callable
         Called with the stage and its number of finished frames. A refined key begins again.
     """
-    numbers = [number for number, topology in enumerate(topologies) if topology is not None]
+    numbers = [number for number, topology in topologies.items() if topology is not None]
     n_finished = len(topologies) - len(numbers)
     n_growing: dict[int, int] = {}  # frames by key
 
@@ -264,7 +320,7 @@ def grow_segments(
     def divide(run: range) -> list[Segment]:
         key = _choose_key(run, topologies)
         segment = _longest(frames, key, run, tolerance, store, partial(report_all, key))
-        segment = _filled(segment, frames, tolerance, store, partial(report_all, key))
+        segment = filled_segment(segment, frames, tolerance, store, partial(report_all, key))
         n_growing[key] = segment.n_frames
         remaining = range(run.start, segment.numbers.start), range(segment.numbers.stop, run.stop)
         return [segment, *divide_all(filter(None, remaining))]
@@ -276,11 +332,11 @@ def grow_segments(
         divide_all(run for _, run in consecutive_runs(np.array(numbers))),
         key=lambda segment: segment.first,
     )
-    report(REGISTERING, frames.n_frames)
+    report(REGISTERING, len(topologies))
     return segments
 
 
-def _choose_key(run: range, topologies: list[Topology | None]) -> int:
+def _choose_key(run: range, topologies: Mapping[int, Topology | None]) -> int:
     """Return the frame of the best topology near the middle of a run."""
     margin = int(KEY_MARGIN * len(run))
     inner = run[margin : len(run) - margin]
@@ -325,7 +381,7 @@ def _longest(
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
 
 
-def _filled(
+def filled_segment(
     segment: Segment,
     frames: Frames,
     tolerance: Tolerance,
@@ -426,28 +482,28 @@ def _grow(
 
     def follow(follower: Follower, numbers: range) -> None:
         """Follow frames in order, up to the first that cannot be followed."""
-        direction = f"{name}_{'before' if numbers is before else 'after'}"
-        course = store.load(direction) or Course(follower.tracker.start())
+        course = Course(follower.tracker.start())
         courses[numbers] = course
-        for number in numbers[len(course.errors) :]:
-            if course.reason:
-                break
+        for number in numbers:
             outcome = follower.follow(course.state, frames.mesh(number))
             if isinstance(outcome, Failure):
                 course.reason, course.excess = outcome
-            else:
-                course.state = outcome.state
-                course.errors.append(outcome.errors)
-                course.n_folded += outcome.n_folded
-                store.put(name, number, frames.restored(outcome.positions))
-            store.save(direction, course)
+                break
+            course.state = outcome.state
+            course.errors.append(outcome.errors)
+            course.n_folded.append(outcome.n_folded)
+            store.put(name, number, frames.restored(outcome.positions))
             report(1 + sum(len(other.errors) for other in list(courses.values())))
 
     directions = [numbers for numbers in (before, after) if numbers]
     if directions:
         in_threads(partial(follow, Follower(mesh, tolerance)), directions)
-    earlier = courses[before].errors if before else []
-    later = courses[after].errors if after else []
+    earlier, later = (
+        [*zip(courses[numbers].errors, courses[numbers].n_folded, strict=True)] if numbers else []
+        for numbers in (before, after)
+    )
+    at_key = measure(mesh, frames.mesh(key), tolerance), 0
+    errors, n_folded = zip(*reversed(earlier), at_key, *later, strict=True)
     span = range(key - len(earlier), key + len(later) + 1)
     ends = {side[len(course.errors)]: course for side, course in courses.items() if course.reason}
     n_components = frames.cleaned(key).n_components
@@ -456,8 +512,8 @@ def _grow(
         key,
         store.stack(name, span),
         key_mesh,
-        (*reversed(earlier), measure(mesh, frames.mesh(key), tolerance), *later),
-        sum(course.n_folded for course in courses.values()),
+        errors,
+        n_folded,
         tuple(sorted((number, course.reason) for number, course in ends.items())),
         any(
             course.excess < MAX_ERROR_TO_REFINE
@@ -498,10 +554,31 @@ class Follower:
     """Follows frames with the mesh of a key, with as little detail as the tolerance allows."""
 
     def __init__(self, key: TriangleMesh, tolerance: Tolerance) -> None:
-        self.tracker: Tracker = Tracker(key)
+        self._key = key
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
         self._folds = Folds(key, tolerance.length)
         self._faces, self._tolerance = key.faces, tolerance
+
+    @cached_property
+    def tracker(self) -> Tracker:
+        """Moves the key from frame to frame."""
+        return Tracker(self._key)
+
+    def state_at(self, positions: Floats) -> State:
+        """Return the state of the tracker at positions of shape (V, 3)."""
+        state = self.tracker.start()
+        return self.tracker.arrive(state, *self.tracker.conform(state, positions), positions)
+
+    def conform(self, state: State, positions: Floats, target: TriangleMesh) -> Success | Failure:
+        """Return the next frame as `follow`, given positions near its surface."""
+        pose, posed = self.tracker.conform(state, positions)
+        fit = self._fitted((pose, posed), target)
+        if not self._meets(fit.errors):
+            return self.follow(state, target)
+        self._repair_folds(fit, target)
+        self._restore_folds(fit, target)
+        next_state = self.tracker.arrive(state, pose, posed, fit.mesh.vertices)
+        return Success(next_state, fit.mesh.vertices, fit.errors, fit.n_folded)
 
     def follow(self, state: State, target: TriangleMesh) -> Success | Failure:
         """Return the next frame, or why no attempt meets the tolerance.
@@ -560,14 +637,17 @@ class Follower:
         return errors.in_tolerances(self._tolerance)
 
     def _attempt(self, state: State, target: TriangleMesh, attempt: Attempt) -> Fit:
-        """Return an attempt with the closest fit of all its steps.
+        """Return an attempt with the closest fit of all its steps."""
+        return self._fitted(self.tracker.track(state, target, attempt), target)
+
+    def _fitted(self, start: tuple[Pose, PosedMesh], target: TriangleMesh) -> Fit:
+        """Return the closest fit of all steps from a posed mesh.
 
         The steps end when the tolerance is met, or when they no longer reduce the error. If it is
         nearly met, folds may hide the rest of the surface, so they are opened, and the mesh is
         fitted again.
         """
-        pose, posed = self.tracker.track(state, target, attempt)
-        fits: list[Fit] = []
+        (pose, posed), fits = start, list[Fit]()
 
         def fit_again(mesh: TriangleMesh, smoothness: float) -> None:
             positions = self._fit.step(mesh, posed.positions, target, smoothness)

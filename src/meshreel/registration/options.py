@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 from meshreel.codec.error_bounds import METERS, ErrorBound, bound_of
-from meshreel.codec.option import Option
+from meshreel.codec.option import COUNT, Option
 from meshreel.codec.targets import DEFAULT_QUALITY, QUALITIES
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.options import READING
 from meshreel.runtime.progress import Progress, silent
+
+WORKERS = "Where it runs (give one)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +65,9 @@ class RegisterOptions:
     folder: Annotated[
         str | os.PathLike[str] | None,
         Option(
-            "Stores the registered frames: after an interruption, the same call continues. The "
-            "result reads its frames from the folder; remove it when they are not needed any more. "
+            "Stores finished runs of about 120 frames: after an interruption, the same call "
+            "continues. The result reads its frames from the folder; remove it when they are not "
+            "needed any more. "
             "Default: frames are in temporary files (in ``TMPDIR``), which vanish with the result."
         ),
     ] = None
@@ -94,11 +97,33 @@ class RegisterOptions:
             metavar="FILE",
         ),
     ] = None
+    workers: Annotated[
+        int | None,
+        Option(
+            "Number of processes that register runs of a long capture. Default: one, on all cores.",
+            range=COUNT,
+            group=WORKERS,
+        ),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        Option(
+            "Address of a Dask scheduler whose workers have the capture at the same path or "
+            "address (needs [dask]).",
+            metavar="ADDRESS",
+            group=WORKERS,
+        ),
+    ] = None
     overwrite: Annotated[bool, Option("Whether existing textures may be replaced.")] = False
     progress: Progress = silent
 
     def __post_init__(self) -> None:
         _ = self.bound
+        if self.workers is not None and self.scheduler is not None:
+            raise InvalidInputError(
+                Keyword("workers"), " and ", Keyword("scheduler"),
+                " cannot be combined; give one",
+            )  # fmt: skip
         if (self.texture is None) != (self.texture_output is None):
             raise InvalidInputError(
                 Keyword("texture"), " and ", Keyword("texture_output"),

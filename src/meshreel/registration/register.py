@@ -1,14 +1,14 @@
 """Registration of a sequence whose faces change in almost every frame."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import partial
 from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
 
-from meshreel.arrays import rows_as_bytes
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.option import takes_fields
 from meshreel.codec.reel_file import ReelFile
@@ -17,27 +17,17 @@ from meshreel.codec.targets import QUALITIES
 from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.model.frame_choice import frames_text
 from meshreel.model.notes import Note, NoteKind, Notes
-from meshreel.model.sequence import (
-    FrameSource,
-    MeshSequence,
-    frames_of,
-    segment_of_frame,
-)
+from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from meshreel.model.tracks import Track, TrackKind
-from meshreel.registration.cleaning import (
-    MAX_CRACK,
-    MIN_COMPONENT_AREA,
-    CleanMesh,
-    Removed,
-    clean,
-)
-from meshreel.registration.debris import debris_faces
+from meshreel.model.tracks import Track
+from meshreel.registration.capture import Capture, Surveyed
+from meshreel.registration.cleaning import MAX_CRACK, MIN_COMPONENT_AREA, CleanMesh
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Frames, Segment, Topology, grow_segments
+from meshreel.registration.growing import Frames, Segment
 from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
+from meshreel.registration.runs import Open, Runs, executor_of
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
     RawFrame,
@@ -45,20 +35,14 @@ from meshreel.registration.transfer import (
     attributes_of,
     interpolated,
     items_at_corners,
-    transferable,
     transferred_tracks,
 )
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import PRECISION, FrameErrors, Tolerance, measure
 from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread, results_in_order
-
-CACHED_VERTICES = 1_000_000
-"""Maximum number of vertices of the cleaned frames in memory, about 100 bytes each."""
-
-MIN_CACHED_FRAMES = 4
 
 MIN_UNSUPPORTED_PERCENT = 0.05
 """Notes mention the share of the registered surface that raw frames lack if it is at least this."""
@@ -168,12 +152,12 @@ class Registration:
     def distances(self) -> Distances:
         """Distances from the raw frames."""
         errors = [frame for segment in self.segments for frame in segment.errors]
-        n_folded = sum(segment.n_folded for segment in self.segments)
+        n_folded = sum(sum(segment.n_folded) for segment in self.segments)
         return Distances.of_frames(errors, self.diagonal, n_folded)
 
     def raw_frame(self, number: int) -> RawFrame:
         """Return a raw frame with its cleaned surface."""
-        return _raw_frame(self.raw, self.frames, number)
+        return _raw_frame(self.frames, number)
 
     def distances_of(
         self, sequence: MeshSequence | ReelFile, progress: Progress = silent
@@ -186,7 +170,7 @@ class Registration:
         n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
         progress("measuring", Count(0, n_frames, "frames"))
         for segment in self.segments:
-            folds = Folds(self._mesh(sequence, segment.key), self.tolerance.length)
+            folds = Folds(segment.key_mesh.mesh, self.tolerance.length)
 
             def measure_frame(
                 pair: tuple[TriangleMesh, int], folds: Folds = folds
@@ -301,7 +285,7 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     Parameters
     ----------
     sequence : MeshSequence
-        Raw frames, at least one. Frames may stay in their files; each is read three or four times.
+        Raw frames, at least one. Frames may stay in their files; each is read four times.
     options
         The fields of `RegisterOptions`; textures are not baked.
 
@@ -311,6 +295,20 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
         If the quality is not in 1..100, the faces do not change, no frame has a face with an area,
         `folder` contains something else, the frames have values called `SCANNED` while holes are
         kept, or the extra [register] is not installed.
+    """
+    return register_files(sequence, options, None)
+
+
+def register_files(
+    sequence: MeshSequence, options: RegisterOptions, open_part: Callable[[range], Open] | None
+) -> Registration:
+    """Register as `register`; workers read their frames from files.
+
+    Parameters
+    ----------
+    open_part : callable, optional
+        Returns a function that opens a range of frames, also on a worker. Default: frames are sent
+        to the workers.
     """
     quality, keep_holes, progress = options.quality, options.keep_holes, options.progress
     QUALITIES.check(quality, Keyword("quality"))
@@ -329,80 +327,38 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     scale = float((extent.high - extent.low).max()) or 1.0
     diagonal = float(np.linalg.norm(extent.high - extent.low)) or 1.0
     limit = Tolerance(options.bound.share(diagonal) * diagonal / scale, quality)
-    max_removed_area, max_crack = limit.patch_area * scale**2, MAX_CRACK * limit.length * scale
-
-    n_verts = max(segment.n_verts for segment in sequence.segments)
-
-    n_cached = max(MIN_CACHED_FRAMES, CACHED_VERTICES // n_verts)
-    turned_frames: set[int] = set()
-
-    @lru_cache(n_cached)
-    def with_debris(number: int) -> CleanMesh | None:
-        is_frame = 0 <= number < sequence.n_frames
-        return clean(sequence[number], max_removed_area, max_crack) if is_frame else None
-
-    @lru_cache(n_cached)
-    def as_oriented(number: int) -> CleanMesh:
-        mesh = with_debris(number)
-        assert mesh is not None
-        return mesh if options.keep_debris else mesh.without(debris_faces(with_debris, number))
-
-    def cleaned(number: int) -> CleanMesh:
-        mesh = as_oriented(number)
-        return mesh.turned() if number in turned_frames else mesh
-
-    low = np.asarray(extent.low, np.float64)
-    frames = Frames(
+    capture = Capture(
         sequence.n_frames,
-        cleaned,
-        lambda number: _wedges(_frame(sequence, number), cleaned(number)),
-        low,
+        np.asarray(extent.low, np.float64),
         scale,
         sequence.dtype,
+        limit,
+        options.keep_debris,
     )
-    topologies, orientations, removed, has_hard_edges = [], [], [], False
-    raw_names, digest = set[str](), blake2b(f"{options.bound!r} {quality}".encode())
-
-    def prepare(number: int) -> tuple[CleanMesh, Topology | None, int, MeshSequence]:
-        mesh, frame = cleaned(number), _frame(sequence, number)
-        if mesh.is_empty:
-            return mesh, None, 0, frame
-        orientation = TriangleMesh(mesh.vertices, mesh.faces).orientation
-        return mesh, Topology.of_mesh(mesh), orientation, frame
-
-    meshes = results_in_order(prepare, range(frames.n_frames), lambda _: True)
-    for number, (mesh, topology, orientation, frame) in enumerate(meshes):
-        digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
-        topologies.append(topology)
-        orientations.append(orientation)
-        removed.append(mesh.removed)
-        has_hard_edges |= frame.surface.hard_edges is not None
-        raw_names |= {n for n, track in frame.tracks.items() if track.kind is not TrackKind.UV}
-        progress("cleaning", Count(number + 1, frames.n_frames, "frames"))
-    if not any(topologies):
-        raise InvalidInputError("no frame has a face with an area; nothing can be registered")
-    usual = 1 if sum(orientations) >= 0 else -1
-    turned_frames.update(np.flatnonzero(np.array(orientations) == -usual).tolist())
-    folder = options.folder
-    store = TemporaryStore() if folder is None else FolderStore(Path(folder), digest.hexdigest())
-    with one_blas_thread():
-        segments = grow_segments(
-            frames,
-            topologies,
-            limit,
-            store,
-            lambda stage, n_done: progress(stage, Count(n_done, frames.n_frames, "frames")),
-        )
+    frames = capture.frames(sequence)
+    with executor_of(options) as (executor, n_workers):
+        open_part = open_part or partial(_loaded, frames)
+        runs = Runs(capture, frames, open_part, executor, n_workers, progress)
+        surveyed = runs.survey()
+        topologies = [frame.topology for frame in surveyed]
+        if not any(topologies):
+            raise InvalidInputError("no frame has a face with an area; nothing can be registered")
+        orientations = np.array([frame.orientation for frame in surveyed])
+        usual = 1 if orientations.sum() >= 0 else -1
+        capture.turned.update(np.flatnonzero(orientations == -usual).tolist())
+        digest = blake2b(f"{options.bound!r} {quality}".encode())
+        for frame in surveyed:
+            digest.update(frame.digest)
+        folder, name = options.folder, digest.hexdigest()
+        store = TemporaryStore() if folder is None else FolderStore(Path(folder), name)
+        with one_blas_thread():
+            segments = runs.segments(dict(enumerate(topologies)), store)
     registered = MeshSequence.of_segments(
         _sequences(sequence, segments, frames, limit if keep_holes else None),
         sequence.name,
         sequence.timing,
     )
-    changes = [
-        *_changes(removed, sorted(turned_frames), topologies, raw_names, registered, segments)
-    ]
-    if has_hard_edges:
-        changes.append("left out hard edges of registered frames")
+    changes = [*_changes(surveyed, sorted(capture.turned), registered, segments)]
     if store.is_resumed:
         changes.insert(0, "continued an earlier run")
     if keep_holes and not any(SCANNED in segment.tracks for segment in registered.segments):
@@ -418,38 +374,21 @@ def register(sequence: MeshSequence, options: RegisterOptions) -> Registration:
     )
 
 
+def _loaded(frames: Frames, numbers: range) -> Open:
+    return partial(_opened, MeshSequence.of_segments(map(frames.raw, numbers)))
+
+
+def _opened(sequence: MeshSequence) -> AbstractContextManager[MeshSequence]:
+    return nullcontext(sequence)
+
+
 def _names(segment: FrameSource) -> set[str]:
     return {*segment.tracks, *(attribute.name for attribute in segment.surface.attributes)}
 
 
-def _frame(sequence: MeshSequence, number: int) -> MeshSequence:
-    """Return a frame with its surface and tracks."""
-    index, local = segment_of_frame(sequence.starts, number)
-    return frames_of(sequence.segments[index], range(local, local + 1))
-
-
-def _wedges(frame: MeshSequence, cleaned: CleanMesh) -> Indices | None:
-    """Return a number for each corner of a cleaned frame, of shape (M, 3).
-
-    Corners of a vertex have the same one if they have the same texture coordinates and groups. None
-    if vertices have other values, such as colors, which decimation would blur.
-    """
-    if transferable(frame):
-        return None
-    polygons = items_at_corners(frame, Domain.FACE)[cleaned.raw_faces]
-    columns = [cleaned.faces, *(group.numbers[polygons] for group in frame.surface.groups)]
-    for attribute in attributes_of(frame):
-        if attribute.kind is Kind.UV:
-            items = items_at_corners(frame, attribute.domain)[cleaned.raw_faces]
-            columns += [*np.moveaxis(attribute.per_item()[cleaned.reordered(items)], -1, 0)]
-    rows = np.stack(columns, axis=-1, dtype=np.float64).reshape(-1, len(columns))
-    _, numbers = np.unique(rows_as_bytes(rows + 0), return_inverse=True)
-    return np.asarray(numbers.reshape(-1, 3))
-
-
-def _raw_frame(sequence: MeshSequence, frames: Frames, number: int) -> RawFrame:
+def _raw_frame(frames: Frames, number: int) -> RawFrame:
     """Return a raw frame with its cleaned surface."""
-    return RawFrame(_frame(sequence, number), frames.cleaned(number), frames.mesh(number))
+    return RawFrame(frames.raw(number), frames.cleaned(number), frames.mesh(number))
 
 
 def _sequences(
@@ -462,10 +401,10 @@ def _sequences(
     first = 0
     for segment in segments:
         for number in range(first, segment.first):  # frames without a surface
-            yield _frame(raw, number)
+            yield frames.raw(number)
         first = segment.numbers.stop
-        key = _frame(raw, segment.key)
-        raw_frames = (_raw_frame(raw, frames, number) for number in segment.numbers)
+        key = frames.raw(segment.key)
+        raw_frames = (_raw_frame(frames, number) for number in segment.numbers)
         tracks = transferred_tracks(raw_frames, map(frames.normalized, segment.positions))
         surface = _key_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
         faces, numbers = segment.key_mesh.mesh.faces, segment.numbers
@@ -481,7 +420,7 @@ def _sequences(
             tracks=tracks,
         )
     for number in range(first, raw.n_frames):
-        yield _frame(raw, number)
+        yield frames.raw(number)
 
 
 def _key_surface(
@@ -517,10 +456,8 @@ def _key_surface(
 
 
 def _changes(
-    removed: Sequence[Removed],
+    surveyed: Sequence[Surveyed],
     turned_frames: Sequence[int],
-    topologies: Sequence[Topology | None],
-    raw_names: set[str],
     registered: MeshSequence,
     segments: Sequence[Segment],
 ) -> Iterator[str | Message]:
@@ -543,6 +480,7 @@ def _changes(
             percent = 100 * max(lacking.values())
             where = f"{frames_text(sorted(lacking))} (up to {percent:.2g} %)"
             yield f"missing surface of {where}: {text}"
+    removed = [frame.removed for frame in surveyed]
     n_degenerate, n_small, n_welded, n_debris, _ = (
         sum(column) for column in zip(*removed, strict=True)
     )
@@ -566,8 +504,11 @@ def _changes(
         )  # fmt: skip
     if turned_frames:
         yield f"turned the faces of {frames_text(turned_frames)}, which were inside out"
-    if None in topologies:
-        yield f"{counted(topologies.count(None), 'frame')} without a surface: kept unchanged"
+    if n_empty := sum(frame.topology is None for frame in surveyed):
+        yield f"{counted(n_empty, 'frame')} without a surface: kept unchanged"
     registered_names = set.intersection(*(set(segment.tracks) for segment in registered.segments))
+    raw_names = frozenset[str]().union(*(frame.names for frame in surveyed))
     if names := sorted(raw_names - registered_names):
         yield f"left out tracks that are not on the vertices of all frames: {', '.join(names)}"
+    if any(frame.has_hard_edges for frame in surveyed):
+        yield "left out hard edges of registered frames"

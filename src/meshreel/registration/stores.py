@@ -1,13 +1,13 @@
 """Storage of registered frames while others are registered: temporary files, or a folder.
 
-Neither needs much memory; from a folder, an interrupted registration continues.
+Neither needs much memory; a folder keeps finished runs, after which another call continues.
 """
 
 import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
@@ -25,6 +25,9 @@ from meshreel.runtime.version import __version__
 IDENTITY = "registration.json"
 """Name of the file that identifies the registration that a folder belongs to."""
 
+POSITIONS = "positions"
+"""Last part of the names of arrays that stay in files."""
+
 Arrays = dict[str, npt.NDArray[Any]]
 
 
@@ -37,8 +40,8 @@ class Course:
     state : State
         State of the tracker at the last of them.
     errors : list of FrameErrors
-    n_folded : int
-        Faces that fold over, in all of them.
+    n_folded : list of int
+        Faces that fold over.
     reason : str
         Why the next frame could not be followed; empty if it was not tried.
     excess : float
@@ -47,7 +50,7 @@ class Course:
 
     state: State
     errors: list[FrameErrors] = field(default_factory=list)
-    n_folded: int = 0
+    n_folded: list[int] = field(default_factory=list)
     reason: str = ""
     excess: float = 0.0
 
@@ -61,6 +64,11 @@ class TemporaryStore:
     def __init__(self) -> None:
         self._lock = fork_safe_lock()
         self._files: dict[str, tuple[IO[bytes], np.dtype[np.floating], tuple[int, ...]]] = {}
+
+    def close(self) -> None:
+        """Close the files of frames that were not read."""
+        for file, _, _ in self._files.values():
+            file.close()
 
     def put(self, key: str, number: int, positions: Vertices) -> None:
         """Store a registered frame of a key, at its place in the file of the key."""
@@ -80,16 +88,23 @@ class TemporaryStore:
             file.flush()
             return np.asarray(np.memmap(file, dtype, "r", offset, (len(numbers), *shape)))
 
-    def save(self, name: str, course: Course) -> None:
-        """Store how far a direction was followed, after its last frame."""
+    def keep(self, name: str, arrays: Arrays) -> Arrays:
+        """Store arrays; return them with those called positions, of shape (T, V, 3), in files."""
+        kept = dict(arrays)
+        for key in [key for key in arrays if key.endswith(POSITIONS)]:
+            frames = kept.pop(key)
+            for number, positions in enumerate(frames):
+                self.put(f"{name}_{key}", number, positions)
+            kept[key] = self.stack(f"{name}_{key}", range(len(frames)))
+        return kept
 
-    def load(self, name: str) -> Course | None:
-        """Return what an earlier run saved."""
+    def kept(self, name: str) -> Arrays | None:
+        """Return what an earlier run kept."""
         return None
 
 
 class FolderStore(TemporaryStore):
-    """Registered frames in a folder, which is created.
+    """Registered frames in temporary files, and finished runs in a folder, which is created.
 
     Parameters
     ----------
@@ -104,6 +119,7 @@ class FolderStore(TemporaryStore):
     """
 
     def __init__(self, folder: Path, digest: str) -> None:
+        super().__init__()
         self._folder = folder
         identity = {"version": __version__, "digest": digest}
         identity_path = folder / IDENTITY
@@ -122,55 +138,29 @@ class FolderStore(TemporaryStore):
                 "another tolerance, or by another version; remove it, or use another name"
             )
 
-    def put(self, key: str, number: int, positions: Vertices) -> None:
-        """Store a registered frame of a key."""
-        path = self._folder / f"{key}_frame_{number}.npy"
-        with path.open("wb") as file:
-            np.save(file, positions)
-
-    def stack(self, key: str, numbers: range) -> Vertices:
-        """Return frames of a key as one array in a file, and remove their files."""
-        path = self._folder / f"{key}.npy"
-        frames = [self._folder / f"{key}_frame_{number}.npy" for number in numbers]
-        if not path.exists():
-            first = np.load(frames[0])
-            shape = len(frames), *first.shape
-            with _replacing(path) as partial:
-                array = np.lib.format.open_memmap(partial, "w+", first.dtype, shape)
-                for row, frame in enumerate(frames):
-                    array[row] = np.load(frame)
-                array.flush()
-                del array
-        for frame in frames:
-            frame.unlink(missing_ok=True)
-        return np.asarray(np.load(path, mmap_mode="r"))
-
-    def save(self, name: str, course: Course) -> None:
-        """Store how far a direction was followed, after its last frame."""
-        arrays: Arrays = {
-            "errors": np.array([astuple(errors) for errors in course.errors]).reshape(
-                -1, len(fields(FrameErrors))
-            ),
-            "n_folded": np.array(course.n_folded),
-            "reason": np.array(course.reason),
-            "excess": np.array(course.excess),
-            **course.state.arrays(),
-        }
+    def keep(self, name: str, arrays: Arrays) -> Arrays:
+        """Store arrays; return them with those called positions, of shape (T, V, 3), in files."""
+        kept, others = dict(arrays), dict(arrays)
+        for key in [key for key in arrays if key.endswith(POSITIONS)]:
+            path = self._folder / f"{name}_{key}.npy"
+            np.save(path, others.pop(key))
+            kept[key] = np.asarray(np.load(path, mmap_mode="r"))
         with _replacing(self._folder / f"{name}.npz") as partial, partial.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
+            np.savez(file, allow_pickle=False, **others)
+        return kept
 
-    def load(self, name: str) -> Course | None:
-        """Return what an earlier run saved."""
+    def kept(self, name: str) -> Arrays | None:
+        """Return what an earlier run kept."""
         path = self._folder / f"{name}.npz"
         if not path.exists():
             return None
         with np.load(path, allow_pickle=False) as archive:
             arrays: Arrays = dict(archive)
-        errors = [FrameErrors(*row) for row in arrays.pop("errors").tolist()]
-        n_folded, reason = int(arrays.pop("n_folded")), str(arrays.pop("reason"))
-        excess = float(arrays.pop("excess"))
+        for path in self._folder.glob(f"{name}_*{POSITIONS}.npy"):
+            key = path.stem.removeprefix(f"{name}_")
+            arrays[key] = np.asarray(np.load(path, mmap_mode="r"))
         self.is_resumed = True
-        return Course(State.of_arrays(arrays), errors, n_folded, reason, excess)
+        return arrays
 
 
 @contextmanager

@@ -5,7 +5,6 @@ and in direction, found from both sides. Rotations of neighboring nodes should a
 Alexa, "As-Rigid-As-Possible Surface Modeling", 2007).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -90,11 +89,18 @@ TANGENTIAL = 0.05
 TANGENTIAL_AT_EDGE = 0.5
 """`TANGENTIAL` for two vertices on boundaries or sharp creases, which should meet."""
 
+MAX_CONFORMING_STEPS = 20
+"""Largest number of steps toward given positions."""
+
 CONVERGED = 6e-4
 """Largest translation of a node in a step after which a stage ends."""
 
 DETAIL_SHARE = 0.9
 """Share of the displacement from the posed key that the next frame begins with."""
+
+
+Pairs = tuple[Indices, Indices, Floats, Floats]
+"""Corresponding vertices of a mesh and of its target, and two weights, as `_correspondences`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,23 +110,6 @@ class State:
     pose: Pose
     details: Floats
     before: Pose | None
-
-    def arrays(self) -> dict[str, Floats]:
-        """Return the arrays that make up the state, by name."""
-        arrays = {"details": self.details}
-        for name, pose in {"pose": self.pose, "before": self.before}.items():
-            if pose is not None:
-                arrays |= {f"{name}_{key}": value for key, value in vars(pose).items()}
-        return arrays
-
-    @classmethod
-    def of_arrays(cls, arrays: Mapping[str, Floats]) -> "State":
-        """Return the state of these arrays; the inverse of `arrays`."""
-        pose = Pose(arrays["pose_rotations"], arrays["pose_translations"])
-        if "before_rotations" not in arrays:
-            return cls(pose, arrays["details"], None)
-        before = Pose(arrays["before_rotations"], arrays["before_translations"])
-        return cls(pose, arrays["details"], before)
 
 
 class Tracker:
@@ -154,10 +143,24 @@ class Tracker:
             for _ in range(stage.n_steps):
                 posed = self._graph.posed(pose, state.details)
                 samples = rng.integers(0, len(target.vertices), len(self._points) // 2)
-                step = self._step(pose, posed, target, samples, stage)
+                pairs = self._correspondences(posed, target, samples, stage.spread)
+                step = self._step(pose, posed, target, pairs, stage.rigidity)
                 pose = pose.moved(step)
                 if np.abs(step[:, 3:]).max() < CONVERGED:
                     break
+        return pose, self._graph.posed(pose, state.details)
+
+    def conform(self, state: State, positions: Floats) -> tuple[Pose, PosedMesh]:
+        """Return the pose that brings the vertices near positions of shape (V, 3), as `track`."""
+        target, pose = TriangleMesh(positions, self._faces), state.pose
+        ones = np.ones(len(self._points))
+        for _ in range(MAX_CONFORMING_STEPS):
+            posed = self._graph.posed(pose, state.details)
+            pairs = self._points, self._points, ones, ones
+            step = self._step(pose, posed, target, pairs, LIGHT.rigidity)
+            pose = pose.moved(step)
+            if np.abs(step[:, 3:]).max() < CONVERGED:
+                break
         return pose, self._graph.posed(pose, state.details)
 
     def arrive(self, state: State, pose: Pose, posed: PosedMesh, positions: Floats) -> State:
@@ -178,15 +181,14 @@ class Tracker:
         return candidates[int(np.argmin(distances))]
 
     def _step(
-        self, pose: Pose, posed: PosedMesh, target: TriangleMesh, samples: Indices, stage: Stage
+        self, pose: Pose, posed: PosedMesh, target: TriangleMesh, pairs: Pairs, rigidity: float
     ) -> Floats:
         """Return rotation vectors and translations of all nodes, of shape (N, 6)."""
         sparse, linalg = REGISTER_SCIPY.load("sparse"), REGISTER_SCIPY.load("sparse.linalg")
-        pairs = self._correspondences(posed, target, samples, stage.spread)
         distances, rhs = self._distance_equations(posed, target, *pairs)
-        rows, residuals = self._rigidity_rows(pose, stage.rigidity)
-        rigidity = rows.T @ rows + DAMPING * sparse.identity(rows.shape[1])
-        normal = distances + rigidity.tobsr((6, 6))
+        rows, residuals = self._rigidity_rows(pose, rigidity)
+        differences = rows.T @ rows + DAMPING * sparse.identity(rows.shape[1])
+        normal = distances + differences.tobsr((6, 6))
         solution, _ = linalg.cg(
             normal,
             rhs - rows.T @ residuals,
@@ -198,7 +200,7 @@ class Tracker:
 
     def _correspondences(
         self, posed: PosedMesh, target: TriangleMesh, samples: Indices, spread: float
-    ) -> tuple[Indices, Indices, Floats, Floats]:
+    ) -> Pairs:
         """Return vertices of the mesh and of the target that correspond, and two weights.
 
         The weights are that of their distance, and that of its part along the surface relative to

@@ -246,7 +246,9 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(growing, "_complete", lambda frames, key, key_mesh, *_: key_mesh)
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
-    frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
+    frames = Frames(
+        60, lambda _: None, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
+    )
     run = range(n_in_run)
     chosen = growing._longest(frames, 0, run, TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
@@ -275,7 +277,9 @@ def test_a_key_is_registered_again_only_without_large_additions(
 
     monkeypatch.setattr(growing, "_complete", completed)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
-    frames = Frames(60, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype(np.float32))
+    frames = Frames(
+        60, lambda _: None, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
+    )
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     assert grown == ["0", "0_given"][:n_grown]
 

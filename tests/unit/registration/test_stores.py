@@ -15,21 +15,9 @@ from samples.captures import capture
 TOLERANCE = 0.5
 
 
-class InterruptionError(Exception):
-    """Raised by the progress callback in place of a signal."""
-
-
 @pytest.fixture(scope="module")
 def raw():
     return capture(5, 0.3)
-
-
-def interrupt_after(n_frames):
-    def progress(stage, share):
-        if stage == "registering" and share.done >= n_frames:
-            raise InterruptionError
-
-    return progress
 
 
 def memory_of(array):
@@ -37,18 +25,6 @@ def memory_of(array):
     while isinstance(array, np.ndarray) and array.base is not None:
         array = array.base
     return array
-
-
-@pytest.mark.slow
-def test_an_interrupted_registration_continues_with_equal_results(raw, tmp_path):
-    with pytest.raises(InterruptionError):
-        register(raw, tolerance=TOLERANCE, folder=tmp_path, progress=interrupt_after(4))
-    registered = register(raw, tolerance=TOLERANCE, folder=tmp_path)
-    expected = register(raw, tolerance=TOLERANCE)
-    assert registered.distances == expected.distances
-    for frame, other in zip(registered.sequence, expected.sequence, strict=True):
-        assert np.array_equal(frame.vertices, other.vertices)
-    assert "continued an earlier run" in registered.changes
 
 
 @pytest.mark.slow

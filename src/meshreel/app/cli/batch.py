@@ -21,6 +21,7 @@ from meshreel.app.cli.parameters import Argument, JsonOption
 from meshreel.codec.option import COUNT, Option
 from meshreel.errors import Message
 from meshreel.formats.options import Reading
+from meshreel.registration.options import WORKERS
 from meshreel.runtime.counting import size_text
 
 if TYPE_CHECKING:
@@ -37,8 +38,6 @@ SEQUENCE_EXTENSIONS = (
 )
 FRAME_EXTENSIONS = ".obj .ply .off .stl .vtu .vtp .vtk .drc"
 """Inputs of `batch.discovery`, repeated so that the help need not import every format."""
-
-WORKERS = "Where it runs (give one)"
 
 
 @command

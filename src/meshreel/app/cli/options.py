@@ -335,7 +335,8 @@ _OUTPUT = replace(
 )
 _KEEPING = _REGISTERING["keep_holes"], _REGISTERING["keep_debris"]
 _BAKING = *(_REGISTERING[name] for name in ("texture", "sound")), _OUTPUT
-REGISTERING = Group((_REGISTERING["tolerance"], *_BAKING, *_KEEPING), dict)
+_WORKERS = _REGISTERING["workers"], _REGISTERING["scheduler"]
+REGISTERING = Group((_REGISTERING["tolerance"], *_BAKING, *_KEEPING, *_WORKERS), dict)
 """Options of `meshreel register`."""
 
 _REGISTER = replace(

@@ -56,8 +56,9 @@ def register_command(
     --texture bakes the texture of every frame for them, into a .mp4 that also contains the .reel:
     programs play its video, `meshreel view`, `meshreel export` and <reel-player> all of it.
 
-    Registered frames are stored in a folder beside the output, such as walk.registration, until the
-    file is complete. If the command is stopped, start it again: it continues after these frames,
+    Long captures are registered in runs of about 120 frames, on --workers or a --scheduler, and
+    joined. Finished runs are stored in a folder beside the output, such as walk.registration, until
+    the file is complete. If the command is stopped, start it again: it continues after these runs,
     also with other encoding options than --quality, which determines how many vertices keys keep.
 
     Examples:
@@ -66,6 +67,7 @@ def register_command(
     - `meshreel register 'scan/*.obj' -o walk.reel --tolerance 0.1% --quality 70`
     - `meshreel register capture/ --tolerance 1mm --unit m`
     - `meshreel register capture/ --size 2MB`
+    - `meshreel register s3://studio/take/ -o take.reel --scheduler tcp://10.0.0.5:8786`
     - `meshreel register scans/ -o walk.mp4 --texture 'scans/*.png' --sound walk.wav`
     """
     from meshreel.app.cli.written import convert_and_print

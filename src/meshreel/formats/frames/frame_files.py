@@ -115,8 +115,10 @@ def read_runs(files: FrameFiles, name: str, reading: Reading) -> Iterator[FrameS
         with errors_naming(files.paths[index]):
             if run is None or not run.add(frame):
                 if run is not None:
+                    sequence = run.sequence(name, reading)
                     budget = None if budget is None else max(0, budget - run.kept_bytes)
-                    yield run.sequence(name, reading)
+                    yield sequence
+                    del sequence
                 run = _Run(files, index, frame, budget)
         reading.progress("reading", Count(index + 1, len(files), "frames"))
     if run is not None:

@@ -1,0 +1,301 @@
+"""Long captures: runs of frames are registered on their own, by workers, and joined."""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise, starmap
+from typing import TypeVar
+
+from meshreel.errors import InvalidInputError
+from meshreel.model.sequence import MeshSequence
+from meshreel.registration.capture import Capture, Surveyed, survey
+from meshreel.registration.growing import REGISTERING, Frames, Segment, Topology, grow_segments
+from meshreel.registration.joining import Chain, Join, best_key, chains, join, joins, merged
+from meshreel.registration.options import RegisterOptions
+from meshreel.registration.stores import Arrays, TemporaryStore
+from meshreel.registration.verification import Tolerance
+from meshreel.runtime.progress import Count, Progress
+from meshreel.runtime.threads import one_blas_thread, results_in_order
+from meshreel.runtime.version import __version__
+from meshreel.runtime.workers.cluster import cluster_executor
+from meshreel.runtime.workers.processes import ProcessExecutor
+
+RUN_FRAMES = 120
+"""Frames of a run. Results depend on it, so it does not depend on the number of workers."""
+
+SHARED_FRAMES = 2
+"""Frames that a run has in common with the next."""
+
+CONTEXT = 2
+"""Frames before and after those of a run that tell debris from parts."""
+
+MIN_PENDING = 8
+"""Least number of calls that wait for a worker, whose arguments and results are in memory."""
+
+POLL_S = 0.5
+
+Open = Callable[[], AbstractContextManager[MeshSequence]]
+"""Opens some frames of a capture; can be pickled."""
+
+Key = TypeVar("Key")
+Result = TypeVar("Result")
+
+
+def ranges_of(n_frames: int) -> list[range]:
+    """Return the frames of each run."""
+    n_runs = max(1, round(n_frames / RUN_FRAMES))
+    starts = [number * n_frames // n_runs for number in range(n_runs)]
+    stops = [min(start + SHARED_FRAMES, n_frames) for start in [*starts[1:], n_frames]]
+    return [*map(range, starts, stops)]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run of frames, as it is sent to a worker.
+
+    Attributes
+    ----------
+    capture : Capture
+    first : int
+        The first opened frame.
+    open_frames : callable
+    version : str
+        Version of the sender.
+    """
+
+    capture: Capture
+    first: int
+    open_frames: Open
+    version: str = __version__
+
+    @contextmanager
+    def frames(self) -> Iterator[Frames]:
+        """Context manager for the frames."""
+        if self.version != __version__:
+            raise InvalidInputError(
+                f"the worker has meshreel {__version__} and the caller {self.version}; install the "
+                "same"
+            )
+        with self.open_frames() as sequence, one_blas_thread():
+            yield self.capture.frames(sequence, self.first)
+
+
+def on_worker(run: Run, function: Callable[..., Result], *args: object) -> Result:
+    """Return the result of a function for the frames of a run."""
+    with run.frames() as frames:
+        return function(frames, *args)
+
+
+Report = Callable[[str, int], None]
+"""Called with a stage and its number of finished frames."""
+
+
+def survey_run(
+    frames: Frames, numbers: range, report: Report = lambda stage, n_done: None
+) -> list[Surveyed]:
+    """Return what is in some frames."""
+    surveyed = []
+    for frame in results_in_order(partial(survey, frames), numbers, lambda _: True):
+        surveyed.append(frame)
+        report("cleaning", len(surveyed))
+    return surveyed
+
+
+def register_run(
+    frames: Frames,
+    topologies: Mapping[int, Topology | None],
+    tolerance: Tolerance,
+    report: Report = lambda stage, n_done: None,
+) -> Arrays:
+    """Return the segments of some frames, as arrays."""
+    if not any(topologies.values()):
+        return {}
+    with closing(TemporaryStore()) as store:
+        return _packed(grow_segments(frames, topologies, tolerance, store, report))
+
+
+def join_run(frames: Frames, segment: Arrays, plan: Join, tolerance: Tolerance) -> Arrays:
+    """Return the segment of another key in the frames of a piece, as arrays."""
+    return _packed([join(frames, Segment.of_arrays(segment), plan, tolerance)])
+
+
+def _packed(segments: Iterable[Segment]) -> Arrays:
+    return {
+        f"{number}_{name}": array
+        for number, segment in enumerate(segments)
+        for name, array in segment.arrays().items()
+    }
+
+
+def _unpacked(arrays: Arrays) -> list[Segment]:
+    parts: dict[int, Arrays] = {}
+    for name, array in arrays.items():
+        number, _, key = name.partition("_")
+        parts.setdefault(int(number), {})[key] = array
+    return [Segment.of_arrays(parts[number]) for number in sorted(parts)]
+
+
+@contextmanager
+def executor_of(options: RegisterOptions) -> Iterator[tuple[Executor | None, int]]:
+    """Context manager for the workers, and their number; None for this process."""
+    if options.scheduler is not None:
+        with cluster_executor(options.scheduler) as workers:
+            yield workers
+    elif options.workers is not None:
+        with ProcessExecutor(options.workers) as executor:
+            yield executor, options.workers
+    else:
+        yield None, 1
+
+
+class Runs:
+    """The runs of a capture, and the workers that register them.
+
+    Parameters
+    ----------
+    frames : Frames
+        All frames of the capture, in this process.
+    open_part : callable
+        Returns a function that opens a range of frames, also on a worker.
+    executor : Executor, optional
+        Default: this process.
+    n_workers : int
+    progress : callable
+    """
+
+    def __init__(
+        self,
+        capture: Capture,
+        frames: Frames,
+        open_part: Callable[[range], Open],
+        executor: Executor | None,
+        n_workers: int,
+        progress: Progress,
+    ) -> None:
+        self.ranges: list[range] = ranges_of(capture.n_frames)
+        self._capture, self._frames, self._open_part = capture, frames, open_part
+        self._executor, self._max_pending = executor, max(MIN_PENDING, 2 * n_workers)
+        self._progress = progress
+
+    def survey(self) -> list[Surveyed]:
+        """Return what is in each frame."""
+        starts = [*(numbers.start for numbers in self.ranges), self._capture.n_frames]
+        found: dict[int, Surveyed] = {}
+
+        def call_of(numbers: range) -> Callable[[], list[Surveyed]]:
+            return self._call(numbers, survey_run, numbers, report=self._report_after(len(found)))
+
+        for numbers, frames in self._results(starmap(range, pairwise(starts)), call_of):
+            found |= dict(zip(numbers, frames, strict=True))
+            self._report("cleaning", len(found))
+        return [found[number] for number in sorted(found)]
+
+    def segments(
+        self, topologies: Mapping[int, Topology | None], store: TemporaryStore
+    ) -> list[Segment]:
+        """Register all frames, unless the store has them."""
+        tolerance, by_run = self._capture.tolerance, dict[int, list[Segment]]()
+
+        def call_of(number: int) -> Callable[[], Arrays]:
+            numbers = self.ranges[number]
+            own = {frame: topologies[frame] for frame in numbers}
+            report = self._report_after(numbers.start)
+            return self._call(numbers, register_run, own, tolerance, report=report)
+
+        names = {number: f"run_{number}" for number in range(len(self.ranges))}
+        for number, arrays in self._kept(store, names, call_of):
+            by_run[number] = _unpacked(arrays)
+            self._report(REGISTERING, sum(len(self.ranges[done]) for done in by_run))
+        runs = [(numbers, by_run[number]) for number, numbers in enumerate(self.ranges)]
+        segments, waiting = [], [*chains(runs)]
+        while waiting:
+            joined, waiting = self._join(waiting, topologies, store)
+            segments += joined
+        return sorted(segments, key=lambda segment: segment.first)
+
+    def _join(
+        self, waiting: list[Chain], topologies: Mapping[int, Topology | None], store: TemporaryStore
+    ) -> tuple[list[Segment], list[Chain]]:
+        """Return a segment of each chain, as far as frames follow its key, and the rest."""
+        keys = [best_key(chain, topologies) for chain in waiting]
+        plans, names = dict[tuple[int, int], Join](), dict[tuple[int, int], str]()
+        for number, (chain, key) in enumerate(zip(waiting, keys, strict=True)):
+            for plan in joins(chain, key, self._frames.normalized):
+                plans[number, plan.piece], ends = plan, (plan.numbers[0], plan.numbers[-1])
+                name = "join_{}_to_{}_{}".format(chain[key].segment.key, *ends)
+                names[number, plan.piece] = name
+
+        def join_call(place: tuple[int, int]) -> Callable[[], Arrays]:
+            segment, numbers = waiting[place[0]][place[1]]
+            own, tolerance = segment.part(numbers).arrays(), self._capture.tolerance
+            return self._call(numbers, join_run, own, plans[place], tolerance)
+
+        joined: list[dict[int, Segment]] = [{} for _ in waiting]
+        n_done = 0
+        for (number, piece), arrays in self._kept(store, names, join_call):
+            (joined[number][piece],) = _unpacked(arrays)
+            n_done += len(plans[number, piece].numbers)
+            self._report("joining runs", n_done)
+        segments, rest = [], list[Chain]()
+        for chain, key, parts in zip(waiting, keys, joined, strict=True):
+            segment, others = merged(chain, key, parts, store)
+            segments.append(segment)
+            rest += others
+        return segments, rest
+
+    def _call(
+        self, numbers: range, function: Callable[..., Result], *args: object, **options: object
+    ) -> Callable[[], Result]:
+        """Return a call of a function with the frames; `options` are for this process."""
+        if self._executor is None:
+            return partial(function, self._frames, *args, **options)
+        first, stop = numbers.start - CONTEXT, numbers.stop + CONTEXT
+        opened = range(max(first, 0), min(stop, self._capture.n_frames))
+        run = Run(self._capture, opened.start, self._open_part(opened))
+        return partial(on_worker, run, function, *args)
+
+    def _kept(
+        self,
+        store: TemporaryStore,
+        names: Mapping[Key, str],
+        call_of: Callable[[Key], Callable[[], Arrays]],
+    ) -> Iterator[tuple[Key, Arrays]]:
+        """Yield the kept results of calls, and keep those of others, in any order."""
+        missing = []
+        for key, name in names.items():
+            if (arrays := store.kept(name)) is None:
+                missing.append(key)
+            else:
+                yield key, arrays
+        for key, arrays in self._results(missing, call_of):
+            yield key, store.keep(names[key], arrays)
+
+    def _results(
+        self, keys: Iterable[Key], call_of: Callable[[Key], Callable[[], Result]]
+    ) -> Iterator[tuple[Key, Result]]:
+        """Yield the result of each call by its key, in order of completion."""
+        if self._executor is None:
+            yield from ((key, call_of(key)()) for key in keys)
+            return
+        waiting, pending = deque(keys), dict[Future[Result], Key]()
+        try:
+            while waiting or pending:
+                while waiting and len(pending) < self._max_pending:
+                    key = waiting.popleft()
+                    pending[self._executor.submit(call_of(key))] = key
+                # With a timeout, because Windows delivers Ctrl-C only between waits.
+                for future in wait(pending, POLL_S, FIRST_COMPLETED).done:
+                    yield pending.pop(future), future.result()
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def _report_after(self, n_done: int) -> Report:
+        return lambda stage, n_frames: self._report(stage, n_done + n_frames)
+
+    def _report(self, stage: str, n_done: int) -> None:
+        n_frames = self._capture.n_frames
+        self._progress(stage, Count(min(n_done, n_frames), n_frames, "frames"))
