@@ -409,6 +409,7 @@ def filled_segment(
     if not is_shown:
         return segment
     fit = TwoSidedFit(faces, len(segment.key_mesh.mesh.vertices))
+    folds, n_folded = Folds(segment.key_mesh.mesh, tolerance.length), list(segment.n_folded)
     all_errors, filled, unknown = list(segment.errors), [], []
     for number, vertices in zip(segment.numbers, segment.positions, strict=True):
         store.put(name, number, vertices)
@@ -421,6 +422,7 @@ def filled_segment(
             errors = measure(TriangleMesh(vertices, faces), target, tolerance)
         if not errors.exceeds(tolerance):
             store.put(name, number, frames.restored(vertices))
+            n_folded[row] = len(folds.find(TriangleMesh(vertices, faces), target))
             all_errors[row] = errors
             filled.append((number, errors.unsupported))
         if share := mesh.vertex_areas[is_unknown].sum() / mesh.areas.sum():
@@ -429,6 +431,7 @@ def filled_segment(
         segment,
         positions=store.stack(name, segment.numbers),
         errors=tuple(all_errors),
+        n_folded=tuple(n_folded),
         filled=tuple(filled),
         unknown=tuple(unknown),
     )

@@ -1,6 +1,6 @@
 """Registration of a sequence whose faces change in almost every frame."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -67,14 +67,15 @@ class Distances:
     mean_percent, p95_percent, p99_percent, max_percent : float
         Means of the frames, and the maximum of all, in percent of the diagonal of the box of all
         frames; in each frame the worse direction.
-    psnr_db : float
-        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box.
+    psnr_db, total_psnr_db : float
+        Surface PSNR: 10 log10(3 p^2 / mse), with the longest side p of the box, where raw frames
+        have surface; and that of the whole surfaces.
     n_folded : int
         Faces in all frames that fold over: they oppose the raw surface and a neighbor, which they
         do not in the key.
     unsupported_percent : float
         Mean share of the registered surface that raw frames lack, as at holes of a scan and between
-        bodies that touch; it has no distances.
+        bodies that touch; only `total_psnr_db` counts its distances.
     """
 
     mean_percent: float
@@ -82,6 +83,7 @@ class Distances:
     p99_percent: float
     max_percent: float
     psnr_db: float
+    total_psnr_db: float
     n_folded: int
     unsupported_percent: float
 
@@ -90,24 +92,33 @@ class Distances:
         """Summarize errors in longest sides of the box; `scale` is its diagonal in these."""
         rows = np.array(
             [
-                [frame.mean, frame.p95, frame.p99, frame.mean_square, frame.unsupported]
+                [
+                    *(frame.mean, frame.p95, frame.p99, frame.unsupported),
+                    *(frame.mean_square, frame.total_mean_square),
+                ]
                 for frame in errors
             ]
         )
-        mean, p95, p99, mean_square, unsupported = rows.mean(axis=0).tolist()
+        mean, p95, p99, unsupported, *mean_squares = rows.mean(axis=0).tolist()
+        psnr, total_psnr = (
+            float(10 * np.log10(3 / mean_square)) if mean_square else float("inf")
+            for mean_square in mean_squares
+        )
         return cls(
             100 * mean / scale,
             100 * p95 / scale,
             100 * p99 / scale,
             100 * max(frame.largest for frame in errors) / scale,
-            float(10 * np.log10(3 / mean_square)) if mean_square else float("inf"),
+            psnr,
+            total_psnr,
             n_folded,
             100 * unsupported,
         )
 
     def __str__(self) -> str:
         beyond = (
-            f"; without {self.unsupported_percent:.2g} % of the surface, which raw frames lack"
+            f" without {self.unsupported_percent:.2g} % of the surface, which raw frames lack, "
+            f"{self.total_psnr_db:.1f} dB with it"
             if self.unsupported_percent >= MIN_UNSUPPORTED_PERCENT
             else ""
         )
@@ -160,17 +171,21 @@ class Registration:
         return _raw_frame(self.frames, number)
 
     def distances_of(
-        self, sequence: MeshSequence | ReelFile, progress: Progress = silent
+        self,
+        sequence: MeshSequence | ReelFile,
+        numbers: Collection[int],
+        progress: Progress = silent,
     ) -> Distances:
-        """Return the distances of a sequence or a file, such as the encoded one.
+        """Return the distances of frames of a sequence or a file, such as the encoded one.
 
         Frames without a surface do not count.
         """
         errors: list[FrameErrors] = []
-        n_folded, n_frames = 0, sum(segment.n_frames for segment in self.segments)
+        n_folded, n_frames = 0, len(numbers)
         progress("measuring", Count(0, n_frames, "frames"))
         for segment in self.segments:
-            folds = Folds(segment.key_mesh.mesh, self.tolerance.length)
+            nearest = min(max(segment.key, segment.first), segment.numbers[-1])  # to the key
+            folds = Folds(self._mesh(sequence, nearest), self.tolerance.length)
 
             def measure_frame(
                 pair: tuple[TriangleMesh, int], folds: Folds = folds
@@ -178,7 +193,8 @@ class Registration:
                 mesh, target = pair[0], self.frames.mesh(pair[1])
                 return measure(mesh, target, self.tolerance), len(folds.find(mesh, target))
 
-            pairs = ((self._mesh(sequence, number), number) for number in segment.numbers)
+            chosen = (number for number in segment.numbers if number in numbers)
+            pairs = ((self._mesh(sequence, number), number) for number in chosen)
             for frame_errors, n_folds in results_in_order(measure_frame, pairs, lambda _: True):
                 errors.append(frame_errors)
                 n_folded += n_folds

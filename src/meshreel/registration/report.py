@@ -1,6 +1,5 @@
 """Distances of a registered sequence and of its decoded stream from the raw frames."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +15,11 @@ from meshreel.runtime.counting import change_text, counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads
 
-POINT_FRAME_INTERVAL = 30
-"""D1 and D2 are measured in one of this many frames; a frame takes two processor seconds."""
+FRAME_INTERVAL, MIN_FRAMES = 10, 5
+"""Distances of decoded frames are measured in one of this many frames, and at least in so many."""
 
-MIN_POINT_FRAMES = 2
+POINT_FRAME_INTERVAL, MIN_POINT_FRAMES = 100, 1
+"""The same of D1 and D2, which take two processor seconds per frame."""
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,18 @@ class Report:
     Attributes
     ----------
     registered, decoded : Distances
-        Of all frames.
-    registered_points, decoded_points : PointPsnr
-        Of the same frames, evenly spaced.
+        Of all frames, and of evenly spaced ones.
+    frames : tuple of int
+        These evenly spaced frames.
+    points : PointPsnr
+        D1 and D2 of decoded frames, evenly spaced.
     """
 
     registration: Registration
     registered: Distances
     decoded: Distances
-    registered_points: PointPsnr
-    decoded_points: PointPsnr
+    frames: tuple[int, ...]
+    points: PointPsnr
 
     @classmethod
     def measured(
@@ -67,12 +69,13 @@ class Report:
         decoded: MeshSequence | ReelFile,
         progress: Progress = silent,
     ) -> "Report":
-        """Measure a decoded sequence or a file, and the registered sequence."""
+        """Measure a decoded sequence or a file."""
+        numbers = _chosen_numbers(registration, FRAME_INTERVAL, MIN_FRAMES)
         return cls(
             registration,
             registration.distances,
-            registration.distances_of(decoded, progress),
-            point_psnr(registration, registration.sequence, progress),
+            registration.distances_of(decoded, numbers, progress),
+            numbers,
             point_psnr(registration, decoded, progress),
         )
 
@@ -81,8 +84,13 @@ class Report:
         return {
             "tolerance_percent": self.registration.tolerance_percent,
             "met_percent": self.registration.met_percent,
-            "registered": vars(self.registered) | vars(self.registered_points),
-            "decoded": vars(self.decoded) | vars(self.decoded_points),
+            "registered": vars(self.registered),
+            "decoded": {
+                **vars(self.decoded),
+                **vars(self.points),
+                "frames": self.frames,
+                "d1_d2_frames": self.points.frames,
+            },
             "cuts": list(self.registration.cuts()),
         }
 
@@ -104,35 +112,34 @@ class Report:
             ),
             "keys": f"kept {n_key} of {counted(n_raw, 'vertex')}",
             "registered": str(self.registered),
-            "decoded": str(self.decoded),
-            "D1 and D2 PSNR": self._points,
-            "D1 and D2 of": self._measured_frames,
-            "folded faces": f"{self.registered.n_folded} in all frames",
+            "decoded": f"{self.decoded}; {self._of(self.frames)}",
+            "D1 and D2 PSNR": f"decoded {self.points}; {self._of(self.points.frames)}",
+            "folded faces": f"registered {self.registered.n_folded}, decoded "
+            f"{self.decoded.n_folded} in the measured frames",
         }
 
     def notes(self) -> list[Note]:
         """Return notes that continue those of the registration."""
+        decoded, points = self._of(self.frames), self._of(self.points.frames)
         return [
-            Note(NoteKind.RESULT, f"decoded; distance from the raw surface: {self.decoded}"),
-            Note(NoteKind.RESULT, f"D1 and D2 PSNR: {self._points}; of {self._measured_frames}"),
+            Note(
+                NoteKind.RESULT,
+                f"decoded; distance from the raw surface: {self.decoded}; {decoded}",
+            ),
+            Note(NoteKind.RESULT, f"D1 and D2 PSNR: {self.points}; {points}"),
         ]
 
-    @property
-    def _points(self) -> str:
-        return f"registered {self.registered_points}, decoded {self.decoded_points}"
-
-    @property
-    def _measured_frames(self) -> str:
-        frames = self.decoded_points.frames
-        n_frames = counted(self.registration.raw.n_frames, "frame")
-        return f"{len(frames)} of {n_frames}: {', '.join(map(str, frames))}"
+    def _of(self, numbers: tuple[int, ...]) -> str:
+        n_frames = sum(segment.n_frames for segment in self.registration.segments)
+        return f"of {len(numbers)} of {counted(n_frames, 'frame')}"
 
 
 def point_psnr(
     registration: Registration, sequence: MeshSequence | ReelFile, progress: Progress = silent
 ) -> PointPsnr:
     """Return D1 and D2 between raw frames and those of a sequence or a file."""
-    raw, numbers = registration.raw, _measured_numbers(registration)
+    numbers = _chosen_numbers(registration, POINT_FRAME_INTERVAL, MIN_POINT_FRAMES)
+    raw = registration.raw
     low, high = (np.asarray(corner, np.float64) for corner in (raw.extent.low, raw.extent.high))
     psnr_of: dict[int, tuple[float, float]] = {}
 
@@ -149,7 +156,7 @@ def point_psnr(
     in_threads(measure, [(n, raw[n], sequence[n]) for n in numbers], report)
     pairs = np.array([psnr_of[number] for number in numbers])
     d1, d2 = (_mean_of_finite(column) for column in pairs.T)
-    return PointPsnr(d1, d2, tuple(numbers))
+    return PointPsnr(d1, d2, numbers)
 
 
 def _mean_of_finite(values: Any) -> float:
@@ -157,8 +164,8 @@ def _mean_of_finite(values: Any) -> float:
     return float(finite.mean()) if len(finite) else float("inf")
 
 
-def _measured_numbers(registration: Registration) -> Sequence[int]:
-    """Return the numbers of the frames to measure."""
+def _chosen_numbers(registration: Registration, interval: int, min_frames: int) -> tuple[int, ...]:
+    """Return evenly spaced registered frames, one of each interval, and not fewer than given."""
     numbers = [number for segment in registration.segments for number in segment.numbers]
-    n_chosen = max(MIN_POINT_FRAMES, len(numbers) // POINT_FRAME_INTERVAL)
-    return [numbers[index] for index in evenly_spaced(len(numbers), n_chosen)]
+    n_chosen = max(min_frames, len(numbers) // interval)
+    return tuple(numbers[index] for index in evenly_spaced(len(numbers), n_chosen))

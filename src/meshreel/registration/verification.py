@@ -80,8 +80,8 @@ class FrameErrors:
     mean, p95, p99, largest : float
         Distances of samples, weighted by area: the vertices and face centroids, after longer edges
         than `SPACING` are split. Between them, `patch_area` takes distances as linear.
-    mean_square : float
-        Mean of the squared distances.
+    mean_square, total_mean_square : float
+        Mean of the squared distances, and that of the whole surface, `unsupported` parts included.
     patch_area : float
         Area of the largest connected region beyond the tolerance.
     unsupported : float
@@ -96,6 +96,7 @@ class FrameErrors:
     p99: float
     largest: float
     mean_square: float
+    total_mean_square: float
     patch_area: float
     unsupported: float
     min_tolerance: float
@@ -170,11 +171,12 @@ def _one_way(
         closest.distances,
     )
     area = areas.sum()
+    total_mean_square = float(np.average(distances**2, weights=areas)) if area else 0.0
     if may_end:
         ends = unsupported(mesh, target, closest, tolerance)
         distances, areas = np.where(ends, 0.0, distances), np.where(ends, 0.0, areas)
     if not areas.any():
-        return FrameErrors(*[*6 * [0.0], 1.0, 0.0])
+        return FrameErrors(*[*5 * [0.0], total_mean_square, 0.0, 1.0, 0.0])
     p95, p99 = _quantiles(distances, areas, (0.95, MIN_SHARE_WITHIN))
     patch_area = largest_patch(mesh, distances - tolerance.length)
     errors = FrameErrors(
@@ -183,6 +185,7 @@ def _one_way(
         p99,
         float(distances.max()),
         float(np.average(distances**2, weights=areas)),
+        total_mean_square,
         patch_area,
         float(1 - areas.sum() / area),
         float("inf"),

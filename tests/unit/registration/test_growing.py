@@ -99,7 +99,7 @@ def test_attempts_follow_each_other_while_faces_fold(
         tried.append(attempt)
         height = np.full(len(plane.vertices), float(UNLESS_NEAR.index(attempt)))
         pose, posed = self.tracker.track(state, target)
-        return Fit(pose, posed, lifted(plane, height), FrameErrors(*8 * [0.0]), n_steps)
+        return Fit(pose, posed, lifted(plane, height), FrameErrors(*9 * [0.0]), n_steps)
 
     def repair(self, fit, target):
         fit.n_folded = repaired[round(fit.mesh.vertices[0, 2])]

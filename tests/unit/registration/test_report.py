@@ -7,7 +7,7 @@ import meshreel
 from meshreel.metrics.surface_distance import compare_surfaces
 from meshreel.registration import report as report_of
 from meshreel.registration.register import register
-from meshreel.registration.report import MIN_POINT_FRAMES, Report
+from meshreel.registration.report import MIN_FRAMES, MIN_POINT_FRAMES, Report
 from samples.captures import capture
 
 pytestmark = pytest.mark.usefixtures("few_grid_lines")
@@ -29,14 +29,11 @@ def with_noise(registered):
 def test_d1_and_d2_are_those_of_compare(registered, monkeypatch):
     monkeypatch.setattr(report_of, "MIN_POINT_FRAMES", 3)
     decoded = with_noise(registered)
-    report = Report.measured(registered, decoded)
-    given = {report.registered_points: registered.sequence, report.decoded_points: decoded}
-    for points, sequence in given.items():
-        expected = compare_surfaces(registered.raw, sequence, n_samples=100)
-        assert points.frames == (0, 1, 2)
-        assert points.d1_psnr_db == pytest.approx(expected.d1_psnr_db, rel=1e-9)
-        assert points.d2_psnr_db == pytest.approx(expected.d2_psnr_db, rel=1e-9)
-    assert report.decoded_points.d1_psnr_db < report.registered_points.d1_psnr_db
+    points = Report.measured(registered, decoded).points
+    expected = compare_surfaces(registered.raw, decoded, n_samples=100)
+    assert points.frames == (0, 1, 2)
+    assert points.d1_psnr_db == pytest.approx(expected.d1_psnr_db, rel=1e-9)
+    assert points.d2_psnr_db == pytest.approx(expected.d2_psnr_db, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -52,7 +49,7 @@ def test_progress_of_each_stage_begins_before_its_work_and_ends_with_it(register
     calls = []
     Report.measured(registered, registered.sequence, lambda stage, n: calls.append((stage, n)))
     stages = [calls[i][0] for i in range(len(calls)) if calls[i][1] == 0]
-    assert stages == ["measuring", "measuring D1 and D2", "measuring D1 and D2"]
+    assert stages == ["measuring", "measuring D1 and D2"]
     assert calls[-1][1] == 1
 
 
@@ -60,6 +57,8 @@ def test_progress_of_each_stage_begins_before_its_work_and_ends_with_it(register
 def test_the_measured_frames_are_few_and_named():
     result = register(capture(7, 0.5), tolerance=0.5)
     report = Report.measured(result, result.sequence)
-    frames = report.registered_points.frames
-    assert len(set(frames)) == MIN_POINT_FRAMES
-    assert report.rows(1)["D1 and D2 of"] == f"2 of 7 frames: {', '.join(map(str, frames))}"
+    assert len(set(report.points.frames)) == MIN_POINT_FRAMES
+    assert len(set(report.frames)) == MIN_FRAMES
+    rows = report.rows(1)
+    assert rows["decoded"].endswith("; of 5 of 7 frames")
+    assert rows["D1 and D2 PSNR"].endswith("; of 1 of 7 frames")
