@@ -219,6 +219,7 @@ class _Run:
         files, start, name = self._files, self._start, frame.name
         options = replace(reading, notes=Notes())
         self.kept_bytes = 0
+        files.recent.append((start, frame))
 
         def read() -> FrameSource:
             for number, recent in tuple(files.recent):

@@ -20,6 +20,7 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
 from meshreel.operations.save import save
+from samples.captures import capture
 from samples.meshes import assert_same_surface, quad_sheet, two_sheets, waving_grid
 from samples.opening import open_source
 from samples.tracks import assert_same_tracks
@@ -139,6 +140,16 @@ def test_runs_stay_in_their_files_once_they_take_the_limit_together(
         assert_same_surface(run.surface, other.surface)
         assert_same_tracks(run.tracks, other.tracks)
         np.testing.assert_array_equal(run.extent.low, other.extent.low)
+
+
+def test_single_frames_count_with_their_faces(tmp_path):
+    save(capture(6), tmp_path / "frame_%02d.ply", notes=[])
+    files = FrameFiles(sorted(tmp_path.iterdir()), FRAME_FORMATS[".ply"])
+    loaded = list(read_runs(files, "walk", Reading()))
+    size = sum(run.raw_size_bytes for run in loaded[:2])
+    runs = read_runs(files, "walk", Reading(max_loaded_bytes=size))
+    kinds = [isinstance(run, StoredFrames) for run in runs]
+    assert kinds == [False, False, *(len(loaded) - 2) * [True]]
 
 
 def survey_of(*blocks, is_decimal=True):
