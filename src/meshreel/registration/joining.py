@@ -101,14 +101,8 @@ def _interpolated(values: Floats, corners: Faces, weights: Floats) -> Floats:
 
 
 def chains(runs: Sequence[tuple[range, Sequence[Segment]]]) -> Iterator[Chain]:
-    """Yield the segments of runs, cut at frames that they share.
-
-    Parameters
-    ----------
-    runs : sequence of (range, sequence of Segment)
-        The frames of each run, which overlap those of the next, and its segments.
-    """
-    cuts = [runs[0][0].start, *(_cut(*pair) for pair in pairwise(runs)), runs[-1][0].stop]
+    """Yield the segments of runs, given the frames of each run; the next begins with its last."""
+    cuts = [*(numbers.start for numbers, _ in runs), runs[-1][0].stop]
     chain: list[Piece] = []
     for (_, segments), limits in zip(runs, pairwise(cuts), strict=True):
         for segment in segments:
@@ -122,20 +116,6 @@ def chains(runs: Sequence[tuple[range, Sequence[Segment]]]) -> Iterator[Chain]:
             chain.append(Piece(segment, numbers))
     if chain:
         yield chain
-
-
-def _cut(before: tuple[range, Sequence[Segment]], after: tuple[range, Sequence[Segment]]) -> int:
-    """Return the shared frame of two runs whose segments have the most frames."""
-    shared = range(after[0].start, before[0].stop)
-
-    def n_frames(number: int) -> int:
-        lengths = [
-            next((segment.n_frames for segment in run[1] if number in segment.numbers), 0)
-            for run in (before, after)
-        ]
-        return min(lengths)
-
-    return max(shared, key=n_frames)
 
 
 class Join(NamedTuple):

@@ -26,9 +26,6 @@ from meshreel.runtime.workers.processes import ProcessExecutor
 RUN_FRAMES = 120
 """Frames of a run. Results depend on it, so it does not depend on the number of workers."""
 
-SHARED_FRAMES = 2
-"""Frames that a run has in common with the next."""
-
 CONTEXT = 2
 """Frames before and after those of a run that tell debris from parts."""
 
@@ -45,11 +42,10 @@ Result = TypeVar("Result")
 
 
 def ranges_of(n_frames: int) -> list[range]:
-    """Return the frames of each run."""
+    """Return the frames of each run, whose last one is the first of the next."""
     n_runs = max(1, round(n_frames / RUN_FRAMES))
     starts = [number * n_frames // n_runs for number in range(n_runs)]
-    stops = [min(start + SHARED_FRAMES, n_frames) for start in [*starts[1:], n_frames]]
-    return [*map(range, starts, stops)]
+    return [*map(range, starts, [*(start + 1 for start in starts[1:]), n_frames])]
 
 
 @dataclass(frozen=True, eq=False)

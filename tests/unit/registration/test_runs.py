@@ -58,7 +58,7 @@ def assert_equal(found, expected):
 def test_runs_cover_all_frames_and_overlap():
     assert ranges_of(1) == [range(1)]
     assert ranges_of(7) == [range(7)]
-    assert ranges_of(16) == [range(7), range(5, 12), range(10, 16)]
+    assert ranges_of(16) == [range(6), range(5, 11), range(10, 16)]
 
 
 @pytest.mark.slow
@@ -101,7 +101,7 @@ def test_frames_are_equal_if_a_worker_of_a_cluster_is_killed(raw, expected):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("stage", "n_done", "remaining"),
-    [("registering", 12, [range(5, 12), range(10, 16)]), ("joining", 1, [])],
+    [("registering", 11, [range(5, 11), range(10, 16)]), ("joining", 1, [])],
 )
 def test_finished_runs_are_not_registered_again(
     raw, expected, tmp_path, monkeypatch, stage, n_done, remaining
@@ -170,8 +170,8 @@ def segment(first, stop, key, n=2):
     )  # fmt: skip
 
 
-def test_runs_are_cut_at_the_shared_frame_of_their_longest_segments():
-    one = range(12), [segment(0, 11, 5), segment(11, 12, 11)]
+def test_runs_are_joined_at_the_frame_that_they_share():
+    one = range(11), [segment(0, 11, 5)]
     two = range(10, 20), [segment(10, 15, 12), segment(15, 20, 17)]
     first, second = chains([one, two])
     assert [(piece.segment.key, piece.numbers) for piece in first] == [
