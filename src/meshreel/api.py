@@ -23,7 +23,12 @@ from meshreel.formats.sources import AnyPath, Source
 from meshreel.model.notes import NoteKind, Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.operations.inputs import AnyInput, Stream, loaded, opened
-from meshreel.operations.registering import extras_to_register, open_part, register_frames
+from meshreel.operations.registering import (
+    check_scheduler,
+    extras_to_register,
+    open_part,
+    register_frames,
+)
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.progress import Progress, silent
@@ -186,6 +191,7 @@ def register(source: AnyInput, options: RegisterOptions) -> MeshSequence:
         If a texture cannot be read, or its output has another format.
     """
     require(extras_to_register(options))
+    check_scheduler(options)
     reading, notes = Reading(matches_frames=False), Notes()
     with opened(source, reading) as frames:
         _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS])

@@ -30,6 +30,7 @@ from meshreel.operations.encoding import Encoded, encode_and_measure
 from meshreel.operations.inputs import chosen_frames, local_input
 from meshreel.operations.registering import (
     Registered,
+    check_scheduler,
     extras_to_register,
     loading_raw,
     open_part,
@@ -231,6 +232,8 @@ def convert(
             check_output_path(Path(target.output), overwrite=target.overwrite, inputs=files)
         else:
             target.check(files, None if splits else _known_frames(files, frames))
+        if registering is not None:
+            check_scheduler(registering)
         origin = None if writes_stream or len(files) > 1 else origin_of_file(files[0])
         target = replace(target, options=replace(target.options, origin=origin))
         is_matched = not splits and registering is None

@@ -19,6 +19,7 @@ from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import Extra
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.stores.address import is_remote
+from meshreel.runtime.workers.cluster import cluster_executor
 
 if TYPE_CHECKING:
     from meshreel.codec.config import EncoderConfig
@@ -45,6 +46,13 @@ def extras_to_register(options: RegisterOptions) -> list[Extra]:
     if options.texture is None:
         return [*REGISTRATION]
     return [*REGISTRATION, *extras_to_bake(options.texture, options.texture_output or "")]
+
+
+def check_scheduler(options: RegisterOptions) -> None:
+    """Raise InvalidInputError unless the scheduler answers; call it before long work."""
+    if options.scheduler is not None:
+        with cluster_executor(options.scheduler):
+            pass
 
 
 def open_part(source: Source, reading: Reading) -> Callable[[range], "Open"]:

@@ -10,16 +10,19 @@ import pytest
 import meshreel
 from meshreel import InvalidInputError
 from meshreel.formats.options import Reading
+from meshreel.operations.convert import Target, convert
 from meshreel.operations.registering import open_part
 from meshreel.registration import runs
 from meshreel.registration.growing import Segment, Topology
 from meshreel.registration.joining import Embedding, Piece, best_key, chains, merged
+from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.runs import ranges_of
 from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors
+from meshreel.runtime.workers import cluster
 from samples.captures import capture
 from samples.clusters import local_cluster
 from samples.shapes import square
@@ -88,11 +91,11 @@ def test_frames_are_equal_if_a_worker_of_a_cluster_is_killed(raw, expected):
 
     def kill_once(stage, _):
         if stage == "registering" and not killed:
-            killed.append(next(iter(cluster.workers.values())).pid)
+            killed.append(next(iter(running.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    with local_cluster(2) as cluster:
-        scheduler = cluster.scheduler_address
+    with local_cluster(2) as running:
+        scheduler = running.scheduler_address
         found = register(raw, tolerance=TOLERANCE, scheduler=scheduler, progress=kill_once)
     assert killed
     assert_equal(found.sequence, expected.sequence)
@@ -129,6 +132,17 @@ def test_finished_runs_are_not_registered_again(
 def test_workers_and_scheduler_cannot_be_combined(raw):
     with pytest.raises(InvalidInputError, match="cannot be combined"):
         register(raw, workers=2, scheduler="tcp://127.0.0.1:9")
+
+
+def test_the_scheduler_must_answer_before_frames_are_read(tmp_path, monkeypatch):
+    pytest.importorskip("distributed", reason="the extra [dask] is not installed")
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT_S", 0.1)
+    (tmp_path / "frame_0.ply").write_bytes(b"damaged")
+    address, target = "tcp://127.0.0.1:9", Target(output=tmp_path / "a.reel")
+    with pytest.raises(InvalidInputError, match="no Dask scheduler answers"):
+        meshreel.register(tmp_path, scheduler=address)
+    with pytest.raises(InvalidInputError, match="no Dask scheduler answers"):
+        convert(tmp_path, target, Reading(), registering=RegisterOptions(scheduler=address))
 
 
 def test_a_worker_of_another_version_refuses_a_run(raw):
