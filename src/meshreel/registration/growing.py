@@ -370,13 +370,14 @@ def _longest(
     if key_mesh.added_area > tolerance.patch_area and segment.reasons:
         other = _grow(frames, key, initial_key, f"{key}_given", run, tolerance, store, report_first)
         segment = max(segment, other, key=lambda choice: choice.n_frames)
-    if segment.key_mesh is not initial_key or not segment.may_lack_vertices:
+    if not segment.may_lack_vertices:
         return segment
     refined = full.refined(MAX_SAGITTA * tolerance.length)
     if len(refined.mesh.vertices) < MIN_REFINEMENT * len(full.mesh.vertices):
         return segment
     if _bits_per_frame(refined, len(run)) >= segment.bits_per_frame:  # even if it follows all
         return segment
+    refined = _complete(frames, key, refined, run, full.mesh, tolerance, report_completing)
     other = _grow(frames, key, refined, f"{key}_refined", run, tolerance, store, report_refined)
     return min(segment, other, key=lambda choice: choice.bits_per_frame)
 
@@ -620,14 +621,27 @@ class Follower:
         """
         state = self.tracker.start()
         for target in targets:
-            pose, posed = self.tracker.track(state, target)
-            mesh = TriangleMesh(posed.positions, self._faces)
-            positions = self._fit.step(mesh, mesh.vertices, target, SMOOTHNESS[0], covers=False)
-            mesh = TriangleMesh(positions, self._faces)
-            if self._excess(one_way(mesh, target, self._tolerance)) > MAX_ERROR_TO_COMPLETE:
+            if (found := self._approach(state, target)) is None:
                 break
+            pose, posed, mesh = found
             yield RegisteredKey(mesh, posed.vertex_rotations, target)
-            state = self.tracker.arrive(state, pose, posed, positions)
+            state = self.tracker.arrive(state, pose, posed, mesh.vertices)
+
+    def _approach(
+        self, state: State, target: TriangleMesh
+    ) -> tuple[Pose, PosedMesh, TriangleMesh] | None:
+        """Return the mesh of the first attempt that is near where the frame has surface, if any."""
+        for attempt in ATTEMPTS:
+            if attempt.if_failed is not None:
+                continue
+            pose, posed = self.tracker.track(state, target, attempt)
+            mesh = TriangleMesh(posed.positions, self._faces)
+            for smoothness in SMOOTHNESS:
+                positions = self._fit.step(mesh, posed.positions, target, smoothness, covers=False)
+                mesh = TriangleMesh(positions, self._faces)
+                if self._excess(one_way(mesh, target, self._tolerance)) <= MAX_ERROR_TO_COMPLETE:
+                    return pose, posed, mesh
+        return None
 
     def _meets(self, errors: FrameErrors) -> bool:
         return not errors.exceeds(self._tolerance)

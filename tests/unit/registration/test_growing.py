@@ -256,12 +256,21 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     assert len(grown) == n_grown
 
 
-@pytest.mark.parametrize(("n_added", "n_grown"), [(0, 1), (1, 1), (3200, 2)])
-def test_a_key_is_registered_again_only_without_large_additions(
-    plane, n_added, n_grown, monkeypatch
+@pytest.mark.parametrize(
+    ("n_added", "side", "names"),
+    [
+        (0, 43, ["0"]),
+        (1, 43, ["0"]),
+        (3200, 43, ["0", "0_given"]),
+        (0, 46, ["0", "0_refined"]),
+        (1, 46, ["0", "0_refined"]),
+    ],
+)
+def test_a_key_is_registered_again_without_large_additions_or_refined(
+    plane, n_added, side, names, monkeypatch
 ):
-    """Nor is it refined, because its frame does not lack vertices."""
-    spiked, grown = with_spike(plane), []
+    """It is refined, and then completed, if its frame lacks vertices."""
+    spiked, grown, completed_keys = with_spike(plane), [], []
 
     def grow(frames, key, key_mesh, name, *_):
         grown.append(name)
@@ -269,10 +278,11 @@ def test_a_key_is_registered_again_only_without_large_additions(
         return Segment(0, key, positions, key_mesh, (), 0, ((10, "lost"),), may_lack_vertices=True)
 
     monkeypatch.setattr(growing, "_grow", grow)
-    larger = KeyMesh.of_mesh(TriangleMesh(*square(0.0, 43)))  # 1.1 times as many vertices
+    larger = KeyMesh.of_mesh(TriangleMesh(*square(0.0, side)))  # 1.1 or 1.26 times the vertices
     monkeypatch.setattr(KeyMesh, "refined", lambda self, _: larger)
 
     def completed(frames, key, key_mesh, *_):
+        completed_keys.append(key_mesh)
         return replace(key_mesh, n_added=n_added) if n_added else key_mesh
 
     monkeypatch.setattr(growing, "_complete", completed)
@@ -281,7 +291,23 @@ def test_a_key_is_registered_again_only_without_large_additions(
         60, lambda _: None, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
     )
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
-    assert grown == ["0", "0_given"][:n_grown]
+    assert grown == names
+    assert any(key_mesh is larger for key_mesh in completed_keys) == ("0_refined" in names)
+
+
+@pytest.mark.parametrize(
+    ("height", "n_waves", "length", "is_found", "attempts"),
+    [(0.1, 3, 1e-3, True, [0]), (0.05, 3, 3e-4, True, [0, 2]), (0.1, 5, 1e-3, False, [0, 2])],
+)
+def test_a_frame_completes_a_key_after_as_many_attempts_as_it_needs(
+    plane, n_attempts, height, n_waves, length, is_found, attempts
+):
+    """A fit of one step misses all of them. Frames after one out of reach are not tried."""
+    wave = lifted(plane, height * np.sin(n_waves * np.pi * plane.vertices[:, 0]) ** 2)
+    frames = [wave] if is_found else [wave, plane]
+    found = list(Follower(plane, Tolerance(length)).registered_keys(frames))
+    assert len(found) == is_found
+    assert n_attempts == [ATTEMPTS[number] for number in attempts]
 
 
 @pytest.mark.slow
