@@ -11,7 +11,7 @@
 #define MIN_HEIGHT 0.05          /* of a face after it, in longest sides, if it was higher before */
 
 typedef struct {
-    const double *points;
+    const double *points, *weights; /* three coordinates, and one weight, of each vertex */
     int32_t *faces, *wedges; /* three per face; the first vertex of a removed face is NONE */
     int32_t *first, *next;   /* first corner of a vertex; next corner of the same vertex */
     double *quadrics, *areas, *errors;
@@ -129,7 +129,8 @@ static double evaluate_quadric(const double *quadric, const double *p) {
 }
 
 static void add_plane(decimation *state, int32_t vertex, const double *normal, double offset,
-                      double weight) {
+                      double area) {
+    double weight = area * state->weights[vertex];
     double a = normal[0], b = normal[1], c = normal[2], d = offset;
     double terms[TERMS] = {a * a,     b * b,     c * c,     2 * a * b, 2 * b * c,
                            2 * c * a, 2 * a * d, 2 * b * d, 2 * c * d, d * d};
@@ -141,7 +142,7 @@ static void add_plane(decimation *state, int32_t vertex, const double *normal, d
 
 /* Add the plane through some vertices, with a normal of any length, to their quadrics. */
 static void add_planes(decimation *state, const int32_t *vertices, int n, const double *normal,
-                       double weight) {
+                       double area) {
     double length = __builtin_sqrt(dot(normal, normal)), direction[3];
     if (length > 0) {
         for (int i = 0; i < 3; i++) {
@@ -149,13 +150,13 @@ static void add_planes(decimation *state, const int32_t *vertices, int n, const 
         }
         double offset = -dot(direction, point_of(state, vertices[0]));
         for (int i = 0; i < n; i++) {
-            add_plane(state, vertices[i], direction, offset, weight);
+            add_plane(state, vertices[i], direction, offset, area);
         }
     }
 }
 
 /* Set the quadrics: planes of faces, and planes through boundaries and seams, perpendicular to the
-   faces. Returns the area of all faces. */
+   faces. Returns the weighted area of all faces. */
 static double set_quadrics(decimation *state, int32_t n_verts, int32_t n_faces) {
     double area = 0.0, normal[3], across[3], side[3];
     vertex_ring ring;
@@ -165,7 +166,9 @@ static double set_quadrics(decimation *state, int32_t n_verts, int32_t n_faces) 
                   point_of(state, corners[2]), normal);
         double face_area = __builtin_sqrt(dot(normal, normal)) / 2;
         add_planes(state, corners, 3, normal, face_area / 3);
-        area += face_area;
+        for (int k = 0; k < 3; k++) {
+            area += face_area / 3 * state->weights[corners[k]];
+        }
     }
     for (int32_t vertex = 0; vertex < n_verts; vertex++) {
         find_ring(state, vertex, &ring);
@@ -478,15 +481,16 @@ size_t reel_decimate_memory(int64_t n_verts, int64_t n_faces) {
     return arena.used;
 }
 
-int64_t reel_decimate(void *memory, size_t memory_size, const double *vertices, int64_t n_verts,
-                      int32_t *faces, int32_t *wedges, int64_t n_faces, double max_rms,
-                      double max_distance, double max_length) {
+int64_t reel_decimate(void *memory, size_t memory_size, const double *vertices,
+                      const double *weights, int64_t n_verts, int32_t *faces, int32_t *wedges,
+                      int64_t n_faces, double max_rms, double max_distance, double max_length) {
     reel_arena arena = reel_arena_of(memory, memory_size);
     decimation state = allocate(&arena, n_verts, n_faces);
     if (arena.failed || n_faces > INT32_MAX / 3 || n_verts > INT32_MAX) {
         return reel_failure(REEL_NO_MEMORY, 0);
     }
     state.points = vertices;
+    state.weights = weights;
     state.faces = faces;
     state.wedges = wedges;
     state.max_square = max_distance * max_distance;

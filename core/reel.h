@@ -27,7 +27,7 @@
 extern "C" {
 #endif
 
-#define REEL_ABI 24 /* changes whenever a function or struct below changes */
+#define REEL_ABI 25 /* changes whenever a function or struct below changes */
 
 enum reel_code {
     REEL_OK = 0,
@@ -398,8 +398,8 @@ REEL_API int64_t reel_triangulate(void *memory, size_t memory_size, const double
                                   const int32_t *corners, int32_t *triangles);
 
 /* Remove vertices of a triangle mesh while its surface stays near the given one (decimate.c), for
-   analysis: no stream depends on it. `vertices` are three coordinates each. `faces` and `wedges`
-   are n_faces triples. Faces refer to vertices 0..n_verts-1. Wedges are any numbers: corners of a
+   analysis: no stream depends on it. `vertices` are three coordinates each, `weights` those of the
+   squared distances at each vertex. `faces` and `wedges` are n_faces triples. Faces refer to vertices 0..n_verts-1. Wedges are any numbers: corners of a
    vertex with different wedges have different attributes; such seams are kept like boundaries. The
    root mean square distance over all faces is at most about max_rms, that around a vertex at most
    max_distance, as quadrics measure; edges that become longer are at most max_length. Returns the
@@ -407,8 +407,9 @@ REEL_API int64_t reel_triangulate(void *memory, size_t memory_size, const double
    face with a vertex that does not exist. */
 REEL_API size_t reel_decimate_memory(int64_t n_verts, int64_t n_faces);
 REEL_API int64_t reel_decimate(void *memory, size_t memory_size, const double *vertices,
-                               int64_t n_verts, int32_t *faces, int32_t *wedges, int64_t n_faces,
-                               double max_rms, double max_distance, double max_length);
+                               const double *weights, int64_t n_verts, int32_t *faces,
+                               int32_t *wedges, int64_t n_faces, double max_rms,
+                               double max_distance, double max_length);
 
 /* Codes of the rows that corners refer to (corner_rows.c). `triangles` are vertices 0..n_verts-1,
    `twins` as above, and items[corner] is the item, 0..n_items-1, that has a row; NULL: each corner

@@ -15,6 +15,7 @@ def decimated(
     max_rms: float,
     max_distance: float,
     max_length: float,
+    weights: npt.NDArray[np.float64] | None = None,
 ) -> tuple[Integers, Integers]:
     """Collapse edges, the cheapest first, while the surface stays near the input.
 
@@ -35,6 +36,8 @@ def decimated(
         Maximum root mean square distance around one vertex.
     max_length : float
         Edges may not grow beyond this length.
+    weights : float64 array of shape (V,), optional
+        Weights of the squared distances at each vertex, above 0. Default: 1.
 
     Returns
     -------
@@ -47,6 +50,7 @@ def decimated(
     n_remaining = call(
         "reel_decimate",
         np.ascontiguousarray(vertices, np.float64),
+        np.ones(len(vertices)) if weights is None else np.ascontiguousarray(weights, np.float64),
         len(vertices),
         faces,
         wedges,

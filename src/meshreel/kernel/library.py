@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStreamError
 
-ABI = 24
+ABI = 25
 """REEL_ABI of the `core/reel.h` that this package expects."""
 
 PATH_VARIABLE = "MESHREEL_CORE"

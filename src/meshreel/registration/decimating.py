@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from meshreel.arrays import Floats
 from meshreel.codec.targets import error_scale
 from meshreel.kernel.decimation import decimated
 from meshreel.registration.fitting import TwoSidedFit
@@ -22,6 +23,12 @@ BEND_RADIUS = 0.02
 """Radius of bends that other frames may have, in longest sides of the box. Edges are so short that
 their sagitta at such a bend is at most the tolerance, even where the key is flat."""
 
+SMOOTHING_PASSES = 6
+"""Number of times that face areas and curvatures are averaged over neighbors."""
+
+MAX_WEIGHT = 16.0
+"""Largest weight of squared distances before normalization, and the inverse of the least."""
+
 SMOOTHNESS = 0.03, 0.01, 0.003
 """Smoothness of the steps that fit the mesh."""
 
@@ -39,8 +46,9 @@ def decimated_key(full: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyMe
     mesh, length = full.mesh, tolerance.length
     max_edge = float(np.sqrt(8 * BEND_RADIUS * length))
     rms = min(RMS * error_scale(tolerance.quality), MAX_RMS)
+    weights = detail_weights(mesh)
     faces, remaining_wedges = decimated(
-        mesh.vertices, mesh.faces, wedges, rms * length, DISTANCE * length, max_edge
+        mesh.vertices, mesh.faces, wedges, rms * length, DISTANCE * length, max_edge, weights
     )
     used_vertices, numbers = np.unique(faces, return_inverse=True)
     coarse = TriangleMesh(mesh.vertices[used_vertices], numbers.reshape(-1, 3).astype(np.int32))
@@ -53,3 +61,34 @@ def decimated_key(full: KeyMesh, wedges: Indices, tolerance: Tolerance) -> KeyMe
     corners[wedges.ravel()] = np.arange(wedges.size)
     kept_corners = corners[remaining_wedges]
     return KeyMesh(coarse, kept_corners // 3, np.eye(3)[kept_corners % 3])
+
+
+def detail_weights(mesh: TriangleMesh) -> Floats:
+    """Return weights of squared distances at the vertices, shape (V,); their mean over areas is 1.
+
+    They are larger where the surface is curved, since a distance turns short edges more, and where
+    the faces of the raw mesh are small: there a studio put detail, such as in a face. A weight is
+    the square root of the curvature around a vertex, over the mean area of the faces there.
+    """
+    n_verts = len(mesh.vertices)
+
+    def mean_at_vertices(values: Floats, of: Indices) -> Floats:
+        ends = of.ravel()
+        sums = np.bincount(ends, np.repeat(values, of.shape[1]), n_verts)
+        return np.asarray(sums / np.maximum(np.bincount(ends, minlength=n_verts), 1))
+
+    def smoothed(values: Floats) -> Floats:
+        for _ in range(SMOOTHING_PASSES):
+            values = mean_at_vertices(values[mesh.faces].mean(axis=1), mesh.faces)
+        return values / max(float(np.average(values, weights=mesh.vertex_areas)), 1e-300)
+
+    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    lengths, turns = (
+        np.linalg.norm(np.diff(vectors[sides], axis=1)[:, 0], axis=1)
+        for vectors in (mesh.vertices, mesh.vertex_normals)
+    )
+    curvatures = smoothed(mean_at_vertices(turns / np.maximum(lengths, 1e-300), sides))
+    areas = smoothed(mean_at_vertices(mesh.areas, mesh.faces))
+    weights = np.sqrt(curvatures) / np.maximum(areas, 1e-300)
+    weights = np.clip(weights, 1 / MAX_WEIGHT, MAX_WEIGHT)
+    return np.asarray(weights / np.average(weights, weights=mesh.vertex_areas))

@@ -46,6 +46,17 @@ def test_a_vertex_bound_holds_where_the_mean_does_not():
     assert near.closest(vertices).distances.max() < 0.01
 
 
+def test_weights_keep_vertices_where_they_are_large():
+    vertices, faces = capsule(40, 36)
+    is_upper = vertices[:, 2] > 0
+    weights = np.where(is_upper, 4.0, 1.0)
+    limits = 1e-3, FAR, FAR
+    used = np.unique(decimated(vertices, faces, faces, *limits, weights)[0])
+    assert is_upper[used].sum() > 1.5 * (~is_upper[used]).sum()
+    equal = decimated(vertices, faces, faces, *limits, np.full(len(vertices), 4.0))[0]
+    assert np.array_equal(equal, decimated(vertices, faces, faces, *limits)[0])
+
+
 def test_a_flat_sheet_keeps_its_outline():
     vertices, faces = square(0.0, 21)
     remaining, _ = decimated(vertices, faces, faces, 1e-6, FAR, FAR)
