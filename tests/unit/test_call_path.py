@@ -21,7 +21,7 @@ def file_changes(function):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("options", "most"), [({}, 140), ({"max_error": 0.5}, 428)], ids=str)
+@pytest.mark.parametrize(("options", "most"), [({}, 140), ({"max_error": 0.5}, 438)], ids=str)
 def test_encoding_rarely_changes_file(options, most):
     sequence = meshreel.simulate_flag(30, n_rows=20, n_columns=20)
     assert file_changes(partial(meshreel.encode, sequence, **options)).total() <= most
@@ -30,7 +30,7 @@ def test_encoding_rarely_changes_file(options, most):
 @pytest.mark.slow
 def test_decoding_rarely_changes_file():
     data = meshreel.encode(meshreel.simulate_flag(30, n_rows=20, n_columns=20))
-    assert file_changes(partial(meshreel.decode, data)).total() <= 30
+    assert file_changes(partial(meshreel.decode, data)).total() <= 34
 
 
 @pytest.mark.slow
