@@ -5,6 +5,7 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.codec.targets import error_scale
 from meshreel.kernel.decimation import decimated
+from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
@@ -72,7 +73,7 @@ def detail_weights(mesh: TriangleMesh) -> Floats:
     """
     n_verts = len(mesh.vertices)
 
-    def mean_at_vertices(values: Floats, of: Indices) -> Floats:
+    def mean_at_vertices(values: Floats, of: Faces | Indices) -> Floats:
         ends = of.ravel()
         sums = np.bincount(ends, np.repeat(values, of.shape[1]), n_verts)
         return np.asarray(sums / np.maximum(np.bincount(ends, minlength=n_verts), 1))
