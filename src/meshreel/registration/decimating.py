@@ -69,7 +69,7 @@ def detail_weights(mesh: TriangleMesh) -> Floats:
 
     They are larger where the surface is curved, since a distance turns short edges more, and where
     the faces of the raw mesh are small: there a studio put detail, such as in a face. A weight is
-    the square root of the curvature around a vertex, over the mean area of the faces there.
+    the square root of the curvature around a vertex over the mean area of the faces there.
     """
     n_verts = len(mesh.vertices)
 
@@ -90,6 +90,6 @@ def detail_weights(mesh: TriangleMesh) -> Floats:
     )
     curvatures = smoothed(mean_at_vertices(turns / np.maximum(lengths, 1e-300), sides))
     areas = smoothed(mean_at_vertices(mesh.areas, mesh.faces))
-    weights = np.sqrt(curvatures) / np.maximum(areas, 1e-300)
+    weights = np.sqrt(curvatures / np.maximum(areas, 1e-300))
     weights = np.clip(weights, 1 / MAX_WEIGHT, MAX_WEIGHT)
     return np.asarray(weights / np.average(weights, weights=mesh.vertex_areas))
