@@ -40,7 +40,8 @@ FIXED_WEIGHT = 1e6
 def shown_vertices(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> Mask:
     """Return which vertices a raw frame shows, of shape (V,), without rings around the others.
 
-    What bodies that touch hide counts as shown: it fits the surface around it already.
+    What bodies that touch hide counts as shown: it fits the surface around it already. So do regions
+    smaller than a patch that may be beyond the tolerance.
     """
     n_verts = len(mesh.vertices)
     if not target.is_boundary.any():
@@ -48,6 +49,8 @@ def shown_vertices(mesh: TriangleMesh, target: TriangleMesh, tolerance: Toleranc
     closest = target.closest(np.concatenate([mesh.vertices, mesh.centroids]))
     is_free = unsupported(mesh, target, closest, tolerance)[:n_verts]
     is_free &= ~target.encloses(mesh.vertices, closest.at(np.arange(n_verts)))
+    for region in _regions(mesh.faces, is_free):
+        is_free[region] = mesh.vertex_areas[region].sum() > tolerance.patch_area
     for _ in range(N_RINGS):
         is_free[mesh.faces[is_free[mesh.faces].any(axis=1)]] = True
     return ~is_free

@@ -391,7 +391,8 @@ def filled_segment(
 ) -> Segment:
     """Return the segment with the surface that some frames lack moved as in frames near them.
 
-    Frames that would then miss the tolerance are fitted again, or stay as they are.
+    Frames that would then miss the tolerance are fitted again. They stay as they are if they still
+    miss it, or if more faces would fold over.
     """
     faces, name = segment.key_mesh.mesh.faces, f"{segment.key}_filled"
     lacking = [row for row, errors in enumerate(segment.errors) if errors.unsupported]
@@ -421,9 +422,10 @@ def filled_segment(
         if errors.exceeds(tolerance):
             vertices = fit.step(mesh, vertices, target, SMOOTHNESS[0])
             errors = measure(TriangleMesh(vertices, faces), target, tolerance)
-        if not errors.exceeds(tolerance):
+        n_folds = len(folds.find(TriangleMesh(vertices, faces), target))
+        if not errors.exceeds(tolerance) and n_folds <= n_folded[row]:
             store.put(name, number, frames.restored(vertices))
-            n_folded[row] = len(folds.find(TriangleMesh(vertices, faces), target))
+            n_folded[row] = n_folds
             all_errors[row] = errors
             filled.append((number, errors.unsupported))
         if share := mesh.vertex_areas[is_unknown].sum() / mesh.areas.sum():
