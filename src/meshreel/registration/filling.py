@@ -40,8 +40,8 @@ FIXED_WEIGHT = 1e6
 def shown_vertices(mesh: TriangleMesh, target: TriangleMesh, tolerance: Tolerance) -> Mask:
     """Return which vertices a raw frame shows, of shape (V,), without rings around the others.
 
-    What bodies that touch hide counts as shown: it fits the surface around it already. So do regions
-    smaller than a patch that may be beyond the tolerance.
+    What bodies that touch hide counts as shown: it fits the surface around it already. So do
+    regions smaller than a patch that may be beyond the tolerance.
     """
     n_verts = len(mesh.vertices)
     if not target.is_boundary.any():
