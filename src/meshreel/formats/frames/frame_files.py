@@ -91,7 +91,7 @@ def read_runs(files: FrameFiles, name: str, reading: Reading) -> Iterator[FrameS
     """Read all files once, and yield each run of frames with the same vertices and faces.
 
     Runs are loaded until they take `max_loaded_bytes` together; others stay in their files, and
-    need memory for one frame.
+    need memory for one frame. A single file is always loaded.
 
     Parameters
     ----------
@@ -207,7 +207,8 @@ class _Run:
             if self._n_frames > 1:
                 return loaded
             self.kept_bytes = loaded.raw_size_bytes
-            is_large = self._max_bytes is not None and self.kept_bytes > self._max_bytes
+            limit = self._max_bytes if len(self._files) > 1 else None
+            is_large = limit is not None and self.kept_bytes > limit
             return self._stored(loaded, reading) if is_large else loaded
         shape = self._n_frames, len(mesh.vertices[rows])
         files = self._files.paths[self._start : self._start + self._n_frames]
