@@ -101,9 +101,9 @@ def main() -> None:
         print(f"{wall:.0f} s; segments of {[each.n_frames for each in result.segments]} frames")
         print(result.distances)
         print(f"{opening:.0f} processor seconds to open the files, {encoding:.0f} to encode")
-        for name, seconds in calls.items():
-            mean, largest = sum(seconds) / len(seconds), max(seconds)
-            print(f"{name}: {len(seconds)} calls, mean {mean:.1f} s, largest {largest:.1f} s")
+        for name, times in calls.items():
+            mean, largest = sum(times) / len(times), max(times)
+            print(f"{name}: {len(times)} calls, mean {mean:.1f} s, largest {largest:.1f} s")
         path = opening + encoding + sum(map(max, calls.values()))
         total = opening + encoding + sum(map(sum, calls.values()))
         print(f"critical path {path:.0f} of {total:.0f} processor seconds")

@@ -26,6 +26,10 @@ UNLESS_NEAR = [one for one in ATTEMPTS if one.if_failed is not False]
 """The attempts if the first one loses the surface, or faces fold."""
 
 
+def no_raw_frame(number):
+    raise AssertionError("frames have no values")
+
+
 def lifted(mesh, heights):
     return TriangleMesh(mesh.vertices + heights[:, None] * [0.0, 0.0, 1.0], mesh.faces)
 
@@ -247,7 +251,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(KeyMesh, "refined", refined)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
     frames = Frames(
-        60, lambda _: None, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
+        60, no_raw_frame, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
     )
     run = range(n_in_run)
     chosen = growing._longest(frames, 0, run, TOLERANCE, TemporaryStore(), lambda _: None)
@@ -288,7 +292,7 @@ def test_a_key_is_registered_again_without_large_additions_or_refined(
     monkeypatch.setattr(growing, "_complete", completed)
     cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
     frames = Frames(
-        60, lambda _: None, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
+        60, no_raw_frame, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
     )
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     assert grown == names

@@ -145,7 +145,8 @@ def test_runs_stay_in_their_files_once_they_take_the_limit_together(
 def test_single_frames_count_with_their_faces(tmp_path):
     save(capture(6), tmp_path / "frame_%02d.ply", notes=[])
     files = FrameFiles(sorted(tmp_path.iterdir()), FRAME_FORMATS[".ply"])
-    loaded = list(read_runs(files, "walk", Reading()))
+    runs = read_runs(files, "walk", Reading())
+    loaded = [run for run in runs if isinstance(run, MeshSequence)]
     size = sum(run.raw_size_bytes for run in loaded[:2])
     runs = read_runs(files, "walk", Reading(max_loaded_bytes=size))
     kinds = [isinstance(run, StoredFrames) for run in runs]
