@@ -11,7 +11,7 @@ from meshreel.model.geometry.connectivity import component_labels
 from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import harmonic, uniform_laplacian
 from meshreel.registration.graph import rotations_of
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh, with_rings
 from meshreel.registration.verification import Tolerance, unsupported
 
 Mask = npt.NDArray[np.bool_]
@@ -51,9 +51,7 @@ def shown_vertices(mesh: TriangleMesh, target: TriangleMesh, tolerance: Toleranc
     is_free &= ~target.encloses(mesh.vertices, closest.at(np.arange(n_verts)))
     for region in _regions(mesh.faces, is_free):
         is_free[region] = mesh.vertex_areas[region].sum() > tolerance.patch_area
-    for _ in range(N_RINGS):
-        is_free[mesh.faces[is_free[mesh.faces].any(axis=1)]] = True
-    return ~is_free
+    return ~with_rings(mesh.faces, is_free, N_RINGS)
 
 
 def filled_frames(
@@ -76,9 +74,9 @@ def filled_frames(
     is_shown : mapping of int to bool array of shape (V,)
         The vertices that each incomplete frame shows; other frames show all.
     """
+    n_verts = len(positions(0))
+    laplacian, everything = uniform_laplacian(faces, n_verts), np.ones(n_verts, bool)
     for frame, shown in is_shown.items():
-        n_verts = len(shown)
-        laplacian, everything = uniform_laplacian(faces, n_verts), np.ones(n_verts, bool)
         near = np.arange(max(0, frame - N_NEAR), min(n_frames, frame + N_NEAR + 1))
         near = near[near != frame]
         known = np.array([is_shown.get(number, everything) for number in near.tolist()])
@@ -106,7 +104,7 @@ def _surrounded(faces: Faces, is_free: Mask, shown: Mask) -> Mask:
     while n_chosen < (n_chosen := int(is_chosen.sum())):
         if (is_chosen & shown).sum() >= is_free.sum():
             break
-        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
+        is_chosen = with_rings(faces, is_chosen)
     return is_chosen
 
 

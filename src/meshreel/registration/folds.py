@@ -8,7 +8,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import harmonic, uniform_laplacian
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh, with_rings
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_TURN = np.radians(30)
@@ -175,11 +175,9 @@ class Folds:
 
 def _vertices_around(mesh: TriangleMesh, faces: Indices, n_rings: int) -> npt.NDArray[np.bool_]:
     """Return whether each vertex belongs to these faces, or to rings of faces around them."""
-    is_around = np.zeros(len(mesh.vertices), bool)
-    is_around[mesh.faces[faces]] = True
-    for _ in range(n_rings):
-        is_around[mesh.faces[is_around[mesh.faces].any(axis=1)]] = True
-    return is_around
+    is_corner = np.zeros(len(mesh.vertices), bool)
+    is_corner[mesh.faces[faces]] = True
+    return with_rings(mesh.faces, is_corner, n_rings)
 
 
 def _planes(target: TriangleMesh, points: Floats) -> tuple[Floats, Floats]:

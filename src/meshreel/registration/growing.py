@@ -418,18 +418,18 @@ def filled_segment(
     for row, vertices, is_unknown in filled_frames(positions, segment.n_frames, faces, is_shown):
         number, mesh = segment.numbers[row], TriangleMesh(vertices, faces)
         target = frames.mesh(number)
+        if share := mesh.vertex_areas[is_unknown].sum() / mesh.areas.sum():
+            unknown.append((number, float(share)))
         errors = measure(mesh, target, tolerance)
         if errors.exceeds(tolerance):
-            vertices = fit.step(mesh, vertices, target, SMOOTHNESS[0])
-            errors = measure(TriangleMesh(vertices, faces), target, tolerance)
-        n_folds = len(folds.find(TriangleMesh(vertices, faces), target))
+            mesh = TriangleMesh(fit.step(mesh, vertices, target, SMOOTHNESS[0]), faces)
+            errors = measure(mesh, target, tolerance)
+        n_folds = len(folds.find(mesh, target))
         if not errors.exceeds(tolerance) and n_folds <= n_folded[row]:
-            store.put(name, number, frames.restored(vertices))
+            store.put(name, number, frames.restored(mesh.vertices))
             n_folded[row] = n_folds
             all_errors[row] = errors
             filled.append((number, errors.unsupported))
-        if share := mesh.vertex_areas[is_unknown].sum() / mesh.areas.sum():
-            unknown.append((number, float(share)))
     return replace(
         segment,
         positions=store.stack(name, segment.numbers),

@@ -153,9 +153,7 @@ class TriangleMesh:
     @cached_property
     def is_near_boundary(self) -> npt.NDArray[np.bool_]:
         """Whether each vertex is on the boundary or next to it, of shape (V,)."""
-        is_near = np.zeros(len(self.vertices), bool)
-        is_near[self.faces[self.is_boundary[self.faces].any(axis=1)]] = True
-        return is_near
+        return with_rings(self.faces, self.is_boundary)
 
     @cached_property
     def is_edge(self) -> npt.NDArray[np.bool_]:
@@ -252,6 +250,16 @@ class TriangleMesh:
     def oriented_tree(self) -> Any:
         """A k-d tree of `oriented`, which finds vertices that are near in place and direction."""
         return k_d_tree(self.oriented)
+
+
+def with_rings(
+    faces: Faces, is_chosen: npt.NDArray[np.bool_], n_rings: int = 1
+) -> npt.NDArray[np.bool_]:
+    """Return whether each vertex is chosen, or in rings of faces around those, of shape (V,)."""
+    is_within = is_chosen.copy()
+    for _ in range(n_rings):
+        is_within[faces[is_within[faces].any(axis=1)]] = True
+    return is_within
 
 
 def _dots(first: Floats, second: Floats) -> Floats:
