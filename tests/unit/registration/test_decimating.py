@@ -44,7 +44,7 @@ def test_distances_weigh_more_where_the_raw_mesh_is_dense_or_curved():
     rings = np.diff(-heights)[:-1].repeat(40)  # from one ring to the next
     middle = np.abs(dense.vertices[:-2, 2]) < 0.7
     sparse = rings > np.median(rings[middle])
-    assert weights[:-2][middle & ~sparse].mean() > 1.1 * weights[:-2][middle & sparse].mean()
+    assert weights[:-2][middle & ~sparse].mean() > 1.14 * weights[:-2][middle & sparse].mean()
     flat = TriangleMesh(*square(0.0, 11))
     np.testing.assert_allclose(detail_weights(flat), 1.0)
     sphere, faces = capsule(60, 54)
@@ -118,6 +118,6 @@ def test_a_frame_that_cannot_be_followed_is_decimated_too():
     found = register(raw, tolerance=0.2)
     assert [segment.n_frames for segment in found.sequence.segments] == [1, 1]
     n_verts = [segment.n_verts for segment in found.sequence.segments]
-    assert max(n_verts) < 0.95 * len(vertices)
+    assert max(n_verts) < 0.92 * len(vertices)
     note = f"kept {sum(n_verts)} of {2 * len(vertices)} vertices of keys, as the quality allows"
     assert note in found.notes()

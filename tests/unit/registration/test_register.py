@@ -74,7 +74,7 @@ def test_notes_state_a_smaller_tolerance_that_every_frame_meets():
         )
 
     assert is_met(registered.met_percent)
-    assert not is_met(0.5 * registered.met_percent)
+    assert not is_met(0.65 * registered.met_percent)
 
 
 def test_a_tolerance_that_is_just_met_is_not_stated(registered):
