@@ -1,6 +1,7 @@
 """The S3 store, served by moto on this machine."""
 
 import gc
+import pickle
 import warnings
 
 import fsspec
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.formats.options import Reading
+from meshreel.operations.registering import open_part
 from samples.meshes import waving_grid
 from samples.stores import put
 
@@ -64,6 +67,14 @@ def test_frames_round_trip_through_s3_in_order(bucket):
     assert written[10] == f"{bucket}/frames/f_10.ply"
     for source in (f"{bucket}/frames", f"{bucket}/frames/", f"{bucket}/frames/f_*.ply", written):
         assert np.array_equal(meshreel.load(source).vertices, walk.vertices)
+
+
+def test_workers_open_frames_of_a_bucket(bucket):
+    walk = waving_grid(11)
+    put(walk, f"{bucket}/take/f_%d.ply")
+    reopen = pickle.loads(pickle.dumps(open_part(f"{bucket}/take", Reading())(range(4, 11))))
+    with reopen() as part:
+        assert np.array_equal([frame.vertices for frame in part], walk.vertices[4:])
 
 
 def test_missing_objects_and_buckets_are_named(bucket):
