@@ -27,7 +27,7 @@ from meshreel.registration.growing import Frames, Segment
 from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
-from meshreel.registration.runs import Open, Runs, executor_of
+from meshreel.registration.runs import Open, Runs
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
     RawFrame,
@@ -43,6 +43,7 @@ from meshreel.runtime.counting import counted
 from meshreel.runtime.extras import REGISTER_SCIPY
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import one_blas_thread, results_in_order
+from meshreel.runtime.workers.executors import executor_of
 
 MIN_UNSUPPORTED_PERCENT = 0.05
 """Notes mention the share of the registered surface that raw frames lack if it is at least this."""
@@ -352,7 +353,7 @@ def register_files(
         options.keep_debris,
     )
     frames = capture.frames(sequence)
-    with executor_of(options) as (executor, n_workers):
+    with executor_of(options.workers, options.scheduler, progress) as (executor, n_workers):
         open_part = open_part or partial(_loaded, frames)
         runs = Runs(capture, frames, open_part, executor, n_workers, progress)
         surveyed = runs.survey()

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -14,14 +14,12 @@ from meshreel.model.sequence import MeshSequence
 from meshreel.registration.capture import Capture, Surveyed, survey
 from meshreel.registration.growing import REGISTERING, Frames, Segment, Topology, grow_segments
 from meshreel.registration.joining import Chain, Join, best_key, chains, join, joins, merged
-from meshreel.registration.options import RegisterOptions
 from meshreel.registration.stores import Arrays, TemporaryStore
 from meshreel.registration.verification import Tolerance
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread, results_in_order
 from meshreel.runtime.version import __version__
-from meshreel.runtime.workers.cluster import cluster_executor
-from meshreel.runtime.workers.processes import ProcessExecutor
+from meshreel.runtime.workers.executors import completed
 
 RUN_FRAMES = 120
 """Frames of a run. Results depend on it, so it does not depend on the number of workers."""
@@ -31,8 +29,6 @@ CONTEXT = 2
 
 MIN_PENDING = 8
 """Least number of calls that wait for a worker, whose arguments and results are in memory."""
-
-POLL_S = 0.5
 
 Open = Callable[[], AbstractContextManager[MeshSequence]]
 """Opens some frames of a capture; can be pickled."""
@@ -132,19 +128,6 @@ def _unpacked(arrays: Arrays) -> list[Segment]:
         number, _, key = name.partition("_")
         parts.setdefault(int(number), {})[key] = array
     return [Segment.of_arrays(parts[number]) for number in sorted(parts)]
-
-
-@contextmanager
-def executor_of(options: RegisterOptions) -> Iterator[tuple[Executor | None, int]]:
-    """Context manager for the workers, and their number; None for this process."""
-    if options.scheduler is not None:
-        with cluster_executor(options.scheduler) as workers:
-            yield workers
-    elif options.workers is not None:
-        with ProcessExecutor(options.workers) as executor:
-            yield executor, options.workers
-    else:
-        yield None, 1
 
 
 class Runs:
@@ -282,8 +265,7 @@ class Runs:
                 while waiting and len(pending) < self._max_pending:
                     key = waiting.popleft()
                     pending[self._executor.submit(call_of(key))] = key
-                # With a timeout, because Windows delivers Ctrl-C only between waits.
-                for future in wait(pending, POLL_S, FIRST_COMPLETED).done:
+                for future in completed(pending):
                     yield pending.pop(future), future.result()
         finally:
             for future in pending:

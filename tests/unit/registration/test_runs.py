@@ -2,6 +2,7 @@
 
 import os
 import signal
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +23,10 @@ from meshreel.registration.runs import ranges_of
 from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors
-from meshreel.runtime.workers import cluster
+from meshreel.runtime.workers import cluster, executors
 from samples.captures import capture
 from samples.clusters import local_cluster
+from samples.engines import InlineExecutor
 from samples.shapes import square
 
 TOLERANCE = 0.5
@@ -127,6 +129,17 @@ def test_finished_runs_are_not_registered_again(
     assert registered == remaining
     assert_equal(found.sequence, expected.sequence)
     assert "continued an earlier run" in found.changes
+
+
+@pytest.mark.slow
+def test_progress_says_that_runs_wait_for_workers(raw, monkeypatch):
+    def without_workers(address):
+        return nullcontext((InlineExecutor(), 0))
+
+    stages = []
+    monkeypatch.setattr(executors, "cluster_executor", without_workers)
+    register(raw[:3], scheduler="tcp://a:1", progress=lambda stage, _: stages.append(stage))
+    assert stages[:2] == ["waiting for workers; 'dask worker tcp://a:1' starts one", "cleaning"]
 
 
 def test_workers_and_scheduler_cannot_be_combined(raw):

@@ -2,15 +2,8 @@
 
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Executor,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,12 +15,11 @@ from meshreel.app.batch.plan import Plan
 from meshreel.errors import Keyword, MeshReelError, Message
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.version import __version__
+from meshreel.runtime.workers.executors import completed
 
 MIN_SUBMITTED = 256
 """Maximum number of inputs submitted and not yet written, or two per worker if that is more: bounds
 the memory of finished streams, and keeps workers busy that join a cluster later."""
-
-POLL_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -102,7 +94,8 @@ def run_batch(
 def _encode_all(plan: Plan, executor: Executor, n_workers: int, progress: Progress) -> None:
     n_inputs = len(plan.to_encode)
     stage = f"encoding, {n_workers} at a time" if n_workers else "encoding"
-    progress(stage, Count(0, n_inputs, "inputs"))
+    if n_workers:  # otherwise the executor has reported that inputs wait
+        progress(stage, Count(0, n_inputs, "inputs"))
     # Ctrl-C does not interrupt this thread, and waits for it: every stream gets its record.
     with ThreadPoolExecutor(1, "meshreel-write") as writer:
         outcomes = _outcomes(plan, executor, n_workers)
@@ -131,7 +124,7 @@ def _outcomes(
                 batch_input, options = waiting.popleft()
                 item = str(batch_input.source), options, __version__
                 pending[executor.submit(encode_input, *item)] = batch_input, options
-            for future in _wait_for_any(pending):
+            for future in completed(pending):
                 batch_input, options = pending.pop(future)
                 error = _error_of(future)
                 smaller = options.smaller(error) if error else None
@@ -143,15 +136,6 @@ def _outcomes(
     finally:
         for future in pending:
             future.cancel()
-
-
-def _wait_for_any(futures: "Iterable[Future[EncodedInput]]") -> "set[Future[EncodedInput]]":
-    """Wait until one or more futures are done, and return them."""
-    while True:
-        # With a timeout, because Windows delivers Ctrl-C only between waits.
-        done = wait(futures, timeout=POLL_S, return_when=FIRST_COMPLETED).done
-        if done:
-            return done
 
 
 def _error_of(future: "Future[EncodedInput]") -> BaseException | None:

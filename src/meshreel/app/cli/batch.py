@@ -1,6 +1,5 @@
 """`meshreel batch`: encode all sequences in a folder."""
 
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,9 +24,6 @@ from meshreel.registration.options import WORKERS
 from meshreel.runtime.counting import size_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from concurrent.futures import Executor
-
     from meshreel.app.batch.manifest import Record
     from meshreel.app.batch.plan import Plan
     from meshreel.app.batch.run import BatchReport
@@ -132,35 +128,21 @@ def batch_command(
 
 def _run(plan: "Plan", workers: int | None, scheduler: str | None) -> "BatchReport":
     from meshreel.app.batch.run import run_batch
+    from meshreel.runtime.threads import n_cores
+    from meshreel.runtime.workers.executors import executor_of
 
     if not plan.to_encode:
         return run_batch(plan, None)
+    workers = min(workers or n_cores(), len(plan.to_encode))
     try:
-        with shown_progress() as progress, _executor(plan, workers, scheduler) as (executor, n):
-            return run_batch(plan, executor, n, progress=progress)
+        with (
+            shown_progress() as progress,
+            executor_of(workers, scheduler, progress) as (executor, n_workers),
+        ):
+            return run_batch(plan, executor, n_workers, progress=progress)
     except KeyboardInterrupt:
         print_error("stopped; finished streams are kept, and another run encodes the others")
         raise
-
-
-@contextmanager
-def _executor(
-    plan: "Plan", workers: int | None, scheduler: str | None
-) -> "Iterator[tuple[Executor, int]]":
-    """The processes or the cluster that encode, and the number of their workers."""
-    from meshreel.runtime.threads import n_cores
-    from meshreel.runtime.workers.cluster import cluster_executor
-    from meshreel.runtime.workers.processes import ProcessExecutor
-
-    if scheduler is not None:
-        with cluster_executor(scheduler) as (executor, n_workers):
-            if not n_workers:
-                print_notes([f"waiting for workers; 'dask worker {scheduler}' starts one"])
-            yield executor, n_workers
-        return
-    n_workers = min(workers or n_cores(), len(plan.to_encode))
-    with ProcessExecutor(n_workers) as executor:
-        yield executor, n_workers
 
 
 def _print_report(report: "BatchReport", out_dir: str) -> None:

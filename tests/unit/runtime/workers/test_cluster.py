@@ -13,6 +13,7 @@ import pytest
 from meshreel.app.batch.encode_input import worker_died
 from meshreel.errors import InvalidInputError
 from meshreel.runtime.workers.cluster import cluster_executor
+from meshreel.runtime.workers.executors import executor_of
 from samples.clusters import local_cluster
 from samples.tasks import cores_and_blas_threads, die_always, process_id, slow_square, square
 from samples.waiting import wait_until
@@ -110,6 +111,15 @@ def test_calls_fail_when_the_scheduler_stops():
         cluster.close()
         with pytest.raises(CancelledError):
             outcome.result(120)
+
+
+def test_progress_says_that_a_cluster_has_no_workers():
+    stages = []
+    with local_cluster(0) as cluster:
+        address = cluster.scheduler_address
+        with executor_of(None, address, lambda stage, _: stages.append(stage)) as (_, n_workers):
+            assert n_workers == 0
+    assert stages == [f"waiting for workers; 'dask worker {address}' starts one"]
 
 
 def test_cluster_executor_fails_when_no_scheduler_answers(monkeypatch):
