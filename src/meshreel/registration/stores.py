@@ -92,10 +92,10 @@ class TemporaryStore:
         """Store arrays; return them with those called positions, of shape (T, V, 3), in files."""
         kept = dict(arrays)
         for key in [key for key in arrays if key.endswith(POSITIONS)]:
-            frames = kept.pop(key)
-            for number, positions in enumerate(frames):
+            for number, positions in enumerate(arrays[key]):
                 self.put(f"{name}_{key}", number, positions)
-            kept[key] = self.stack(f"{name}_{key}", range(len(frames)))
+            if len(arrays[key]):  # none if the first frame of a join does not follow the key
+                kept[key] = self.stack(f"{name}_{key}", range(len(arrays[key])))
         return kept
 
     def kept(self, name: str) -> Arrays | None:

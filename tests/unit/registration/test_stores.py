@@ -9,7 +9,7 @@ import pytest
 
 from meshreel import InvalidInputError
 from meshreel.registration.register import register
-from meshreel.registration.stores import TemporaryStore
+from meshreel.registration.stores import FolderStore, TemporaryStore
 from samples.captures import capture
 
 TOLERANCE = 0.5
@@ -53,6 +53,16 @@ def test_a_store_returns_the_frames_of_each_key():
         store.put("other", number, -frames[number])
     assert np.array_equal(store.stack("first", range(2, 5)), frames[2:5])
     assert np.array_equal(store.stack("other", range(2, 4)), -frames[2:4])
+
+
+@pytest.mark.parametrize("n_frames", [0, 2])
+def test_stores_keep_arrays(tmp_path, n_frames):
+    arrays = {"positions": np.ones((n_frames, 3, 3), np.float32), "faces": np.arange(3)}
+    for store in (TemporaryStore(), FolderStore(tmp_path / "folder", "digest")):
+        kept = store.keep("run", arrays)
+        for found in (kept, store.kept("run") or kept):
+            np.testing.assert_equal(found, arrays)
+            assert found["positions"].shape == (n_frames, 3, 3)
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
