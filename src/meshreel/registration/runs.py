@@ -3,8 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, closing, contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, closing
 from functools import partial
 from itertools import pairwise, starmap
 from typing import TypeVar
@@ -44,41 +43,29 @@ def ranges_of(n_frames: int) -> list[range]:
     return [*map(range, starts, [*(start + 1 for start in starts[1:]), n_frames])]
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A run of frames, as it is sent to a worker.
+def on_worker(
+    capture: Capture,
+    first: int,
+    open_frames: Open,
+    version: str,
+    function: Callable[..., Result],
+    *args: object,
+) -> Result:
+    """Return the result of a function for opened frames.
 
-    Attributes
+    Parameters
     ----------
-    capture : Capture
     first : int
-        The first opened frame.
-    open_frames : callable
+        Number of the first opened frame in the capture.
     version : str
-        Version of the sender.
+        Version of the caller; raises InvalidInputError for another one.
     """
-
-    capture: Capture
-    first: int
-    open_frames: Open
-    version: str = __version__
-
-    @contextmanager
-    def frames(self) -> Iterator[Frames]:
-        """Context manager for the frames."""
-        if self.version != __version__:
-            raise InvalidInputError(
-                f"the worker has meshreel {__version__} and the caller {self.version}; install the "
-                "same"
-            )
-        with self.open_frames() as sequence, one_blas_thread():
-            yield self.capture.frames(sequence, self.first)
-
-
-def on_worker(run: Run, function: Callable[..., Result], *args: object) -> Result:
-    """Return the result of a function for the frames of a run."""
-    with run.frames() as frames:
-        return function(frames, *args)
+    if version != __version__:
+        raise InvalidInputError(
+            f"the worker has meshreel {__version__} and the caller {version}; install the same"
+        )
+    with open_frames() as sequence, one_blas_thread():
+        return function(capture.frames(sequence, first), *args)
 
 
 Report = Callable[[str, int], None]
@@ -101,33 +88,16 @@ def register_run(
     topologies: Mapping[int, Topology | None],
     tolerance: Tolerance,
     report: Report = lambda stage, n_done: None,
-) -> Arrays:
+) -> list[Arrays]:
     """Return the segments of some frames, as arrays."""
-    if not any(topologies.values()):
-        return {}
     with closing(TemporaryStore()) as store:
-        return _packed(grow_segments(frames, topologies, tolerance, store, report))
+        segments = grow_segments(frames, topologies, tolerance, store, report)
+        return [segment.arrays() for segment in segments]
 
 
-def join_run(frames: Frames, segment: Arrays, plan: Join, tolerance: Tolerance) -> Arrays:
+def join_run(frames: Frames, segment: Arrays, plan: Join, tolerance: Tolerance) -> list[Arrays]:
     """Return the segment of another key in the frames of a piece, as arrays."""
-    return _packed([join(frames, Segment.of_arrays(segment), plan, tolerance)])
-
-
-def _packed(segments: Iterable[Segment]) -> Arrays:
-    return {
-        f"{number}_{name}": array
-        for number, segment in enumerate(segments)
-        for name, array in segment.arrays().items()
-    }
-
-
-def _unpacked(arrays: Arrays) -> list[Segment]:
-    parts: dict[int, Arrays] = {}
-    for name, array in arrays.items():
-        number, _, key = name.partition("_")
-        parts.setdefault(int(number), {})[key] = array
-    return [Segment.of_arrays(parts[number]) for number in sorted(parts)]
+    return [join(frames, Segment.of_arrays(segment), plan, tolerance).arrays()]
 
 
 class Runs:
@@ -178,22 +148,22 @@ class Runs:
         """Register all frames, unless the store has them."""
         tolerance, by_run = self._capture.tolerance, dict[int, list[Segment]]()
 
-        def call_of(number: int) -> Callable[[], Arrays]:
+        def call_of(number: int) -> Callable[[], list[Arrays]]:
             numbers = self.ranges[number]
             own = {frame: topologies[frame] for frame in numbers}
             report = self._report_after(numbers.start)
             return self._call(numbers, register_run, own, tolerance, report=report)
 
         names = {number: f"run_{number}" for number in range(len(self.ranges))}
-        for number, arrays in self._kept(store, names, call_of):
-            by_run[number] = _unpacked(arrays)
+        for number, segments in self._kept(store, names, call_of):
+            by_run[number] = segments
             self._report(REGISTERING, sum(len(self.ranges[done]) for done in by_run))
         runs = [(numbers, by_run[number]) for number, numbers in enumerate(self.ranges)]
-        segments, waiting = [], [*chains(runs)]
+        finished, waiting = [], [*chains(runs)]
         while waiting:
             joined, waiting = self._join(waiting, topologies, store)
-            segments += joined
-        return sorted(segments, key=lambda segment: segment.first)
+            finished += joined
+        return sorted(finished, key=lambda segment: segment.first)
 
     def _join(
         self, waiting: list[Chain], topologies: Mapping[int, Topology | None], store: TemporaryStore
@@ -207,23 +177,23 @@ class Runs:
                 name = "join_{}_to_{}_{}".format(chain[key].segment.key, *ends)
                 names[number, plan.piece] = name
 
-        def join_call(place: tuple[int, int]) -> Callable[[], Arrays]:
+        def join_call(place: tuple[int, int]) -> Callable[[], list[Arrays]]:
             segment, numbers = waiting[place[0]][place[1]]
             own, tolerance = segment.part(numbers).arrays(), self._capture.tolerance
             return self._call(numbers, join_run, own, plans[place], tolerance)
 
         joined: list[dict[int, Segment]] = [{} for _ in waiting]
         n_done = 0
-        for (number, piece), arrays in self._kept(store, names, join_call):
-            (joined[number][piece],) = _unpacked(arrays)
+        for (number, piece), segments in self._kept(store, names, join_call):
+            (joined[number][piece],) = segments
             n_done += len(plans[number, piece].numbers)
             self._report("joining runs", n_done)
-        segments, rest = [], list[Chain]()
+        finished, rest = [], list[Chain]()
         for chain, key, parts in zip(waiting, keys, joined, strict=True):
             segment, others = merged(chain, key, parts, store)
-            segments.append(segment)
+            finished.append(segment)
             rest += others
-        return segments, rest
+        return finished, rest
 
     def _call(
         self, numbers: range, function: Callable[..., Result], *args: object, **options: object
@@ -233,24 +203,21 @@ class Runs:
             return partial(function, self._frames, *args, **options)
         first, stop = numbers.start - CONTEXT, numbers.stop + CONTEXT
         opened = range(max(first, 0), min(stop, self._capture.n_frames))
-        run = Run(self._capture, opened.start, self._open_part(opened))
-        return partial(on_worker, run, function, *args)
+        frames = self._capture, opened.start, self._open_part(opened)
+        return partial(on_worker, *frames, __version__, function, *args)
 
     def _kept(
         self,
         store: TemporaryStore,
         names: Mapping[Key, str],
-        call_of: Callable[[Key], Callable[[], Arrays]],
-    ) -> Iterator[tuple[Key, Arrays]]:
-        """Yield the kept results of calls, and keep those of others, in any order."""
-        missing = []
-        for key, name in names.items():
-            if (arrays := store.kept(name)) is None:
-                missing.append(key)
-            else:
-                yield key, arrays
-        for key, arrays in self._results(missing, call_of):
-            yield key, store.keep(names[key], arrays)
+        call_of: Callable[[Key], Callable[[], list[Arrays]]],
+    ) -> Iterator[tuple[Key, list[Segment]]]:
+        """Yield the segments that the store or calls return, in any order; store those of calls."""
+        kept = {key: segments for key in names if (segments := store.kept(names[key])) is not None}
+        for key, segments in kept.items():
+            yield key, [*map(Segment.of_arrays, segments)]
+        for key, segments in self._results([key for key in names if key not in kept], call_of):
+            yield key, [*map(Segment.of_arrays, store.keep(names[key], segments))]
 
     def _results(
         self, keys: Iterable[Key], call_of: Callable[[Key], Callable[[], Result]]

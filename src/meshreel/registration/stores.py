@@ -5,7 +5,7 @@ Neither needs much memory; a folder keeps finished runs, after which another cal
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,9 +26,10 @@ IDENTITY = "registration.json"
 """Name of the file that identifies the registration that a folder belongs to."""
 
 POSITIONS = "positions"
-"""Last part of the names of arrays that stay in files."""
+"""Name of the array of a segment that stays in a file, of shape (T, V, 3)."""
 
 Arrays = dict[str, npt.NDArray[Any]]
+"""The arrays of a segment by name."""
 
 
 @dataclass
@@ -88,18 +89,21 @@ class TemporaryStore:
             file.flush()
             return np.asarray(np.memmap(file, dtype, "r", offset, (len(numbers), *shape)))
 
-    def keep(self, name: str, arrays: Arrays) -> Arrays:
-        """Store arrays; return them with those called positions, of shape (T, V, 3), in files."""
-        kept = dict(arrays)
-        for key in [key for key in arrays if key.endswith(POSITIONS)]:
-            for number, positions in enumerate(arrays[key]):
-                self.put(f"{name}_{key}", number, positions)
-            if len(arrays[key]):  # none if the first frame of a join does not follow the key
-                kept[key] = self.stack(f"{name}_{key}", range(len(arrays[key])))
-        return kept
+    def keep(self, name: str, segments: Sequence[Arrays]) -> list[Arrays]:
+        """Store segments; return them with their positions in files."""
+        return [
+            {**arrays, POSITIONS: self._stored(f"{name}_{number}", arrays[POSITIONS])}
+            for number, arrays in enumerate(segments)
+        ]
 
-    def kept(self, name: str) -> Arrays | None:
-        """Return what an earlier run kept."""
+    def _stored(self, name: str, positions: Vertices) -> Vertices:
+        for number, frame in enumerate(positions):
+            self.put(name, number, frame)
+        # There are none if the first frame of a join does not follow the key.
+        return self.stack(name, range(len(positions))) if len(positions) else positions
+
+    def kept(self, name: str) -> list[Arrays] | None:
+        """Return the segments that an earlier registration kept; None if it did not."""
         return None
 
 
@@ -138,29 +142,39 @@ class FolderStore(TemporaryStore):
                 "another tolerance, or by another version; remove it, or use another name"
             )
 
-    def keep(self, name: str, arrays: Arrays) -> Arrays:
-        """Store arrays; return them with those called positions, of shape (T, V, 3), in files."""
-        kept, others = dict(arrays), dict(arrays)
-        for key in [key for key in arrays if key.endswith(POSITIONS)]:
-            path = self._folder / f"{name}_{key}.npy"
-            np.save(path, others.pop(key))
-            kept[key] = np.asarray(np.load(path, mmap_mode="r"))
+    def keep(self, name: str, segments: Sequence[Arrays]) -> list[Arrays]:
+        """Store segments; return them with their positions in files."""
+        kept = super().keep(name, segments)
+        others = {
+            f"{number}_{key}": array
+            for number, arrays in enumerate(segments)
+            for key, array in arrays.items()
+            if key != POSITIONS
+        }
         with _replacing(self._folder / f"{name}.npz") as partial, partial.open("wb") as file:
             np.savez(file, allow_pickle=False, **others)
         return kept
 
-    def kept(self, name: str) -> Arrays | None:
-        """Return what an earlier run kept."""
+    def _stored(self, name: str, positions: Vertices) -> Vertices:
+        np.save(self._folder / f"{name}.npy", positions)
+        return self._load(name)
+
+    def _load(self, name: str) -> Vertices:
+        return np.asarray(np.load(self._folder / f"{name}.npy", mmap_mode="r"))
+
+    def kept(self, name: str) -> list[Arrays] | None:
+        """Return the segments that an earlier registration kept; None if it did not."""
         path = self._folder / f"{name}.npz"
         if not path.exists():
             return None
+        segments: dict[str, Arrays] = {}
         with np.load(path, allow_pickle=False) as archive:
-            arrays: Arrays = dict(archive)
-        for path in self._folder.glob(f"{name}_*{POSITIONS}.npy"):
-            key = path.stem.removeprefix(f"{name}_")
-            arrays[key] = np.asarray(np.load(path, mmap_mode="r"))
+            for place, array in archive.items():
+                number, _, key = place.partition("_")
+                arrays = segments.setdefault(number, {POSITIONS: self._load(f"{name}_{number}")})
+                arrays[key] = array
         self.is_resumed = True
-        return arrays
+        return [*segments.values()]
 
 
 @contextmanager

@@ -159,9 +159,8 @@ def test_the_scheduler_must_answer_before_frames_are_read(tmp_path, monkeypatch)
 
 
 def test_a_worker_of_another_version_refuses_a_run(raw):
-    run = runs.Run(None, 0, None, version="0.0")
     with pytest.raises(InvalidInputError, match=r"and the caller 0\.0; install the same"):
-        runs.on_worker(run, runs.survey_run)
+        runs.on_worker(None, 0, None, "0.0", runs.survey_run)
 
 
 def test_workers_open_frames_of_files_and_of_a_file(raw, tmp_path):

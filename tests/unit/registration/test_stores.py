@@ -56,13 +56,13 @@ def test_a_store_returns_the_frames_of_each_key():
 
 
 @pytest.mark.parametrize("n_frames", [0, 2])
-def test_stores_keep_arrays(tmp_path, n_frames):
+def test_stores_keep_segments(tmp_path, n_frames):
     arrays = {"positions": np.ones((n_frames, 3, 3), np.float32), "faces": np.arange(3)}
     for store in (TemporaryStore(), FolderStore(tmp_path / "folder", "digest")):
-        kept = store.keep("run", arrays)
+        kept = store.keep("run", [arrays, arrays])
         for found in (kept, store.kept("run") or kept):
-            np.testing.assert_equal(found, arrays)
-            assert found["positions"].shape == (n_frames, 3, 3)
+            np.testing.assert_equal(found, [arrays, arrays])
+            assert found[0]["positions"].shape == (n_frames, 3, 3)
 
 
 def test_the_folder_of_another_tolerance_is_refused(raw, tmp_path):
