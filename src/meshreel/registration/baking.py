@@ -214,7 +214,7 @@ def bake(
                 yield image.resize(size)
             else:
                 positions = registration.frames.normalized(segment.read(local, local + 1)[0])
-                raw = registration.raw_frame(number)
+                raw = registration.frames.raw_frame(number)
                 colors = _bake_colors(atlas, positions[segment.faces], raw, image)
                 yield PillowImage.fromarray(colors[atlas.nearest])
             progress("baking", Count(number + 1, n_frames, "frames"))

@@ -7,13 +7,11 @@ from itertools import chain, count
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from meshreel.arrays import Floats
 from meshreel.model.frame_choice import consecutive_runs
-from meshreel.model.geometry.connectivity import boundary_edges, component_labels, undirected_edges
-from meshreel.model.sequence import MeshSequence, Vertices
-from meshreel.registration.cleaning import CleanMesh
+from meshreel.model.sequence import Vertices
+from meshreel.registration.capture import Frames, Topology
 from meshreel.registration.completing import RegisteredKey, complete_key, may_lack_surface
 from meshreel.registration.decimating import decimated_key
 from meshreel.registration.filling import Mask, filled_frames, shown_vertices
@@ -23,7 +21,7 @@ from meshreel.registration.graph import Pose, PosedMesh
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import Arrays, Course, TemporaryStore
 from meshreel.registration.tracking import ATTEMPTS, Attempt, State, Tracker
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import FrameErrors, Tolerance, check, measure, one_way
 from meshreel.runtime.threads import in_threads
 
@@ -32,9 +30,6 @@ REGISTERING = "registering"
 
 KEY_MARGIN = 0.25
 """A key is in the middle of a run of frames: not within this fraction of either end."""
-
-MAX_FRAGMENT = 0.1
-"""An open component up to this share of the area of its frame may be a part cut off by holes."""
 
 SMOOTHNESS = (0.3, 0.1, 0.03, 0.01)
 """Smoothness of the steps of a fit, which ends at the step that meets the tolerance."""
@@ -71,76 +66,6 @@ MAX_ERROR_TO_COMPLETE = 3.0
 KEY_BITS, MOTION_BITS = 18.0, 1.0
 """Bits of a vertex in the key, and in each other frame, measured in files of quality 70 at fast
 motion, where segments end."""
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """The raw frames of a sequence, cleaned, in longest sides of the sequence's box.
-
-    Attributes
-    ----------
-    n_frames : int
-    raw : callable
-        Returns a frame as it is, with its surface and tracks.
-    cleaned : callable
-        Returns a frame.
-    wedges : callable
-        Returns a number for each corner of a cleaned frame, of shape (M, 3), that tells the
-        attributes of a vertex apart; None if its vertices have values of their own.
-    low : float64 array of shape (3,)
-        Lowest corner of the box of all frames, in the unit of the sequence.
-    scale : float
-        Longest side of the box, above 0.
-    dtype : dtype
-        Number type of the positions of the sequence.
-    """
-
-    n_frames: int
-    raw: Callable[[int], MeshSequence]
-    cleaned: Callable[[int], CleanMesh]
-    wedges: Callable[[int], Indices | None]
-    low: Floats
-    scale: float
-    dtype: np.dtype[np.floating]
-
-    def mesh(self, number: int) -> TriangleMesh:
-        """Return the cleaned surface of a frame."""
-        mesh = self.cleaned(number)
-        return TriangleMesh(self.normalized(mesh.vertices), mesh.faces)
-
-    def normalized(self, vertices: npt.NDArray[np.floating]) -> Floats:
-        """Return positions in longest sides of the box, from its lowest corner."""
-        return np.asarray((vertices.astype(np.float64) - self.low) / self.scale)
-
-    def restored(self, positions: Floats) -> Vertices:
-        """Return positions in the unit and the number type of the sequence."""
-        return np.asarray((positions * self.scale + self.low).astype(self.dtype))
-
-
-class Topology(NamedTuple):
-    """Rank of a frame as a key; the greatest is the best.
-
-    A deformation can bring parts of a surface together, but cannot separate parts that touch. So
-    the best key has the most components and, among those, the fewest handles, then the fewest
-    fragments. Fragments, which holes of a scan cut off, are not components.
-    """
-
-    n_components: int
-    euler_number: int
-    minus_fragments: int = 0
-
-    @classmethod
-    def of_mesh(cls, mesh: CleanMesh) -> "Topology":
-        """Return the topology of a cleaned frame."""
-        labels = component_labels(mesh.faces, len(mesh.vertices))
-        of_faces = labels[mesh.faces[:, 0]]
-        areas = np.bincount(of_faces, TriangleMesh(mesh.vertices, mesh.faces).areas)
-        is_open = np.isin(np.arange(len(areas)), labels[boundary_edges(mesh.faces)])
-        is_fragment = is_open & (areas < MAX_FRAGMENT * areas.sum())
-        n_fragments = len(np.unique(of_faces[is_fragment[of_faces]]))
-        faces = mesh.faces[~is_fragment[of_faces]]
-        euler_number = len(np.unique(faces)) - len(undirected_edges(faces)) + len(faces)
-        return cls(mesh.n_components - n_fragments, euler_number, -n_fragments)
 
 
 class Success(NamedTuple):

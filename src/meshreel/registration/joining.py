@@ -17,13 +17,12 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.model.geometry.normals import unit
 from meshreel.model.sequence import Faces
+from meshreel.registration.capture import Frames, Topology
 from meshreel.registration.fitting import MIN_COSINE, REACH
 from meshreel.registration.growing import (
     Failure,
     Follower,
-    Frames,
     Segment,
-    Topology,
     filled_segment,
 )
 from meshreel.registration.refining import KeyMesh

@@ -20,17 +20,16 @@ from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import FrameSource, MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.model.tracks import Track
-from meshreel.registration.capture import Capture, Surveyed
+from meshreel.registration.capture import Capture, Frames, Surveyed
 from meshreel.registration.cleaning import MAX_CRACK, MIN_COMPONENT_AREA, CleanMesh
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Frames, Segment
+from meshreel.registration.growing import Segment
 from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.runs import Open, Runs
 from meshreel.registration.stores import FolderStore, TemporaryStore
 from meshreel.registration.transfer import (
-    RawFrame,
     SurfacePoints,
     attributes_of,
     interpolated,
@@ -166,10 +165,6 @@ class Registration:
         errors = [frame for segment in self.segments for frame in segment.errors]
         n_folded = sum(sum(segment.n_folded) for segment in self.segments)
         return Distances.of_frames(errors, self.diagonal, n_folded)
-
-    def raw_frame(self, number: int) -> RawFrame:
-        """Return a raw frame with its cleaned surface."""
-        return _raw_frame(self.frames, number)
 
     def distances_of(
         self,
@@ -352,10 +347,10 @@ def register_files(
         limit,
         options.keep_debris,
     )
-    frames = capture.frames(sequence)
+    frames = Frames(capture, sequence)
     with executor_of(options.workers, options.scheduler, progress) as (executor, n_workers):
         open_part = open_part or partial(_loaded, frames)
-        runs = Runs(capture, frames, open_part, executor, n_workers, progress)
+        runs = Runs(frames, open_part, executor, n_workers, progress)
         surveyed = runs.survey()
         topologies = [frame.topology for frame in surveyed]
         if not any(topologies):
@@ -403,11 +398,6 @@ def _names(segment: FrameSource) -> set[str]:
     return {*segment.tracks, *(attribute.name for attribute in segment.surface.attributes)}
 
 
-def _raw_frame(frames: Frames, number: int) -> RawFrame:
-    """Return a raw frame with its cleaned surface."""
-    return RawFrame(frames.raw(number), frames.cleaned(number), frames.mesh(number))
-
-
 def _sequences(
     raw: MeshSequence, segments: Sequence[Segment], frames: Frames, holes: Tolerance | None
 ) -> Iterator[MeshSequence]:
@@ -421,7 +411,7 @@ def _sequences(
             yield frames.raw(number)
         first = segment.numbers.stop
         key = frames.raw(segment.key)
-        raw_frames = (_raw_frame(frames, number) for number in segment.numbers)
+        raw_frames = map(frames.raw_frame, segment.numbers)
         tracks = transferred_tracks(raw_frames, map(frames.normalized, segment.positions))
         surface = _key_surface(key, frames.cleaned(segment.key), segment.key_mesh, tracks)
         faces, numbers = segment.key_mesh.mesh.faces, segment.numbers

@@ -10,8 +10,8 @@ from typing import TypeVar
 
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.registration.capture import Capture, Surveyed, survey
-from meshreel.registration.growing import REGISTERING, Frames, Segment, Topology, grow_segments
+from meshreel.registration.capture import Capture, Frames, Surveyed, Topology, survey
+from meshreel.registration.growing import REGISTERING, Segment, grow_segments
 from meshreel.registration.joining import Chain, Join, best_key, chains, join, joins, merged
 from meshreel.registration.stores import Arrays, TemporaryStore
 from meshreel.registration.verification import Tolerance
@@ -65,7 +65,7 @@ def on_worker(
             f"the worker has meshreel {__version__} and the caller {version}; install the same"
         )
     with open_frames() as sequence, one_blas_thread():
-        return function(capture.frames(sequence, first), *args)
+        return function(Frames(capture, sequence, first), *args)
 
 
 Report = Callable[[str, int], None]
@@ -117,15 +117,14 @@ class Runs:
 
     def __init__(
         self,
-        capture: Capture,
         frames: Frames,
         open_part: Callable[[range], Open],
         executor: Executor | None,
         n_workers: int,
         progress: Progress,
     ) -> None:
-        self.ranges: list[range] = ranges_of(capture.n_frames)
-        self._capture, self._frames, self._open_part = capture, frames, open_part
+        self.ranges: list[range] = ranges_of(frames.capture.n_frames)
+        self._capture, self._frames, self._open_part = frames.capture, frames, open_part
         self._executor, self._max_pending = executor, max(MIN_PENDING, 2 * n_workers)
         self._progress = progress
 

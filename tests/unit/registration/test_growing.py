@@ -1,6 +1,7 @@
 """Frames are followed without folds, with as few attempts as they need."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 import meshreel
 from meshreel import MeshFrame, MeshSequence
 from meshreel.registration import growing
-from meshreel.registration.cleaning import CleanMesh, Removed, clean
+from meshreel.registration.capture import Topology
+from meshreel.registration.cleaning import clean
 from meshreel.registration.folds import Folds
-from meshreel.registration.growing import Failure, Fit, Follower, Frames, Segment, Success, Topology
+from meshreel.registration.growing import Failure, Fit, Follower, Segment, Success
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.register import register
 from meshreel.registration.stores import TemporaryStore
@@ -24,10 +26,6 @@ TOLERANCE = Tolerance(0.003)
 
 UNLESS_NEAR = [one for one in ATTEMPTS if one.if_failed is not False]
 """The attempts if the first one loses the surface, or faces fold."""
-
-
-def no_raw_frame(number):
-    raise AssertionError("frames have no values")
 
 
 def lifted(mesh, heights):
@@ -249,10 +247,7 @@ def test_a_refined_key_is_kept_if_its_frames_cost_fewer_bits(
     monkeypatch.setattr(growing, "_grow", grow)
     monkeypatch.setattr(growing, "_complete", lambda frames, key, key_mesh, *_: key_mesh)
     monkeypatch.setattr(KeyMesh, "refined", refined)
-    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
-    frames = Frames(
-        60, no_raw_frame, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
-    )
+    frames = SimpleNamespace(mesh=lambda _: spiked, wedges=lambda _: None)
     run = range(n_in_run)
     chosen = growing._longest(frames, 0, run, TOLERANCE, TemporaryStore(), lambda _: None)
     n_verts = {1681: False, 3249: True}
@@ -290,10 +285,7 @@ def test_a_key_is_registered_again_without_large_additions_or_refined(
         return replace(key_mesh, n_added=n_added) if n_added else key_mesh
 
     monkeypatch.setattr(growing, "_complete", completed)
-    cleaned = CleanMesh(spiked.vertices, spiked.faces, np.arange(len(spiked.faces)), 1, Removed())
-    frames = Frames(
-        60, no_raw_frame, lambda _: cleaned, lambda _: None, np.zeros(3), 1.0, np.dtype("f4")
-    )
+    frames = SimpleNamespace(mesh=lambda _: spiked, wedges=lambda _: None)
     growing._longest(frames, 0, range(60), TOLERANCE, TemporaryStore(), lambda _: None)
     assert grown == names
     assert any(key_mesh is larger for key_mesh in completed_keys) == ("0_refined" in names)

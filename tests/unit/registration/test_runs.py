@@ -14,7 +14,8 @@ from meshreel.formats.options import Reading
 from meshreel.operations.convert import Target, convert
 from meshreel.operations.registering import open_part
 from meshreel.registration import runs
-from meshreel.registration.growing import Segment, Topology
+from meshreel.registration.capture import Topology
+from meshreel.registration.growing import Segment
 from meshreel.registration.joining import Embedding, Piece, best_key, chains, merged
 from meshreel.registration.options import RegisterOptions
 from meshreel.registration.refining import KeyMesh
