@@ -1,8 +1,6 @@
 """Debris of scans: small components that neither the frame before theirs nor the one after has."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -45,33 +43,16 @@ N_CANDIDATES = 8
 """Number of nearest components of the next frame that may continue a motion."""
 
 
-@dataclass(frozen=True, eq=False)
 class _Frame:
     """A frame, and of its components: labels of faces, areas, centroids, and radii of spheres."""
 
-    mesh: TriangleMesh
-
-    @cached_property
-    def labels(self) -> Indices:
-        return face_components(self.mesh.faces, len(self.mesh.vertices))
-
-    @cached_property
-    def areas(self) -> Floats:
-        return np.asarray(np.bincount(self.labels, self.mesh.areas), np.float64)
-
-    @cached_property
-    def centroids(self) -> Floats:
-        moments = (self.mesh.areas[:, None] * self.mesh.centroids).T
-        sums = [np.bincount(self.labels, moment) for moment in moments]
-        return np.stack(sums, axis=1) / self.areas[:, None]
-
-    @cached_property
-    def radii(self) -> Floats:
-        return np.asarray(np.sqrt(self.areas / (4 * np.pi)))
-
-    @cached_property
-    def is_small(self) -> Mask:
-        return np.asarray(self.areas <= MAX_DEBRIS_AREA * self.areas.sum())
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh, self.labels = mesh, face_components(mesh.faces, len(mesh.vertices))
+        moments = (mesh.areas[:, None] * mesh.centroids).T
+        self.areas, *sums = (np.bincount(self.labels, sizes) for sizes in (mesh.areas, *moments))
+        self.centroids: Floats = np.stack(sums, axis=1) / self.areas[:, None]
+        self.radii: Floats = np.sqrt(self.areas / (4 * np.pi))
+        self.is_small: Mask = self.areas <= MAX_DEBRIS_AREA * self.areas.sum()
 
 
 def debris_faces(get_mesh: Callable[[int], CleanMesh | None], number: int) -> Mask:
@@ -136,26 +117,19 @@ def _counterparts(own: _Frame, chosen: Mask, other: _Frame) -> Indices:
     return found
 
 
-def _move_steadily(
-    own: _Frame, first: _Frame, second: _Frame, ratio: float
-) -> npt.NDArray[np.bool_]:
+def _move_steadily(own: _Frame, first: _Frame, second: _Frame, ratio: float) -> Mask:
     """Return whether each component has counterparts at steadily changing places, of shape (C,).
 
     `ratio` is the step from the frame to the second one, relative to the first one.
     """
-    reach = MAX_MOTION * own.radii[:, None]
+    reach, places = MAX_MOTION * own.radii[:, None], own.centroids[:, None]
     lengths, near = k_d_tree(first.centroids).query(
         own.centroids, np.arange(1, N_CANDIDATES + 1), distance_upper_bound=reach.max()
     )
     near = np.minimum(near, len(first.areas) - 1)  # it is one more where there is none
-    places = own.centroids[:, None]
-    gaps, next_ = k_d_tree(second.centroids).query(
-        places + ratio * (first.centroids[near] - places)
-    )
-    areas = np.stack(
-        np.broadcast_arrays(own.areas[:, None], first.areas[near], second.areas[next_])
-    )
+    expected = places + ratio * (first.centroids[near] - places)
+    gaps, next_ = k_d_tree(second.centroids).query(expected)
     is_steady = (lengths <= reach) & (gaps <= own.radii[:, None] + MAX_TURN * lengths)
-    return np.asarray(
-        (is_steady & (np.ptp(np.log(areas), axis=0) <= np.log(MAX_AREA_RATIO))).any(1)
-    )
+    areas = np.broadcast_arrays(own.areas[:, None], first.areas[near], second.areas[next_])
+    is_similar = np.ptp(np.log(areas), axis=0) <= np.log(MAX_AREA_RATIO)
+    return np.asarray((is_steady & is_similar).any(axis=1))
