@@ -28,7 +28,6 @@ from meshreel.registration.growing import (
 from meshreel.registration.refining import KeyMesh
 from meshreel.registration.stores import TemporaryStore
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
-from meshreel.registration.verification import Tolerance
 
 MAX_JOINED = 8
 """Largest number of segments that are joined into one. A key takes 1.2 % of the bytes of eight runs
@@ -171,9 +170,9 @@ def best_key(chain: Chain, topologies: Mapping[int, Topology | None]) -> int:
     )
 
 
-def join(frames: Frames, segment: Segment, plan: Join, tolerance: Tolerance) -> Segment:
+def join(frames: Frames, segment: Segment, plan: Join) -> Segment:
     """Return a segment of the other key in the first frames of a join, up to one that it misses."""
-    _, numbers, key, embedding = plan
+    (_, numbers, key, embedding), tolerance = plan, frames.capture.tolerance
     follower, faces = Follower(key, tolerance), segment.key_mesh.mesh.faces
     positions, errors, n_folded = [], [], []
     reasons: tuple[tuple[int, str], ...] = ()

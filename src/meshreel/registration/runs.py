@@ -1,11 +1,10 @@
 """Long captures: runs of frames are registered on their own, by workers, and joined."""
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, closing
 from functools import partial
-from itertools import pairwise, starmap
+from itertools import islice, pairwise, starmap
 from typing import TypeVar
 
 from meshreel.errors import InvalidInputError
@@ -14,7 +13,6 @@ from meshreel.registration.capture import Capture, Frames, Surveyed, Topology, s
 from meshreel.registration.growing import REGISTERING, Segment, grow_segments
 from meshreel.registration.joining import Chain, Join, best_key, chains, join, joins, merged
 from meshreel.registration.stores import Arrays, TemporaryStore
-from meshreel.registration.verification import Tolerance
 from meshreel.runtime.progress import Count, Progress
 from meshreel.runtime.threads import one_blas_thread, results_in_order
 from meshreel.runtime.version import __version__
@@ -86,18 +84,17 @@ def survey_run(
 def register_run(
     frames: Frames,
     topologies: Mapping[int, Topology | None],
-    tolerance: Tolerance,
     report: Report = lambda stage, n_done: None,
 ) -> list[Arrays]:
     """Return the segments of some frames, as arrays."""
     with closing(TemporaryStore()) as store:
-        segments = grow_segments(frames, topologies, tolerance, store, report)
+        segments = grow_segments(frames, topologies, frames.capture.tolerance, store, report)
         return [segment.arrays() for segment in segments]
 
 
-def join_run(frames: Frames, segment: Arrays, plan: Join, tolerance: Tolerance) -> list[Arrays]:
+def join_run(frames: Frames, segment: Arrays, plan: Join) -> list[Arrays]:
     """Return the segment of another key in the frames of a piece, as arrays."""
-    return [join(frames, Segment.of_arrays(segment), plan, tolerance).arrays()]
+    return [join(frames, Segment.of_arrays(segment), plan).arrays()]
 
 
 class Runs:
@@ -131,32 +128,34 @@ class Runs:
     def survey(self) -> list[Surveyed]:
         """Return what is in each frame."""
         starts = [*(numbers.start for numbers in self.ranges), self._capture.n_frames]
+
+        def call(numbers: range) -> Callable[[], list[Surveyed]]:
+            report = partial(self._report, numbers.start)
+            return self._call(numbers, survey_run, numbers, report=report)
+
         found: dict[int, Surveyed] = {}
-
-        def call_of(numbers: range) -> Callable[[], list[Surveyed]]:
-            return self._call(numbers, survey_run, numbers, report=self._report_after(len(found)))
-
-        for numbers, frames in self._results(starmap(range, pairwise(starts)), call_of):
+        parts = starmap(range, pairwise(starts))
+        for numbers, frames in self._results((part, call(part)) for part in parts):
             found |= dict(zip(numbers, frames, strict=True))
-            self._report("cleaning", len(found))
+            self._report(0, "cleaning", len(found))
         return [found[number] for number in sorted(found)]
 
     def segments(
         self, topologies: Mapping[int, Topology | None], store: TemporaryStore
     ) -> list[Segment]:
         """Register all frames, unless the store has them."""
-        tolerance, by_run = self._capture.tolerance, dict[int, list[Segment]]()
+        by_run: dict[int, list[Segment]] = {}
 
         def call_of(number: int) -> Callable[[], list[Arrays]]:
             numbers = self.ranges[number]
             own = {frame: topologies[frame] for frame in numbers}
-            report = self._report_after(numbers.start)
-            return self._call(numbers, register_run, own, tolerance, report=report)
+            report = partial(self._report, numbers.start)
+            return self._call(numbers, register_run, own, report=report)
 
         names = {number: f"run_{number}" for number in range(len(self.ranges))}
         for number, segments in self._kept(store, names, call_of):
             by_run[number] = segments
-            self._report(REGISTERING, sum(len(self.ranges[done]) for done in by_run))
+            self._report(0, REGISTERING, sum(len(self.ranges[done]) for done in by_run))
         runs = [(numbers, by_run[number]) for number, numbers in enumerate(self.ranges)]
         finished, waiting = [], [*chains(runs)]
         while waiting:
@@ -178,15 +177,14 @@ class Runs:
 
         def join_call(place: tuple[int, int]) -> Callable[[], list[Arrays]]:
             segment, numbers = waiting[place[0]][place[1]]
-            own, tolerance = segment.part(numbers).arrays(), self._capture.tolerance
-            return self._call(numbers, join_run, own, plans[place], tolerance)
+            return self._call(numbers, join_run, segment.part(numbers).arrays(), plans[place])
 
         joined: list[dict[int, Segment]] = [{} for _ in waiting]
         n_done = 0
         for (number, piece), segments in self._kept(store, names, join_call):
             (joined[number][piece],) = segments
             n_done += len(plans[number, piece].numbers)
-            self._report("joining runs", n_done)
+            self._report(0, "joining runs", n_done)
         finished, rest = [], list[Chain]()
         for chain, key, parts in zip(waiting, keys, joined, strict=True):
             segment, others = merged(chain, key, parts, store)
@@ -215,31 +213,30 @@ class Runs:
         kept = {key: segments for key in names if (segments := store.kept(names[key])) is not None}
         for key, segments in kept.items():
             yield key, [*map(Segment.of_arrays, segments)]
-        for key, segments in self._results([key for key in names if key not in kept], call_of):
+        calls = ((key, call_of(key)) for key in names if key not in kept)
+        for key, segments in self._results(calls):
             yield key, [*map(Segment.of_arrays, store.keep(names[key], segments))]
 
     def _results(
-        self, keys: Iterable[Key], call_of: Callable[[Key], Callable[[], Result]]
+        self, calls: Iterator[tuple[Key, Callable[[], Result]]]
     ) -> Iterator[tuple[Key, Result]]:
         """Yield the result of each call by its key, in order of completion."""
         if self._executor is None:
-            yield from ((key, call_of(key)()) for key in keys)
+            yield from ((key, call()) for key, call in calls)
             return
-        waiting, pending = deque(keys), dict[Future[Result], Key]()
+        pending: dict[Future[Result], Key] = {}
         try:
-            while waiting or pending:
-                while waiting and len(pending) < self._max_pending:
-                    key = waiting.popleft()
-                    pending[self._executor.submit(call_of(key))] = key
+            while True:
+                for key, call in islice(calls, self._max_pending - len(pending)):
+                    pending[self._executor.submit(call)] = key
+                if not pending:
+                    break
                 for future in completed(pending):
                     yield pending.pop(future), future.result()
         finally:
             for future in pending:
                 future.cancel()
 
-    def _report_after(self, n_done: int) -> Report:
-        return lambda stage, n_frames: self._report(stage, n_done + n_frames)
-
-    def _report(self, stage: str, n_done: int) -> None:
+    def _report(self, n_before: int, stage: str, n_done: int) -> None:
         n_frames = self._capture.n_frames
-        self._progress(stage, Count(min(n_done, n_frames), n_frames, "frames"))
+        self._progress(stage, Count(min(n_before + n_done, n_frames), n_frames, "frames"))

@@ -121,9 +121,9 @@ def test_finished_runs_are_not_registered_again(
         register(raw, progress=interrupt, **options)
     registered, register_run = [], runs.register_run
 
-    def counted(frames, topologies, *args, **options):
+    def counted(frames, topologies, **options):
         registered.append(range(min(topologies), max(topologies) + 1))
-        return register_run(frames, topologies, *args, **options)
+        return register_run(frames, topologies, **options)
 
     monkeypatch.setattr(runs, "register_run", counted)
     found = register(raw, **options)
