@@ -257,7 +257,7 @@ def convert(
             registered = register_frames(opened, registering, notes, progress, parts_of)
             opened = registered.sequence
             target = replace(target, config=registered.tuned(target.config, notes))
-            notes += registered.notes(is_reported=writes_stream and reports)
+            notes += registered.registration.notes(is_reported=writes_stream and reports)
         numbers = chosen_frames(frames, opened.n_frames, notes)
         written = target.write(opened, numbers, files, notes, progress)
         written.input_bytes = input_bytes if len(numbers) == opened.n_frames else None

@@ -1,7 +1,7 @@
 """Registration of the raw frames of an input, and of their textures."""
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -13,7 +13,7 @@ from meshreel.formats.options import Reading
 from meshreel.formats.remote import local_copy, remote_files
 from meshreel.formats.segments import open_any
 from meshreel.formats.sources import AnyPath, Source, find_files
-from meshreel.model.notes import Note, Notes
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import Extra
@@ -130,12 +130,6 @@ class Registered:
     def tuned(self, config: "EncoderConfig", notes: Notes) -> "EncoderConfig":
         """Return the options with which to encode the segments; see `Registration.tuned`."""
         return self.registration.tuned(config, notes, bakes_textures=self.job is not None)
-
-    def notes(self, *, is_reported: bool) -> Iterable[Note]:
-        """Return notes on what changed, and on the distances unless a report has them."""
-        if not is_reported:
-            return self.registration.notes()
-        return [*self.registration.changes, *self.registration.listed_cuts()]
 
     def report(self, decoded: "MeshSequence | ReelFile", progress: Progress) -> "Report":
         """Measure the distances of decoded segments from the raw frames."""

@@ -207,13 +207,6 @@ class Registration:
             for number, reason in segment.reasons:
                 yield f"frame {number} does not continue the mesh of frame {segment.key}: {reason}"
 
-    def listed_cuts(self) -> Iterator[Note]:
-        """Yield notes on the first of the `cuts`, and on the number of the others."""
-        cuts = list(self.cuts())
-        summary = f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"
-        for cut in [*cuts[:MAX_CUTS], *([summary] if len(cuts) > MAX_CUTS else [])]:
-            yield Note(NoteKind.RESULT, cut)
-
     @property
     def key_vertices(self) -> tuple[int, int]:
         """Vertices of all keys, and of their cleaned frames."""
@@ -223,22 +216,24 @@ class Registration:
         )
         return sum(key_counts), sum(cleaned_counts)
 
-    def notes(self) -> Iterator[Note]:
-        """Yield notes on the result, what was removed, and the first cuts."""
-        counts = (
-            counted(self.sequence.n_frames, "frame"),
-            counted(self.sequence.n_segments, "segment"),
-        )
-        text = f"registered {counts[0]} in {counts[1]}; distance from the raw surface: "
-        yield Note(NoteKind.RESULT, f"{text}{self.distances}")
-        if smaller := self.smaller_tolerance:
-            yield Note(NoteKind.RESULT, f"every frame meets a tolerance of {smaller}, too")
-        n_key, n_raw = self.key_vertices
-        if n_key < n_raw:
-            text = f"kept {n_key} of {counted(n_raw, 'vertex')} of keys, as the quality allows"
-            yield Note(NoteKind.CHANGED, text)
+    def notes(self, *, is_reported: bool = False) -> Iterator[Note]:
+        """Yield notes on the result unless a report has it, on changes, and on the first cuts."""
+        if not is_reported:
+            n_frames = counted(self.sequence.n_frames, "frame")
+            text = f"registered {n_frames} in {counted(self.sequence.n_segments, 'segment')}"
+            text = f"{text}; distance from the raw surface: {self.distances}"
+            yield Note(NoteKind.RESULT, text)
+            if smaller := self.smaller_tolerance:
+                yield Note(NoteKind.RESULT, f"every frame meets a tolerance of {smaller}, too")
+            n_key, n_raw = self.key_vertices
+            if n_key < n_raw:
+                text = f"kept {n_key} of {counted(n_raw, 'vertex')} of keys, as the quality allows"
+                yield Note(NoteKind.CHANGED, text)
         yield from self.changes
-        yield from self.listed_cuts()
+        cuts = [*self.cuts()]
+        if len(cuts) > MAX_CUTS:
+            cuts[MAX_CUTS:] = [f"{len(cuts) - MAX_CUTS} more frames do not continue a mesh"]
+        yield from (Note(NoteKind.RESULT, cut) for cut in cuts)
 
     def tuned(
         self, config: EncoderConfig, notes: Notes, *, bakes_textures: bool = False

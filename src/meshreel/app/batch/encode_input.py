@@ -123,7 +123,7 @@ def encode_input(source: str, options: EncodeOptions, version: str) -> EncodedIn
             registering = replace(registering, quality=quality_of(options.config))
             registered = register_frames(opened, registering, notes, silent)
             opened = registered.sequence
-            notes += registered.notes(is_reported=False)
+            notes += registered.registration.notes()
         elif registering is not None:
             notes.result("not registered: all frames have the same faces")
         sequence, config = _apply_options(opened, options, notes)
