@@ -5,10 +5,9 @@ import numpy as np
 from meshreel.arrays import Floats
 from meshreel.codec.targets import error_scale
 from meshreel.kernel.decimation import decimated
-from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import TwoSidedFit
 from meshreel.registration.refining import KeyMesh
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh, mean_at_vertices
 from meshreel.registration.verification import Tolerance, measure
 
 RMS, MAX_RMS = 0.03, 0.12
@@ -73,14 +72,9 @@ def detail_weights(mesh: TriangleMesh) -> Floats:
     """
     n_verts = len(mesh.vertices)
 
-    def mean_at_vertices(values: Floats, of: Faces | Indices) -> Floats:
-        ends = of.ravel()
-        sums = np.bincount(ends, np.repeat(values, of.shape[1]), n_verts)
-        return np.asarray(sums / np.maximum(np.bincount(ends, minlength=n_verts), 1))
-
     def smoothed(values: Floats) -> Floats:
         for _ in range(SMOOTHING_PASSES):
-            values = mean_at_vertices(values[mesh.faces].mean(axis=1), mesh.faces)
+            values = mean_at_vertices(values[mesh.faces].mean(axis=1), mesh.faces, n_verts)
         return values / max(float(np.average(values, weights=mesh.vertex_areas)), 1e-300)
 
     sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -88,8 +82,8 @@ def detail_weights(mesh: TriangleMesh) -> Floats:
         np.linalg.norm(np.diff(vectors[sides], axis=1)[:, 0], axis=1)
         for vectors in (mesh.vertices, mesh.vertex_normals)
     )
-    curvatures = smoothed(mean_at_vertices(turns / np.maximum(lengths, 1e-300), sides))
-    areas = smoothed(mean_at_vertices(mesh.areas, mesh.faces))
+    curvatures = smoothed(mean_at_vertices(turns / np.maximum(lengths, 1e-300), sides, n_verts))
+    areas = smoothed(mean_at_vertices(mesh.areas, mesh.faces, n_verts))
     weights = np.sqrt(curvatures / np.maximum(areas, 1e-300))
     weights = np.clip(weights, 1 / MAX_WEIGHT, MAX_WEIGHT)
     return np.asarray(weights / np.average(weights, weights=mesh.vertex_areas))

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import harmonic, uniform_laplacian
-from meshreel.registration.triangle_mesh import Indices, TriangleMesh, with_rings
+from meshreel.registration.triangle_mesh import Indices, TriangleMesh, mean_at_vertices, with_rings
 from meshreel.runtime.extras import REGISTER_SCIPY
 
 MIN_TURN = np.radians(30)
@@ -146,7 +146,7 @@ class Folds:
         across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         gradients = 0.5 * np.cross(normals[:, None], across)
         missing_areas = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
-        areas = _mean_areas_around(mesh)[moving_faces]
+        areas = mean_at_vertices(mesh.areas, mesh.faces, len(mesh.vertices))[faces].mean(axis=1)
         missing_areas += MIN_AREA * areas
         is_small = missing_areas > 0
         scale = AREA_WEIGHT / np.sqrt(areas[is_small])
@@ -185,12 +185,6 @@ def _planes(target: TriangleMesh, points: Floats) -> tuple[Floats, Floats]:
     closest = target.closest(points)
     normals = target.face_normals[closest.faces]
     return normals, np.asarray(np.einsum("nc,nc->n", normals, closest.points - points))
-
-
-def _mean_areas_around(mesh: TriangleMesh) -> Floats:
-    """Return the mean area of the faces at the corners of each face, of shape (M,)."""
-    counts = np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices))
-    return np.asarray((3 * mesh.vertex_areas / np.maximum(counts, 1))[mesh.faces].mean(axis=1))
 
 
 def _jacobian_rows(

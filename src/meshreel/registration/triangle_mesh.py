@@ -252,6 +252,16 @@ class TriangleMesh:
         return k_d_tree(self.oriented)
 
 
+def mean_at_vertices(values: Floats, of: Faces | Indices, n_verts: int) -> Floats:
+    """Return the mean of values of faces or sides around each vertex, of shape (V,); else 0.
+
+    `of` contains their K vertices, shape (N, K).
+    """
+    ends = of.ravel()
+    sums = np.bincount(ends, np.repeat(values, of.shape[1]), n_verts)
+    return np.asarray(sums / np.maximum(np.bincount(ends, minlength=n_verts), 1))
+
+
 def with_rings(
     faces: Faces, is_chosen: npt.NDArray[np.bool_], n_rings: int = 1
 ) -> npt.NDArray[np.bool_]:
