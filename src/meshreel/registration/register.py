@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import blake2b
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -90,16 +91,9 @@ class Distances:
     @classmethod
     def of_frames(cls, errors: Sequence[FrameErrors], scale: float, n_folded: int) -> "Distances":
         """Summarize errors in longest sides of the box; `scale` is its diagonal in these."""
-        rows = np.array(
-            [
-                [
-                    *(frame.mean, frame.p95, frame.p99, frame.unsupported),
-                    *(frame.mean_square, frame.total_mean_square),
-                ]
-                for frame in errors
-            ]
-        )
-        mean, p95, p99, unsupported, *mean_squares = rows.mean(axis=0).tolist()
+        names = "mean", "p95", "p99", "unsupported", "mean_square", "total_mean_square"
+        means = np.mean([*map(attrgetter(*names), errors)], axis=0)
+        mean, p95, p99, unsupported, *mean_squares = means.tolist()
         psnr, total_psnr = (
             float(10 * np.log10(3 / mean_square)) if mean_square else float("inf")
             for mean_square in mean_squares
@@ -210,11 +204,8 @@ class Registration:
     @property
     def key_vertices(self) -> tuple[int, int]:
         """Vertices of all keys, and of their cleaned frames."""
-        key_counts = (len(segment.key_mesh.mesh.vertices) for segment in self.segments)
-        cleaned_counts = (
-            len(self.frames.cleaned(segment.key).vertices) for segment in self.segments
-        )
-        return sum(key_counts), sum(cleaned_counts)
+        n_key = sum(len(segment.key_mesh.mesh.vertices) for segment in self.segments)
+        return n_key, sum(len(self.frames.cleaned(one.key).vertices) for one in self.segments)
 
     def notes(self, *, is_reported: bool = False) -> Iterator[Note]:
         """Yield notes on the result unless a report has it, on changes, and on the first cuts."""
