@@ -32,7 +32,7 @@ def largest_distance(registration, truth, number):
     """Largest distance of a registered frame from the whole surface, in tolerances."""
     positions = registration.sequence[number].vertices.astype(np.float64)
     distances = TriangleTree(*truth[number]).closest(positions).distances
-    return distances.max() / (registration.tolerance.length * registration.frames.scale)
+    return distances.max() / (registration.tolerance.length * registration.frames.capture.scale)
 
 
 def test_an_end_that_one_frame_lacks_is_filled():

@@ -129,7 +129,7 @@ def test_dense_samples_confirm_the_tolerance(name):
     raw = frames(*capture)
     found = register(raw, tolerance=0.8)
     assert found.sequence.n_segments == n_segments
-    length = found.tolerance.length * found.frames.scale
+    length = found.tolerance.length * found.frames.capture.scale
     for number in range(raw.n_frames):
         frame, original = found.sequence[number], raw[number]
         mesh, target = ((one.vertices.astype(float), one.faces) for one in (frame, original))
