@@ -69,44 +69,6 @@ def eigen_trajectories(correlation: Floats, n_modes: int) -> tuple[Floats, Float
     return values, fix_signs(vectors[..., ::-1][..., :n_modes])
 
 
-def joint_trajectories(frames: npt.NDArray[np.floating], n_modes: int) -> tuple[Floats, Floats]:
-    """Leading singular values and temporal basis vectors, jointly for all three coordinates.
-
-    A mode is one field on the mesh with a temporal basis vector of 3 T numbers, instead of a field
-    and a basis vector of T numbers for each axis: the singular vectors of the matrix of shape
-    (3 T, V). The smaller of its two Gram matrices is decomposed. The caller limits BLAS to one
-    thread (`one_blas_thread`), so that the result does not depend on the number of cores.
-
-    Parameters
-    ----------
-    frames : float array of shape (3, T, V)
-        Or (1, T, 3 V) for modes with a field of three coordinates and one basis vector. Products
-        of float32 are accumulated in float64.
-    n_modes : int
-        At most this many; fewer if the matrix has a lower rank.
-
-    Returns
-    -------
-    singular_values : float64 array of shape (K,), descending, positive
-    basis : float64 array of shape (3 T, K), or (T, K), columns orthonormal, signs by `fix_signs`
-    """
-    stacked = frames.reshape(-1, frames.shape[2])
-    if stacked.shape[0] <= stacked.shape[1]:
-        gram = gram_of_rows(lambda piece: stacked[:, piece], *stacked.shape)
-        return _leading_trajectories(gram, n_modes, 0.0)
-    gram = gram_of_rows(lambda piece: stacked.T[:, piece], *stacked.T.shape)
-    eigenvalues, vectors = _leading(gram, n_modes, 0.0)
-    singular_values = np.sqrt(np.maximum(eigenvalues, 0.0))
-    divisors = np.where(singular_values > 0, singular_values, 1.0)
-    return singular_values, fix_signs(stacked @ vectors / divisors)
-
-
-def _leading_trajectories(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
-    """Return the result of `joint_trajectories` from the Gram matrix of the rows."""
-    eigenvalues, vectors = _leading(gram, n_modes, least)
-    return np.sqrt(np.maximum(eigenvalues, 0.0)), fix_signs(vectors)
-
-
 def truncated_pca(
     columns: Callable[[slice], npt.NDArray[np.floating]], gram: Floats, n_columns: int, least: float
 ) -> tuple[Floats, Floats]:
@@ -131,7 +93,7 @@ def truncated_pca(
     vectors : float64 array of shape (n_rows, K), columns orthonormal
     """
     n_rows = len(gram)
-    values, vectors = _leading_trajectories(gram, n_rows, least)
+    values, vectors = _leading_modes(gram, n_rows, least)
     largest = float(values[0])
     if least >= math.sqrt(RANK_TOLERANCE) * largest or largest == 0.0:
         return values, vectors
@@ -147,7 +109,7 @@ def truncated_pca(
             return part
 
         residual_gram = gram_of_rows(residual, n_rows, n_columns)
-        weak_values, weak = _leading_trajectories(residual_gram, n_rows - len(values), least)
+        weak_values, weak = _leading_modes(residual_gram, n_rows - len(values), least)
         threshold = max(least, ACCURATE * float(weak_values[0]))
         weak_values, weak = _above(weak_values, weak, threshold)
         weak -= strong @ (strong.T @ weak)
@@ -191,14 +153,14 @@ def gram_of_rows(
     return total
 
 
-def _leading(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
-    """Eigenvalues of a Gram matrix whose root exceeds `least`, descending, and eigenvectors."""
+def _leading_modes(gram: Floats, n_modes: int, least: float) -> tuple[Floats, Floats]:
+    """Singular values above `least`, descending, and left vectors, from the Gram matrix of rows."""
     pairs = _few_leading(gram, least**2) if len(gram) > SMALL_GRAM else None
     eigenvalues, vectors = pairs or np.linalg.eigh(gram)
     eigenvalues, vectors = eigenvalues[::-1], vectors[:, ::-1]
     floor = max(least**2, RANK_TOLERANCE * max(eigenvalues[0], 0.0))
     n_kept = max(1, min(n_modes, int(np.sum(eigenvalues > floor))))
-    return eigenvalues[:n_kept], vectors[:, :n_kept]
+    return np.sqrt(np.maximum(eigenvalues[:n_kept], 0.0)), fix_signs(vectors[:, :n_kept])
 
 
 def _few_leading(gram: Floats, least: float) -> tuple[Floats, Floats] | None:

@@ -13,15 +13,16 @@ exists. Targets are rounded to integers in every round, so that rounding errors 
 Frames are displacements from the base mesh, of shape (T, 3 V), in the units of the mesh.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import count
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
-from meshreel.codec.subspace.pca import joint_trajectories
 from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.container import IDENTITY, Placement
 from meshreel.model.geometry.hard_edges import shared_edges
@@ -121,16 +122,20 @@ def best_weights(targets: IntegerTargets, frames: Singles) -> Singles:
     frames : float32 array of shape (T, N)
         The displacements to approximate.
     """
-    values = targets.values
-    gram = np.empty((len(targets), len(targets)))
-    products = np.empty((len(targets), len(frames)))
+    gram = row_products(targets.values, targets.values)
+    products = row_products(targets.values, frames)
+    return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
+
+
+def row_products(first: Singles, second: Singles) -> Floats:
+    """Return the dot products of the rows of two matrices, ``A B^T`` in float64."""
+    products = np.empty((len(first), len(second)))
 
     def multiply(rows: slice) -> None:
-        gram[rows] = values[rows] @ values.T
-        products[rows] = values[rows] @ frames.T
+        products[rows] = first[rows] @ second.T
 
-    in_threads(multiply, chunks(len(targets), PIECE_TARGETS))
-    return np.ascontiguousarray(solve_gram(gram, products).T, dtype=np.float32)
+    in_threads(multiply, chunks(len(first), PIECE_TARGETS))
+    return products
 
 
 def solve_gram(gram: Floats, products: Floats) -> Floats:
@@ -275,10 +280,21 @@ ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 """Mean rounding error of targets, as a fraction of the bound; nearly all are below half. That of
 compressed targets is reached, the other one usually not."""
 
+NEAR, MAX_NEAR, FINER, MIN_ROUNDING_SHARE = 1.25, 16, 0.9, 0.02
+"""Error in bounds from which on rounding errors count, rounds there before their step becomes finer
+by this factor in each further one, and the finest."""
+
 MAX_ROUNDS = 60
+"""Rounds of slow growth far from the bound; then the number of targets doubles."""
+
 SHARE_LEFT = 0.97
 """Share of the remaining progress after each round; most searches take 20 to 80 rounds."""
-PIECE_FRAMES = 8
+PIECE_FRAMES, DECODED_VALUES = 4, 1 << 21
+"""Frames that are compared at a time, and values that one matrix product decodes for them."""
+
+FIRST_COUNT, OVERSAMPLING, N_ITERATIONS = 64, 16, 2
+"""Of subspace iteration: components of the first trial, extra vectors for convergence, and number
+of iterations before the first round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,28 +326,41 @@ def fit_morphs(
     targets have fewer levels.
     """
     search = _Search(displacements, is_compressed=is_compressed, progress=progress)
-    n_initial = _initial_count(displacements, INITIAL_ERROR * bound)
-    best = _grow(search, n_initial, min(displacements.shape), bound)
+    n_initial = search.start(INITIAL_ERROR * bound)
+    best, n_few = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
     while best.error <= bound and n_failed < PATIENCE and len(best.targets) > 1:
-        n_targets = len(best.targets) - max(1, len(best.targets) // GROWTH_DIVISOR)
-        morphs = search.round(n_targets, bound)
-        best, n_failed = (morphs, 0) if morphs.error <= bound else (best, n_failed + 1)
+        n_best = len(best.targets)
+        step = max(1, n_best // GROWTH_DIVISOR, (n_best - n_few) // 2)
+        morphs = search.round(n_best - step, bound)
+        if morphs.error <= bound:
+            best, n_failed = morphs, 0
+        elif (n_failed := n_failed + 1) == PATIENCE and step > 1:
+            n_few, n_failed = n_best - step, 0
     return best
 
 
-def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> Morphs:
-    """Return targets that meet the bound, from a smaller number that grows in each round."""
-    best = search.round(n_targets, bound)
-    for number in range(MAX_ROUNDS):
+def _grow(search: "_Search", n_targets: int, max_targets: int, bound: float) -> tuple[Morphs, int]:
+    """Return targets that meet the bound, and a number that presumably is too small.
+
+    Their number grows in each round. Near the bound, rounding errors of targets can prevent
+    progress; then their step decreases.
+    """
+    best, n_near, n_few = search.round(n_targets, bound), 0, n_targets
+    for number in count(1):
         if best.error <= bound or n_targets == max_targets:
             break
-        n_targets += max(1, n_targets // GROWTH_DIVISOR)
-        is_last = number == MAX_ROUNDS - 1
-        n_targets = max_targets if is_last else min(n_targets, max_targets)
+        is_near = best.error <= NEAR * bound and search.rounding_share > MIN_ROUNDING_SHARE
+        n_few = n_few if is_near else n_targets
+        is_slow = number < MAX_ROUNDS or is_near
+        growth = max(1, n_targets // GROWTH_DIVISOR) if is_slow else n_targets
+        n_targets = min(n_targets + growth, max_targets)
         morphs = search.round(n_targets, bound)
+        n_near += is_near
+        if n_near > MAX_NEAR:
+            search.rounding_share *= FINER
         best = min(best, morphs, key=lambda candidate: candidate.error)
-    return best
+    return best, n_few
 
 
 def measure(targets: IntegerTargets, weights: Singles, displacements: Singles) -> Morphs:
@@ -343,41 +372,96 @@ def _frame_errors(displacements: Singles, weights: Singles, fields: Singles) -> 
     """Return the largest error of a vertex in each frame."""
     errors = np.empty(len(displacements), np.float32)
 
-    def compare(frames: slice) -> None:
-        residuals = displacements[frames] - weights[frames] @ fields
-        errors[frames] = _lengths(residuals).max(axis=1)
+    def compare(frames: slice, decoded: Singles) -> None:
+        errors[frames] = _lengths(displacements[frames] - decoded).max(axis=1)
 
-    in_threads(compare, chunks(len(displacements), PIECE_FRAMES))
+    _decode(weights, fields, compare)
     return errors
 
 
+def _decode(weights: Singles, fields: Singles, use: Callable[[slice, Singles], None]) -> None:
+    """Call `use` with the numbers and displacements of a few frames at a time, in any thread."""
+
+    def decode(frames: slice) -> None:
+        decoded = weights[frames] @ fields
+        for few in chunks(len(decoded), PIECE_FRAMES):
+            use(slice(frames.start + few.start, frames.start + few.stop), decoded[few])
+
+    in_threads(decode, chunks(len(weights), max(PIECE_FRAMES, DECODED_VALUES // fields.shape[1])))
+
+
 class _Search:
-    """Target displacements, updated round by round."""
+    """Target displacements, updated round by round.
+
+    The leading time vectors of the displacements follow by subspace iteration: each round projects
+    them once more, and starts from the weights of the last one. So its time is proportional to
+    the number of frames.
+    """
 
     def __init__(self, displacements: Singles, *, is_compressed: bool, progress: Progress) -> None:
         self._displacements, self._is_compressed = displacements, is_compressed
+        self.rounding_share = COMPRESSED_ROUNDING_SHARE if is_compressed else ROUNDING_SHARE
         self._progress, self._n_rounds = progress, 0
         self._adjusted = displacements.copy()
         self._excess = np.zeros_like(displacements)
+        self._random = np.random.default_rng(0)
+        self._vectors = np.empty((len(displacements), 0), np.float32)
+
+    def start(self, error: float) -> int:
+        """Return the smallest number of components with all errors up to `error`, about."""
+        high, is_enough = 0, False
+        n_most = min(self._displacements.shape)
+        while not is_enough and high < n_most:
+            high = min(max(2 * high, FIRST_COUNT), n_most)
+            for _ in range(N_ITERATIONS):
+                vectors, fields = self._components(high)
+                self._vectors = _orthonormal(row_products(self._displacements, fields))
+            vectors, fields = self._components(high)
+            is_enough = _frame_errors(self._displacements, vectors, fields).max() <= error
+        low = 1
+        while low < high:
+            middle = (low + high) // 2
+            few = vectors[:, :middle], fields[:middle]
+            is_few = _frame_errors(self._displacements, *few).max() <= error
+            low, high = (low, middle) if is_few else (middle + 1, high)
+        return low
+
+    def _components(self, n_targets: int) -> tuple[Singles, Singles]:
+        """Return time vectors of shape (T, K) and their fields, shape (K, N), by energy.
+
+        There are more than requested; the last ones are less accurate.
+        """
+        n_more = min(n_targets + OVERSAMPLING, *self._adjusted.shape) - self._vectors.shape[1]
+        if n_more > 0:
+            more = self._random.standard_normal((len(self._vectors), n_more))
+            self._vectors = _orthonormal(np.concatenate([self._vectors, more], axis=1))
+        fields = project(self._vectors, self._adjusted)
+        _, rotation = np.linalg.eigh(row_products(fields, fields))
+        rotation = rotation[:, ::-1].astype(np.float32)
+        return self._vectors @ rotation, project(rotation, fields)
 
     def round(self, n_targets: int, bound: float) -> Morphs:
         """Return morph targets for the adjusted displacements, to which excess errors are added."""
         self._progress("morph targets", 1 - SHARE_LEFT**self._n_rounds)
         self._n_rounds += 1
-        _, time_vectors = joint_trajectories(self._adjusted[None], n_targets)
-        max_weights = np.abs(time_vectors).max(axis=0)
-        fields = project(time_vectors.astype(np.float32), self._adjusted)
-        share = COMPRESSED_ROUNDING_SHARE if self._is_compressed else ROUNDING_SHARE
+        vectors, fields = self._components(n_targets)
+        max_weights = np.abs(vectors[:, :n_targets]).max(axis=0)
         targets = integer_targets(
-            fields, max_weights, share * bound, is_compressed=self._is_compressed
+            fields[:n_targets],
+            max_weights,
+            self.rounding_share * bound,
+            is_compressed=self._is_compressed,
         )
-        weights = rounded_weights(best_weights(targets, self._adjusted), bound)
+        exact = best_weights(targets, self._adjusted)
+        more = row_products(self._adjusted, fields[n_targets:])
+        self._vectors = _orthonormal(np.concatenate([exact, more], axis=1))
+        weights = rounded_weights(exact, bound)
         errors = np.empty(len(self._displacements), np.float32)
 
-        def update(frames: slice) -> None:
-            errors[frames] = self._update(frames, weights[frames] @ targets.values, bound)
+        def update(frames: slice, decoded: Singles) -> None:
+            errors[frames] = self._update(frames, decoded, bound)
 
-        in_threads(update, chunks(len(self._displacements), PIECE_FRAMES))
+        _decode(weights, targets.values, update)
         return Morphs(targets, weights, errors)
 
     def _update(self, frames: slice, decoded: Singles, bound: float) -> Singles:
@@ -412,19 +496,9 @@ def _scale(displacements: Singles, factors: Singles) -> Singles:
     return np.asarray(by_axes * factors[:, np.newaxis]).reshape(displacements.shape)
 
 
-def _initial_count(displacements: Singles, error: float) -> int:
-    """Return the smallest number of components with all errors up to `error`."""
-    _, time_vectors = joint_trajectories(displacements[None], min(displacements.shape))
-    weights = time_vectors.astype(np.float32)
-    fields = project(weights, displacements)
-    low, high = 1, weights.shape[1]
-    while low < high:
-        middle = (low + high) // 2
-        if _frame_errors(displacements, weights[:, :middle], fields[:middle]).max() <= error:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+def _orthonormal(vectors: npt.NDArray[np.floating]) -> Singles:
+    """Return an orthonormal basis of the columns of a matrix."""
+    return np.asarray(np.linalg.qr(vectors)[0], np.float32)
 
 
 MAX_CREASED_SHARE = 0.25
@@ -511,13 +585,17 @@ def select_normal_targets(
 ) -> npt.NDArray[np.int64]:
     """Return the fewest targets, by decreasing weights, that reach the mean error of normals."""
     order = np.argsort(-np.square(weights, dtype=np.float64).sum(axis=0), kind="stable")
-    products = (offsets @ offsets.T).astype(np.float64)
     constant = np.ones((len(weights), 1))
-    basis, _ = np.linalg.qr(np.column_stack([constant, weights[:, order].astype(np.float64)]))
-    explained_energy = np.cumsum(np.einsum("tk,tu,uk->k", basis, products, basis, optimize=True))
+    basis = _orthonormal(np.column_stack([constant, weights[:, order].astype(np.float64)]))
+    explained_energy = np.cumsum(_energies(project(basis, offsets)))
     allowed = length_error**2 * offsets.size / 3
-    n_needed = int(np.count_nonzero(np.trace(products) - explained_energy[:-1] > allowed))
+    n_needed = int(np.count_nonzero(_energies(offsets).sum() - explained_energy[:-1] > allowed))
     return np.sort(order[:n_needed] if length_error else order)
+
+
+def _energies(rows: Singles) -> Floats:
+    """Return the sum of the squares of each row."""
+    return np.asarray(np.einsum("kn,kn->k", rows, rows, dtype=np.float64))
 
 
 def _scale_down(

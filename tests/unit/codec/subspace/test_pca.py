@@ -7,7 +7,6 @@ from meshreel.codec.subspace.pca import (
     autocorrelation,
     eigen_trajectories,
     fix_signs,
-    joint_trajectories,
     truncated_pca,
 )
 from meshreel.codec.subspace.trajectories import (
@@ -60,22 +59,6 @@ def test_sign_rule_ignores_rounding_in_ties():
     column = np.array([[-1.0], [0.1], [1.0]])
     nudge = np.array([[0.0], [0.0], [1e-12]])
     np.testing.assert_allclose(fix_signs(column + nudge), fix_signs(column - nudge), atol=1e-11)
-
-
-@pytest.mark.parametrize(("n_frames", "n_verts"), [(5, 40), (30, 20)])
-def test_all_joint_modes_reproduce_the_frames(n_frames, n_verts):
-    matrices = frames(n_frames, n_verts)
-    values, vectors = joint_trajectories(matrices, 1000)
-    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-9
-    stacked = matrices.reshape(-1, n_verts)
-    np.testing.assert_allclose(vectors @ (vectors.T @ stacked), stacked, atol=1e-9)
-    assert (np.diff(values) <= 0).all()
-
-
-def test_number_of_joint_modes_of_a_static_mesh_is_its_rank():
-    still = np.repeat(np.random.default_rng(0).normal(size=(3, 1, 30)), 9, axis=1)
-    values, _ = joint_trajectories(still, 9)
-    assert len(values) == 3
 
 
 @pytest.mark.parametrize("shape", [(30, 60), (40, 40)])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.codec.subspace.pca import joint_trajectories
+from meshreel.formats.gltf import morphs
 from meshreel.formats.gltf.mesh_writer import describe_losses, fit_part, split_at_seams
 from meshreel.formats.gltf.morphs import (
     BYTE,
@@ -31,7 +31,7 @@ def flag():
 
 def plain_error(frames, n_targets):
     """Return the largest error of the leading components alone."""
-    _, basis = joint_trajectories(frames[None], n_targets)
+    basis = np.linalg.svd(frames, full_matrices=False)[0][:, :n_targets]
     residuals = (frames - basis @ (basis.T @ frames)).reshape(len(frames), 3, -1)
     return np.linalg.norm(residuals, axis=1).max()
 
@@ -57,6 +57,14 @@ def test_fit_morphs_needs_one_target_for_motion_of_rank_one():
     frames = (time * np.random.default_rng(1).uniform(-1, 1, (1, 30))).astype(np.float32)
     result = fit_morphs(frames, 1e-4)
     assert (len(result.targets), result.error <= 1e-4) == (1, True)
+
+
+@pytest.mark.slow
+def test_rounding_becomes_finer_where_it_prevents_the_bound(flag, monkeypatch):
+    monkeypatch.setattr(morphs, "COMPRESSED_ROUNDING_SHARE", 0.4)
+    result = fit_morphs(flag, 0.003, is_compressed=True)
+    assert result.error <= 0.003
+    assert len(result.targets) < 40
 
 
 def test_fit_morphs_returns_the_best_targets_if_integers_are_too_coarse(flag):
