@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces
 from meshreel.registration.fitting import harmonic, uniform_laplacian
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh, mean_at_vertices, with_rings
@@ -53,27 +54,47 @@ class Folds:
         self._max_depth = max_depth
         self._neighbors = key.neighbors
         cosines = key.cosines_across(key.neighbors)
-        self._opposes_in_key = cosines < 0
-        self._angles_in_key = np.arccos(np.clip(cosines, 0.0, 1.0))
+        angles = np.arccos(np.clip(cosines, 0.0, 1.0))
+        self._angles_in_key = np.where(cosines < 0, np.nan, angles)
         self._laplacian = uniform_laplacian(key.faces, len(key.vertices))
 
-    def find(self, mesh: TriangleMesh, target: TriangleMesh, min_turn: float = MIN_TURN) -> Indices:
+    def find(
+        self,
+        mesh: TriangleMesh,
+        target: TriangleMesh,
+        min_turn: float = MIN_TURN,
+        has_moved: npt.NDArray[np.bool_] | None = None,
+    ) -> Indices:
         """Return the folded faces of the key mesh in a frame with this surface.
 
         Parameters
         ----------
         min_turn : float
             Smallest angle, in radians, by which a face and its neighbor bend more than in the key.
+        has_moved : bool array of shape (V,), optional
+            Only faces at these vertices, and their neighbors, are searched.
         """
-        limits = np.minimum(np.cos(self._angles_in_key + min_turn), 0.0)
-        bends = mesh.cosines_across(self._neighbors) < limits
-        faces = np.unique(np.flatnonzero(bends & ~self._opposes_in_key) // 3)
+        limits = np.minimum(np.cos(self._angles_in_key + min_turn), 0.0).reshape(-1, 3)
+        neighbors = self._neighbors.reshape(-1, 3)
+        if has_moved is None:
+            faces, normals = np.arange(len(mesh.faces)), mesh.face_normals
+            others = normals[neighbors]
+        else:
+            is_near = with_rings(mesh.faces, has_moved)
+            faces = np.flatnonzero(is_near[mesh.faces].any(axis=1))
+            normals, others = (
+                unit(face_normals(mesh.vertices, mesh.faces[numbers.ravel()]))
+                for numbers in (faces, neighbors[faces])
+            )
+            limits = limits[faces]
+        cosines = np.einsum("nc,nkc->nk", normals, others.reshape(-1, 3, 3))
+        bends = (cosines < limits).any(axis=1)
+        faces, normals = faces[bends], normals[bends]
         if not len(faces):
-            return faces
-        centers = mesh.centroids[faces]
+            return np.empty(0, np.int64)
+        centers = mesh.vertices[mesh.faces[faces]].mean(axis=1)
         closest = target.closest(centers)
-        normals = mesh.face_normals[faces], target.face_normals[closest.faces]
-        opposes = np.einsum("nc,nc->n", *normals) < 0
+        opposes = np.einsum("nc,nc->n", normals, target.face_normals[closest.faces]) < 0
         is_deep = closest.distances > self._max_depth
         return np.asarray(faces[opposes & ~(is_deep & target.encloses(centers, closest))])
 
@@ -83,12 +104,13 @@ class Folds:
         That unfolds a patch whose boundary is convex (W. T. Tutte, "How to Draw a Graph", 1963),
         but moves it off creases of the surface. Some folds remain where the surface forces them.
         """
+        is_moving = None
         for number in range(FLATTENING_ROUNDS):
-            folds = self.find(mesh, target, min_turn=0.0)
+            folds = self.find(mesh, target, 0.0, is_moving)
             if not len(folds):
                 break
             is_moving = _vertices_around(mesh, folds, number // FLATTENINGS_PER_RING)
-            mesh = TriangleMesh(harmonic(self._laplacian, mesh.vertices, is_moving), mesh.faces)
+            mesh = mesh.moved(harmonic(self._laplacian, mesh.vertices, is_moving))
         return mesh
 
     def restore(self, mesh: TriangleMesh, target: TriangleMesh, rest: Floats) -> TriangleMesh:
@@ -109,7 +131,7 @@ class Folds:
                 break
             is_moving = _vertices_around(mesh, folds, 1 + number // RESTORINGS_PER_RING)
             displacements = harmonic(self._laplacian, mesh.vertices - rest, is_moving)
-            mesh = TriangleMesh(rest + displacements, mesh.faces)
+            mesh = mesh.moved(rest + displacements)
         return mesh
 
     def open(self, mesh: TriangleMesh, target: TriangleMesh) -> TriangleMesh:
@@ -118,14 +140,15 @@ class Folds:
         The vertices stay near the surface, also at creases; but where it is rough, new folds may
         arise, which `flatten` removes.
         """
+        is_moving = None
         for number in range(OPENING_ROUNDS):
-            folds = self.find(mesh, target, min_turn=0.0)
+            folds = self.find(mesh, target, 0.0, is_moving)
             if not len(folds):
                 break
             is_moving = _vertices_around(mesh, folds, 1 + number // OPENINGS_PER_RING)
             positions = mesh.vertices.copy()
             positions[is_moving] += self._opening_step(mesh, target, is_moving)
-            mesh = TriangleMesh(positions, mesh.faces)
+            mesh = mesh.moved(positions)
         return mesh
 
     def _opening_step(
@@ -146,7 +169,11 @@ class Folds:
         across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
         gradients = 0.5 * np.cross(normals[:, None], across)
         missing_areas = -0.5 * np.einsum("nkc,nkc->n", gradients, corners)
-        areas = mean_at_vertices(mesh.areas, mesh.faces, len(mesh.vertices))[faces].mean(axis=1)
+        is_corner = np.zeros(len(is_moving), bool)
+        is_corner[faces] = True
+        around = mesh.faces[is_corner[mesh.faces].any(axis=1)]
+        areas = np.linalg.norm(face_normals(mesh.vertices, around), axis=1) / 2
+        areas = mean_at_vertices(areas, around, len(is_moving))[faces].mean(axis=1)
         missing_areas += MIN_AREA * areas
         is_small = missing_areas > 0
         scale = AREA_WEIGHT / np.sqrt(areas[is_small])

@@ -562,10 +562,10 @@ class Follower:
             if attempt.if_failed is not None:
                 continue
             pose, posed = self.tracker.track(state, target, attempt)
-            mesh = TriangleMesh(posed.positions, self._faces)
+            mesh = self._key.moved(posed.positions, far=True)
             for smoothness in SMOOTHNESS:
                 positions = self._fit.step(mesh, posed.positions, target, smoothness, covers=False)
-                mesh = TriangleMesh(positions, self._faces)
+                mesh = mesh.moved(positions)
                 if self._excess(one_way(mesh, target, self._tolerance)) <= MAX_ERROR_TO_COMPLETE:
                     return pose, posed, mesh
         return None
@@ -595,14 +595,14 @@ class Follower:
 
         def fit_again(mesh: TriangleMesh, smoothness: float) -> None:
             positions = self._fit.step(mesh, posed.positions, target, smoothness)
-            fitted = TriangleMesh(positions, self._faces)
+            fitted = mesh.moved(positions)
             errors = check(fitted, target, self._tolerance)
             fits.append(Fit(pose, posed, fitted, errors, len(fits) + 1))
 
         def nearest() -> Fit:
             return min(fits, key=lambda fit: self._excess(fit.errors))
 
-        mesh = TriangleMesh(posed.positions, self._faces)
+        mesh = self._key.moved(posed.positions, far=True)
         for smoothness in SMOOTHNESS:
             fit_again(mesh, smoothness)
             mesh, errors = fits[-1].mesh, fits[-1].errors

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats
+from meshreel.model.sequence import Faces
 from meshreel.registration.triangle_mesh import Indices, TriangleMesh
 
 MAX_ANGLE = 1.0
@@ -108,20 +109,69 @@ class _Sides:
         return np.minimum(angles, MAX_ANGLE) * self.lengths / 8
 
 
+@dataclass(frozen=True, eq=False)
+class Subdivision:
+    """A mesh whose edges are split, and how its additional vertices follow from the others.
+
+    Attributes
+    ----------
+    fine : TriangleMesh
+        The subdivided mesh.
+    parents : int32 array of shape (N, 3)
+        The vertices whose weighted mean is the additional vertex.
+    weights : float64 array of shape (N, 3)
+    """
+
+    fine: TriangleMesh
+    parents: Faces
+    weights: Floats
+
+    def of(self, vertices: Floats) -> TriangleMesh:
+        """Return the subdivided mesh for vertices at these positions."""
+        middles = np.einsum("nk,nkc->nc", self.weights, vertices[self.parents])
+        return self.fine.moved(np.concatenate([vertices, middles]))
+
+
+MAX_STRETCH = 1.1
+"""Factor of the longest edge up to which edges of a mesh that moved are not split again."""
+
+
 def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
-    """Return the mesh with edges split in halves until none is longer than this."""
+    """Return the mesh with edges split in halves until hardly any is longer than this.
+
+    A mesh that was moved by little is split like the original, and further where it stretches.
+    """
+    if max_length in mesh.subdivided:
+        return mesh.subdivided[max_length]
     if max_length in mesh.subdivisions:
-        return mesh.subdivisions[max_length]
+        fine = mesh.subdivisions[max_length].of(mesh.vertices)
+        fine = _subdivision(fine, MAX_STRETCH * max_length).fine
+    else:
+        mesh.subdivisions[max_length] = subdivision = _subdivision(mesh, max_length)
+        fine = subdivision.fine
+    mesh.subdivided[max_length] = fine
+    return fine
+
+
+def _subdivision(mesh: TriangleMesh, max_length: float) -> Subdivision:
+    """Return the subdivision of a mesh with edges up to this length."""
     corners = mesh.vertices[mesh.faces]
     squares = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2)
     is_long = (squares > max_length**2).any(axis=1)
     if not is_long.any():
-        return mesh
-    long = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, mesh.faces[is_long]))
-    split = _split_above(max_length, long, lambda sides: sides.lengths).mesh
-    fine = TriangleMesh(split.vertices, np.concatenate([mesh.faces[~is_long], split.faces]))
-    mesh.subdivisions[max_length] = fine
-    return fine
+        return Subdivision(mesh, np.empty((0, 3), np.int32), np.empty((0, 3)))
+    long_faces = mesh.faces[is_long]
+    long_mesh = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, long_faces))
+    split = _split_above(max_length, long_mesh, lambda sides: sides.lengths)
+    corners = np.zeros(len(split.mesh.vertices), np.int64)
+    corners[split.mesh.faces.ravel()] = np.arange(split.mesh.faces.size)
+    added = corners[len(mesh.vertices) :]
+    faces = np.concatenate([mesh.faces[~is_long], split.mesh.faces])
+    return Subdivision(
+        TriangleMesh(split.mesh.vertices, faces),
+        long_faces[split.parents.reshape(-1)[added]],
+        split.weights.reshape(-1, 3)[added],
+    )
 
 
 def _split_above(limit: float, key: KeyMesh, measure: Callable[[_Sides], Floats]) -> KeyMesh:

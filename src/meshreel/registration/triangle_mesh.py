@@ -61,6 +61,32 @@ class Samples(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Connectivity:
+    """What follows from the faces of a mesh alone, each property computed at most once.
+
+    Attributes
+    ----------
+    faces : int32 array of shape (M, 3)
+    n_verts : int
+    """
+
+    faces: Faces
+    n_verts: int
+
+    @cached_property
+    def neighbors(self) -> Indices:
+        """The face beyond each side of each face, or the face itself, of shape (3 M,)."""
+        return np.asarray(opposite_sides(self.faces, self.n_verts).astype(np.int64) // 3)
+
+    @cached_property
+    def is_boundary(self) -> npt.NDArray[np.bool_]:
+        """Whether each vertex is on a side of only one face, of shape (V,)."""
+        is_boundary = np.zeros(self.n_verts, bool)
+        is_boundary[boundary_edges(self.faces)] = True
+        return is_boundary
+
+
+@dataclass(frozen=True, eq=False)
 class TriangleMesh:
     """A triangle mesh with properties that registration needs, each computed at most once.
 
@@ -72,6 +98,21 @@ class TriangleMesh:
 
     vertices: Floats
     faces: Faces
+
+    def moved(self, vertices: Floats, *, far: bool = False) -> "TriangleMesh":
+        """Return the mesh with other positions.
+
+        Unless they are far from these, edges are subdivided as those of this mesh.
+        """
+        mesh = TriangleMesh(vertices, self.faces)
+        vars(mesh)["_connectivity"] = self._connectivity
+        if not far:
+            vars(mesh)["subdivisions"] = self.subdivisions
+        return mesh
+
+    @cached_property
+    def _connectivity(self) -> Connectivity:
+        return Connectivity(self.faces, len(self.vertices))
 
     @cached_property
     def _doubled_normals(self) -> Floats:
@@ -116,22 +157,19 @@ class TriangleMesh:
         positions = np.ascontiguousarray(self.vertices[np.newaxis])
         return np.asarray(surface_normals(positions, int32s(self.faces))[0])
 
-    @cached_property
+    @property
     def neighbors(self) -> Indices:
         """The face beyond each side of each face, or the face itself, of shape (3 M,)."""
-        sides = opposite_sides(self.faces, len(self.vertices))
-        return np.asarray(sides.astype(np.int64) // 3)
+        return self._connectivity.neighbors
 
     def cosines_across(self, neighbors: Indices) -> Floats:
         """Return the cosines between the normals of each face and of its `neighbors`."""
         return _dots(np.repeat(self.face_normals, 3, axis=0), self.face_normals[neighbors])
 
-    @cached_property
+    @property
     def is_boundary(self) -> npt.NDArray[np.bool_]:
         """Whether each vertex is on a side of only one face, of shape (V,)."""
-        is_boundary = np.zeros(len(self.vertices), bool)
-        is_boundary[boundary_edges(self.faces)] = True
-        return is_boundary
+        return self._connectivity.is_boundary
 
     @cached_property
     def boundaries(self) -> tuple[Floats, Floats]:
@@ -223,7 +261,12 @@ class TriangleMesh:
         return indices, closest.at(indices)
 
     @cached_property
-    def subdivisions(self) -> dict[float, "TriangleMesh"]:
+    def subdivisions(self) -> dict[float, Any]:
+        """Subdivisions of `refining.subdivided`, by their longest edge."""
+        return {}
+
+    @cached_property
+    def subdivided(self) -> dict[float, "TriangleMesh"]:
         """Results of `refining.subdivided`, by their longest edge."""
         return {}
 
