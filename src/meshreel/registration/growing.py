@@ -621,22 +621,28 @@ class Follower:
         Opening keeps the mesh near the surface. Flattening also mends places where the surface is
         too rough for that, but moves the mesh off creases.
         """
-        mesh, n_opposing = fit.mesh, len(self._folds.find(fit.mesh, target, min_turn=0.0))
+        mesh, n_opposing = fit.mesh, self._n_opposing(fit.mesh, target)
+        n_left = n_opposing
         for _ in range(MAX_REPAIRS):
-            previous = mesh
+            repaired: list[tuple[TriangleMesh, int]] = []
             for repair in (self._folds.open, self._folds.flatten):
-                if not n_opposing:
+                if n_left:
+                    mesh = repair(mesh, target)
+                    n_left = self._n_opposing(mesh, target)
+                    repaired.append((mesh, n_left))
+            while repaired:
+                mesh, n_left = repaired.pop()
+                errors = check(mesh, target, self._tolerance)
+                if self._meets(errors):
                     break
-                repaired = repair(mesh, target)
-                errors = check(repaired, target, self._tolerance)
-                if not self._meets(errors):
-                    continue
-                mesh, n_left = repaired, len(self._folds.find(repaired, target, min_turn=0.0))
-                if n_left < n_opposing:
-                    fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
-            if mesh is previous:
+            else:
                 break
+            if n_left < n_opposing:
+                fit.mesh, fit.errors, n_opposing = mesh, errors, n_left
         fit.n_folded = len(self._folds.find(fit.mesh, target))
+
+    def _n_opposing(self, mesh: TriangleMesh, target: TriangleMesh) -> int:
+        return len(self._folds.find(mesh, target, min_turn=0.0))
 
     def _restore_folds(self, fit: Fit, target: TriangleMesh) -> None:
         """Restore the shape of the key at folds, unless the tolerance is then exceeded."""
