@@ -37,7 +37,7 @@ def test_register_writes_one_segment_and_prints_both_distances(raw, tmp_path):
     registered, decoded = figures["registered"], figures["decoded"]
     assert 0 < registered["mean_percent"] < decoded["mean_percent"] < 0.1
     assert decoded["d2_psnr_db"] > decoded["d1_psnr_db"] > 50
-    assert (len(decoded["frames"]), len(decoded["d1_d2_frames"])) == (4, 1)
+    assert (len(decoded["frames"]), len(decoded["d1_d2_frames"])) == (3, 1)
     assert (registered["n_folded"], figures["cuts"]) == (0, [])
     assert figures["tolerance_percent"] == pytest.approx(0.5)
     assert [path.name for path in tmp_path.iterdir()] == ["walk.reel"]

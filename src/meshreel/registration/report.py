@@ -15,8 +15,8 @@ from meshreel.runtime.counting import change_text, counted, size_text
 from meshreel.runtime.progress import Count, Progress, silent
 from meshreel.runtime.threads import in_threads
 
-FRAME_INTERVAL, MIN_FRAMES = 10, 5
-"""Distances of decoded frames are measured in one of this many, but not in fewer than five."""
+FRAME_INTERVAL, MIN_FRAMES = 10, 3
+"""Distances of decoded frames are measured in one of this many, but not in fewer than three."""
 
 POINT_FRAME_INTERVAL, MIN_POINT_FRAMES = 100, 1
 """The same of D1 and D2, which take two processor seconds per frame."""

@@ -60,5 +60,5 @@ def test_the_measured_frames_are_few_and_named():
     assert len(set(report.points.frames)) == MIN_POINT_FRAMES
     assert len(set(report.frames)) == MIN_FRAMES
     rows = report.rows(1)
-    assert rows["decoded"].endswith("; of 5 of 7 frames")
+    assert rows["decoded"].endswith("; of 3 of 7 frames")
     assert rows["D1 and D2 PSNR"].endswith("; of 1 of 7 frames")
