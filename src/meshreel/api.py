@@ -192,7 +192,7 @@ def register(source: AnyInput, options: RegisterOptions) -> MeshSequence:
     """
     require(extras_to_register(options))
     check_scheduler(options)
-    reading, notes = Reading(matches_frames=False), Notes()
+    reading, notes = Reading(matches_frames=False, finds_hard_edges=False), Notes()
     with opened(source, reading) as frames:
         _warn([note for note in reading.notes if note.kind is not NoteKind.SEGMENTS])
         parts = open_part(cast("Source", source), reading) if is_path(source) else None

@@ -168,6 +168,9 @@ class Reading(LoadOptions):
     """
     matches_frames: bool = True
     """Whether frames that differ only in the order of vertices and faces become one segment."""
+    finds_hard_edges: bool = True
+    """Whether normals of frame files become hard edges, which takes half of the time to open them.
+    """
     notes: "Notes" = field(default_factory=_no_notes)  # type: ignore[assignment]  # a Note is a str
     """Receives what reading changes, leaves out or does not know."""
     referenced: set[Path] = field(default_factory=set)

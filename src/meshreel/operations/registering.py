@@ -38,7 +38,9 @@ def loading_raw(reading: Reading) -> Reading:
     """Return the options with which the raw frames of a capture are opened."""
     max_bytes = reading.max_loaded_bytes
     max_bytes = MAX_LOADED_BYTES if max_bytes is None else min(max_bytes, MAX_LOADED_BYTES)
-    return replace(reading, max_loaded_bytes=max_bytes, matches_frames=False)
+    return replace(
+        reading, max_loaded_bytes=max_bytes, matches_frames=False, finds_hard_edges=False
+    )
 
 
 def extras_to_register(options: RegisterOptions) -> list[Extra]:

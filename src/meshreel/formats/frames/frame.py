@@ -36,11 +36,19 @@ class Frame:
     """
     notes: Notes = field(default_factory=Notes)
     """What reading changes or leaves out."""
-    find_hard_edges: Callable[[], HardEdges | None] = lambda: None
+    find_hard_edges: Callable[[], HardEdges | None] | None = None
     """Returns the hard edges with figures on the normals, or None; slow."""
 
-    def surface_with_edges(self, notes: Notes) -> Surface:
-        """Return the surface with its hard edges; notes receive figures on the normals."""
+    def surface_with_edges(self, notes: Notes, *, finds_edges: bool = True) -> Surface:
+        """Return the surface with its hard edges, if those are to be found.
+
+        Notes receive figures on the normals, or that they are left out.
+        """
+        if self.find_hard_edges is None:
+            return self.surface
+        if not finds_edges:
+            notes.left_out("normals of raw frames, and hard edges that follow from them")
+            return self.surface
         if (hard_edges := self.find_hard_edges()) is None:
             return self.surface
         NormalNotes(notes).add("", hard_edges)

@@ -190,7 +190,7 @@ class _Run:
         """Return the frames: loaded, or read from their files on demand."""
         timing = Timing.of_rate(reading.fps or 0.0).part(range(self._start, self._start + 1))
         mesh, notes = self.first.mesh, Notes(self._notes)
-        surface = self._surface(notes)
+        surface = self._surface(notes, finds_edges=reading.finds_hard_edges)
         rows: slice | npt.NDArray[np.int64] = slice(None)
         if self._welder is None:
             faces = triangulated(mesh, notes)
@@ -245,9 +245,10 @@ class _Run:
             keeps_mesh=False,
         )
 
-    def _surface(self, notes: Notes) -> Surface:
+    def _surface(self, notes: Notes, *, finds_edges: bool) -> Surface:
         """Return the surface of the first frame without data that change, and note the changes."""
-        changing_keys, surface = self._data.changing_keys, self.first.surface_with_edges(notes)
+        changing_keys = self._data.changing_keys
+        surface = self.first.surface_with_edges(notes, finds_edges=finds_edges)
         attributes = [
             attribute
             for attribute in surface.attributes

@@ -95,7 +95,9 @@ def read_obj(data: bytes) -> Frame:
     elif len(lines.all.beginning_with(b"vn")):
         note_normals(notes)
     _note_left_out(lines, surface, notes, has_normals=normals is not None)
-    return Frame(mesh, surface, fields, notes, partial(_hard_edges, lines, mesh, normals))
+    has_edges = normals is not None or len(lines.all.beginning_with(b"s")) > 0
+    find_edges = partial(_hard_edges, lines, mesh, normals) if has_edges else None
+    return Frame(mesh, surface, fields, notes, find_edges)
 
 
 def _note_left_out(lines: _Lines, surface: Surface, notes: Notes, *, has_normals: bool) -> None:
@@ -136,13 +138,11 @@ def _mesh(lines: _Lines) -> PolygonMesh:
 def _hard_edges(
     lines: _Lines, mesh: PolygonMesh, normals: tuple[Domain, npt.NDArray[np.float32]] | None
 ) -> HardEdges | None:
-    """Hard edges from normals or smoothing groups; None if the file has neither."""
+    """Hard edges from normals or smoothing groups; None if one group contains all faces."""
     if normals is not None:
         domain, values = normals
         return find_hard_edges(mesh, values[mesh.corners] if domain is Domain.VERTEX else values)
     statements = lines.all.beginning_with(b"s")
-    if not len(statements):
-        return None
     labels = {"off": 0, "0": 0, "": 0}
     statement_labels = [
         labels.setdefault(lines.all.words_after_first(statement), len(labels))
