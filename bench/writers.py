@@ -25,7 +25,7 @@ LIMIT_S = 1800
 DRIFT = 0.02
 """Amplitude of the drift, in diagonals."""
 
-TARGETS = {
+TARGETS: dict[str, tuple[str, ...]] = {
     "glTF": ("x.glb",),
     "glTF, bones": ("x.glb", "--rig"),
     "textures": ("x.vat",),
@@ -90,7 +90,9 @@ def main() -> None:
             folder = Path(name)
             meshreel.save(repeated(source, n_frames), folder / "long.npz")
             run = partial(measured, folder)
-            commands = {"encode": ("encode", "long.npz", "-o", "long.reel")}
+            commands: dict[str, tuple[str, ...]] = {
+                "encode": ("encode", "long.npz", "-o", "long.reel")
+            }
             commands["compare"] = ("compare", "long.npz", "long.reel")
             for title, (output, *options) in TARGETS.items():
                 if not arguments.only or title in arguments.only:
