@@ -562,7 +562,7 @@ class Follower:
             if attempt.if_failed is not None:
                 continue
             pose, posed = self.tracker.track(state, target, attempt)
-            mesh = self._key.moved(posed.positions, far=True)
+            mesh = self._key.moved(posed.positions)
             for smoothness in SMOOTHNESS:
                 positions = self._fit.step(mesh, posed.positions, target, smoothness, covers=False)
                 mesh = mesh.moved(positions)
@@ -602,7 +602,7 @@ class Follower:
         def nearest() -> Fit:
             return min(fits, key=lambda fit: self._excess(fit.errors))
 
-        mesh = self._key.moved(posed.positions, far=True)
+        mesh = self._key.moved(posed.positions)
         for smoothness in SMOOTHNESS:
             fit_again(mesh, smoothness)
             mesh, errors = fits[-1].mesh, fits[-1].errors

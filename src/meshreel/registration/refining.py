@@ -1,6 +1,5 @@
 """Refinement of key meshes where they bend: edges are split, and the surface stays the same."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -61,7 +60,10 @@ class KeyMesh:
         far the surface is from the edge if the edge slides along it. On boundaries, the largest
         angle at its ends counts.
         """
-        return _split_above(max_sagitta, self, lambda sides: sides.sagittas)
+        key = self
+        while (is_split := (sides := _Sides.of_mesh(key.mesh)).sagittas > max_sagitta).any():
+            key = _split(key, sides, is_split)
+        return key
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,76 +111,26 @@ class _Sides:
         return np.minimum(angles, MAX_ANGLE) * self.lengths / 8
 
 
-@dataclass(frozen=True, eq=False)
-class Subdivision:
-    """A mesh whose edges are split, and how its additional vertices follow from the others.
-
-    Attributes
-    ----------
-    fine : TriangleMesh
-        The subdivided mesh.
-    parents : int32 array of shape (N, 3)
-        The vertices whose weighted mean is the additional vertex.
-    weights : float64 array of shape (N, 3)
-    """
-
-    fine: TriangleMesh
-    parents: Faces
-    weights: Floats
-
-    def of(self, vertices: Floats) -> TriangleMesh:
-        """Return the subdivided mesh for vertices at these positions."""
-        middles = np.einsum("nk,nkc->nc", self.weights, vertices[self.parents])
-        return self.fine.moved(np.concatenate([vertices, middles]))
-
-
-MAX_STRETCH = 1.1
-"""Factor of the longest edge up to which edges of a mesh that moved are not split again."""
-
-
 def subdivided(mesh: TriangleMesh, max_length: float) -> TriangleMesh:
-    """Return the mesh with edges split in halves until hardly any is longer than this.
-
-    A mesh that was moved by little is split like the original, and further where it stretches.
-    """
-    if max_length in mesh.subdivided:
-        return mesh.subdivided[max_length]
+    """Return the mesh with edges split in halves until none is longer than this."""
     if max_length in mesh.subdivisions:
-        fine = mesh.subdivisions[max_length].of(mesh.vertices)
-        fine = _subdivision(fine, MAX_STRETCH * max_length).fine
-    else:
-        mesh.subdivisions[max_length] = subdivision = _subdivision(mesh, max_length)
-        fine = subdivision.fine
-    mesh.subdivided[max_length] = fine
+        return mesh.subdivisions[max_length]
+    rest, finished = mesh, list[Faces]()
+    while True:  # faces that have no long edge are finished: all faces at an edge are split
+        corners = rest.vertices[rest.faces]
+        squares = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2)
+        is_long = (squares > max_length**2).any(axis=1)
+        if not is_long.any():
+            break
+        finished.append(rest.faces[~is_long])
+        long = KeyMesh.of_mesh(TriangleMesh(rest.vertices, rest.faces[is_long]))
+        sides = _Sides.of_mesh(long.mesh)
+        rest = _split(long, sides, sides.lengths >= max_length).mesh
+    if not finished:
+        return mesh
+    fine = TriangleMesh(rest.vertices, np.concatenate([*finished, rest.faces]))
+    mesh.subdivisions[max_length] = fine
     return fine
-
-
-def _subdivision(mesh: TriangleMesh, max_length: float) -> Subdivision:
-    """Return the subdivision of a mesh with edges up to this length."""
-    corners = mesh.vertices[mesh.faces]
-    squares = np.square(corners - np.roll(corners, 1, axis=1)).sum(axis=2)
-    is_long = (squares > max_length**2).any(axis=1)
-    if not is_long.any():
-        return Subdivision(mesh, np.empty((0, 3), np.int32), np.empty((0, 3)))
-    long_faces = mesh.faces[is_long]
-    long_mesh = KeyMesh.of_mesh(TriangleMesh(mesh.vertices, long_faces))
-    split = _split_above(max_length, long_mesh, lambda sides: sides.lengths)
-    corners = np.zeros(len(split.mesh.vertices), np.int64)
-    corners[split.mesh.faces.ravel()] = np.arange(split.mesh.faces.size)
-    added = corners[len(mesh.vertices) :]
-    faces = np.concatenate([mesh.faces[~is_long], split.mesh.faces])
-    return Subdivision(
-        TriangleMesh(split.mesh.vertices, faces),
-        long_faces[split.parents.reshape(-1)[added]],
-        split.weights.reshape(-1, 3)[added],
-    )
-
-
-def _split_above(limit: float, key: KeyMesh, measure: Callable[[_Sides], Floats]) -> KeyMesh:
-    """Split edges in halves until their measure is at most the limit."""
-    while (is_split := measure(sides := _Sides.of_mesh(key.mesh)) > limit).any():
-        key = _split(key, sides, is_split)
-    return key
 
 
 WHOLE = [[0, 1, 2]]

@@ -99,15 +99,10 @@ class TriangleMesh:
     vertices: Floats
     faces: Faces
 
-    def moved(self, vertices: Floats, *, far: bool = False) -> "TriangleMesh":
-        """Return the mesh with other positions.
-
-        Unless they are far from these, edges are subdivided as those of this mesh.
-        """
+    def moved(self, vertices: Floats) -> "TriangleMesh":
+        """Return the mesh with other positions; both share their connectivity."""
         mesh = TriangleMesh(vertices, self.faces)
         vars(mesh)["_connectivity"] = self._connectivity
-        if not far:
-            vars(mesh)["subdivisions"] = self.subdivisions
         return mesh
 
     @cached_property
@@ -261,12 +256,7 @@ class TriangleMesh:
         return indices, closest.at(indices)
 
     @cached_property
-    def subdivisions(self) -> dict[float, Any]:
-        """Subdivisions of `refining.subdivided`, by their longest edge."""
-        return {}
-
-    @cached_property
-    def subdivided(self) -> dict[float, "TriangleMesh"]:
+    def subdivisions(self) -> dict[float, "TriangleMesh"]:
         """Results of `refining.subdivided`, by their longest edge."""
         return {}
 
@@ -292,7 +282,7 @@ class TriangleMesh:
     @cached_property
     def oriented_tree(self) -> Any:
         """A k-d tree of `oriented`, which finds vertices that are near in place and direction."""
-        return k_d_tree(self.oriented)
+        return k_d_tree(self.oriented, balanced_tree=False)
 
 
 def mean_at_vertices(values: Floats, of: Faces | Indices, n_verts: int) -> Floats:
