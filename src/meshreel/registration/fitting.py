@@ -154,10 +154,10 @@ class TwoSidedFit:
 def rows_to_surface(mesh: TriangleMesh, samples: Samples, target: TriangleMesh) -> Rows:
     """Return equations that move samples of the mesh to their closest points on the target.
 
-    At the boundary of the target, only faces at the boundary of the mesh move; others span a hole.
+    At the boundary of the target, only faces at an outline of the mesh move; others span a hole.
     """
     indices, closest = target.corresponding(samples, MIN_COSINE, REACH)
-    is_inside = ~mesh.is_boundary[mesh.faces[samples.faces[indices]]].any(axis=1)
+    is_inside = ~mesh.is_outline[mesh.faces[samples.faces[indices]]].any(axis=1)
     is_free = ~(is_inside & target.ends_before(samples.points[indices], closest))
     indices, points, faces = indices[is_free], closest.points[is_free], closest.faces[is_free]
     directions, offsets = _directions(points - samples.points[indices], target.face_normals[faces])

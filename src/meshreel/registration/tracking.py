@@ -122,7 +122,7 @@ class Tracker:
 
     def __init__(self, key: TriangleMesh) -> None:
         self._faces, self._rest = key.faces, key.vertices
-        self._is_edge, self._is_boundary = key.is_edge, key.is_boundary
+        self._is_edge, self._is_outline = key.is_edge, key.is_outline
         self._is_near_boundary = key.is_near_boundary
         self._graph = DeformationGraph.of_mesh(key.vertices, key.faces, NODE_SPACING)
         order = np.random.default_rng(0).permutation(len(key.vertices))
@@ -214,8 +214,8 @@ class Tracker:
         _, nearest = mesh.oriented_tree.query(target.oriented[samples])
         is_beyond = np.concatenate(
             [
-                ~self._is_boundary[verts] & target.is_near_boundary[targets],
-                ~target.is_boundary[samples] & self._is_near_boundary[nearest],
+                ~self._is_outline[verts] & target.is_near_boundary[targets],
+                ~target.is_outline[samples] & self._is_near_boundary[nearest],
             ]
         )
         if target.boundaries[0].max(initial=0.0) > NODE_SPACING:

@@ -34,6 +34,10 @@ hidden."""
 CREASE_COSINE = 0.25
 """Cosine between the normals of two faces, below which their common side is a sharp crease."""
 
+RIM_COSINE = 0.7
+"""Mean cosine between the normals around a boundary and that of a surface across it, above which it
+is the rim of a hole. At the end of a sleeve the mean is about 0."""
+
 ON_SIDE = 1e-9
 """Points with a smaller barycentric coordinate are on a side."""
 
@@ -189,9 +193,29 @@ class TriangleMesh:
         return with_rings(self.faces, self.is_boundary)
 
     @cached_property
+    def is_outline(self) -> npt.NDArray[np.bool_]:
+        """Whether each vertex is on a boundary that is no rim of a hole, of shape (V,).
+
+        An outline moves with the surface; a hole of a scan may travel over it.
+        """
+        if not self.is_boundary.any():
+            return self.is_boundary
+        sides = np.flatnonzero(self.neighbors == np.repeat(np.arange(len(self.faces)), 3))
+        faces, corners = np.divmod(sides, 3)
+        verts = self.faces.astype(np.int64)
+        starts, ends = verts[faces, corners], verts[faces, (corners + 1) % 3]
+        loops = lowest_connected(len(self.vertices), starts, ends)
+        across, normals = np.zeros((2, len(self.vertices), 3))
+        np.add.at(across, loops[starts], np.cross(self.vertices[ends], self.vertices[starts]))
+        np.add.at(normals, loops[starts], self.vertex_normals[starts])
+        n_verts = np.bincount(loops[starts], minlength=len(self.vertices))
+        is_rim = _dots(unit(across), normals) > RIM_COSINE * n_verts
+        return np.asarray(self.is_boundary & ~is_rim[loops])
+
+    @cached_property
     def is_edge(self) -> npt.NDArray[np.bool_]:
-        """Whether each vertex is on a boundary or a sharp crease, of shape (V,)."""
-        is_edge = self.is_boundary.copy()
+        """Whether each vertex is on an outline or a sharp crease, of shape (V,)."""
+        is_edge = self.is_outline.copy()
         sides = np.flatnonzero(self.cosines_across(self.neighbors) < CREASE_COSINE)
         faces, corners = np.divmod(sides, 3)
         is_edge[self.faces[faces, corners]] = is_edge[self.faces[faces, (corners + 1) % 3]] = True

@@ -5,11 +5,12 @@ import pytest
 
 import meshreel
 from meshreel import InvalidInputError, Track
+from meshreel.registration.growing import Follower
 from meshreel.registration.holes import SCANNED, scanned_faces
 from meshreel.registration.register import register
 from meshreel.registration.triangle_mesh import TriangleMesh
 from meshreel.registration.verification import Tolerance
-from samples.captures import as_frames, bent, capsule
+from samples.captures import as_frames, bent, capsule, revolved
 from samples.shapes import square
 
 RADIUS = 0.14
@@ -45,6 +46,24 @@ def test_moving_holes_do_not_end_a_segment(complete, noise):
         assert found.segments[0].key == complete
         assert 4 < found.distances.unsupported_percent < 15
         assert "of the surface, which raw frames lack" in next(found.notes())
+
+
+def test_a_body_of_revolution_does_not_turn_with_its_holes():
+    def holed(turn, n_rings):
+        z = np.cos(np.linspace(0, np.pi, n_rings + 2))
+        vertices, faces = revolved(0.25 * np.sqrt(1 - z[1:-1] ** 2), 0.5 * z, n_rings, turn)
+        angles = turn + np.arange(6) * np.pi / 3
+        places = np.stack(
+            [0.24 * np.cos(angles), 0.24 * np.sin(angles), 0.17 * (-1) ** np.arange(6)]
+        )
+        gaps = np.linalg.norm(vertices[faces].mean(axis=1)[..., None] - places, axis=1)
+        return TriangleMesh(vertices, faces[gaps.min(axis=1) > 0.08])
+
+    key, *frames = (holed(0.14 * number, 44 + number % 3) for number in range(5))
+    *_, last = Follower(key, Tolerance(0.002)).registered_keys(frames)
+    before, after = (np.arctan2(*mesh.vertices[:, 1::-1].T) for mesh in (key, last.mesh))
+    turns = np.angle(np.exp(1j * (after - before)))
+    assert abs(turns.mean()) < 0.1, "the holes turned by 0.56"
 
 
 def test_a_capture_without_holes_has_no_unsupported_surface():
