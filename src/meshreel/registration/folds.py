@@ -74,8 +74,7 @@ class Folds:
         has_moved : bool array of shape (V,), optional
             Only faces at these vertices, and their neighbors, are searched.
         """
-        limits = np.minimum(np.cos(self._angles_in_key + min_turn), 0.0).reshape(-1, 3)
-        neighbors = self._neighbors.reshape(-1, 3)
+        angles, neighbors = self._angles_in_key.reshape(-1, 3), self._neighbors.reshape(-1, 3)
         if has_moved is None:
             faces, normals = np.arange(len(mesh.faces)), mesh.face_normals
             others = normals[neighbors]
@@ -86,7 +85,8 @@ class Folds:
                 unit(face_normals(mesh.vertices, mesh.faces[numbers.ravel()]))
                 for numbers in (faces, neighbors[faces])
             )
-            limits = limits[faces]
+            angles = angles[faces]
+        limits = np.minimum(np.cos(angles + min_turn), 0.0)
         cosines = np.einsum("nc,nkc->nk", normals, others.reshape(-1, 3, 3))
         bends = (cosines < limits).any(axis=1)
         faces, normals = faces[bends], normals[bends]

@@ -488,7 +488,7 @@ class Follower:
         self._key = key
         self._fit = TwoSidedFit(key.faces, len(key.vertices))
         self._folds = Folds(key, tolerance.length)
-        self._faces, self._tolerance = key.faces, tolerance
+        self._tolerance = tolerance
 
     @cached_property
     def tracker(self) -> Tracker:
