@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Singles
+from meshreel.codec.subspace.pca import FIRST_COUNT, N_ITERATIONS, OVERSAMPLING
 from meshreel.errors import InvalidInputError
 from meshreel.formats.gltf.container import IDENTITY, Placement
 from meshreel.model.geometry.hard_edges import shared_edges
@@ -281,8 +282,8 @@ ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 compressed targets is reached, the other one usually not."""
 
 NEAR, MAX_NEAR, FINER, MIN_ROUNDING_SHARE = 1.25, 16, 0.9, 0.02
-"""Error in bounds from which on rounding errors count, rounds there before their step becomes finer
-by this factor in each further one, and the finest."""
+"""An error of less than this many bounds may be due to rounding. After so many such rounds, each
+further one reduces the rounding error by this factor, down to the least share of the bound."""
 
 MAX_ROUNDS = 60
 """Rounds of slow growth far from the bound; then the number of targets doubles."""
@@ -291,10 +292,6 @@ SHARE_LEFT = 0.97
 """Share of the remaining progress after each round; most searches take 20 to 80 rounds."""
 PIECE_FRAMES, DECODED_VALUES = 4, 1 << 21
 """Frames that are compared at a time, and values that one matrix product decodes for them."""
-
-FIRST_COUNT, OVERSAMPLING, N_ITERATIONS = 64, 16, 2
-"""Of subspace iteration: components of the first trial, extra vectors for convergence, and number
-of iterations before the first round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -408,13 +405,13 @@ class _Search:
         self._vectors = np.empty((len(displacements), 0), np.float32)
 
     def start(self, error: float) -> int:
-        """Return the smallest number of components with all errors up to `error`, about."""
+        """Return about the smallest number of components with which no error exceeds `error`."""
         high, is_enough = 0, False
         n_most = min(self._displacements.shape)
         while not is_enough and high < n_most:
             high = min(max(2 * high, FIRST_COUNT), n_most)
             for _ in range(N_ITERATIONS):
-                vectors, fields = self._components(high)
+                _, fields = self._components(high)
                 self._vectors = _orthonormal(row_products(self._displacements, fields))
             vectors, fields = self._components(high)
             is_enough = _frame_errors(self._displacements, vectors, fields).max() <= error
