@@ -10,12 +10,13 @@ import pytest
 import meshreel
 from meshreel.formats.frames.frame_files import FrameFiles, read_runs
 from meshreel.formats.frames.stored_frames import FrameSurvey, StoredFrames
-from meshreel.formats.load import load
+from meshreel.formats.load import load, load_any
 from meshreel.formats.meshes.obj import read_obj
 from meshreel.formats.options import Reading
 from meshreel.formats.registry import FRAME_FORMATS
 from meshreel.formats.vtk import pvd
 from meshreel.model.extent import extent_of
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, Kind
 from meshreel.model.tracks import Track, domain_sizes
@@ -354,6 +355,19 @@ def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make, no
     assert times.endswith(
         "cannot store it: the frame rate of 24 per second, the start at 41.7083 s"
     )
+
+
+def test_hard_edges_that_are_not_searched_are_noted(tmp_path):
+    sheet = bare(quad_sheet(1))
+    normals = Track(normals_of((1, sizes_of(sheet)[Domain.CORNER])), "corner", "normal")
+    save(sheet.replace(tracks={"normals": normals}), tmp_path / "edges.obj")
+    save(sheet, tmp_path / "plain.obj")
+    for name, has_edges in (("edges.obj", True), ("plain.obj", False)):
+        found, notes = load_any(tmp_path / name, Reading()), Notes()
+        assert (found.surface.hard_edges is not None) == has_edges
+        result = load_any(tmp_path / name, Reading(finds_hard_edges=False, notes=notes))
+        assert result.surface.hard_edges is None
+        assert any("hard edges" in note for note in notes) == has_edges
 
 
 def test_obj_corner_uv_tracks_round_trip(tmp_path, read):
