@@ -358,14 +358,13 @@ def test_obj_color_and_normal_tracks_round_trip(tmp_path, read, domain, make, no
 
 
 def test_hard_edges_that_are_not_searched_are_noted(tmp_path):
-    sheet = bare(quad_sheet(1))
-    normals = Track(normals_of((1, sizes_of(sheet)[Domain.CORNER])), "corner", "normal")
-    save(sheet.replace(tracks={"normals": normals}), tmp_path / "edges.obj")
-    save(sheet, tmp_path / "plain.obj")
-    for name, has_edges in (("edges.obj", True), ("plain.obj", False)):
-        found, notes = load_any(tmp_path / name, Reading()), Notes()
+    corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\n"
+    for groups, has_edges in ((("s 1\n", "s 2\n"), True), (("", ""), False)):
+        path = tmp_path / f"{has_edges}.obj"
+        path.write_text(f"{corners}{groups[0]}f 1 2 3\n{groups[1]}f 1 3 4\n")
+        found, notes = load_any(path, Reading()), Notes()
         assert (found.surface.hard_edges is not None) == has_edges
-        result = load_any(tmp_path / name, Reading(finds_hard_edges=False, notes=notes))
+        result = load_any(path, Reading(finds_hard_edges=False, notes=notes))
         assert result.surface.hard_edges is None
         assert any("hard edges" in note for note in notes) == has_edges
 
