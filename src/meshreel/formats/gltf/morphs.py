@@ -282,8 +282,8 @@ ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
 compressed targets is reached, the other one usually not."""
 
 NEAR, MAX_NEAR, FINER, MIN_ROUNDING_SHARE = 1.25, 16, 0.9, 0.02
-"""An error of less than this many bounds may be due to rounding. After so many such rounds, each
-further one reduces the rounding error by this factor, down to the least share of the bound."""
+"""An error of less than `NEAR` bounds may be due to rounding. After `MAX_NEAR` such rounds, each
+further one multiplies the rounding error by `FINER`, down to the minimum share of the bound."""
 
 MAX_ROUNDS = 60
 """Rounds of slow growth far from the bound; then the number of targets doubles."""
