@@ -47,7 +47,7 @@ class Frame:
         if self.find_hard_edges is None:
             return self.surface
         if not finds_edges:
-            notes.left_out("normals of raw frames, and hard edges that follow from them")
+            notes.left_out("hard edges of raw frames, and the normals or groups that define them")
             return self.surface
         if (hard_edges := self.find_hard_edges()) is None:
             return self.surface
