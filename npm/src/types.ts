@@ -300,8 +300,11 @@ export interface Surface {
 /** A track of an open file. */
 export interface OpenTrack {
   readonly info: TrackInfo;
-  /** Decode the values of a frame: nItems x nColumns numbers of the type of the track. */
-  frame(index: number, options?: { signal?: AbortSignal }): Promise<TrackValues>;
+  /**
+   * Decode the values of a frame: nItems x nColumns numbers of the type of the track. They are stored
+   * in `target`, and it is returned, if it is not null.
+   */
+  frame(index: number, target?: TrackValues | null, options?: { signal?: AbortSignal }): Promise<TrackValues>;
   /** Decode a block for shaders. */
   fields(
     block: number,
@@ -313,8 +316,11 @@ export interface OpenTrack {
 export interface OpenReel {
   readonly info: ReelInfo;
   readonly surface: Surface;
-  /** Decode the positions of a frame: nVerts x 3 numbers of the type of the file, in model units. */
-  frame(index: number, options?: { signal?: AbortSignal }): Promise<Positions>;
+  /**
+   * Decode the positions of a frame: nVerts x 3 numbers of the type of the file, in model units. They
+   * are stored in `target`, and it is returned, if it is not null.
+   */
+  frame(index: number, target?: Positions | null, options?: { signal?: AbortSignal }): Promise<Positions>;
   /** Decode a block for shaders. */
   fields(block: number, options?: { signal?: AbortSignal }): Promise<BlockFields>;
   /** Return the surface of a volume mesh without the cells beyond a plane. */

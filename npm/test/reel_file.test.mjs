@@ -136,10 +136,10 @@ test("fields and weights yield positions within 1e-5 of the diagonal", async () 
 test("a canceled call throws the reason, and later calls work", async () => {
   await withReel(streamBytes("sphere"), async (reel) => {
     const aborting = new AbortController();
-    const first = reel.frame(0, { signal: aborting.signal });
+    const first = reel.frame(0, null, { signal: aborting.signal });
     aborting.abort();
     await assert.rejects(first, { name: "AbortError" });
-    await assert.rejects(reel.frame(0, { signal: aborting.signal }), {
+    await assert.rejects(reel.frame(0, null, { signal: aborting.signal }), {
       name: "AbortError",
     });
     assert.equal((await reel.frame(0)).length, 3 * reel.info.nVerts);

@@ -352,11 +352,35 @@ test("calls on tracks of a closed file throw", async () => {
   await assert.rejects(reel.track("flow").frame(0), { name: "AbortError" });
 });
 
+test("frames are stored in the array that is passed, and others are refused", async () => {
+  for (const name of WITH_TRACKS) {
+    await withReel(streamBytes(name), async (reel) => {
+      for (const item of [reel, ...reel.info.tracks.map((track) => reel.track(track.name))]) {
+        const expected = await item.frame(reel.info.nFrames - 1);
+        const array = await item.frame(0);
+        assert.equal(await item.frame(reel.info.nFrames - 1, array), array);
+        assert.deepEqual(array, expected);
+        const Other = array instanceof Float32Array ? Float64Array : Float32Array;
+        for (const other of [new Other(array.length), array.slice(1), {}, [...array], { signal }]) {
+          await assert.rejects(item.frame(0, other), InvalidInputError);
+        }
+        assert.deepEqual(array, expected, "a failed call changed the array");
+      }
+    });
+  }
+  await withReel(streamBytes("tracks"), async (reel) => {
+    const refused = reel.frame(0, new Float32Array(3));
+    const length = 3 * reel.info.nVerts;
+    const message = `must be a Float32Array of length ${length}; got a Float32Array of length 3; pass null for a new array`;
+    await assert.rejects(refused, { message: `the array to reuse ${message}` });
+  });
+});
+
 test("a canceled call on a track throws the reason", async () => {
   await withReel(streamBytes("tracks"), async (reel) => {
-    assert.equal((await reel.track("flow").frame(0, { signal })).length, 84);
+    assert.equal((await reel.track("flow").frame(0, null, { signal })).length, 84);
     const aborted = AbortSignal.abort(new Error("not now"));
-    await assert.rejects(reel.track("flow").frame(0, { signal: aborted }), /not now/);
+    await assert.rejects(reel.track("flow").frame(0, null, { signal: aborted }), /not now/);
   });
 });
 

@@ -2,7 +2,7 @@
 
 import { CorruptStreamError, InvalidInputError } from "../errors.js";
 import type { Results } from "../engine/messages.js";
-import { requireIndex } from "./arguments.js";
+import { requireIndex, valuesIn } from "./arguments.js";
 import type { SourceInput } from "../source/transport.js";
 import type {
   BlockFields,
@@ -89,14 +89,16 @@ export class ReelFile implements OpenReel {
    * Decode the positions of a frame, of shape (V, 3) in model units: float32 or float64, as encoded.
    *
    * @param index - Frame, counted from 0.
-   * @throws InvalidInputError if there is no such frame.
+   * @param target - An array to reuse, such as that of an earlier frame: it is filled and returned. If
+   *   the call fails, it keeps its values.
+   * @throws InvalidInputError if there is no such frame, or `target` has another type or length.
    * @throws CorruptStreamError if its block is damaged; frames of other blocks can be decoded.
    * @throws SourceError if the bytes cannot be read.
    */
-  async frame(index: number, { signal }: CallOptions = {}): Promise<Positions> {
+  async frame(index: number, target?: Positions | null, { signal }: CallOptions = {}): Promise<Positions> {
     requireIndex("frame", index, this.info.nFrames);
     const call = { segment: this.index, track: 0, frame: index };
-    return (await this.engines.positions.call("frame", call, signal)) as Positions;
+    return valuesIn(target, await this.engines.positions.call("frame", call, signal)) as Positions;
   }
 
   /**

@@ -1,7 +1,7 @@
 // A track of an open file that decodes values on request.
 
 import type { OpenTrack, ReelInfo, TrackFields, TrackInfo, TrackValues } from "../types.js";
-import { requireIndex } from "./arguments.js";
+import { requireIndex, valuesIn } from "./arguments.js";
 import type { RemoteEngine } from "./remote_engine.js";
 
 /** Options of calls that decode. */
@@ -43,16 +43,17 @@ export class ReelTrack implements OpenTrack {
    * integers are bigints in a `BigInt64Array` or `BigUint64Array`. Missing values are NaN.
    *
    * @param index - Frame, counted from 0.
-   * @throws InvalidInputError if there is no such frame.
+   * @param target - An array to reuse, as in `ReelFile.frame`.
+   * @throws InvalidInputError if there is no such frame, or `target` has another type or length.
    * @throws UnsupportedVersionError if the track needs a newer version.
    * @throws CorruptStreamError if the track or its block is damaged; the rest can be decoded.
    * @throws SourceError if the bytes cannot be read.
    */
-  async frame(index: number, { signal }: CallOptions = {}): Promise<TrackValues> {
+  async frame(index: number, target?: TrackValues | null, { signal }: CallOptions = {}): Promise<TrackValues> {
     requireIndex("frame", index, this.reel.nFrames);
     const engine = await this.engine();
     const call = { segment: this.segment, track: 1 + this.index, frame: index };
-    return engine.call("frame", call, signal);
+    return valuesIn(target, await engine.call("frame", call, signal));
   }
 
   /**

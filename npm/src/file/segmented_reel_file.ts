@@ -89,7 +89,7 @@ export class SegmentedReelFile implements OpenSegments {
     requireIndex("frame", index, this.info.nFrames);
     const segment = this.segments.findLastIndex(({ start }) => start <= index);
     const reel = await this.segment(segment, options);
-    const positions = await reel.frame(index - this.segments[segment].start, options);
+    const positions = await reel.frame(index - this.segments[segment].start, null, options);
     return { segment, positions, triangles: reel.surface.triangles };
   }
 

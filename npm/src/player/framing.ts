@@ -56,7 +56,7 @@ export async function estimateFraming(
   const [swept, figure]: [Vector3[], Vector3[]] = [[], []];
   const half = [0, 0, 0]; // sides of the box of the sampled frames around the center
   const include = async (frame: number): Promise<void> => {
-    const positions = await reel.frame(frame, options);
+    const positions = await reel.frame(frame, null, options);
     const sum = [0, 0, 0];
     for (let i = 0; i < positions.length; i++) {
       sum[i % 3] += positions[i];

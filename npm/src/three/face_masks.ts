@@ -24,7 +24,7 @@ export async function loadMasks(
   const tracks = masks.map(({ name }) => reel.track(name));
   return Promise.all(
     Array.from({ length: nFrames }, (_, t) =>
-      Promise.all(tracks.map((track) => track.frame(start + t, { signal }))),
+      Promise.all(tracks.map((track) => track.frame(start + t, null, { signal }))),
     ),
   );
 }

@@ -466,7 +466,7 @@ export class ReelMesh extends THREE.Mesh<
     const { segments } = this.file;
     const number = Math.max(0, segments.findLastIndex(({ start }) => start <= frame));
     const reel = await this.file.segment(number, options);
-    return reel.frame(frame - segments[number].start, options);
+    return reel.frame(frame - segments[number].start, null, options);
   }
 
   /**

@@ -97,7 +97,7 @@ export class Probe {
     const values: (number | null)[] = [];
     for (let frame = 0; frame < file.info.nFrames; frame++) {
       if (frame % 20 === 0) status.textContent = `Reading frame ${frame} of ${file.info.nFrames}`;
-      const frameValues = await track.frame(frame, { signal });
+      const frameValues = await track.frame(frame, null, { signal });
       const row = Array.from({ length: nColumns }, (_, c) => Number(frameValues[item * nColumns + c]));
       const value = selectedNumber(row, legend.component);
       values.push(Number.isFinite(value) ? value : null);

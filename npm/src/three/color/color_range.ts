@@ -176,7 +176,7 @@ async function sampleValues(
   const perFrame: Float64Array[] = [];
   for (let i = 0; i <= last; i++) {
     const number = start + (last && Math.round((i * (nFrames - 1)) / last));
-    const values = await track.frame(number, { signal });
+    const values = await track.frame(number, null, { signal });
     const samples: number[] = [];
     for (let item = 0; item < nItems; item += step) {
       const value = selectedValue(values, item * nColumns, selection);

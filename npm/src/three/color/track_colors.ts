@@ -182,7 +182,7 @@ export class TrackColors {
     const { map, wholeFile = false } = options;
     const ends = parseRange(options.range ?? KIND_ROWS[track.info.kind]?.range ?? DEFAULT_RANGE);
     if (map !== undefined) resolveColorMap(map);
-    await track.frame(0, { signal }); // throws if the track cannot be decoded
+    await track.frame(0, null, { signal }); // throws if the track cannot be decoded
     const selection = selectColumns(track.info, options.component);
     colorableMaterials(mesh, selection);
     if (selection.as === "color") {
