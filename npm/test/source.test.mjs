@@ -28,15 +28,15 @@ function randomBytes(size) {
 
 const FILE = randomBytes(SIZE);
 let server;
-let openSource, RemoteSource, errors;
+let openRemote, openShared, openSource, RemoteSource, errors;
 
 before(async () => {
   const folder = fileURLToPath(new URL("../src", import.meta.url));
   const { outputFiles } = await build({
     stdin: {
       contents:
-        'export { openSource } from "./source/open"; export { RemoteSource } from "./source/remote";' +
-        'export * as errors from "./errors";',
+        'export { openSource } from "./source/open"; export { openShared } from "./source/shared";' +
+        'export { openRemote, RemoteSource } from "./source/remote"; export * as errors from "./errors";',
       resolveDir: folder,
     },
     bundle: true,
@@ -44,7 +44,7 @@ before(async () => {
     write: false,
   });
   const script = Buffer.from(outputFiles[0].contents).toString("base64");
-  ({ openSource, RemoteSource, errors } = await import(`data:text/javascript;base64,${script}`));
+  ({ openRemote, openShared, openSource, RemoteSource, errors } = await import(`data:text/javascript;base64,${script}`));
   server = await startServer(FILE);
 });
 after(() => server.close());
@@ -660,6 +660,76 @@ describe("a server that provides no file", { concurrency: true }, () => {
 
   test("because the address is invalid causes an error immediately", async () => {
     await rejects("x", openSource("http://["), /http:.*cannot be/, errors.InvalidInputError);
+  });
+});
+
+describe("players of one address", { concurrency: true }, () => {
+  const { signal } = new AbortController();
+
+  test("request its bytes once, as long as one is open", async () => {
+    const address = server.address({ latencyMs: 30 });
+    const open = () => withTimeout("the opening", openShared(address, signal));
+    const all = await Promise.all(Array.from({ length: 18 }, open));
+    for (const source of all) {
+      assert.deepEqual([source.size, source.hasRanges], [SIZE, true]);
+      await assertReads(source, 0, 100);
+      await assertReads(source, 100_000, 140_000);
+      source.close();
+      source.close(); // has no effect
+    }
+    assert.deepEqual(server.requestsOf(address), ["bytes=0-65535", "bytes=100000-139999"]);
+    const later = await open();
+    await assertReads(later, 0, 100);
+    assert.deepEqual(server.requestsOf(address).slice(2), ["bytes=0-65535"]);
+    later.close();
+  });
+
+  test("keep the bytes that another one waits for when one leaves, and stop when all have left", async () => {
+    const address = server.address({ latencyMs: 200 });
+    const controllers = [new AbortController(), new AbortController()];
+    const opening = controllers.map((controller) => openShared(address, controller.signal));
+    controllers[0].abort();
+    await assert.rejects(opening[0], { name: "AbortError" });
+    const source = await withTimeout("the opening", opening[1]);
+    await assertReads(source, 0, 100);
+    const read = source.read(100_000, 140_000);
+    source.close();
+    await assert.rejects(withTimeout("a read", read), { name: "AbortError" });
+    await assert.rejects(openShared(address, AbortSignal.abort()), { name: "AbortError" });
+  });
+
+  test("all get the error, and request the file again when they open it again", async () => {
+    const address = server.address({ status: 404, failures: 1, latencyMs: 30 });
+    const open = () => withTimeout("the opening", openShared(address, signal));
+    const opening = [open(), open()];
+    for (const one of opening) await assert.rejects(one, /HTTP 404/);
+    const source = await open();
+    await assertReads(source, 0, 100);
+    assert.equal(server.requestsOf(address).length, 2);
+    source.close();
+  });
+
+  test("get the new version when they open a changed file again", async () => {
+    const address = server.address({ changeAfter: 1 });
+    const source = await openShared(address, signal);
+    await assert.rejects(source.read(100_000, 100_100), /has changed/);
+    const other = await openShared(address, signal);
+    assert.equal((await other.read(0, 1))[0], FILE[0] ^ 255);
+    source.close();
+    assert.equal((await openShared(address, signal)).size, SIZE);
+    assert.equal(server.requestsOf(address).length, 3);
+    other.close();
+  });
+
+  test("keep the bytes read last, up to a limit", async () => {
+    const address = server.address();
+    const source = await openRemote(address, {}, {}, 50_000);
+    for (const start of [70_000, 100_000, 130_000, 100_010, 130_010, 70_010]) {
+      await assertReads(source, start, start + 20_000 - (start % 1000));
+    }
+    const ranges = ["0-65535", "70000-89999", "100000-119999", "130000-149999", "70010-89999"];
+    assert.deepEqual(server.requestsOf(address), ranges.map((range) => `bytes=${range}`));
+    source.close();
   });
 });
 

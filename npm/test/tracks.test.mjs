@@ -371,7 +371,7 @@ test("frames are stored in the array that is passed, and others are refused", as
   await withReel(streamBytes("tracks"), async (reel) => {
     const refused = reel.frame(0, new Float32Array(3));
     const length = 3 * reel.info.nVerts;
-    const message = `must be a Float32Array of length ${length}; got a Float32Array of length 3; pass null for a new array`;
+    const message = `must be a Float32Array of length ${length}; got a Float32Array of length 3`;
     await assert.rejects(refused, { message: `the array to reuse ${message}` });
   });
 });

@@ -4,6 +4,7 @@ import io
 import re
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from meshreel.model.materials import Image as FileImage
 from meshreel.model.materials import Material, Texture
 from meshreel.model.surface import FaceGroups
 from samples.browser import checked_rules
-from samples.element_pages import PATIENCE_S, picture, press, settled, showing, text_of, until
+from samples.element_pages import PAGE, PATIENCE_S, picture, press, settled, showing, text_of, until
 from samples.numbered_video import moving_sheet
 from samples.web_package import DIST, serving
 
@@ -427,3 +428,16 @@ def test_many_players_keep_snapshots_and_release_contexts_off_screen(shown):
     assert page.evaluate(f"{snapshots}.length") >= 5
     assert page.evaluate(f"{ALL}.every(({{ error }}) => error === null)")
     assert not [warning for warning in warnings if "Too many active WebGL contexts" in warning]
+
+
+def test_players_of_one_address_request_its_bytes_once(files, new_page):
+    tags = 18 * '<reel-player src="/large.reel" style="width: 90px"></reel-player>'
+    with serving({**files, "/page.html": PAGE.format(body=tags).encode()}) as (url, requested):
+        page = new_page(f"{url}/page.html", is_shown=False)
+        until(page, f"{ALL}.every(({{ reel }}) => reel)")
+        for frame in (0, 40, 20, 59, 20):
+            page.evaluate(f"Promise.all({ALL}.map(({{ reel }}) => reel.frame({frame})))")
+        page.close()  # while the server is running
+    ranges = sorted(requested)
+    assert len(ranges) > 3
+    assert all(last < first for (_, last), (first, _) in pairwise(ranges)), ranges

@@ -20,9 +20,7 @@ export function valuesIn(target: TrackValues | null | undefined, values: TrackVa
   const describe = (array: TrackValues): string =>
     `${Object.prototype.toString.call(array).slice(8, -1)} of length ${array.length ?? "undefined"}`;
   if (describe(target) !== describe(values)) {
-    throw new InvalidInputError(
-      `the array to reuse must be a ${describe(values)}; got a ${describe(target)}; pass null for a new array`,
-    );
+    throw new InvalidInputError(`the array to reuse must be a ${describe(values)}; got a ${describe(target)}`);
   }
   target.set(values as never); // both are of one type
   return target;

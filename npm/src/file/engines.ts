@@ -31,7 +31,7 @@ export class FileEngines {
 
   /** Open a file and one of its segments. Throws as `ReelFile.open`. */
   static async open(
-    from: SourceInput,
+    from: SourceInput | Promise<ByteSource>,
     options: FileOptions,
     segment: number | null,
   ): Promise<{ engines: FileEngines; opened: Results["open"] }> {

@@ -2,7 +2,7 @@
 
 import { Mp4Part } from "../source/mp4.js";
 import type { SourceInput } from "../source/transport.js";
-import type { FileInfo, MeshFrame, OpenSegments, SegmentInfo } from "../types.js";
+import type { ByteSource, FileInfo, MeshFrame, OpenSegments, SegmentInfo } from "../types.js";
 import { requireIndex } from "./arguments.js";
 import { FileEngines, type FileOptions } from "./engines.js";
 import { ReelFile } from "./reel_file.js";
@@ -46,10 +46,10 @@ export class SegmentedReelFile implements OpenSegments {
   /**
    * Open a file with one or more segments.
    *
-   * @param from - As for `ReelFile.open`.
+   * @param from - As for `ReelFile.open`; or a source, which is closed with the file.
    * @throws like `ReelFile.open`, also if the first segment is damaged.
    */
-  static async open(from: SourceInput, options: FileOptions = {}): Promise<SegmentedReelFile> {
+  static async open(from: SourceInput | Promise<ByteSource>, options: FileOptions = {}): Promise<SegmentedReelFile> {
     const { engines, opened } = await FileEngines.open(from, options, 0);
     const segments = await engines.positions.call("segments", {}, options.signal).catch((error: unknown) => {
       engines.close();

@@ -5,6 +5,7 @@ import { SegmentedReelFile } from "../index.js";
 import { ReelMesh } from "../three/reel_mesh.js";
 import type { TextureOptions } from "../three/texture/mesh_texture.js";
 import type { FrameRange } from "../three/clock.js";
+import { openShared } from "../source/shared.js";
 import type { SourceInput } from "../source/transport.js";
 import type { OpenReel, OpenSegments } from "../types.js";
 import { Vector3 } from "../webgl/index.js";
@@ -477,7 +478,7 @@ export class ReelPlayerElement extends PlayerAttributes {
     let mesh: ReelMesh;
     try {
       const from = typeof source === "string" ? new URL(source, document.baseURI) : source;
-      file = await SegmentedReelFile.open(from, { signal });
+      file = await SegmentedReelFile.open(from instanceof URL ? openShared(from.href, signal) : from, { signal });
       // Errors of frames are reported when they are shown.
       const framing = await estimateFraming(file, settings.start, { signal }).catch(() => null);
       signal.throwIfAborted();

@@ -176,7 +176,9 @@ export class Download {
     }
     while (this.nReceived < end) {
       const inPage = this.nReceived % PAGE_BYTES;
-      const page = (this.pages[(this.nReceived - inPage) / PAGE_BYTES] ??= new Uint8Array(PAGE_BYTES));
+      const page = (this.pages[(this.nReceived - inPage) / PAGE_BYTES] ??= new Uint8Array(
+        Math.min(PAGE_BYTES, this.end - this.start - this.nReceived),
+      ));
       const nBytes = Math.min(PAGE_BYTES - inPage, end - this.nReceived);
       const from = this.nReceived - offset;
       page.set(value.subarray(from, from + nBytes), inPage);

@@ -13,15 +13,16 @@ import type { SourceInput, SourceOptions } from "./transport.js";
  * Last-Modified, the whole file is downloaded once and kept in memory; received bytes can be read
  * while the rest is being downloaded. Lost connections are resumed where they ended.
  *
- * @param from - An address, a blob, or bytes, which are copied.
+ * @param from - An address, a blob, or bytes, which are copied; or a source, which is returned.
  * @throws InvalidInputError if `from` cannot be opened; SourceError if the server does not send the
  *   file.
  */
 export async function openSource(
-  from: SourceInput,
+  from: SourceInput | Promise<ByteSource>,
   options: SourceOptions = {},
 ): Promise<ByteSource> {
   const { signal, headers, credentials, cache = "no-store" } = options;
+  if (from instanceof Promise) return from;
   signal?.throwIfAborted();
   if (from instanceof Blob) return new BlobSource(from);
   if (from instanceof ArrayBuffer || from instanceof Uint8Array) {

@@ -17,12 +17,14 @@ const MAX_BUFFER_BYTES = 2 ** 30;
  * Open an address; see `openSource`.
  *
  * @param init - options of all requests
+ * @param keptBytes - how many of the bytes read last stay in memory, besides the first ones
  * @throws InvalidInputError for other values.
  */
 export async function openRemote(
   from: string | URL,
   init: RequestInit,
   { signal, retries = 3, stallSeconds = 20, memory = DEFAULT_MEMORY }: SourceOptions,
+  keptBytes = 0,
 ): Promise<ByteSource> {
   signal?.throwIfAborted();
   if (!(typeof from === "string" || from instanceof URL)) {
@@ -36,7 +38,7 @@ export async function openRemote(
     retries,
     stallMs: 1000 * stallSeconds,
     memory: Math.min(memory, MAX_BUFFER_BYTES),
-  });
+  }, keptBytes);
   signal?.addEventListener("abort", () => source.close(signal.reason), { signal: source.closed });
   try {
     // The first response tells whether the server supports ranges.
@@ -59,7 +61,7 @@ interface RangeRead {
 export class RemoteSource implements ByteSource {
   /** The first bytes, or all bytes if the server does not support ranges. */
   private readonly head: Download;
-  /** Other downloads with pending reads. */
+  /** Other downloads: with pending reads, and kept ones, the one read last at the end. */
   private readonly downloads = new Set<Download>();
   private readonly controller = new AbortController();
   /** Aborted once the source is closed. */
@@ -68,6 +70,7 @@ export class RemoteSource implements ByteSource {
   constructor(
     private readonly transport: HttpTransport,
     private readonly policy: DownloadPolicy,
+    private readonly keptBytes = 0,
   ) {
     const ask: HttpTransport["request"] = async (start, end, signal) => {
       const response = await transport.request(start, end, signal);
@@ -123,12 +126,21 @@ export class RemoteSource implements ByteSource {
     return pieces;
   }
 
-  /** End a read; a download without pending reads is canceled, except for the first bytes. */
+  /**
+   * End a read; a download without pending reads is canceled, except for the first bytes and complete
+   * ones that are kept.
+   */
   private release(download: Download): void {
     download.nReaders -= 1;
-    if (download.nReaders > 0 || download === this.head) return;
-    download.stop(new DOMException("no read needs these bytes", "AbortError"));
-    this.downloads.delete(download);
+    if (download === this.head || !this.downloads.delete(download)) return;
+    if (download.nReaders > 0 || download.size !== null) this.downloads.add(download);
+    else download.stop(new DOMException("no read needs these bytes", "AbortError"));
+    let nKept = 0;
+    for (const other of [...this.downloads].reverse()) {
+      if (other.nReaders > 0) continue;
+      nKept += other.end - other.start;
+      if (nKept > this.keptBytes) this.downloads.delete(other);
+    }
   }
 }
 
@@ -144,7 +156,7 @@ function concatenate(parts: Uint8Array[]): Uint8Array {
 }
 
 /** Wait for a promise; if the signal is aborted first, throw its reason. */
-function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
+export function untilAborted<T>(work: Promise<T>, signal?: AbortSignal): Promise<T> {
   if (!signal) return work;
   return new Promise((resolve, reject) => {
     const abort = () => reject(signal.reason);
