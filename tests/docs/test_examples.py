@@ -71,7 +71,7 @@ def test_readme_lists_every_example():
 @pytest.mark.slow
 def test_a_character_becomes_a_file_and_pages(tmp_path):
     output = run_script("character_for_web.py", "--out", tmp_path)
-    assert "84 kB became" in output
+    assert "612 kB became" in output
     fish = meshreel.load(tmp_path / "fish.glb")
     assert meshreel.compare(fish, tmp_path / "fish.reel").max_error_percent < 0.1
     assert meshreel.load(tmp_path / "fish.reel").surface.attributes[0].kind == meshreel.Kind.COLOR

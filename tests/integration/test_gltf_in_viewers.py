@@ -21,7 +21,7 @@ from meshreel.model.flag import simulate_flag
 from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Part, Surface
-from samples.browser import FOLDER, driven_browser, play
+from samples.browser import FOLDER, driven_browser, play, shown_title
 from samples.glb import largest_error_percent, stream_of
 from samples.materials import look, png
 from samples.meshes import quad_sheet
@@ -102,7 +102,7 @@ def textured():
 CASES = {
     "flag": (flag, {}),
     "coarse": (flag, {"max_error": 2.0}),
-    "plain": (flag, {"compression": False}),
+    "meshopt": (flag, {"meshopt": True}),
     "normals": (flag, {"normals": True}),
     "no normals": (flag, {"normals": False}),
     "dressed": (dressed, {}),
@@ -182,7 +182,7 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
     frames = sorted({0, sequence.n_frames // 3, sequence.n_frames - 1})
     times = [sequence.start_s + frame / sequence.fps for frame in frames]
     positions, picture = play(page, tmp_path / "a.glb", times)
-    sources = split_sources(sequence, is_compressed=writing.compression)
+    sources = split_sources(sequence, is_compressed=writing.meshopt)
     shown = sequence.replace(vertices=sequence.vertices[frames][:, sources], surface=Surface())
     error = largest_error_percent(shown, positions)
     # Chosen frames may have a smaller diagonal than all of them.
@@ -194,7 +194,7 @@ def test_the_browser_plays_the_frames(page, tmp_path, case):
 RIGS = {
     "bones": (bending_tube, {"rig": 8}),
     "correctives": (partial(bending_tube, bulge=0.3), {"rig": 2, "kg": 2, "max_error": 2}),
-    "plain": (bending_tube, {"rig": 8, "compression": False}),
+    "meshopt": (bending_tube, {"rig": 8, "meshopt": True}),
     "rigid": (lambda: boxes([turn, lambda frame: turn(-frame, 1)]), {"rig": True}),
 }
 
@@ -219,6 +219,20 @@ def achieved_percent(notes):
     return float(results[0][4]) + 5e-5 if results else 0.0
 
 
+@needs_node
+@pytest.mark.parametrize(("options", "title"), [({}, "plays 1"), ({"rig": 8}, "plays 1")])
+def test_model_viewer_shows_files_without_a_setting(page, tmp_path, options, title):
+    meshreel.save(bending_tube(), tmp_path / "a.glb", **options)
+    assert shown_title(page, tmp_path / "a.glb") == title
+
+
+@needs_node
+def test_model_viewer_needs_a_decoder_for_meshopt(page, tmp_path):
+    """If this changes, meshopt can become the default."""
+    meshreel.save(bending_tube(), tmp_path / "a.glb", meshopt=True)
+    assert shown_title(page, tmp_path / "a.glb").startswith("error")
+
+
 @pytest.mark.real
 @needs_node
 def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(page, tmp_path):
@@ -231,6 +245,6 @@ def test_samba_is_valid_and_plays_within_a_tenth_of_a_percent(page, tmp_path):
     assert all(map(is_harmless, report["issues"]["messages"]))
     frames = [0, 50, 103, 174]
     positions, _ = play(page, tmp_path / "samba.glb", [frame / 25 for frame in frames])
-    expected = samba.vertices[frames][:, split_sources(samba, is_compressed=True)]
+    expected = samba.vertices[frames][:, split_sources(samba, is_compressed=False)]
     distances = np.linalg.norm(positions - expected, axis=2)
     assert distances.max() <= 0.001 * np.linalg.norm(samba.extent.high - samba.extent.low)

@@ -127,7 +127,7 @@ def test_glb_of_a_stream_with_a_bound_is_within_the_stated_total(
     (tmp_path / "a.reel").write_bytes(meshreel.encode(original, max_error=0.1))
     notes = []
     with meshreel.open(tmp_path / "a.reel") as reel:
-        options = WriteOptions(max_error=bound, compression=False)  # keeps the order
+        options = WriteOptions(max_error=bound)  # keeps the order
         save(reel, tmp_path / "a.glb", options=options, notes=notes)
         shown = reel.name or "mesh"
     [note] = [note for note in notes if note.startswith("against the original ")]

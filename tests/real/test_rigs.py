@@ -9,7 +9,7 @@ pytestmark = pytest.mark.real
 
 def test_rig_of_a_walk_meets_its_bounds_in_60_kb(data, tmp_path):
     walk, path = meshreel.load(data / "cesium_man.npz"), tmp_path / "walk.glb"
-    meshreel.save(walk, path, rig=True, normals=False)
+    meshreel.save(walk, path, rig=True, normals=False, meshopt=True)
     quality = meshreel.compare(walk, meshreel.load(path))
     assert quality.kg_error_percent <= 0.5
     assert quality.max_error_percent <= 1

@@ -63,6 +63,14 @@ def play(page, file, times_s):
     return positions.reshape(len(times_s), -1, 3), answers["/picture"]
 
 
+def shown_title(page, file):
+    """Return the title of a page that shows a file in model-viewer, once it changes."""
+    with _server(file) as (address, _):
+        page.goto(f"{address}/stock.html")
+        page.wait_for_function("document.title", timeout=PATIENCE_S * 1000)
+        return page.title()
+
+
 def _answers(posted):
     for _ in range(2):
         try:

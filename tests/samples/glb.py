@@ -24,9 +24,9 @@ def stream_of(sequence, notes=None):
 
 
 def written(folder, sequence, notes=None, **options):
-    """Write a sequence as GLB, without compression unless the options request it, and parse it."""
+    """Write a sequence as GLB, and parse it."""
     path = folder / "written.glb"
-    write_gltf(path, stream_of(sequence, notes), WriteOptions(**{"compression": False, **options}))
+    write_gltf(path, stream_of(sequence, notes), WriteOptions(**options))
     return Glb.read(path.read_bytes())
 
 

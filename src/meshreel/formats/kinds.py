@@ -43,7 +43,7 @@ ReadOption = Literal[
 WriteOption = Literal[
     "max_error",
     "normals",
-    "compression",
+    "meshopt",
     "lossless",
     "layout",
     "textures",

@@ -220,16 +220,16 @@ class WriteOptions:
             group=GLTF_AND_TEXTURES,
         ),
     ] = None
-    compression: Annotated[
+    meshopt: Annotated[
         bool,
         Option(
-            "Compress the file (default), which reorders vertices and triangles; or write plain "
-            "buffers, for programs without the extension.",
-            flag="--compression/--no-compression",
+            "Compress the file with EXT_meshopt_compression, for viewers with that decoder; "
+            "reorders vertices and triangles. Default: no extensions, so that every program opens "
+            "the file.",
             group=GLTF,
             more="For glTF.",
         ),
-    ] = True
+    ] = False
     rig: Annotated[
         bool | int | None,
         Option(

@@ -271,7 +271,7 @@ def test_gltf_scales_the_segments_of_other_frames_to_zero(textured, tmp_path):
 
 def test_trimesh_reads_the_meshes_of_all_segments(textured, tmp_path):
     trimesh = pytest.importorskip("trimesh")
-    meshreel.save(textured, tmp_path / "a.glb", options=WriteOptions(compression=False))
+    meshreel.save(textured, tmp_path / "a.glb")
     scene = trimesh.load(tmp_path / "a.glb", process=False)
     n_faces = sum(len(one.faces) for one in scene.geometry.values())
     assert n_faces == sum(len(segment.faces) for segment in textured.segments)

@@ -73,17 +73,17 @@ CASES = {
 
 
 @pytest.mark.every_case
-@pytest.mark.parametrize("compression", [True, False])
+@pytest.mark.parametrize("meshopt", [True, False])
 @pytest.mark.parametrize("name", CASES)
-def test_played_rig_meets_its_bounds(tmp_path, name, compression):
+def test_played_rig_meets_its_bounds(tmp_path, name, meshopt):
     sequence, options, counts, n_bytes = CASES[name]
     path, notes = tmp_path / "rig.glb", []
     options = {"rig": True, "kg": 0.5} | options
-    meshreel.save(sequence, path, compression=compression, notes=notes, **options)
+    meshreel.save(sequence, path, meshopt=meshopt, notes=notes, **options)
     glb = Glb.read(path.read_bytes())
     targets = glb.document["meshes"][0]["primitives"][0].get("targets", [])
     assert (len(glb.document["skins"][0]["joints"]), len(targets)) == counts
-    assert path.stat().st_size <= 1.03 * n_bytes or not compression
+    assert path.stat().st_size <= 1.03 * n_bytes or not meshopt
     found = played(path, sequence)
     kg, largest = kg_error_percent(sequence, found), largest_error_percent(sequence, found)
     assert kg <= options["kg"]

@@ -11,7 +11,6 @@ import click
 from meshreel.errors import Keyword, Message
 
 RENAMED = {
-    "compression": "--no-compression",
     "n_frames": "--frames",
     "n_samples": "--samples",
     "overwrite": "--force",

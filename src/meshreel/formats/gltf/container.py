@@ -3,10 +3,11 @@
 import base64
 import json
 import struct
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,8 @@ ALIGNMENT = 4
 
 QUANTIZATION = "KHR_mesh_quantization"
 TINY = np.float32(1e-30)
+GZIP_WINDOW = 31
+"""`wbits` of zlib for the format gzip."""
 EXTENSION_BYTES = 200
 """Approximate bytes of JSON that a compressed buffer view adds."""
 
@@ -393,7 +396,14 @@ def path_of(name: str) -> NodePath:
     return elements if name.startswith("/") and elements else (name or "mesh",)
 
 
-def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str) -> int:
+class FileSize(NamedTuple):
+    """Bytes of a file, and those that a server sends if it compresses the file with gzip."""
+
+    stored: int
+    gzipped: int
+
+
+def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str) -> FileSize:
     """Write a ``.glb`` file, or a ``.gltf`` file with the buffer as base64; return the size.
 
     Parameters
@@ -412,7 +422,8 @@ def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str
         data = base64.b64encode(b"".join(buffer.pieces)).decode("ascii")
         uri = f"data:application/octet-stream;base64,{data}"
         complete = document | {"buffers": buffer.buffers(uri=uri)}
-        return path.write_bytes(json.dumps(complete, ensure_ascii=False, indent=1).encode())
+        text = json.dumps(complete, ensure_ascii=False, indent=1).encode()
+        return FileSize(len(text), _write([text], path))
     complete = document | {"buffers": buffer.buffers()}
     text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
@@ -422,9 +433,16 @@ def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str
             f"the file would have {size_bytes} bytes; a .glb file can have at most "
             f"{MAX_BYTES}; {advice}"
         )
+    head = HEADER.pack(MAGIC, VERSION, size_bytes) + CHUNK.pack(len(text), JSON_CHUNK) + text
+    pieces = [head, CHUNK.pack(buffer.size_bytes, BINARY_CHUNK), *buffer.pieces]
+    return FileSize(size_bytes, _write(pieces, path))
+
+
+def _write(pieces: list[bytes], path: Path) -> int:
+    """Write consecutive pieces of a file, and return its size after gzip."""
+    gzip, n_gzipped = zlib.compressobj(wbits=GZIP_WINDOW), 0
     with path.open("wb") as file:
-        file.write(HEADER.pack(MAGIC, VERSION, size_bytes))
-        file.write(CHUNK.pack(len(text), JSON_CHUNK) + text)
-        file.write(CHUNK.pack(buffer.size_bytes, BINARY_CHUNK))
-        file.writelines(buffer.pieces)
-    return size_bytes
+        for piece in pieces:
+            file.write(piece)
+            n_gzipped += len(gzip.compress(piece))
+    return n_gzipped + len(gzip.flush())

@@ -9,10 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from meshreel.arrays import Floats, Integers
+from meshreel.errors import Keyword, Message
 from meshreel.formats.error_budget import MARGIN
 from meshreel.formats.gltf.container import (
     QUANTIZATION,
     BufferWriter,
+    FileSize,
     Json,
     NodeTree,
     Placement,
@@ -21,7 +23,6 @@ from meshreel.formats.gltf.container import (
 from meshreel.formats.gltf.document import GENERATOR
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.morphs import (
-    BYTE,
     Morphs,
     NormalTargets,
     fit_morphs,
@@ -43,7 +44,7 @@ from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.notes import Note, NoteKind, Notes
 from meshreel.model.sequence import Faces, Vertices
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from meshreel.runtime.counting import counted
+from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.progress import Progress, silent
 from meshreel.runtime.threads import one_blas_thread
 
@@ -80,7 +81,7 @@ class MorphMesh:
 
     placement: Placement
     base: npt.NDArray[Any]
-    """int16 or float32 array of shape (V, 3). Integers if there are targets."""
+    """int16 or float32 array of shape (V, 3)."""
     morphs: Morphs | None
     normals: NormalTargets | None
     errors: npt.NDArray[np.floating]
@@ -119,16 +120,17 @@ def fit_part(
         placement, rest = place_static(base if len(frames) > 1 else frames[0])
         normals = static_normals(rest[shading.vertices], shading.faces) if has_normals else None
         return MorphMesh(placement, rest, None, normals, distances)
-    placement, integers, displacements = place_frames(frames, base)
+    are_floats = not options.meshopt
+    placement, placed, displacements = place_frames(frames, base, are_floats=are_floats)
     bound = max(0.0, bound / placement.scale - MARGIN)
     normals = None
-    fit = partial(fit_morphs, displacements, is_compressed=options.compression, progress=progress)
+    fit = partial(fit_morphs, displacements, are_floats=are_floats, progress=progress)
     with one_blas_thread():
         if has_normals:
             morphs, normals = _fit_both(frames, shading, displacements, bound, options, fit)
         else:
             morphs = fit(bound)
-    return MorphMesh(placement, integers, morphs, normals, morphs.errors * placement.scale)
+    return MorphMesh(placement, placed, morphs, normals, morphs.errors * placement.scale)
 
 
 def _fit_both(
@@ -393,17 +395,16 @@ def _add_vertices(
     if morphs is None:
         return base_values, []
     targets: list[StoredValues] = [{} for _ in range(len(morphs.targets))]
-    are_bytes = morphs.targets.levels == BYTE
-    for dtype, is_type in ((np.int16, ~are_bytes), (np.int8, are_bytes)):
-        numbers = np.flatnonzero(is_type)
-        if len(numbers):  # in one buffer view
-            fields = morphs.targets.integers[numbers].reshape(len(numbers), 3, -1)
-            arrays = [field.T[split.sources].astype(dtype) for field in fields]
-            for index, values in zip(numbers.tolist(), buffer.add_vertices(arrays), strict=True):
-                targets[index]["POSITION"] = values
+    levels = morphs.targets.levels
+    for level in np.unique(levels):
+        numbers: list[int] = np.flatnonzero(levels == level).tolist()
+        arrays = [morphs.targets.stored(number).T[split.sources] for number in numbers]
+        # In one buffer view.
+        for index, values in zip(numbers, buffer.add_vertices(arrays), strict=True):
+            targets[index]["POSITION"] = values
     if normals is not None:
         # All targets must have the same attributes, so those without normals share zeros.
-        zeros = np.zeros((1, *normals.base.shape), np.int8)
+        zeros = np.zeros((1, *normals.base.shape), normals.base.dtype)
         arrays = [field[split.rows] for field in np.concatenate([normals.targets, zeros])]
         *displacements, zero_field = buffer.add_vertices(arrays)
         by_target = dict(zip(normals.numbers.tolist(), displacements, strict=True))
@@ -412,9 +413,11 @@ def _add_vertices(
     return base_values, targets
 
 
-COMPRESSED_ADVICE = (
-    "vertices and triangles are reordered; for Blender, Godot and other programs without the "
-    "extension use --no-compression (compression=False)"
+MESHOPT_NEEDS = (
+    "vertices and triangles are reordered; viewers need a decoder: "
+    "ModelViewerElement.meshoptDecoderLocation = URL in model-viewer, "
+    "loader.setMeshoptDecoder(MeshoptDecoder) in three.js, the package "
+    "com.unity.meshopt.decompress in Unity; Blender, Godot, assimp and trimesh have none: omit "
 )
 
 
@@ -434,7 +437,7 @@ class SceneWriter:
     def __init__(
         self, name: str, times_s: Sequence[float], options: WriteOptions, notes: Notes
     ) -> None:
-        self.buffer: BufferWriter = BufferWriter(is_compressed=options.compression)
+        self.buffer: BufferWriter = BufferWriter(is_compressed=options.meshopt)
         self._n_isolated = 0
         self._name, self._options, self._notes = name, options, notes
         self._times_s: Floats = np.asarray(times_s)
@@ -450,10 +453,17 @@ class SceneWriter:
             text = f"left out {counted(self._n_isolated, 'vertex')} that no face uses"
             self._notes.unwritten(text)
 
-    def note_compression(self) -> None:
-        """Add a note on the extension that programs need to read the file."""
+    def note_form(self, size: FileSize) -> None:
+        """Add notes on the size behind a web server, and on what programs need to read the file."""
+        served = f"serve gzipped: {size_text(size.gzipped)} instead of {size_text(size.stored)}"
+        if not self._options.meshopt:
+            smallest = " writes the smallest file, for viewers that load a decoder"
+            self._notes.result(Message(f"{served}; ", Keyword("meshopt", value=True), smallest))
+            return
+        self._notes.result(served)
         for extension in self.buffer.required_extensions:
-            self._notes.result(f"compressed with {extension}: {COMPRESSED_ADVICE}")
+            needs = Message(f"compressed with {extension}: {MESHOPT_NEEDS}", Keyword("meshopt"))
+            self._notes.result(needs)
 
     def _split_part(self, part: PartMesh) -> tuple[SplitVertices, RowNormals, bool]:
         """Return the split vertices of a part, its normals, and whether it has hard edges."""
@@ -462,7 +472,7 @@ class SceneWriter:
         n_verts = part.verts.stop - part.verts.start
         shading = RowNormals(part.faces, part.counts, hard_edges, n_verts)
         split = split_at_seams(part, shading.rows.of_corner)
-        if self._options.compression:
+        if self._options.meshopt:
             split = split.along_edges()
         self._n_isolated += n_verts - len(np.unique(split.sources))
         return split, shading, hard_edges is not None

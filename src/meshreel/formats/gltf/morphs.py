@@ -35,6 +35,10 @@ from meshreel.runtime.threads import chunks, in_threads
 BYTE, SHORT = 127, 32767
 """Integers that represent 1 in normalized accessors of int8 and int16."""
 
+FLOAT_STEPS = np.float32(1 << 15)
+"""Steps from 0 to 1 of rounded floats: a power of two, so that the mantissas of their multiples end
+with zeros, which gzip compresses."""
+
 WEIGHT_STEP_SHARE = 1 / 64
 """Rounding step of weights, as a fraction of the error."""
 
@@ -54,11 +58,24 @@ class IntegerTargets:
     which makes NumPy three times as fast as vertex by vertex.
     """
     levels: Singles
-    """float32 array of shape (K,). The integer that represents 1 in each target, `BYTE` or `SHORT`.
+    """float32 array of shape (K,). The integer that represents 1 in each target: `BYTE` or `SHORT`
+    in normalized accessors, `FLOAT_STEPS` for floats.
     """
 
     def __len__(self) -> int:
         return len(self.levels)
+
+    @property
+    def are_floats(self) -> bool:
+        """Whether files store floats."""
+        return bool((self.levels == FLOAT_STEPS).any())
+
+    def stored(self, number: int) -> npt.NDArray[Any]:
+        """Return a target as files store it: int8, int16 or float32 array of shape (3, V)."""
+        if self.are_floats:
+            return np.asarray(self.values[number]).reshape(3, -1)
+        dtype = np.int8 if self.levels[number] == BYTE else np.int16
+        return np.asarray(self.integers[number], dtype).reshape(3, -1)
 
     @cached_property
     def values(self) -> Singles:
@@ -67,9 +84,9 @@ class IntegerTargets:
 
 
 def integer_targets(
-    fields: Singles, max_weights: npt.NDArray[np.float64], noise: float, *, is_compressed: bool
+    fields: Singles, max_weights: npt.NDArray[np.float64], noise: float, *, are_floats: bool = True
 ) -> IntegerTargets:
-    """Return quantized targets, in int8 where that is precise enough.
+    """Return quantized targets, with one step for all, which compresses best.
 
     Parameters
     ----------
@@ -79,13 +96,12 @@ def integer_targets(
         Largest absolute weight of each field.
     noise : float
         Acceptable root mean square of all rounding errors together, in the units of the fields.
-    is_compressed : bool
-        Whether targets have only as many levels as needed, or all those of their type.
+    are_floats : bool
+        Whether they are stored as floats, or as normalized int8 or int16.
     """
     largest = np.abs(fields).max(axis=1)
     largest[largest == 0] = 1
-    choose_maxima = equal_step_maxima if is_compressed else full_range_maxima
-    maxima = choose_maxima(max_weights * largest, noise)
+    maxima = equal_step_maxima(max_weights * largest, noise)
     integers = np.empty(fields.shape, np.int16)
 
     def quantize(rows: slice) -> None:
@@ -93,24 +109,16 @@ def integer_targets(
         integers[rows] = np.rint(fields[rows])
 
     in_threads(quantize, chunks(len(fields), PIECE_TARGETS))
-    return IntegerTargets(integers, np.where(maxima <= BYTE, BYTE, SHORT).astype(np.float32))
-
-
-def full_range_maxima(amplitudes: npt.NDArray[np.float64], noise: float) -> Singles:
-    """Return the largest integer of each target, `BYTE` for as many as the noise allows.
-
-    The standard deviation of the rounding error of a coordinate is the step divided by the square
-    root of 12. The smallest amplitudes come first.
-    """
-    variances = 3 * (amplitudes / BYTE) ** 2 / 12
-    order = np.argsort(variances)
-    maxima = np.full(len(amplitudes), SHORT, np.float32)
-    maxima[order[np.cumsum(variances[order]) <= noise**2]] = BYTE
-    return maxima
+    levels = FLOAT_STEPS if are_floats else np.where(maxima <= BYTE, BYTE, SHORT)
+    return IntegerTargets(integers, np.broadcast_to(levels, maxima.shape).astype(np.float32))
 
 
 def equal_step_maxima(amplitudes: npt.NDArray[np.float64], noise: float) -> Singles:
-    """Return the largest integer of each target with one step for all, which compresses best."""
+    """Return the largest integer of each target, with one step for all.
+
+    The standard deviation of the rounding error of a coordinate is the step divided by the square
+    root of 12.
+    """
     step = max(noise / np.sqrt(3 * len(amplitudes) / 12), amplitudes.max() / SHORT)
     return np.asarray(np.ceil(amplitudes / step).clip(1, SHORT), np.float32)
 
@@ -212,34 +220,38 @@ def place_static(base: Vertices) -> tuple[Placement, npt.NDArray[np.float32]]:
 
 
 def place_frames(
-    frames: Vertices, base: Floats
-) -> tuple[Placement, npt.NDArray[np.int16], Singles]:
+    frames: Vertices, base: Floats, *, are_floats: bool = True
+) -> tuple[Placement, npt.NDArray[Any], Singles]:
     """Return frames relative to a base, with all coordinates within -1 to 1.
 
     Parameters
     ----------
     frames : float array of shape (T, V, 3)
     base : float64 array of shape (V, 3)
+    are_floats : bool
+        Whether the placed base has floats, or normalized int16.
 
     Returns
     -------
     placement : Placement
-    integers : int16 array of shape (V, 3)
+    placed : int16 or float32 array of shape (V, 3)
         The base.
     displacements : float32 array of shape (T, 3 V)
-        From the integers, in units of the placement: x of all vertices, then y and z.
+        From the placed base, in units of the placement: x of all vertices, then y and z.
     """
     offset = _center(base)
     max_distance = float(max_displacements(frames, base).max())
     reach = max(float(np.abs(base - offset).max()), max_distance)
     smallest = float(np.finfo(np.float32).tiny)
     scale = float(np.nextafter(np.float32(max(reach, smallest)), np.float32(np.inf)))
-    integers = np.rint((base - offset) / scale * SHORT).astype(np.int16)
+    steps = float(FLOAT_STEPS) if are_floats else SHORT
+    integers = np.rint((base - offset) / scale * steps)
     displacements = np.empty((len(frames), base.size), np.float32)
-    rounded = integers / np.float64(SHORT)
+    rounded = integers / steps
     for row, frame in zip(displacements, frames, strict=True):
         row[:] = ((frame - offset) / scale - rounded).T.ravel()
-    return Placement(offset, scale), integers, displacements
+    placed = rounded.astype(np.float32) if are_floats else integers.astype(np.int16)
+    return Placement(offset, scale), placed, displacements
 
 
 def _center(base: Vertices) -> Floats:
@@ -277,9 +289,8 @@ PATIENCE = 8
 POSITION_SHARE = 0.9
 """Fraction of the bound to which residuals are limited."""
 
-ROUNDING_SHARE, COMPRESSED_ROUNDING_SHARE = 0.15, 0.11
-"""Mean rounding error of targets, as a fraction of the bound; nearly all are below half. That of
-compressed targets is reached, the other one usually not."""
+ROUNDING_SHARE = 0.11
+"""Mean rounding error of targets, as a fraction of the bound; nearly all are below half."""
 
 NEAR, MAX_NEAR, FINER, MIN_ROUNDING_SHARE = 1.25, 16, 0.9, 0.02
 """An error of less than `NEAR` bounds may be due to rounding. After `MAX_NEAR` such rounds, each
@@ -314,15 +325,14 @@ def fit_morphs(
     displacements: Singles,
     bound: float,
     *,
-    is_compressed: bool = False,
+    are_floats: bool = True,
     progress: Progress = silent,
 ) -> Morphs:
     """Return few targets with which no vertex has an error above `bound`.
 
-    If int16 is too coarse for the bound, return those with the smallest error found. Compressed
-    targets have fewer levels.
+    If 16 bits are too coarse for the bound, return those with the smallest error found.
     """
-    search = _Search(displacements, is_compressed=is_compressed, progress=progress)
+    search = _Search(displacements, are_floats=are_floats, progress=progress)
     n_initial = search.start(INITIAL_ERROR * bound)
     best, n_few = _grow(search, n_initial, min(displacements.shape), bound)
     n_failed = 0
@@ -395,9 +405,9 @@ class _Search:
     the number of frames.
     """
 
-    def __init__(self, displacements: Singles, *, is_compressed: bool, progress: Progress) -> None:
-        self._displacements, self._is_compressed = displacements, is_compressed
-        self.rounding_share = COMPRESSED_ROUNDING_SHARE if is_compressed else ROUNDING_SHARE
+    def __init__(self, displacements: Singles, *, are_floats: bool, progress: Progress) -> None:
+        self._displacements, self._are_floats = displacements, are_floats
+        self.rounding_share = ROUNDING_SHARE
         self._progress, self._n_rounds = progress, 0
         self._adjusted = displacements.copy()
         self._excess = np.zeros_like(displacements)
@@ -447,7 +457,7 @@ class _Search:
             fields[:n_targets],
             max_weights,
             self.rounding_share * bound,
-            is_compressed=self._is_compressed,
+            are_floats=self._are_floats,
         )
         exact = best_weights(targets, self._adjusted)
         more = row_products(self._adjusted, fields[n_targets:])
@@ -505,14 +515,18 @@ CREASE_DEG = 60.0
 """Smallest dihedral turn between two faces whose edge is a crease."""
 
 
+NORMAL_STEP = 1 / 32
+"""Rounding step of the floats by which a target displaces unit normals, at its largest weight."""
+
+
 @dataclass(frozen=True, eq=False)
 class NormalTargets:
     """Normals of the base mesh, and displacements of normals by morph targets."""
 
     base: npt.NDArray[Any]
-    """int8 or float32 array of shape (V, 3). Integers if there are targets."""
-    targets: npt.NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
-    """int8 array of shape (N, V, 3)."""
+    """int8 or float32 array of shape (V, 3)."""
+    targets: npt.NDArray[Any] = field(default_factory=lambda: np.empty(0, np.float32))
+    """int8 or float32 array of shape (N, V, 3)."""
     numbers: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     """int64 array of shape (N,). Indices of the morph targets with normals; default: none."""
     angle_deg: float = 0.0
@@ -566,12 +580,18 @@ def fit_normals(
     inverse = np.linalg.pinv(weights[:, numbers].astype(np.float64))
     fields = project(inverse.T.astype(np.float32), offsets)
     factors = np.maximum(1, np.abs(fields).max(axis=1))
-    scaled_fields = _as_bytes(fields / factors[:, None]).reshape(len(factors), -1, 3)
     weights[:, numbers] *= factors
+    are_floats, scaled_fields = morphs.targets.are_floats, fields / factors[:, None]
+    rounded = (
+        _round_floats(scaled_fields, weights[:, numbers])
+        if are_floats
+        else _as_bytes(scaled_fields)
+    )
     weights = rounded_weights(weights, morphs.error)
     scaled_targets = _scale_down(morphs.targets, selected, factors[:-1])
     scaled_morphs = measure(scaled_targets, weights, displacements)
-    normal_targets = NormalTargets(_as_bytes(base), scaled_fields, numbers)
+    stored_base = base.astype(np.float32) if are_floats else _as_bytes(base)
+    normal_targets = NormalTargets(stored_base, rounded.reshape(len(factors), -1, 3), numbers)
     return scaled_morphs, replace(
         normal_targets, angle_deg=_mean_angle_deg(normal_targets, weights, normals)
     )
@@ -599,11 +619,12 @@ def _scale_down(
     targets: IntegerTargets, numbers: npt.NDArray[np.int64], factors: npt.NDArray[np.floating]
 ) -> IntegerTargets:
     """Return targets, some of them scaled down, and an additional one that moves no vertex."""
-    levels = np.append(targets.levels, np.float32(BYTE))
+    finest, coarsest = (FLOAT_STEPS, FLOAT_STEPS) if targets.are_floats else (SHORT, BYTE)
+    levels = np.append(targets.levels, np.float32(coarsest))
     integers = np.concatenate([targets.integers, np.zeros_like(targets.integers[:1])])
     scaled_numbers = numbers[factors > 1]
-    values = targets.values[scaled_numbers] * (SHORT / factors[factors > 1])[:, None]
-    integers[scaled_numbers], levels[scaled_numbers] = np.rint(values), SHORT
+    values = targets.values[scaled_numbers] * (finest / factors[factors > 1])[:, None]
+    integers[scaled_numbers], levels[scaled_numbers] = np.rint(values), finest
     return IntegerTargets(integers, levels)
 
 
@@ -612,15 +633,12 @@ def _mean_angle_deg(
     weights: npt.NDArray[np.float32],
     normals: npt.NDArray[np.float32],
 ) -> float:
-    """Return the mean angle between normals decoded from bytes and the original ones."""
-    displacements = (normal_targets.targets.astype(np.float32) / BYTE).reshape(
-        len(normal_targets.targets), -1
-    )
+    """Return the mean angle between normals as they are stored and the original ones."""
+    base = _as_floats(normal_targets.base)
+    displacements = _as_floats(normal_targets.targets).reshape(len(normal_targets.targets), -1)
     angles = []
     for frame_weights, expected in zip(weights[:, normal_targets.numbers], normals, strict=True):
-        decoded = normal_targets.base.astype(np.float32) / BYTE + (
-            frame_weights @ displacements
-        ).reshape(expected.shape)
+        decoded = base + (frame_weights @ displacements).reshape(expected.shape)
         lengths = np.linalg.norm(decoded, axis=1) * np.linalg.norm(expected, axis=1)
         cosines = np.einsum("ij,ij->i", decoded, expected) / np.where(lengths > 0, lengths, 1)
         angles.append(np.arccos(np.clip(cosines[lengths > 0], -1, 1)))
@@ -636,6 +654,24 @@ def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 def _as_bytes(values: npt.NDArray[np.floating]) -> npt.NDArray[np.int8]:
     return np.asarray(np.rint(values * BYTE), np.int8)
+
+
+def _as_floats(stored: npt.NDArray[Any]) -> Singles:
+    """Return the values that floats, or bytes of normalized accessors, represent."""
+    return np.asarray(stored / np.float32(BYTE if stored.dtype == np.int8 else 1), np.float32)
+
+
+def _round_floats(fields: Singles, weights: Singles) -> Singles:
+    """Return fields of normals rounded to multiples of powers of two, so that mantissas are short.
+
+    Parameters
+    ----------
+    fields : float32 array of shape (K, N)
+    weights : float32 array of shape (T, K)
+    """
+    exponents = np.floor(np.log2(NORMAL_STEP / np.abs(weights).max(axis=0).clip(1e-6, 1e6)))
+    steps = np.exp2(exponents).astype(np.float32)[:, np.newaxis]
+    return np.asarray(np.rint(fields / steps) * steps, np.float32)
 
 
 def creased_share(vertices: npt.NDArray[np.floating], faces: Faces) -> float:

@@ -37,7 +37,7 @@ from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.notes import Notes, written_times
 from meshreel.model.rig import Rig
 from meshreel.model.sequence import MeshSequence
-from meshreel.runtime.counting import counted
+from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.progress import Progress
 
 DEFAULT_MAX_ERROR = 0.1
@@ -99,13 +99,13 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
             ")",
         )
     document["asset"]["extras"] = {ERROR_BOUND: budget.total(float(errors.max()))}
-    size_bytes = write_document(path, document, scene.buffer, "allow a larger error (max_error)")
+    size = write_document(path, document, scene.buffer, "allow a larger error (max_error)")
     if n_targets:
         number = f"{n_targets[0]} to " if n_targets[0] < n_targets[-1] else ""
         suffix = f" in each of {len(n_targets)} meshes" if len(n_targets) > 1 else ""
         notes.result(
             f"{error} with {number}{counted(n_targets[-1], 'morph target')}{suffix}: "
-            f"{size_bytes / 1e6:.3g} MB"
+            f"{size_text(size.stored)}"
         )
     elif len(times_s) > 1:
         notes.result("no vertex moves by more than the error bound: written as a static mesh")
@@ -120,7 +120,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
             )
         )
     _note_normals(notes, scene, options)
-    scene.note_compression()
+    scene.note_form(size)
 
 
 def _check_bound(options: WriteOptions) -> None:
@@ -321,11 +321,11 @@ def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
     scene = _RiggedScene(times_s, mesh, fitted.rig, options, stream.notes)
     document = scene.document()
     document["asset"]["extras"] = {ERROR_BOUND: fitted.error}
-    size_bytes = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
-    sizes = scene.sizes_in_file(size_bytes)
+    size = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
+    sizes = scene.sizes_in_file(size.stored)
     sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
-    stream.report({"sizes_bytes": sizes}, f"{size_bytes / 1e3:.0f} kB: {sizes_text}")
-    scene.note_compression()
+    stream.report({"sizes_bytes": sizes}, f"{size_text(size.stored)}: {sizes_text} kB")
+    scene.note_form(size)
 
 
 class _RiggedScene(SceneWriter):
@@ -509,7 +509,7 @@ FORMATS = tuple(
         write=write_gltf,
         holds_segments=True,
         refers_to_files=True,
-        write_options=frozenset({"max_error", "normals", "compression", "rig", "kg", "quality"}),
+        write_options=frozenset({"max_error", "normals", "meshopt", "rig", "kg", "quality"}),
         holds_materials=True,
         list_animations=list_animations,
     )

@@ -170,7 +170,7 @@ class RestMesh:
             normals, rest = to_blender(normals), to_blender(rest)
         rest = (rest * space.scale).astype(np.float32)
         name = path.stem
-        scene = SceneWriter(name, [0.0], WriteOptions(compression=False), notes)
+        scene = SceneWriter(name, [0.0], WriteOptions(), notes)
         materials = Materials(surface, scene.buffer, notes)
         [part] = split_parts(self._all_faces, surface, self._n_verts, "")
         split = split_at_seams(part).with_indices(self._compact_indices, self._compact_indices)

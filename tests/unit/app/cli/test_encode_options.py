@@ -118,7 +118,7 @@ PANELS = {
         *(
             (command, name)
             for command in ("decode", "convert")
-            for name in ("normals", "compression", "layout", "textures", "rig")
+            for name in ("normals", "meshopt", "layout", "textures", "rig")
         ),
     ],
 )

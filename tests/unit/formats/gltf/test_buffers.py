@@ -199,7 +199,7 @@ def file_size(path, buffer_bytes):
     """Return the size of a file with such a buffer, whose bytes are not written."""
     buffer = BufferWriter()
     buffer.size_bytes = buffer_bytes
-    return write_document(path, {}, buffer, "less")
+    return write_document(path, {}, buffer, "less").stored
 
 
 def test_files_are_limited_to_the_size_that_the_header_can_store(tmp_path):

@@ -297,7 +297,7 @@ def sources_of(sequence):
 @pytest.mark.parametrize("make", [lambda: waving_grid(20, 15, 17), irregular_sequence])
 def test_compressed_file_has_the_positions_and_triangles_of_the_sequence(tmp_path, make, options):
     sequence, notes = make(), Notes()
-    result = written(tmp_path, sequence, notes, compression=True, **options)
+    result = written(tmp_path, sequence, notes, meshopt=True, **options)
     assert "EXT_meshopt_compression" in result.document["extensionsRequired"]
     [name] = [node["name"] for node in result.document["nodes"]]
     sources, (low, high) = sources_of(sequence), (sequence.extent.low, sequence.extent.high)
@@ -310,8 +310,8 @@ def test_compressed_file_has_the_positions_and_triangles_of_the_sequence(tmp_pat
 
 def test_compressed_surface_is_read_back_like_the_plain_one(tmp_path):
     cube = rich_cube()
-    for name, compression in (("plain", False), ("compressed", True)):
-        save(cube, tmp_path / f"{name}.glb", compression=compression)
+    for name, meshopt in (("plain", False), ("compressed", True)):
+        save(cube, tmp_path / f"{name}.glb", meshopt=meshopt)
     plain, compressed = (load(tmp_path / f"{name}.glb") for name in ("plain", "compressed"))
     assert len(plain.faces) == len(compressed.faces)
     assert [one.name for one in plain.surface.attributes] == [
@@ -326,14 +326,14 @@ def test_vertices_of_a_compressed_file_are_matched_across_seams(tmp_path):
     grid = waving_grid(12, 15, 17)
     uv = Attribute("uv", Kind.UV, Domain.CORNER, RNG.random((grid.faces.size, 2), "f4"))
     sequence = grid.replace(surface=Surface(None, (uv,)))
-    save(sequence, tmp_path / "a.glb")
+    save(sequence, tmp_path / "a.glb", meshopt=True)
     _, matched, is_matched = match_order(sequence, load(tmp_path / "a.glb"))
     assert is_matched
     np.testing.assert_allclose(matched.vertices, grid.vertices, atol=4e-3)
 
 
 def test_compressed_weights_are_those_of_the_plain_accessor(tmp_path):
-    times, weights = written(tmp_path, waving_grid(90, 15, 17), compression=True).weights("grid")
+    times, weights = written(tmp_path, waving_grid(90, 15, 17), meshopt=True).weights("grid")
     np.testing.assert_allclose(times, np.arange(90) / 25, atol=1e-6)
     steps = np.ldexp(weights.astype(np.float64), 24)
     np.testing.assert_array_equal(steps, np.rint(steps))

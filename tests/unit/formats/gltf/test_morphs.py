@@ -61,8 +61,8 @@ def test_fit_morphs_needs_one_target_for_motion_of_rank_one():
 
 @pytest.mark.slow
 def test_rounding_becomes_finer_where_it_prevents_the_bound(flag, monkeypatch):
-    monkeypatch.setattr(morphs, "COMPRESSED_ROUNDING_SHARE", 0.4)
-    result = fit_morphs(flag, 0.003, is_compressed=True)
+    monkeypatch.setattr(morphs, "ROUNDING_SHARE", 0.4)
+    result = fit_morphs(flag, 0.003)
     assert result.error <= 0.003
     assert len(result.targets) < 40
 
@@ -72,10 +72,20 @@ def test_fit_morphs_returns_the_best_targets_if_integers_are_too_coarse(flag):
     assert 1e-7 < result.error < 1e-4
 
 
-def test_targets_use_the_full_integer_range(flag):
+def test_float_targets_are_multiples_of_a_power_of_two(flag):
     targets = fit_morphs(flag, 0.002).targets
+    steps = targets.stored(0) * 2**15
+    assert targets.stored(0).dtype == np.float32
+    np.testing.assert_array_equal(steps, np.rint(steps))
+
+
+def test_integer_targets_are_bytes_where_those_suffice(flag):
+    targets = fit_morphs(flag, 0.002, are_floats=False).targets
     assert set(targets.levels) == {BYTE, SHORT}
-    np.testing.assert_array_equal(np.abs(targets.integers).max(axis=1), targets.levels)
+    assert {targets.stored(number).dtype for number in range(len(targets))} == {
+        np.dtype(np.int8),
+        np.dtype(np.int16),
+    }
 
 
 def test_measure_returns_the_errors_of_changed_weights(flag):
@@ -92,9 +102,9 @@ def test_measure_returns_the_errors_of_changed_weights(flag):
 def angles_deg(fitted, vertices, faces):
     """Return the angles between animated and original normals of every vertex and frame."""
     displacements = np.tensordot(
-        fitted.morphs.weights[:, fitted.normals.numbers], fitted.normals.targets / 127, 1
+        fitted.morphs.weights[:, fitted.normals.numbers], fitted.normals.targets, 1
     )
-    normals = fitted.normals.base / 127 + displacements
+    normals = fitted.normals.base + displacements
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     expected = np.stack([vertex_normals(frame, faces) for frame in vertices])
     return np.degrees(np.arccos(np.clip((normals * expected).sum(axis=2), -1, 1)))
@@ -103,7 +113,7 @@ def angles_deg(fitted, vertices, faces):
 @pytest.mark.slow
 def test_normals_follow_a_fluttering_flag():
     flag = simulate_flag(30, n_rows=16, n_columns=16)
-    options = WriteOptions(normals=True, compression=False)
+    options = WriteOptions(normals=True)
     fitted = fit_part(flag.vertices, flag.faces, 0.002, options)
     angles = angles_deg(fitted, flag.vertices, flag.faces)
     assert (angles.mean() < 1, angles.max() < 10, fitted.errors.max() <= 0.002) == (True,) * 3
@@ -116,7 +126,7 @@ def test_normals_follow_a_rotating_body():
         [[np.cos(a), -np.sin(a), 0, np.sin(a), np.cos(a), 0, 0, 0, 1] for a in angles]
     )
     vertices = (body @ rotations.reshape(-1, 3, 3)).astype(np.float32)
-    options = WriteOptions(normals=True, compression=False)
+    options = WriteOptions(normals=True)
     fitted = fit_part(vertices, octahedron_faces(), 0.002, options)
     assert angles_deg(fitted, vertices, octahedron_faces()).max() < 2
 
@@ -130,9 +140,7 @@ def test_normals_of_degenerate_faces_point_along_z():
 @pytest.mark.parametrize("choice", [None, True])
 def test_stated_angle_is_that_of_the_stored_normals(choice):
     flag = simulate_flag(24, n_rows=12, n_columns=12)
-    fitted = fit_part(
-        flag.vertices, flag.faces, 0.002, WriteOptions(normals=choice, compression=False)
-    )
+    fitted = fit_part(flag.vertices, flag.faces, 0.002, WriteOptions(normals=choice))
     measured = angles_deg(fitted, flag.vertices, flag.faces).mean()
     assert fitted.normals.angle_deg == pytest.approx(measured, rel=1e-2)
 
@@ -141,7 +149,7 @@ def test_stated_angle_is_that_of_the_stored_normals(choice):
 def test_smooth_normals_need_fewer_targets_than_exact_ones():
     flag = simulate_flag(60, n_rows=20, n_columns=20)
     near, exact = (
-        fit_part(flag.vertices, flag.faces, 0.0005, WriteOptions(normals=choice, compression=False))
+        fit_part(flag.vertices, flag.faces, 0.0005, WriteOptions(normals=choice))
         for choice in (None, True)
     )
     assert len(near.normals.numbers) < 0.7 * len(exact.normals.numbers)
@@ -152,7 +160,7 @@ def test_smooth_normals_need_fewer_targets_than_exact_ones():
 def test_creased_mesh_has_normals_only_on_request():
     box = rich_cube(4)
     results = [
-        fit_part(box.vertices, box.faces, 0.001, WriteOptions(normals=one, compression=False))
+        fit_part(box.vertices, box.faces, 0.001, WriteOptions(normals=one))
         for one in (None, True, False)
     ]
     assert [result.normals is not None for result in results] == [False, True, False]

@@ -139,11 +139,13 @@ RNG = np.random.default_rng(11)
 
 def test_base_and_displacements_of_placed_frames_add_up_to_the_positions():
     frames = 5e3 + RNG.standard_normal((7, 40, 3)) * [1, 20, 3]
-    placement, base, displacements = place_frames(frames, frames.mean(axis=0, dtype=np.float64))
-    placed = base / 32767 + displacements.reshape(7, 3, 40).transpose(0, 2, 1)
-    world = placed * placement.scale + placement.offset
-    np.testing.assert_allclose(world, frames, atol=3e-7 * placement.scale)
-    assert np.abs(base).max() <= 32767
+    mean = frames.mean(axis=0, dtype=np.float64)
+    for are_floats, one in ((True, 1), (False, 32767)):
+        placement, base, displacements = place_frames(frames, mean, are_floats=are_floats)
+        placed = base / one + displacements.reshape(7, 3, 40).transpose(0, 2, 1)
+        world = placed * placement.scale + placement.offset
+        np.testing.assert_allclose(world, frames, atol=3e-7 * placement.scale)
+        assert np.abs(base).max() <= one
 
 
 def test_placement_is_exact_in_float32():

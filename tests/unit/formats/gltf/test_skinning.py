@@ -5,6 +5,7 @@ import meshreel
 from meshreel.errors import ConnectivityChangeError, FormatError, InvalidInputError
 from meshreel.formats.gltf.write import align_influences
 from meshreel.formats.load import load
+from meshreel.runtime.counting import size_text
 from samples.glb import Glb
 from samples.gltf import TRIANGLE, Gltf, shifted
 from samples.rigs import bending_tube, boxes, turn
@@ -195,19 +196,19 @@ def saved(tmp_path, sequence, **options):
     return path, notes
 
 
-@pytest.mark.parametrize("compression", [True, False])
+@pytest.mark.parametrize("meshopt", [True, False])
 @pytest.mark.parametrize("bulge", [0.0, 0.3])
-def test_read_back_positions_are_those_of_the_rig(tmp_path, compression, bulge):
+def test_read_back_positions_are_those_of_the_rig(tmp_path, meshopt, bulge):
     tube = bending_tube(bulge=bulge)
     options = {"rig": 2} if bulge else {}
     path = tmp_path / "tube.glb"
-    meshreel.save(tube, path, compression=compression, **{"rig": True, **options})
+    meshreel.save(tube, path, meshopt=meshopt, **{"rig": True, **options})
     rig, back = meshreel.rig(tube, options.get("rig")), meshreel.load(path)
     assert (rig.n_targets > 0) == bool(bulge)
     assert back.n_frames == tube.n_frames
     assert back.fps == 25
     shown, found = rig.positions() + rig.origin, back.vertices
-    if compression:  # vertices are reordered
+    if meshopt:  # vertices are reordered
         quality = meshreel.compare(tube, back)
         assert quality.kg_error_percent == pytest.approx(rig.errors.kg_percent, abs=1e-4)
     difference = np.sort(found, axis=1) - np.sort(shown, axis=1)
@@ -218,7 +219,7 @@ def test_notes_name_errors_and_bytes(tmp_path):
     path, notes = saved(tmp_path, bending_tube())
     assert notes[0].startswith("the rig has ")
     assert "KG error" in notes[0]
-    assert notes[1].startswith(f"{path.stat().st_size / 1e3:.0f} kB: mesh ")
+    assert notes[1].startswith(f"{size_text(path.stat().st_size)}: mesh ")
 
 
 def test_skeleton_is_a_tree_of_named_nodes_below_one(tmp_path):

@@ -255,9 +255,7 @@ def test_errors_name_the_file():
 def test_glb_files_of_one_frame_each_become_a_sequence(tmp_path):
     sequence = waving_grid(5)
     for number in range(5):
-        meshreel.save(
-            sequence[number : number + 1], tmp_path / f"f_{number}.glb", compression=False
-        )
+        meshreel.save(sequence[number : number + 1], tmp_path / f"f_{number}.glb")
     loaded = meshreel.load(str(tmp_path / "f_*.glb"), fps=12)
     assert (loaded.n_frames, loaded.fps, loaded.name) == (5, 12, tmp_path.name)
     np.testing.assert_allclose(loaded.vertices, sequence.vertices, atol=1e-4)

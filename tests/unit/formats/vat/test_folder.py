@@ -63,7 +63,7 @@ def test_textures_of_another_kind_are_not_added_to_a_folder(tmp_path):
     [
         ("a.vat", {"layout": "opengl"}, r"layout .* openvat, openvat-unity; got 'opengl'"),
         ("a.vat", {"textures": "tga"}, r"textures .* exr, png; got 'tga'"),
-        ("a.vat", {"compression": False}, r"compression .* no effect on a \.vat folder"),
+        ("a.vat", {"meshopt": True}, r"meshopt .* no effect on a \.vat folder"),
         ("a.vat", {"lossless": True}, r"lossless .* no effect on a \.vat folder"),
         ("a.vat", {"max_error": "far"}, "max_error takes"),
         ("a.glb", {"layout": "openvat"}, r"layout .* no effect on a \.glb file; it is for \.vat"),
