@@ -30,20 +30,30 @@ MAX_SEGMENTS = 12
 
 def size_rows(stream: "StreamInfo", n_meshes: int | None = None) -> dict[str, str]:
     """Raw size, file size, ratio and rate; parameters as in `mesh_text`."""
+    without_images = ", without images" if stream.image_bytes else ""
     return {
         "sequence": mesh_text(stream, len(stream.segments), n_meshes),
         "method": method_text(stream),
         "raw": size_text(stream.raw_size_bytes),
         **media_rows(stream),
-        "ratio": change_text(stream.raw_size_bytes, stream.size_bytes),
-        "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame",
+        "ratio": change_text(stream.raw_size_bytes, stream.geometry_bytes) + without_images,
+        "rate": f"{stream.rate_bpvf:.3f} bits per vertex and frame{without_images}",
     }
+
+
+def _size_text(stream: "StreamInfo") -> str:
+    """Size of a stream, and of its geometry and images if it has some."""
+    total, images = size_text(stream.size_bytes), stream.image_bytes
+    if not images:
+        return total
+    share = f"{size_text(images)} ({100 * images / stream.size_bytes:.0f} %)"
+    return f"{total}: geometry {size_text(stream.geometry_bytes)}, images {share}"
 
 
 def media_rows(stream: "StreamInfo") -> dict[str, str]:
     """Size of the file; of an MP4 file, sizes and rates of its geometry, video and sound."""
     if not stream.media:
-        return {"file": size_text(stream.size_bytes)}
+        return {"file": _size_text(stream)}
     geometry = MediaTrack("geometry", ".reel", stream.size_bytes, stream.duration_s or 0.0)
     return {
         part.kind: f"{size_text(part.size_bytes)}, {part.mbit_per_s:.3g} Mbit/s, {part.codec}"
@@ -60,18 +70,17 @@ def encoded_rows(
     stream: "StreamInfo", achieved: "Achieved", n_meshes: int, input_bytes: int | None
 ) -> "dict[str, Cell]":
     """Size of a stream relative to its input and to the raw values, and its measured errors."""
-    sizes = [
-        f"{change_text(size, stream.size_bytes)} than {name}, {size_text(size)}"
-        for name, size in {
-            "the input": input_bytes,
-            "the raw values": stream.raw_size_bytes,
-        }.items()
-        if size
-    ]
+    change = change_text(stream.raw_size_bytes, stream.geometry_bytes)
+    sizes = [f"{change} than the raw values, {size_text(stream.raw_size_bytes)}"]
+    if stream.image_bytes:
+        sizes[0] += ", without images"
+    if input_bytes:
+        change = change_text(input_bytes, stream.size_bytes)
+        sizes.insert(0, f"{change} than the input, {size_text(input_bytes)}")
     rows = size_rows(stream, n_meshes)
     largest = achieved.max_error_percent
     return {
-        "size": [size_text(stream.size_bytes), *sizes],
+        "size": [_size_text(stream), *sizes],
         **{name: rows[name] for name in ("sequence", "method", "rate")},
         "largest error": error_text(largest, stream.diagonal) if largest else "0",
         "overall error (KG error)": f"{achieved.kg_error_percent:.4f} % of the extent of the shape",

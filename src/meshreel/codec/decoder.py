@@ -91,7 +91,8 @@ def _segments(
         return part, part.decode(silent)
 
     for part, segment in results_in_order(decode_one, parts(), _is_parallel):
-        needed_bytes += segment.surface.size_bytes if part.has_new_mesh else 0
+        surface = segment.surface
+        needed_bytes += surface.size_bytes + surface.image_bytes if part.has_new_mesh else 0
         n_decoded += segment.n_frames
         segments.append(segment)
         progress("decoding", Count(n_decoded, len(requested), "frames"))

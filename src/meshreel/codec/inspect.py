@@ -25,6 +25,9 @@ CONNECTIVITY = (Section.CONNECTIVITY, Section.EDIT, Section.CELLS, Section.REFER
 POSITIONS = (Section.ANCHOR_VERTICES, Section.SHAPE, Section.ERROR_BOUND)
 """Sections of the positions, except their blocks."""
 
+DERIVED = ("image_bytes", "ratio", "rate_bpvf", "duration_s")
+"""Properties of `StreamInfo` in its JSON."""
+
 
 @dataclass(frozen=True)
 class TrackInfo:
@@ -105,12 +108,12 @@ class StreamInfo:
     size_bytes : int
         Size of the whole stream.
     raw_size_bytes : int
-        Size of the decoded arrays, and of images.
+        Size of the decoded arrays.
     budget_bytes : dict of str to int
         Bytes of the header and of each kind of section; they sum to `size_bytes`.
     part_bytes : dict of str to int
         Bytes of "positions", "connectivity", "order" (of vertices and faces), "surface" (polygons,
-        attributes, groups, parts, materials, images), each "track NAME" and the "container", with
+        attributes, groups, parts, materials), "images", each "track NAME" and the "container", with
         truncated blocks; they sum to `size_bytes`. Parts of 0 bytes are omitted.
     block_bytes : tuple of int
         Size of the sections of the positions in each block.
@@ -181,15 +184,25 @@ class StreamInfo:
     media: tuple[MediaTrack, ...] = ()
 
     @property
+    def image_bytes(self) -> int:
+        """Bytes of the images of materials."""
+        return self.part_bytes.get("images", 0)
+
+    @property
+    def geometry_bytes(self) -> int:
+        """Bytes of the stream without images."""
+        return self.size_bytes - self.image_bytes
+
+    @property
     def ratio(self) -> float:
-        """Raw size divided by stream size."""
-        return self.raw_size_bytes / self.size_bytes
+        """Raw size divided by the size of the stream without images."""
+        return self.raw_size_bytes / self.geometry_bytes
 
     @property
     def rate_bpvf(self) -> float:
-        """Bits of the whole stream per vertex and frame."""
+        """Bits of the stream without images, per vertex and frame."""
         n_positions = sum(segment.n_verts * segment.n_frames for segment in self.segments)
-        return 8 * self.size_bytes / n_positions
+        return 8 * self.geometry_bytes / n_positions
 
     @property
     def duration_s(self) -> float | None:
@@ -199,18 +212,19 @@ class StreamInfo:
     def __repr__(self) -> str:
         name = f" {self.name!r}" if self.name else ""
         cut = "" if self.is_whole else ", cut off"
-        change = change_text(self.raw_size_bytes, self.size_bytes)
+        change = change_text(self.raw_size_bytes, self.geometry_bytes)
+        images_text = f" with {self.image_bytes} of images" if self.image_bytes else ""
         segments_text = f" in {len(self.segments)} segments" if len(self.segments) > 1 else ""
         return (
             f"<StreamInfo{name}: {counted(self.n_frames, 'frame')}{segments_text}, "
             f"{counted(self.n_verts, 'vertex')}, {counted(self.n_faces, 'face')}, "
             f"{self.fps:g} fps, {self.vertex_type}; {self.method}, "
-            f"{self.size_bytes} bytes, {change}, {self.rate_bpvf:.3g} bpvf{cut}>"
+            f"{self.size_bytes} bytes{images_text}, {change}, {self.rate_bpvf:.3g} bpvf{cut}>"
         )
 
     def as_dict(self) -> dict[str, Any]:
         """The attributes as plain types, for JSON."""
-        derived = {name: getattr(self, name) for name in ("ratio", "rate_bpvf", "duration_s")}
+        derived = {name: getattr(self, name) for name in DERIVED}
         return {**asdict(self), **derived}
 
 
@@ -490,11 +504,13 @@ def _budget(sizes: _Sizes, size_bytes: int) -> dict[str, int]:
 def _parts(opened: OpenStream, sizes: _Sizes, tracks: Iterable[TrackInfo]) -> dict[str, int]:
     """Return the bytes of the parts of a stream; all others are the container."""
     blocks = sum(entry.size_bytes for entry in opened.file.blocks)
+    images = sizes.of_sections[Section.IMAGE]
     parts = {
         "positions": blocks + sum(sizes.of_sections[section] for section in POSITIONS),
         "connectivity": sum(sizes.of_sections[section] for section in CONNECTIVITY),
         "order": sizes.of_sections[Section.ORDER],
-        "surface": sum(sizes.of_sections[section] for section in SURFACE_SECTIONS),
+        "surface": sum(sizes.of_sections[section] for section in SURFACE_SECTIONS) - images,
+        "images": images,
         **{f"track {track.name}": track.size_bytes for track in tracks},
     }
     parts["container"] = opened.size_bytes - sum(parts.values())

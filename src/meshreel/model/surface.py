@@ -254,14 +254,18 @@ class Surface:
         )
 
     @property
+    def image_bytes(self) -> int:
+        """Size of its images."""
+        return sum(len(image.data) for image in self.images)
+
+    @property
     def size_bytes(self) -> int:
-        """Size of its arrays and images."""
+        """Size of its arrays."""
         arrays = [self.face_sizes, self.hard_edges, *(groups.numbers for groups in self.groups)]
         for attribute in self.attributes:
             arrays += [attribute.values, attribute.indices]
-        image_bytes = sum(len(image.data) for image in self.images)
-        image_bytes += 0 if self.cells is None else self.cells.size_bytes
-        return image_bytes + sum(array.nbytes for array in arrays if array is not None)
+        cell_bytes = 0 if self.cells is None else self.cells.size_bytes
+        return cell_bytes + sum(array.nbytes for array in arrays if array is not None)
 
     def without_materials(self) -> "Surface":
         """The surface without materials and images, but with the labels of faces."""

@@ -83,7 +83,8 @@ def size_figures(stream: StreamInfo) -> dict[str, Any]:
     return {
         key: figures[key]
         for key in ("n_frames", "n_verts", "n_faces", "method", "n_modes",
-                    "raw_size_bytes", "size_bytes", "part_bytes", "ratio", "rate_bpvf")
+                    "raw_size_bytes", "size_bytes", "image_bytes", "part_bytes", "ratio",
+                    "rate_bpvf")
     }  # fmt: skip
 
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import meshreel
+from meshreel.app.figures import player_rows
 from meshreel.kernel.files import OpenFile
 from meshreel.model.surface import Attribute, Domain, Kind, Surface
-from samples.meshes import waving_grid
+from samples.materials import dressed_sheet
+from samples.meshes import quad_sheet, waving_grid
 from samples.streams import Stream
 
 GRID = waving_grid(9)
@@ -36,6 +38,23 @@ def test_raw_size_is_that_of_the_sequence(dtype):
     assert {track.name: track.raw_size_bytes for track in info.tracks} == {
         "heat": 9 * GRID.n_verts * 3 * 8, "on": 9 * GRID.n_faces,
     }  # fmt: skip
+
+
+def test_sizes_state_geometry_and_images_apart():
+    plain, sequence = quad_sheet(), dressed_sheet()
+    figures = meshreel.info(meshreel.encode(sequence))
+    stored = sum(len(image.data) for image in sequence.surface.images)
+    assert stored < figures.image_bytes < stored + 100
+    assert figures.part_bytes["images"] == figures.image_bytes
+    assert figures.raw_size_bytes == sequence.raw_size_bytes == plain.raw_size_bytes
+    geometry = figures.size_bytes - figures.image_bytes
+    assert figures.ratio == figures.raw_size_bytes / geometry
+    assert figures.rate_bpvf == 8 * geometry / (figures.n_verts * figures.n_frames)
+    rows = player_rows(figures)
+    assert "geometry" in rows["file"]
+    assert "images" in rows["file"]
+    assert rows["rate"].endswith("bits per vertex and frame, without images")
+    assert "images" not in player_rows(meshreel.info(meshreel.encode(plain)))["rate"]
 
 
 def test_sizes_of_sections_and_tracks_are_parts_of_the_whole():

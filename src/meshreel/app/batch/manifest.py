@@ -21,7 +21,7 @@ LAYOUT = 1
 DONE, FAILED, PENDING = "done", "failed", "pending"
 
 MEASURED = (
-    "raw_size_bytes", "size_bytes", "ratio", "kg_error_percent", "max_error_percent",
+    "raw_size_bytes", "size_bytes", "image_bytes", "ratio", "kg_error_percent", "max_error_percent",
     "normal_angle_mean_deg", "tracks", "uv_error",
 )  # fmt: skip
 """Fields of a `Record` that have the names of figures of `meshreel encode --json`."""
@@ -54,7 +54,7 @@ class Record:
         Why it failed.
     seconds : float or None
         Time to read, encode and measure it. This and the following are None unless it is done.
-    raw_size_bytes, size_bytes, ratio, kg_error_percent, max_error_percent,
+    raw_size_bytes, size_bytes, image_bytes, ratio, kg_error_percent, max_error_percent,
     normal_angle_mean_deg, tracks
         As in the output of `meshreel encode --json`.
     uv_error : float or None
@@ -73,6 +73,7 @@ class Record:
     seconds: float | None = None
     raw_size_bytes: int | None = None
     size_bytes: int | None = None
+    image_bytes: int | None = None
     ratio: float | None = None
     kg_error_percent: float | None = None
     max_error_percent: float | None = None
@@ -88,11 +89,12 @@ def summary_of(records: Collection[Record]) -> dict[str, Any]:
     done = [record for record in records if record.state == DONE]
     raw = sum(record.raw_size_bytes or 0 for record in done)
     size = sum(record.size_bytes or 0 for record in done)
+    geometry = size - sum(record.image_bytes or 0 for record in done)
     return {
         **{state: states[state] for state in (DONE, FAILED, PENDING)},
         "raw_size_bytes": raw,
         "size_bytes": size,
-        "ratio": raw / size if size else None,
+        "ratio": raw / geometry if geometry else None,
         **{
             name: max((getattr(record, name) or 0.0 for record in done), default=None)
             for name in ("kg_error_percent", "max_error_percent")

@@ -236,7 +236,7 @@ class SegmentedStream:
         if number in self._cached_meshes:
             return self._cached_meshes[number]
         faces, surface = source.faces, source.surface
-        size_bytes = faces.nbytes + surface.size_bytes
+        size_bytes = faces.nbytes + surface.size_bytes + surface.image_bytes
         if self._cached_bytes + size_bytes <= MAX_CACHED_BYTES:
             self._cached_meshes[number] = faces, surface
             self._cached_bytes += size_bytes
