@@ -11,6 +11,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Self
 
 from meshreel.codec.bitstream.layout import Laplacian, Order
+from meshreel.codec.image_options import IMAGES_OPTION, MAX_IMAGE_OPTION, check_images
 from meshreel.codec.memory import bytes_of
 from meshreel.codec.method_names import LOSSLESS, METHOD_NAMES
 from meshreel.codec.option import COUNT, Option, Range, options_of_fields
@@ -85,6 +86,8 @@ class EncoderConfig(ABC):
             methods=ROUNDING,
         ),
     ] = None
+    images: Annotated[str | None, replace(IMAGES_OPTION, methods=METHOD_NAMES)] = None
+    max_image: Annotated[int | None, replace(MAX_IMAGE_OPTION, methods=METHOD_NAMES)] = None
     order: Annotated[
         str | None,
         Option(
@@ -127,6 +130,7 @@ class EncoderConfig(ABC):
                 option.check(value)
             if value != option.default:
                 option.check_method(self.method)
+        check_images(self.images, self.max_image)
         if self.memory is not None:
             object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
         self._complete()

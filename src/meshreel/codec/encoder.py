@@ -7,6 +7,7 @@ import numpy as np
 from meshreel.codec.attributes_from_points import predict_from_positions
 from meshreel.codec.config import EncoderConfig
 from meshreel.codec.displaced import with_bound_of_motion
+from meshreel.codec.images import reencode_images
 from meshreel.codec.joining import join_streams
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import method_named
@@ -21,6 +22,7 @@ from meshreel.codec.surface.uv_grid import check_uvs, has_uvs
 from meshreel.codec.track_bounds import Measure, TrackBound, TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.model.surface_selection import (
     ALL,
@@ -117,12 +119,13 @@ def encode_with(
     attributes: Names = ALL,
     tracks: TrackTargets | None = None,
     progress: Progress = silent,
+    notes: Notes | None = None,
 ) -> bytes:
     """Encode a sequence with options that are already checked, as `encode`.
 
     Segments that differ only in order are not joined; see `without_reordering`. Of several
     segments, errors and steps are relative to the bounding box of all frames, and percentage bounds
-    of a track to its range over all segments.
+    of a track to its range over all segments. `notes` receive what happens to images.
 
     Raises
     ------
@@ -142,6 +145,9 @@ def encode_with(
         if missing := missing_everywhere(surfaces, attributes):
             raise InvalidInputError(describe_missing(surfaces[0], missing))
         surfaces = [select(surface, attributes, ignore_missing=True) for surface in surfaces]
+    image_notes = Notes() if notes is None else notes
+    reencode = reencode_images(surfaces, config.images, config.max_image, image_notes)
+    surfaces = [*map(reencode, surfaces)]
     for name in tracks or ():
         track_by_name(tracks_of_all(sequence), name)  # raises if no segment has it
     if config.positions_only and surfaces[0].cells is not None:

@@ -16,6 +16,7 @@ from meshreel.arrays import Integers, Vertices
 from meshreel.codec.bitstream.container import Header, Sections, StreamWriter
 from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.config import MAX_BLOCK_POSITIONS, EncoderConfig
+from meshreel.codec.images import reencode_images
 from meshreel.codec.mesh_edits import MeshEdits
 from meshreel.codec.methods import BlockCoder, LiveStart, method_named
 from meshreel.codec.options import config_of
@@ -27,6 +28,7 @@ from meshreel.codec.track_bounds import TrackTargets, kept_bounds
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.cells import Cells
 from meshreel.model.extent import extent_of
+from meshreel.model.notes import Notes
 from meshreel.model.sequence import Faces
 from meshreel.model.surface import PLAIN, Surface, surface_of_cells
 from meshreel.model.timing import UNTIMED, Timing
@@ -380,6 +382,10 @@ class Encoder:
         bits = self._config.uv_bits
         if bits is not None and (self._mesh is None or has_uvs(surface)):
             check_uvs(surface, bits)
+        if self._mesh is None or surface.images:
+            surface = reencode_images(
+                [surface], self._config.images, self._config.max_image, Notes()
+            )(surface)
         values = _copied_tracks(tracks, len(array), len(triangles), surface)
         kept_bounds(self._config, values, self._targets_of(values, is_first=self._mesh is None))
         descriptions = {name: describe_track(track) for name, track in values.items()}

@@ -50,6 +50,8 @@ WriteOption = Literal[
     "rig",
     "kg",
     "quality",
+    "images",
+    "max_image",
 ]
 
 NO_TRACKS: frozenset[Domain] = frozenset()
@@ -149,7 +151,8 @@ class SequenceFormat(Format):
         mesh_options = {"object", "merge", "skip_bad"} if self.read_meshes else set()
         file_options = {"allow_outside"} if self.refers_to_files else set()
         animation_options = {"animation"} if self.list_animations else set()
-        return super().options | mesh_options | file_options | animation_options
+        image_options = {"images", "max_image"} if self.holds_materials else set()
+        return super().options | mesh_options | file_options | animation_options | image_options
 
 
 @dataclass(frozen=True)

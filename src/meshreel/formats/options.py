@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
+from meshreel.codec.image_options import IMAGES_OPTION, MAX_IMAGE_OPTION
 from meshreel.codec.option import Option, Range
 from meshreel.codec.targets import ABOVE_ZERO, DIAGONAL_OF_ALL, QUALITIES
 from meshreel.model.rig_bounds import DEFAULT_KG_PERCENT, DEFAULT_LARGEST_PERCENT, MAX_BONES
@@ -295,6 +296,8 @@ class WriteOptions:
             more="Of a ``.reel``: error bound of every vertex in every frame.",
         ),
     ] = None
+    images: Annotated[str | None, IMAGES_OPTION] = None
+    max_image: Annotated[int | None, MAX_IMAGE_OPTION] = None
     lossless: bool = False
     """``.reel``: whether positions and tracks are stored bit for bit; excludes its other ones."""
     origin: Origin | None = None

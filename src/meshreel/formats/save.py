@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from meshreel.codec.images import reencode_images
 from meshreel.errors import ConnectivityChangeError, Keyword
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
@@ -86,6 +87,9 @@ def save_part(
         inputs=(*inputs, *getattr(sequence, "files", ())),
         options=options,
     )
+    surfaces = (mesh.surface for mesh in stream.meshes())
+    reencode = reencode_images(surfaces, options.images, options.max_image, stream.notes)
+    stream = stream.map_segments(lambda mesh: replace(mesh, surface=reencode(mesh.surface)))
     if options.rig and fit_rig is not None:
         stream.rig = fit_rig(stream, options)
     return _save(stream, paths, output, overwrite=overwrite, options=options)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from typing import get_args
 
+from meshreel.codec.image_options import check_images
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.formats.kinds import (
     FolderFormat,
@@ -84,8 +85,10 @@ def check_write_options(
     Raises
     ------
     InvalidInputError
-        If there is one; the message names it and the formats that support it.
+        If there is one; the message names it and the formats that support it. Also if those of
+        images are invalid, or need Pillow.
     """
+    check_images(options.images, options.max_image)
     choices = [field for field in fields(options) if field.name in get_args(WriteOption)]
     _check(
         file_format,

@@ -15,10 +15,15 @@ from meshreel.errors import Keyword, Message, parts_of
 from meshreel.model.notes import Notes, note_unknown_rate
 from meshreel.model.sequence import MeshSequence, tracks_of_all
 from meshreel.model.tracks import TrackSource, error_bound_of
+from meshreel.runtime.counting import size_text
 from meshreel.runtime.progress import Progress, silent
 
 MAX_ORDER_SHARE, MIN_ORDER_BYTES = 0.15, 1000
 """Share of a stream and size above which a note says how to drop the order."""
+
+
+MAX_IMAGE_SHARE, MIN_IMAGE_BYTES = 0.3, 20_000
+"""Share of a stream and size above which a note says how to make images smaller."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,22 @@ def _note_large_order(notes: Notes, stream: StreamInfo) -> None:
     )
 
 
+def _note_large_images(notes: Notes, stream: StreamInfo) -> None:
+    """Note the options that make images smaller if they take much of a stream."""
+    if stream.image_bytes < max(MIN_IMAGE_BYTES, MAX_IMAGE_SHARE * stream.size_bytes):
+        return
+    notes.result(
+        Message(
+            f"images are {100 * stream.image_bytes / stream.size_bytes:.0f} % of the file, "
+            f"{size_text(stream.image_bytes)}: ",
+            Keyword("images", "webp"),
+            " compresses them, with small losses of color, and ",
+            Keyword("max_image"),
+            " scales them down",
+        )
+    )
+
+
 def size_figures(stream: StreamInfo) -> dict[str, Any]:
     """Sizes and counts of a stream, as `encode` prints them as JSON."""
     figures = stream.as_dict()
@@ -108,13 +129,15 @@ def encode_and_measure(
     sequence = without_reordering(original, config.order)
     notes += filter(None, [joined_note(original, sequence)])
     tracks = without_units(tracks_of_all(sequence), tracks or {}, notes)
-    data = encode_with(config, sequence, tracks=tracks, progress=progress)
+    data = encode_with(config, sequence, tracks=tracks, progress=progress, notes=notes)
     achieved = measure_stream(sequence, data, with_shape=True, progress=progress)
     stream = info(data)
     surfaces = (segment.surface for segment in sequence.segments)
     notes += order_notes(surfaces, stream.order, is_chosen=config.order is not None)
     if config.order is None:
         _note_large_order(notes, stream)
+    if config.images is None and config.max_image is None:
+        _note_large_images(notes, stream)
     notes += filter(None, [solver_state_note(stream.tracks, tracks)])
     notes += bound_notes(sequence, data, achieved.max_error_percent)
     note_unknown_rate(notes, sequence.n_frames, sequence.fps)

@@ -99,6 +99,7 @@ SURFACES = Extra("surfaces", "SciPy", "scipy", InvalidInputError)  # to compare 
 PEERS = Extra("peers", "SciPy", "scipy", InvalidInputError)  # to compare curves
 REGISTER_PILLOW = Extra("register", "Pillow", "PIL", InvalidInputError)  # to bake textures
 PLOT = Extra("plot", "matplotlib", "matplotlib", InvalidInputError)
+IMAGES = Extra("images", "Pillow", "PIL", InvalidInputError)  # to re-encode images
 RENDER = Extra("render", "Pillow", "PIL", InvalidInputError)
 VIDEO = Extra("video", "imageio-ffmpeg", "imageio_ffmpeg")  # includes ffmpeg
 VIDEO_PILLOW = Extra("video", "Pillow", "PIL", InvalidInputError)

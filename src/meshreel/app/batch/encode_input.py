@@ -167,6 +167,12 @@ def _apply_options(
             Message("has no texture coordinates for ", Keyword("uv_bits"), " to quantize")
         )
         config = replace(config, uv_bits=None)
+    if (config.images or config.max_image) and not any(
+        segment.surface.images for segment in sequence.segments
+    ):
+        option = Keyword("images" if config.images else "max_image")
+        notes.changed(Message("has no images of materials for ", option))
+        config = replace(config, images=None, max_image=None)
     if options.block_share < 1:
         config = _with_smaller_blocks(config, sequence, options.block_share, notes)
     return sequence, config

@@ -7,6 +7,7 @@ from meshreel.app.cli.options import (
     OUTPUT_ERROR,
     OUTPUT_KG,
     OUTPUT_QUALITY,
+    SHARED_NAMES,
     WHOLE_SEQUENCES,
     WRITING,
     Encoding,
@@ -26,7 +27,7 @@ from meshreel.app.cli.options import (
 from meshreel.app.cli.parameters import Argument, ForceOption, JsonOption
 from meshreel.formats.options import Reading, WriteOptions
 
-GENERAL_OPTIONS = ("max_error", "unit", "kg", "quality")
+GENERAL_OPTIONS = (*SHARED_NAMES, "unit")
 """Options for encoding that also apply to other outputs than .reel."""
 
 

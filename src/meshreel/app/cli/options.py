@@ -214,7 +214,7 @@ _WRITING = {option.name: option for option in options_of_fields(WriteOptions)}
 """By name in `WriteOptions`."""
 _WRITING["rig"] = replace(_WRITING["rig"], annotation=int)
 
-SHARED_NAMES = ("max_error", "kg", "quality")
+SHARED_NAMES = ("max_error", "kg", "quality", "images", "max_image")
 WRITING = Group([option for option in _WRITING.values() if option.name not in SHARED_NAMES], dict)
 """Options for other formats than `.reel`, without those that are also options for encoding."""
 

@@ -7,7 +7,7 @@ from functools import cache, cached_property
 from pathlib import PurePosixPath
 from typing import Any
 
-from meshreel.errors import FormatError, InvalidInputError
+from meshreel.errors import FormatError, InvalidInputError, Keyword, Message
 from meshreel.formats.gltf.container import BufferWriter, Json
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
@@ -54,8 +54,9 @@ PBR_TEXTURES = {
 }
 """Texture keys of each slot, and the image channels that apply."""
 
+WEBP = "EXT_texture_webp"
 IMAGE_EXTENSIONS = {
-    "EXT_texture_webp": "image/webp",
+    WEBP: "image/webp",
     "EXT_texture_avif": "image/avif",
     "KHR_texture_basisu": "image/ktx2",
     "MSFT_texture_dds": "image/vnd-ms.dds",
@@ -416,6 +417,10 @@ class Materials:
         texture_json: Json = {"source": self._image(texture.image)}
         if extension := EXTENSION_OF.get(image.mime_type):
             self.required_extensions.add(extension)
+            if extension == WEBP:
+                programs = "which browsers, Blender and Godot read; for other programs use "
+                parts = f"WebP images need {WEBP}, {programs}", Keyword("images", "png")
+                self._notes.result(WEBP, Message(*parts))
             texture_json = {"extensions": {extension: texture_json}}
         if sampler := self._sampler(texture, label):
             texture_json["sampler"] = self._item("samplers", sampler)

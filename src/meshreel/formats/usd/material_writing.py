@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from meshreel.errors import Keyword, Message
 from meshreel.formats.scenes.parts import unique_name
 from meshreel.formats.usd.materials import NO_BIAS, NO_SCALE, UV_READER, WRAPS
 from meshreel.model.materials import AlphaMode, Image, Material, Texture
@@ -140,8 +141,11 @@ class Materials:
 
     def _unsupported_reason(self, texture: Texture) -> str:
         mime_type = self._images[texture.image][0].mime_type
-        if self._is_package and mime_type not in PACKAGE_TYPES:
-            return f"packages do not support {mime_type}"
+        if mime_type not in PACKAGE_TYPES:
+            text = f"programs that read USD may not show {mime_type}; for PNG use "
+            self._notes.result(text, Message(text, Keyword("images", "png")))
+            if self._is_package:
+                return f"packages do not support {mime_type}"
         return "" if texture.uv in self._primvars else f"there are no UVs {texture.uv!r}"
 
     def _texture(self, path: str, slot: str, texture: Texture, look: Material) -> Any:

@@ -20,6 +20,7 @@ from meshreel.formats.options import Reading
 from meshreel.model.tracks import Track
 from meshreel.runtime.workers.processes import ProcessExecutor
 from samples.engines import InlineExecutor
+from samples.materials import dressed_sheet
 from samples.meshes import quad_sheet, waving_grid
 from samples.tasks import encode_or_die
 
@@ -122,6 +123,19 @@ def test_texture_coordinates_of_some_segments_are_quantized(tmp_path, out, bits,
     assert results["state"] == "done"
     assert (results["uv_error"] is None) == is_noted
     assert ("has no texture coordinates for uv_bits to quantize" in results["notes"]) == is_noted
+
+
+def test_images_of_some_inputs_are_reencoded_and_counted_apart(tmp_path, out):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    meshreel.save(dressed_sheet(2), folder / "a.glb")
+    meshreel.save(quad_sheet(2), folder / "b.npz")
+    run(folder, out, EncodeOptions(config_of(images="webp"), Reading()))
+    with_images, without = records_in(out)["a.glb"], records_in(out)["b.npz"]
+    assert with_images["state"] == without["state"] == "done"
+    assert with_images["image_bytes"] == meshreel.info(out / "a.reel").image_bytes > 0
+    assert without["image_bytes"] == 0
+    assert "has no images of materials for images" in without["notes"]
 
 
 @pytest.mark.slow
