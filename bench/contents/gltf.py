@@ -25,8 +25,15 @@ FIELDS = {
     "metallicRoughnessTexture": ("metallic_texture", None), "strength": ("occlusion_strength", 1),
 }  # fmt: skip
 """Fields of `Material` by key, and their defaults."""
-PLAIN = {"pbrMetallicRoughness": {"metallicFactor": 0.0}, "doubleSided": True}
-"""Material that writers give to faces without one."""
+GRAY = {
+    "baseColorFactor": [0.456, 0.456, 0.456, 1.0],
+    "metallicFactor": 0.0,
+    "roughnessFactor": 0.4,
+}
+PLAIN = [
+    {"pbrMetallicRoughness": look, "doubleSided": True} for look in ({"metallicFactor": 0.0}, GRAY)
+]
+"""Materials that writers give to faces without one, with colors and without."""
 STORAGE = {
     "EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_draco_mesh_compression", "name",
     "KHR_mesh_quantization", "KHR_texture_transform", "KHR_node_visibility", "nodes", "mesh",
@@ -89,7 +96,7 @@ def walk(path: Path) -> Iterator[Item]:
             label = item.get("name") or f"{'mesh' if kind == 'meshes' else kind[:-1]} {n}"
             if n not in keep.get(kind, {n}):
                 yield Item(Sort.OTHER, label)
-            elif kind == "materials" and item != PLAIN:
+            elif kind == "materials" and item not in PLAIN:
                 if item.get("name"):
                     yield Item(Sort.GROUP, item["name"])
                 earlier = [other.get("name", "") for other in lists[kind][:n]]

@@ -95,3 +95,12 @@ test("a mesh plays the cells that a cut leaves", async () => {
     mesh.dispose();
   }
 });
+
+test("cells are drawn flat, and other meshes smooth, by default", async () => {
+  const other = PLAYED.find((name) => !expectedOf(name).cells);
+  for (const [name, options, isFlat] of [[BLOCK, {}, true], [BLOCK, { flat: false }, false], [other, {}, false]]) {
+    const mesh = new ReelMesh(await ReelFile.open(streamBytes(name)), { gpu: false, ownsReel: true, ...options });
+    for (const { flatShading } of [mesh.material].flat()) assert.equal(flatShading, isFlat, name);
+    mesh.dispose();
+  }
+});

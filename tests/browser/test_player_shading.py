@@ -10,15 +10,19 @@ import meshreel
 from meshreel.model.materials import AlphaMode, Material, Texture
 from meshreel.model.materials import Image as FileImage
 from meshreel.model.surface import Attribute, Domain, FaceGroups, Kind, Surface
+from meshreel.rendering.colormap import colorize
+from meshreel.rendering.studio import studio_light
 from samples.element_pages import until
 from samples.web_package import THREE_PAGE, serving, three_files
 
 pytestmark = pytest.mark.slow
 
 SIZE = 320
-ALLOWED_MEAN = 1  # of 255
-ALLOWED = 40
+ALLOWED_MEAN = 4.5  # of 255; most on the metal, since the player approximates how gloss blurs
+ALLOWED = 50
 """Largest difference, in 255: of a pixel at an edge, whose samples may differ."""
+
+ENVIRONMENT_SIZE = 512, 256
 
 HTML = f"""{THREE_PAGE}<style>
 body {{ margin: 0; background: white }}
@@ -36,6 +40,7 @@ await new Promise((resolve) => player.addEventListener("load", resolve));
 
 const renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
 renderer.setSize(player.clientWidth, player.clientHeight);
+renderer.toneMapping = THREE.NeutralToneMapping;
 document.body.append(renderer.domElement);
 const scene = new THREE.Scene();
 const camera = new THREE.PerspectiveCamera(player.getFieldOfView(), 1);
@@ -44,19 +49,23 @@ const { x, y, z } = player.getCameraTarget();
 const target = new THREE.Vector3(x, y, z);
 camera.position.setFromSphericalCoords(radius, phi, theta).add(target);
 camera.lookAt(target);
-const sky = 0.32 * Math.PI;
-const key = new THREE.DirectionalLight(0xffffff, 0.75 * Math.PI);
-key.position.set(-1.2, 1.4, 2);
-const rim = new THREE.DirectionalLight(0xffffff, sky);
-rim.position.set(1.6, 0.6, -0.8);
-camera.add(key, key.target, rim, rim.target);
-scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, sky));
+camera.updateMatrixWorld();
+const pixels = new Uint16Array(await (await fetch("/studio.bin")).arrayBuffer());
+const studio = new THREE.DataTexture(pixels, SIZE, THREE.RGBAFormat, THREE.HalfFloatType);
+studio.mapping = THREE.EquirectangularReflectionMapping;
+studio.minFilter = studio.magFilter = THREE.LinearFilter;
+studio.needsUpdate = true;
+scene.environment = studio; // in the axes of the camera, so that the model moves instead
 const mesh = await new ReelLoader().loadAsync("/sheet.reel");
-scene.add(camera, mesh);
+mesh.material[6].toneMapped = false; // as glTF defines unlit materials
+const model = new THREE.Group();
+model.applyMatrix4(camera.matrixWorld.clone().invert());
+scene.add(model.add(mesh));
+const eye = new THREE.PerspectiveCamera(player.getFieldOfView(), 1, 0.01, 100);
 mesh.setRenderer(renderer);
 renderer.setAnimationLoop(() => {
   mesh.update(0);
-  renderer.render(scene, camera);
+  renderer.render(scene, eye);
 });
 const isShown = (one) => !one.isWaiting && one.geometry.drawRange.count > 0;
 const hasImages = ({ material: [, tiles, bumps, mixed, glow, , flat] }) =>
@@ -72,7 +81,7 @@ def png(pixels):
 
 
 def sheet():
-    """A wavy sheet in stripes, each of another material, but no metals."""
+    """A wavy sheet in stripes, each of another material."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 43), np.linspace(0, 1, 31)))
     z = 0.06 * np.sin(9 * x) * np.cos(8 * y)
     corner = np.arange(43 * 31).reshape(31, 43)[:-1, :-1].ravel()
@@ -88,7 +97,7 @@ def sheet():
     red, green, blue = (Texture(2, channels=one) for one in "rgb")
     plain = {"double_sided": True, "metallic": 0.0}
     materials = (
-        Material("gold", (1, 0.8, 0.3, 1), roughness=0.3, **plain),
+        Material("gold", (1, 0.8, 0.3, 1), roughness=0.3, double_sided=True),
         Material("tiles", roughness=0.4, base_color_texture=color, **plain),
         Material("bumps", (0.5, 0.6, 0.8, 1), roughness=0.5, normal_texture=bumps, **plain),
         Material("mixed", metallic_texture=blue, roughness_texture=green, occlusion_texture=red,
@@ -108,10 +117,23 @@ def sheet():
     return meshreel.MeshSequence(np.stack(frames).astype(np.float32), faces, surface=surface)
 
 
+def environment():
+    """The studio of pictures as an equirectangular map of half floats."""
+    width, height = ENVIRONMENT_SIZE
+    turn, up = np.meshgrid(
+        (np.arange(width) + 0.5) / width * 2 * np.pi - np.pi,
+        (np.arange(height) + 0.5) / height * np.pi - np.pi / 2,
+    )
+    x, y, z = np.cos(up) * np.cos(turn), np.sin(up), np.cos(up) * np.sin(turn)
+    light = studio_light(np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), 0)
+    return np.stack([light, light, light, np.ones_like(light)], -1).astype(np.float16).tobytes()
+
+
 def test_materials_look_as_in_three_js(new_page):
     files = {
         **three_files(HTML),
-        "/page.js": SCRIPT.encode(),
+        "/page.js": SCRIPT.replace("SIZE", "{}, {}".format(*ENVIRONMENT_SIZE)).encode(),
+        "/studio.bin": environment(),
         "/sheet.reel": meshreel.encode(sheet(), max_error=0.01, effort=3),
     }
     with serving(files) as (url, _):
@@ -124,3 +146,34 @@ def test_materials_look_as_in_three_js(new_page):
     assert (ours.min(axis=2) < 240).mean() > 0.1  # it is drawn
     assert difference.mean() < ALLOWED_MEAN
     assert np.quantile(difference, 0.999) < ALLOWED
+
+
+def test_colors_of_values_match_the_legend_on_any_material(new_page):
+    """Three stripes that face the camera, of a metal and in the light of the studio."""
+    x = np.array([0, 1, 2, 3], np.float32)
+    corners = np.concatenate([np.stack([x, 0 * x + y, 0 * x], -1) for y in (0, 2)])
+    left = np.arange(3)
+    faces = [[left, left + 1, left + 5], [left, left + 5, left + 4]]
+    faces = np.concatenate([np.stack(three, -1) for three in faces]).astype(np.int32)
+    material = Material("metal", (0.9, 0.3, 0.1, 1), roughness=0.2, double_sided=True)
+    groups = FaceGroups("material", ("metal",), np.zeros(6, np.int32))
+    values = np.array([0, 0.5, 1] * 2, np.float32)
+    track = meshreel.Track(values[None], domain="face")
+    sequence = meshreel.MeshSequence(
+        corners[None], faces, surface=Surface(groups=(groups,), materials=(material,)),
+        tracks={"value": track},
+    )  # fmt: skip
+    html = HTML.replace("20deg 60deg", "0deg 90deg").replace(
+        "<reel-player", '<reel-player track="value" range="0:1"'
+    )
+    script = 'import "/dist/player.js"; window.player = document.querySelector("reel-player");'
+    files = {**three_files(html), "/page.js": script.encode()}
+    files["/sheet.reel"] = meshreel.encode(sequence)
+    with serving(files) as (url, _):
+        page = new_page(f"{url}/index.html", is_shown=False)
+        until(page, "player.mesh && player.shadowRoot.querySelector('.legend:not([hidden])')")
+        page.wait_for_timeout(500)
+        shot = page.locator("reel-player").screenshot()
+    pixels = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), int).reshape(-1, 3)
+    for expected in colorize([0, 0.5, 1], 0, 1).astype(int):
+        assert (np.abs(pixels - expected).max(axis=1) <= 2).mean() > 0.1

@@ -594,7 +594,6 @@ export class ReelPlayerElement extends PlayerAttributes {
 
   #listen(mesh: ReelMesh): void {
     mesh.addEventListener("change", () => this.#ui?.view.invalidate());
-    mesh.addEventListener("segment", () => this.#ui?.view.setLights(mesh));
     mesh.addEventListener("frame", ({ frame }) => {
       const { start, nFrames } = this.#failure?.frames ?? { start: 0, nFrames: 0 };
       if (frame >= start && frame < start + nFrames) this.#clearError();

@@ -125,17 +125,7 @@ export class View implements ContextHolder {
   }
 
   add(mesh: Mesh): void {
-    this.setLights(mesh);
     this.model.add(mesh);
-  }
-
-  /** Light a mesh: metals need a studio to reflect; others are lit by a key, a rim and a hemisphere light. */
-  setLights(mesh: Mesh): void {
-    const hasMetal = [mesh.material].flat().some((material) => "metalness" in material && material.metalness);
-    this.#scene.hasStudio = hasMetal;
-    // Of such intensities that no white surface without gloss is overexposed.
-    this.#scene.skyIntensity = hasMetal ? 0 : 0.32 * Math.PI;
-    this.#scene.keyIntensity = (hasMetal ? 0.5 : 0.75) * Math.PI;
     this.invalidate();
   }
 

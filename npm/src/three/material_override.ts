@@ -12,7 +12,7 @@ export function hasMap(material: THREE.Material): material is MappedMaterial {
 /** Set properties of a material, and its color to white; returns a function that restores it. */
 export function overrideMaterial(
   material: THREE.Material & { map?: THREE.Texture | null; color?: THREE.Color },
-  properties: { readonly map?: THREE.Texture | null; readonly vertexColors?: boolean },
+  properties: { readonly map?: THREE.Texture | null; readonly vertexColors?: boolean; readonly showsValues?: boolean },
   isWhite = true,
 ): () => void {
   const { map, vertexColors } = material;
@@ -20,7 +20,7 @@ export function overrideMaterial(
   Object.assign(material, properties, { needsUpdate: true });
   if (isWhite) material.color?.set(0xffffff);
   return () => {
-    Object.assign(material, { ...("map" in properties && { map }), vertexColors, needsUpdate: true });
+    Object.assign(material, { ...("map" in properties && { map }), vertexColors, showsValues: false, needsUpdate: true });
     if (color) material.color?.copy(color);
   };
 }

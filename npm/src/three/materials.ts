@@ -8,8 +8,8 @@ import { applyImages, type SendEvent } from "./material_images.js";
 
 type Standard = THREE.MeshStandardMaterial;
 
-/** Color of faces without a material. */
-const DEFAULT_COLOR = 0x9eb0c4;
+/** Faces without a material, as in meshreel/model/materials.py. */
+export const DEFAULT_MATERIAL = { color: 0xb4b4b4, roughness: 0.4 };
 
 /** The materials of a surface; `loadImages` adds their images. */
 export class Materials {
@@ -21,14 +21,14 @@ export class Materials {
   readonly #lifetime = new AbortController();
 
   /** @param send - called with "change" when an image is shown, or with "error" */
-  constructor(reel: OpenReel, drawing: Drawing, isFlat: boolean | undefined, send: SendEvent) {
+  constructor(reel: OpenReel, drawing: Drawing, isFlat: boolean, send: SendEvent) {
     const { surface } = reel;
     const hasColors = surface.attributes.some(({ kind }) => kind === "color");
     const definitions = drawing.materialNames.map((name) => surface.materials.find((material) => material.name === name));
     this.list = definitions.map((definition) => {
       const material = definition ? createMaterial(definition) : createDefaultMaterial(hasColors);
       material.vertexColors = hasColors;
-      if ("flatShading" in material) material.flatShading = !!isFlat;
+      if ("flatShading" in material) material.flatShading = isFlat;
       return material;
     });
     const { signal } = this.#lifetime;
@@ -47,8 +47,8 @@ export class Materials {
 }
 
 function createDefaultMaterial(hasColors: boolean): Standard {
-  const color = hasColors ? 0xffffff : DEFAULT_COLOR;
-  return new THREE.MeshStandardMaterial({ color, roughness: 0.8, side: THREE.DoubleSide });
+  const color = hasColors ? 0xffffff : DEFAULT_MATERIAL.color;
+  return new THREE.MeshStandardMaterial({ ...DEFAULT_MATERIAL, color, side: THREE.DoubleSide });
 }
 
 function createMaterial(given: Material): Standard | THREE.MeshBasicMaterial {

@@ -56,7 +56,7 @@ export class MeshSegment {
     this.shift = [x - origin[0], y - origin[1], z - origin[2]];
     this.surface = this.#drawn = reel.surface;
     this.#createGeometry();
-    this.materials = material ? null : new Materials(reel, this.drawing, flat, send);
+    this.materials = material ? null : new Materials(reel, this.drawing, flat ?? !!reel.surface.cells, send);
   }
 
   /** The materials of the file as `THREE.Mesh` expects them. */

@@ -59,7 +59,7 @@ export interface ReelMeshOptions {
    * The mesh does not dispose of them. Default: the materials of each segment of the file.
    */
   material?: THREE.Material | THREE.Material[];
-  /** Whether the default materials use flat shading. Default: false. */
+  /** Whether the default materials use flat shading. Default: for cells of volumes. */
   flat?: boolean;
   /**
    * The renderer of the mesh. Default: the first renderer that draws the mesh; its first image will

@@ -53,8 +53,6 @@ export class MeshBasicMaterial extends Material {
   map: Texture | null = null;
   aoMap: Texture | null = null;
   aoMapIntensity = 1;
-  /** GLSL that changes the color `light` at the position `place` in view space. */
-  readonly glsl: string = "";
 
   constructor({ color, ...options }: MaterialOptions<MeshBasicMaterial> = {}) {
     super();
@@ -72,6 +70,8 @@ export class MeshStandardMaterial extends Material {
   normalScale = new Vector2(1, 1);
   aoMapIntensity = 1;
   flatShading = false;
+  /** Whether colors represent values, so that they must look as in the legend in any light. */
+  showsValues = false;
   map: Texture | null = null;
   roughnessMap: Texture | null = null;
   metalnessMap: Texture | null = null;

@@ -93,16 +93,10 @@ export class Object3D<Events extends object = Object3DEventMap> extends EventDis
 
 export class Group extends Object3D {}
 
-/** The root of what is drawn, with its lights. */
+/** The root of what is drawn. */
 export class Scene extends Object3D {
   /** Whether only the nearness of surfaces is drawn, from 0 at the far plane to 1 at the near one. */
   isShadow = false;
-  /** Whether a studio surrounds standard materials. */
-  hasStudio = false;
-  /** Intensity of the light of the sky, with a gray ground. */
-  skyIntensity = 0;
-  /** Intensity of the light that moves with the camera. */
-  keyIntensity = 0;
 }
 
 /** A geometry with materials: one, or one per group. */

@@ -205,8 +205,8 @@ export class WebGLRenderer {
     }
     const surface = material as Surface;
     const macros = surfaceMacros(surface, scene);
-    const program = this.#program(macros + (surface.glsl ?? ""), () => surfaceShaders(surface, macros, scene));
-    return [program, surfaceUniforms(surface, scene)];
+    const program = this.#program(macros, () => surfaceShaders(surface, macros, scene));
+    return [program, surfaceUniforms(surface)];
   }
 
   #program(key: string, shaders: () => readonly [vertex: string, fragment: string]): Program {

@@ -1,16 +1,12 @@
-// The shader of surfaces. Its equations are those of three.js, so that the player and a page with
-// three.js show the same: GGX with height-correlated Smith masking, and multiple scattering.
+// The shader of surfaces. Its equations are those of three.js with an environment map and the tone mapping of
+// Khronos, so that materials look as in stock viewers of glTF.
 
-import type { Material, MeshBasicMaterial, MeshStandardMaterial } from "./materials.js";
-import { Color } from "./math.js";
+import type { Material, MeshStandardMaterial } from "./materials.js";
 import type { Scene } from "./objects.js";
 import type { UniformValues } from "./programs.js";
 import type { Texture } from "./textures.js";
 
 const SLOTS = ["map", "roughnessMap", "metalnessMap", "normalMap", "aoMap", "emissiveMap"] as const;
-
-/** Color of the sky's light from below. */
-const GROUND = new Color(0x8a8f98);
 
 const TO_SRGB = `
 vec3 toSrgb(vec3 light) {
@@ -80,9 +76,7 @@ float occlusion() {
 const BASIC_MAIN = `
 void main() {
   vec4 base = baseColor();
-  vec3 light = base.rgb * occlusion();
-  GLSL
-  shown = vec4(toSrgb(light), base.a);
+  shown = vec4(toSrgb(base.rgb * occlusion()), base.a);
 }`;
 
 const SHADOW_MAIN = `
@@ -90,34 +84,33 @@ void main() {
   shown = vec4(baseColor().a * (1.0 - gl_FragCoord.z));
 }`;
 
-// The environment that metals reflect: a neutral studio, brighter at the top, with two area lights; angles
-// in degrees. Roughness blurs it; diffuse light uses roughness 1.
+// The environment: a neutral studio around the camera, as in meshreel/rendering/studio.py; directions are in
+// view space. Its walls are brighter at the top, with three area lights: above, on the right behind, and a
+// window on the left. `rough` blurs it as the lobe of GGX does; diffuse light is a polynomial fitted to it.
 const STUDIO = `
-float coverage(float away, float halfSize, float blur) {
-  return clamp((halfSize + blur - away) / (2.0 * blur), 0.0, min(halfSize / blur, 1.0));
+float areaLight(vec2 away, vec2 halfSize, float blur) {
+  vec2 covered = clamp((halfSize + blur - abs(away)) / (2.0 * blur), vec2(0.0), min(halfSize / blur, 1.0));
+  return covered.x * covered.y;
 }
-float areaLight(vec2 direction, vec2 center, vec2 halfSize, float blur) {
-  vec2 away = abs(direction - center);
-  return coverage(min(away.x, 360.0 - away.x), halfSize.x, blur) * coverage(away.y, halfSize.y, blur);
+float diffuseLight(vec3 d) {
+  return 0.829 + dot(d, vec3(0.124, 0.525, 0.091)) + dot(d.xyx * d.yzz, vec3(-0.098, 0.201, -0.567))
+    + 0.073 * (d.x * d.x - d.z * d.z);
 }
-float studio(vec3 d, float rough) {
-  vec2 direction = degrees(vec2(atan(d.z, d.x), asin(clamp(d.y, -1.0, 1.0))));
-  float blur = 3.0 + 57.0 * rough * rough;
-  float walls = 0.32 + (d.y > 0.0 ? 0.28 : -0.2) * sqrt(abs(d.y));
-  return mix(walls, 0.34 + 0.19 * d.y, rough)
-    + 2.4 * areaLight(direction, vec2(-130.0, 40.0), vec2(32.0, 18.0), blur)
-    + 1.3 * areaLight(direction, vec2(-15.0, 15.0), vec2(14.0, 40.0), blur);
+float studioLight(vec3 d, float rough) {
+  float blur = max(1.33 * rough - 0.085, 0.01);
+  vec3 toWall = 1.0 / max(d, 0.001);
+  float light = 0.14 + 0.44 * clamp(0.5 + d.y / max(2.0 * blur, 0.5), 0.0, 1.0)
+    + step(0.0, d.y) * 5.0 * areaLight(d.xz * toWall.y - vec2(-0.8, 1.0), vec2(0.7, 0.6), blur)
+    + step(0.0, d.x) * 6.0 * areaLight(d.yz * toWall.x - vec2(0.3, -0.6), vec2(0.8, 0.3), blur)
+    + step(0.0, d.z) * 3.2 * areaLight(d.xy * toWall.z - vec2(-1.0, 0.25), vec2(0.3, 0.8), blur);
+  return mix(light, diffuseLight(d), min(1.47 * rough * rough, 1.0));
 }`;
 
 const STANDARD_MAIN = `
-uniform mat4 viewMatrix;
 uniform vec3 emissive;
 uniform float roughness;
 uniform float metalness;
 uniform vec2 normalScale;
-uniform float keyIntensity;
-uniform float skyIntensity;
-uniform vec3 groundColor;
 
 float pow2(float x) { return x * x; }
 float saturate(float x) { return clamp(x, 0.0, 1.0); }
@@ -138,6 +131,16 @@ void scatter(vec2 dfg, vec3 f0, out vec3 single, out vec3 multi) {
   multi = single * mean / (1.0 - rest * mean) * rest;
 }
 
+// Compress highlights and keep other colors: the tone mapping "PBR Neutral" of Khronos.
+vec3 toneMapped(vec3 light) {
+  float least = min(min(light.r, light.g), light.b);
+  light -= least < 0.08 ? least - 6.25 * least * least : 0.04;
+  float peak = max(max(light.r, light.g), light.b);
+  if (peak < 0.76) return light;
+  float mapped = 1.0 - 0.0576 / (peak - 0.52);
+  return mix(vec3(mapped), light * mapped / peak, 1.0 / (0.15 * (peak - mapped) + 1.0));
+}
+
 void main() {
   vec4 base = baseColor();
   float face = gl_FrontFacing ? 1.0 : -1.0;
@@ -149,6 +152,11 @@ void main() {
   n *= face;
   #endif
 #endif
+#ifdef VALUES
+  // Colors of values match the legend where they face the camera; others are darker, so that the form is visible.
+  float relief = 0.62 + 0.38 * saturate(dot(n, vec3(-0.36, 0.54, 1.0)));
+  shown = vec4(toSrgb(base.rgb * relief), base.a);
+#else
   vec3 change = max(abs(dFdx(n)), abs(dFdy(n)));
 #ifdef NORMALMAP
   // The directions of u and v on the surface; see http://www.thetenthplanet.de/archives/1180
@@ -175,64 +183,38 @@ void main() {
   metal *= texture(metalnessMap, metalnessMapUv).b;
 #endif
   rough = min(max(rough, 0.045) + max(max(change.x, change.y), change.z), 1.0);
-  vec3 matte = base.rgb * (1.0 - metal);
-  vec3 f0 = mix(vec3(0.04), base.rgb, metal);
   vec3 v = normalize(-place);
   float nv = saturate(dot(n, v));
   vec2 dfg = albedo(rough, nv);
 
-  // The lights that move with the camera: the key, and unless the studio lights the model, a rim light
-  // from behind.
-  vec3 lost = 1.0 + f0 * (1.0 / (dfg.x + dfg.y) - 1.0);
-  float alpha2 = pow2(pow2(rough));
-  vec3 light = vec3(0.0);
-  for (int i = 0; i < 2; i++) {
-    vec3 l = normalize(i == 0 ? vec3(-1.2, 1.4, 2.0) : vec3(1.6, 0.6, -0.8));
-    vec3 h = normalize(l + v);
-    float nl = saturate(dot(n, l));
-    float vh = saturate(dot(v, h));
-    float toViewer = nl * sqrt(alpha2 + (1.0 - alpha2) * nv * nv);
-    float toLight = nv * sqrt(alpha2 + (1.0 - alpha2) * nl * nl);
-    float visible = 0.5 / max(toViewer + toLight, 1e-6);
-    float facets = alpha2 / (PI * pow2(pow2(saturate(dot(n, h))) * (alpha2 - 1.0) + 1.0));
-    float fresnel = exp2((-5.55473 * vh - 6.98316) * vh);
-    vec3 shine = (f0 * (1.0 - fresnel) + fresnel) * visible * facets * lost;
-    light += (i == 0 ? keyIntensity : skyIntensity) * nl * (shine + matte / PI * 0.96 * (1.0 - fresnel));
-  }
-
-  // The sky and the studio.
+  // The reflections, and the diffuse light: what is not reflected.
   vec3 single;
   vec3 multi;
-  scatter(dfg, vec3(0.04), single, multi);
-  vec3 scattered = matte * (1.0 - single - multi);
-  float up = dot(n, viewMatrix[1].xyz) * 0.5 + 0.5;
-  float ambient = occlusion();
-  vec3 around = skyIntensity * mix(groundColor, vec3(1.0), up) / PI;
-#ifdef STUDIO
-  mat3 toWorld = transpose(mat3(viewMatrix));
-  around += studio(toWorld * n, 1.0);
-  vec3 r = toWorld * normalize(mix(reflect(-v, n), n, pow2(pow2(rough))));
-  float radiance = studio(r, rough);
   vec3 metalSingle;
   vec3 metalMulti;
+  scatter(dfg, vec3(0.04), single, multi);
   scatter(dfg, base.rgb, metalSingle, metalMulti);
+  vec3 scattered = base.rgb * (1.0 - metal) * (1.0 - single - multi);
+  float ambient = occlusion();
+  float around = diffuseLight(n);
+  float radiance = studioLight(normalize(mix(reflect(-v, n), n, pow2(pow2(rough)))), rough);
   vec3 mirrored = radiance * mix(single, metalSingle, metal) + mix(multi, metalMulti, metal) * around;
-  light += mirrored * saturate(pow(nv + ambient, exp2(-16.0 * rough - 1.0)) - 1.0 + ambient);
-#endif
+  vec3 light = mirrored * saturate(pow(nv + ambient, exp2(-16.0 * rough - 1.0)) - 1.0 + ambient);
   light += scattered * around * ambient;
 #ifdef EMISSIVEMAP
   light += emissive * texture(emissiveMap, emissiveMapUv).rgb;
 #else
   light += emissive;
 #endif
-  shown = vec4(toSrgb(light), base.a);
+  shown = vec4(toSrgb(toneMapped(light)), base.a);
+#endif
 }`;
 
 /** A material without its own shaders. */
-export type Surface = Material & Partial<Omit<MeshStandardMaterial, keyof Material> & Pick<MeshBasicMaterial, "glsl">>;
+export type Surface = Material & Partial<Omit<MeshStandardMaterial, keyof Material>>;
 
-/** Return the macros of a material, which together with its own GLSL identify its shader. */
-export function surfaceMacros(surface: Surface, { hasStudio, isShadow }: Scene): string {
+/** Return the macros of a material, which identify its shader. */
+export function surfaceMacros(surface: Surface, { isShadow }: Scene): string {
   const isStandard = "roughness" in surface;
   const names = [
     isShadow ? "SHADOW" : isStandard ? "STANDARD" : "BASIC",
@@ -242,7 +224,7 @@ export function surfaceMacros(surface: Surface, { hasStudio, isShadow }: Scene):
     !surface.transparent && "OPAQUE",
     surface.flatShading && "FLAT",
     surface.side && "DOUBLE",
-    isStandard && hasStudio && "STUDIO",
+    surface.showsValues && "VALUES",
   ];
   return names.filter(Boolean).map((name) => `#define ${name}\n`).join("");
 }
@@ -256,8 +238,7 @@ export function surfaceShaders(surface: Surface, macros: string, { isShadow }: S
   const matrices = lines((slot) => `uniform mat3 ${slot}Matrix;out vec2 ${slot}Uv;`);
   const transforms = lines((slot) => `${slot}Uv = (${slot}Matrix * vec3(${slot.toUpperCase()}, 1.0)).xy;`);
   const samplers = lines((slot) => `uniform sampler2D ${slot};in vec2 ${slot}Uv;`);
-  const ofBasic = BASIC_MAIN.replace("GLSL", surface.glsl ?? "");
-  const main = isShadow ? SHADOW_MAIN : "roughness" in surface ? STUDIO + STANDARD_MAIN : ofBasic;
+  const main = isShadow ? SHADOW_MAIN : "roughness" in surface ? STUDIO + STANDARD_MAIN : BASIC_MAIN;
   return [
     macros + VERTEX.replace("IN_OUT", inputs + matrices).replace("UVS", transforms),
     macros + BASE.replace("IN_OUT", samplers) + main,
@@ -265,13 +246,12 @@ export function surfaceShaders(surface: Surface, macros: string, { isShadow }: S
 }
 
 /** Return the uniforms of a material. */
-export function surfaceUniforms(surface: Surface, { keyIntensity, skyIntensity }: Scene): UniformValues {
+export function surfaceUniforms(surface: Surface): UniformValues {
   const matrices = SLOTS.map((slot) => {
     surface[slot]?.updateMatrix();
     return [`${slot}Matrix`, surface[slot]?.matrix];
   });
-  const rest = { ...Object.fromEntries(matrices), diffuse: surface.color, groundColor: GROUND };
-  return { ...(surface as object), keyIntensity, skyIntensity, ...rest };
+  return { ...(surface as object), ...Object.fromEntries(matrices), diffuse: surface.color };
 }
 
 function uvName({ channel }: Texture): string {

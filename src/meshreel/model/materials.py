@@ -155,7 +155,10 @@ SLOTS = ("base_color", "metallic", "roughness", "normal", "occlusion", "emissive
 """Slots of textures; those not in `COLOR_SLOTS` have one component."""
 
 DEFAULT_MATERIAL = Material("", metallic=0.0, double_sided=True)
-"""Material of faces without one, in formats that require one."""
+"""Material of colored faces without one, in formats that require one."""
+
+CLAY_MATERIAL = replace(DEFAULT_MATERIAL, base_color=(0.456, 0.456, 0.456, 1.0), roughness=0.4)
+"""Material of faces without one nor colors, in viewers, in pictures and in formats of viewers."""
 
 
 def select_materials(

@@ -1,4 +1,4 @@
-"""Shade pixels with key, fill and sky lights, given the face visible in each sample."""
+"""Shade pixels, given the face visible in each sample."""
 
 from dataclasses import dataclass
 
@@ -10,6 +10,7 @@ from meshreel.model.geometry.hard_edges import RowNormals
 from meshreel.model.geometry.normals import face_normals, vertex_normals
 from meshreel.model.sequence import Faces
 from meshreel.rendering.camera import Camera
+from meshreel.rendering.studio import shade
 from meshreel.rendering.visibility import signed_areas
 from meshreel.runtime.threads import chunks
 
@@ -19,15 +20,10 @@ Box = tuple[slice, slice]
 
 _PIXELS_PER_CHUNK = 1 << 16
 
-_GAMMA = 2.2
-_SKY, _GROUND = 0.32, 0.10
-_KEY, _FILL, _GLOSS = 0.85, 0.16, 0.08
-_SHININESS = 24
-
 
 @dataclass(frozen=True)
 class ProjectedSurface:
-    """Shading inputs of one frame of M faces; normals in camera axes."""
+    """Shading inputs of one frame of M faces; normals in the axes of `studio`."""
 
     first: Floats  # (M, 2): the first corner of each face, pixels
     inv_depths: Floats  # (M, 3)
@@ -72,7 +68,8 @@ def project_surface(
         normals = vertex_normals(positions, faces)
     else:
         normals, rows = shading.of_frames(positions[np.newaxis])[0], shading.triangles
-    local = (normals @ camera.axes.T).astype(np.float32)
+    to_studio = np.array([[1], [-1], [-1]]) * camera.axes
+    local = (normals @ to_studio.T).astype(np.float32)
     return ProjectedSurface(
         first=points[faces[:, 0]],
         inv_depths=inv_depths[faces],
@@ -159,8 +156,7 @@ def _shade_chunk(surface: ProjectedSurface, ids: Integers, centers: Floats) -> S
         colors = np.broadcast_to(surface.colors, normals.shape)
     else:
         colors = _blend(share, surface.colors[ids])
-    shaded = shade(_unit_or_facing(normals), colors)
-    return shaded + surface.glow[ids, None] * (colors - shaded)
+    return shade(_unit_or_facing(normals), colors, surface.glow[ids])
 
 
 def _blend(share: Singles, values: Singles) -> Singles:
@@ -171,40 +167,6 @@ def _blend(share: Singles, values: Singles) -> Singles:
 def _unit_or_facing(normals: Singles) -> Singles:
     """Unit normals; zero normals, where opposite faces cancel, become the viewing direction."""
     lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))[:, None]
-    viewer = np.broadcast_to(np.array([0, 0, -1], np.float32), normals.shape).copy()
+    viewer = np.broadcast_to(np.array([0, 0, 1], np.float32), normals.shape).copy()
     np.divide(normals, lengths, out=viewer, where=lengths > 0)
     return viewer
-
-
-def _direction(right: float, down: float, into: float) -> Singles:
-    vector = np.array([right, down, into])
-    return np.asarray(vector / np.sqrt((vector**2).sum()), np.float32)
-
-
-_TOWARDS_KEY = _direction(-0.50, -0.70, -0.75)
-_TOWARDS_FILL = _direction(0.85, -0.10, -0.60)
-_HALFWAY = _direction(*(_TOWARDS_KEY + _direction(0, 0, -1)))
-
-
-def shade(normals: Singles, colors: Singles) -> Singles:
-    """Colors of lit surface points.
-
-    Parameters
-    ----------
-    normals : float32 array of shape (N, 3)
-        Unit normals of the visible side in camera axes (right, down, into the scene).
-    colors : float32 array of shape (N, 3)
-        Surface colors, sRGB in 0..255.
-
-    Returns
-    -------
-    float32 array of shape (N, 3), sRGB in 0..255
-    """
-    sky = 0.5 - 0.5 * normals[:, 1]
-    light = _GROUND + (_SKY - _GROUND) * sky
-    light += _KEY * np.maximum(normals @ _TOWARDS_KEY, 0)
-    light += _FILL * np.maximum(normals @ _TOWARDS_FILL, 0)
-    gloss = _GLOSS * np.maximum(normals @ _HALFWAY, 0) ** _SHININESS
-    linear = (colors / 255) ** _GAMMA * light[:, None] + gloss[:, None]
-    shaded: Singles = 255 * np.clip(linear, 0, 1) ** (1 / _GAMMA)
-    return shaded

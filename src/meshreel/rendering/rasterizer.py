@@ -7,13 +7,16 @@ import numpy.typing as npt
 
 from meshreel.arrays import Singles
 from meshreel.errors import InvalidInputError
+from meshreel.model.colors import to_srgb
 from meshreel.model.geometry.hard_edges import RowNormals
+from meshreel.model.materials import CLAY_MATERIAL
 from meshreel.model.validation import validate_faces, validate_vertices
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Color, Image, covered_box, project_surface, shade_box
 from meshreel.rendering.visibility import inverse_depths, visible_faces
 
-CLAY: Color = (188, 198, 214)
+_GRAY = round(255 * float(to_srgb(np.array([CLAY_MATERIAL.base_color[:3]]))[0, 0]))
+CLAY: Color = (_GRAY, _GRAY, _GRAY)
 PAPER: Color = (247, 248, 250)
 
 _MAX_SUPERSAMPLE = 8
@@ -32,7 +35,7 @@ def render(
     glow: float | Singles = 0.0,
     supersample: int = 2,
 ) -> Image:
-    """Render one frame with two-sided shading and lights attached to the camera.
+    """Render one frame with two-sided shading in a studio attached to the camera.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ def render(
         Faces that reach behind the camera are not drawn.
     camera : Camera
         See `fit_camera`.
-    colors : array of shape (3,), (V, 3) or (M, 3, 3), default a light clay
+    colors : array of shape (3,), (V, 3) or (M, 3, 3), default a light gray
         sRGB in 0..255: one color, or one per vertex (from `colorize` for a heat map), or one per
         corner of each face.
     background : three integers
@@ -53,8 +56,8 @@ def render(
     shown : bool array of shape (M,), optional
         Which faces are drawn; the others still contribute to normals. Default: all.
     glow : float, or float array of shape (M,)
-        Unlit share of the color of all faces or of each, 0..1, which keeps heat maps readable in
-        the shade.
+        0 for surfaces in the studio. Else colors are those of values, such as `GLOW`: exact where
+        they face the camera, and times at least this elsewhere. 1 for unlit colors.
     supersample : int
         Samples along each side of a pixel, 1..8.
 

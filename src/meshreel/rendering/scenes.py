@@ -39,6 +39,7 @@ from meshreel.rendering.cuts import Cut, cut_open
 from meshreel.rendering.looks import TrackLook
 from meshreel.rendering.painting import Color, Image
 from meshreel.rendering.rasterizer import CLAY, render
+from meshreel.rendering.studio import GLOW
 from meshreel.rendering.track_colors import FrameNumbers, TrackColors, TrackScale
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Count, Progress, silent
@@ -50,9 +51,6 @@ TRACK_HEAT = "track"
 
 HEAT_NAMES = (*HEATS, TRACK_HEAT)
 """Kinds of heat maps: errors of positions, or errors of the track."""
-
-GLOW = 0.5
-"""Unlit share of colors that represent numbers: near the color bar, with visible folds."""
 
 WHITE: Color = (255, 255, 255)
 
@@ -451,7 +449,7 @@ def centroid(vertices: Frame, faces: Faces) -> Floats:
 def surface_paint(surface: Surface, faces: Faces) -> tuple[npt.ArrayLike, float | Singles]:
     """The colors of a mesh, of its attribute and its materials, and the unlit share of each face.
 
-    Faces without either, and those with an image, which pictures do not show, are of clay.
+    Faces without either, and those with an image, which pictures do not show, are gray.
     """
     colors = surface_colors(surface, faces)
     by_name = {material.name: material for material in surface.materials}

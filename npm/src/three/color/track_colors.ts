@@ -341,7 +341,7 @@ void main() {
     const isColor = this.#selection.as === "color";
     for (const material of this.#materials) {
       const map = hasMap(material) ? { map: isColor ? null : this.#texture } : {};
-      this.#restore.push(overrideMaterial(material, { ...map, vertexColors: isColor }));
+      this.#restore.push(overrideMaterial(material, { ...map, vertexColors: isColor, showsValues: true }));
     }
   }
 

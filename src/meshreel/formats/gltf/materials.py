@@ -12,6 +12,7 @@ from meshreel.formats.gltf.container import BufferWriter, Json
 from meshreel.formats.gltf.document import Document, JsonObject, unique_names
 from meshreel.formats.surfaces.images import UNKNOWN, image_type
 from meshreel.model.materials import (
+    CLAY_MATERIAL,
     DEFAULT_MATERIAL,
     AlphaMode,
     Filter,
@@ -106,7 +107,7 @@ class MaterialReader:
         has_labels = names.count("") > 1
         if names.count("") == 1:
             look = self._read(names.index(""))
-            has_labels = look not in (None, Material(""), DEFAULT_MATERIAL)
+            has_labels = look not in (None, Material(""), DEFAULT_MATERIAL, CLAY_MATERIAL)
         named = [name or f"material_{i}" for i, name in enumerate(names) if name or has_labels]
         unique = iter(unique_names(named))
         return [next(unique) if name or has_labels else "" for name in names]
@@ -303,6 +304,7 @@ class Materials:
         self.required_extensions: set[str] = set()
         self._surface, self._buffer, self._notes = surface, buffer, notes
         self._looks = {material.name: material for material in surface.materials}
+        self._default = DEFAULT_MATERIAL if surface.of_kind(Kind.COLOR) else CLAY_MATERIAL
         self._indices: dict[str | None, int] = {}
         self._image_indices: dict[int, int] = {}
         self._uv_indices: dict[str, int] = {}
@@ -314,7 +316,7 @@ class Materials:
         materials = self.lists["materials"]
         if label not in self._indices:
             self._indices[label] = len(materials)
-            look = DEFAULT_MATERIAL if label is None else self._looks.get(label, DEFAULT_MATERIAL)
+            look = self._default if label is None else self._looks.get(label, self._default)
             materials.append(({"name": label} if label else {}) | self._material(look))
         return self._indices[label]
 

@@ -14,6 +14,7 @@ from meshreel.formats.gltf.write import write_gltf
 from meshreel.formats.load import load
 from meshreel.formats.options import WriteOptions
 from meshreel.model.materials import AlphaMode, Filter, Image, Material, Texture, Wrap
+from meshreel.model.surface import Attribute, Domain, Kind, Surface
 from meshreel.operations.save import save
 from samples.costs import draws
 from samples.glb import Glb, stream_of, written
@@ -282,6 +283,24 @@ def test_unnamed_material_is_kept_unless_it_is_the_default(surface_of, material,
     surface, _ = surface_of(square_with(material))
     assert [one.name for one in surface.materials] == ([] if label is None else [label])
     assert [group.labels for group in surface.groups] == ([] if label is None else [(label,)])
+
+
+@pytest.mark.parametrize("has_colors", [False, True])
+def test_faces_without_a_material_are_gray_in_stock_viewers_unless_they_have_colors(
+    tmp_path, has_colors
+):
+    colors = Attribute("color", Kind.COLOR, Domain.VERTEX, np.full((4, 3), 90, np.uint8))
+    surface = Surface(attributes=(colors,) if has_colors else ())
+    sequence = meshreel.MeshSequence(
+        np.array(SQUARE, np.float32)[np.newaxis], np.reshape(SQUARE_FACES, (-1, 3)), surface=surface
+    )
+    file = tmp_path / "a.glb"
+    save(sequence, file)
+    [material] = Glb.read(file.read_bytes()).document["materials"]
+    look = material["pbrMetallicRoughness"]
+    gray = {"baseColorFactor": [0.456, 0.456, 0.456, 1.0], "roughnessFactor": 0.4}
+    assert look == {"metallicFactor": 0.0} | ({} if has_colors else gray)
+    assert load(file).surface.materials == ()
 
 
 def test_image_types_of_extensions_round_trip(tmp_path):

@@ -20,6 +20,7 @@ from meshreel.rendering.colormap import Image, colorize, round_up
 from meshreel.rendering.documents import Picture
 from meshreel.rendering.plots import blank_figure, save_figure
 from meshreel.rendering.rasterizer import render
+from meshreel.rendering.studio import GLOW
 from meshreel.rendering.visibility import inverse_depths, visible_faces
 from meshreel.studies.runs import Result, Store, usable
 
@@ -41,9 +42,6 @@ ENLARGEMENT = 3
 MARK_COLOR = (213, 94, 0)
 HEAT_PERCENTILE, HEAT_METHODS = 98.0, ("pca-qs", "pca-qp", "blocks")
 """The color scale ends at this percentile of the angles of these methods, if available."""
-
-HEAT_GLOW = 0.4
-"""Unlit share of the heat map's colors, so that they match the color bar."""
 
 
 def uncommon_frame(sequence: MeshSequence) -> int:
@@ -96,7 +94,7 @@ def draw_variants(
             heat = draw_color_bar(0.0, top_deg, unit="degrees", height=max(camera.height, 80))
         else:
             colors = colorize(angles[number - 1], 0.0, top_deg)
-            heat = render(vertices, faces, camera, colors=colors, glow=HEAT_GLOW)
+            heat = render(vertices, faces, camera, colors=colors, glow=GLOW)
         detail = _outline(detail, (0, 0), (detail.shape[1], detail.shape[0]))
         columns.append((titles[number], [shaded, detail, heat]))
     path = folder / f"{slug}-fig7-variants.png"
