@@ -17,7 +17,7 @@ import sysconfig
 import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -62,10 +62,9 @@ PAGE_FUNCTIONS = (
     "meshreel_triangles",
     "page_check_image",
     "page_open",
-    "reel_cell_size",
-    "reel_cells_memory",
-    "reel_cells_surface",
 )
+# Functions of `reel.h` that it calls to cut cells.
+CELL_FUNCTIONS = ("reel_cell_size", "reel_cells_memory", "reel_cells_surface")
 
 
 @dataclass(frozen=True)
@@ -154,15 +153,21 @@ WASM_LINKER = (
     "--export=__heap_base",
     *(f"--export={name}" for name in PAGE_FUNCTIONS),
 )
-
-
+# For web pages, optimized for size.
+WASM_MODULE = Target(
+    "reel_full.wasm",
+    WASM,
+    "wasm32-freestanding",
+    optimization=SMALLEST,
+    hot=WASM_HOT,
+    linker=(*WASM_LINKER, *(f"--export={name}" for name in CELL_FUNCTIONS)),
+)
 TARGETS = {
-    "wasm": Target(  # for web pages, optimized for size
-        "reel.wasm",
-        WASM,
-        "wasm32-freestanding",
-        optimization=SMALLEST,
-        hot=WASM_HOT,
+    "wasm": WASM_MODULE,
+    "wasm-meshes": replace(  # a fifth smaller: without exact values and cells
+        WASM_MODULE,
+        library="reel.wasm",
+        flags=(*WASM, "-DREEL_MESHES_ONLY"),
         linker=WASM_LINKER,
     ),
 }

@@ -575,6 +575,7 @@ static int load_modes(reel_call *call, meshreel_decoder *decoder, uint32_t track
 static int decode_exact(reel_call *call, reel_pool *pool, reel_range data, const reel_graph *graph,
                         uint64_t n_frames, uint32_t n_columns, uint32_t size, enum reel_type type,
                         void **output) {
+    REEL_RETURN_IF(!REEL_IS_COMPLETE, reel_incomplete(call, data.offset));
     int64_t frames = (int64_t)n_frames, columns = n_columns;
     *output = reel_pool_allocate(call, pool, n_frames * graph->n_items, (uint64_t)n_columns * size);
     const reel_chunk *mark = call->scratch.last;

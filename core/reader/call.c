@@ -33,6 +33,11 @@ int reel_corrupt(reel_call *call, uint64_t offset, const char *message) {
     return reel_fail(call, MESHREEL_CORRUPT, offset, message);
 }
 
+int reel_incomplete(reel_call *call, uint64_t offset) {
+    return reel_fail(call, REEL_INCOMPLETE, offset,
+                     "this module lacks exact values and cells: use reel_full.wasm");
+}
+
 int reel_invalid(meshreel_error *error, const char *message) {
     if (error) {
         *error = (meshreel_error){.code = MESHREEL_INVALID, .offset = REEL_UNKNOWN,

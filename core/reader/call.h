@@ -9,6 +9,15 @@
 
 #define REEL_UNKNOWN UINT64_MAX /* offset of a failure without a position in the file */
 
+/* Whether this build decodes exact values and cells. The smaller module of web pages does not: it
+   fails with REEL_INCOMPLETE, a `meshreel_code` of that module only, and the page loads the other. */
+#ifdef REEL_MESHES_ONLY
+#define REEL_IS_COMPLETE false
+#else
+#define REEL_IS_COMPLETE true
+#endif
+#define REEL_INCOMPLETE 100
+
 /* Memory from the host that is released together, last allocation first. */
 typedef struct reel_chunk reel_chunk;
 typedef struct {
@@ -38,6 +47,9 @@ int reel_fail(reel_call *call, int code, uint64_t offset, const char *message);
 
 /* Record MESHREEL_CORRUPT, and return it. */
 int reel_corrupt(reel_call *call, uint64_t offset, const char *message);
+
+/* Record REEL_INCOMPLETE, and return it. */
+int reel_incomplete(reel_call *call, uint64_t offset);
 
 /* Fill `error` with MESHREEL_INVALID before a call has begun, and return it. */
 int reel_invalid(meshreel_error *error, const char *message);

@@ -157,7 +157,7 @@ int reel_find_cell_graph(reel_call *call, reel_pool *pool, const reel_outline *o
 
 int reel_find_vertex_graph(reel_call *call, reel_pool *pool, const reel_outline *outline,
                            const reel_mesh_data *mesh, reel_graph *graph) {
-    return outline->n_cells
+    return reel_has_cells(outline)
                ? reel_find_cell_graph(call, pool, outline, mesh, false, graph)
                : reel_find_neighbors(call, pool, mesh->internal_faces, outline->n_faces,
                                      (uint32_t)outline->n_verts, graph);

@@ -77,6 +77,11 @@ int reel_read_segment(reel_call *call, reel_pool *pool, const reel_outline *file
 /* Count the leading sections with an id. Unless `payload` is NULL, set it to that of the last. */
 uint32_t reel_count_sections(const reel_outline *outline, uint32_t id, reel_range *payload);
 
+/* Whether the mesh is the surface of cells; a constant in builds without them. */
+REEL_INLINE bool reel_has_cells(const reel_outline *outline) {
+    return REEL_IS_COMPLETE && outline->n_cells;
+}
+
 /* Return the number of items in a meshreel_domain: vertices, faces, face corners or cells. */
 uint32_t reel_count_items(const reel_outline *outline, uint32_t domain);
 

@@ -75,6 +75,8 @@ static int parse(reel_call *call, meshreel_file *file) {
     REEL_CORRUPT_IF(file->outline.n_cells && has_other, file->outline.begin,
                     "cells come with faces, an edit, an order of vertices or a method of the "
                     "paper");
+    bool needs_all = file->outline.method == REEL_METHOD_LOSSLESS || file->outline.n_cells;
+    REEL_RETURN_IF(!REEL_IS_COMPLETE && needs_all, reel_incomplete(call, file->outline.begin));
     REEL_TRY(reel_read_tracks(call, &file->pool, &file->outline, &file->tracks));
     fill_info(file);
     fill_info_of_mesh(file);
@@ -360,11 +362,11 @@ static int read_mesh(reel_call *call, meshreel_file *file, reel_pool *pool) {
     int64_t stencil = 0;
     REEL_TRY(outline->edit.length
                  ? reel_read_edited_mesh(call, pool, outline, mesh)
-             : outline->n_cells ? reel_decode_cells(call, pool, outline, mesh)
-                                : reel_decode_connectivity(call, pool, outline, mesh));
+             : reel_has_cells(outline) ? reel_decode_cells(call, pool, outline, mesh)
+                                       : reel_decode_connectivity(call, pool, outline, mesh));
     REEL_TRY(reel_find_graph(call, pool, outline, mesh));
     REEL_TRY(reel_read_face_sizes(call, pool, outline, &file->faces));
-    if (outline->n_cells) {
+    if (reel_has_cells(outline)) {
         REEL_TRY(reel_order_cells(call, pool, outline, mesh));
         bool is_plain = outline->n_polygons == outline->n_faces;
         file->faces.sizes = is_plain ? NULL : (const uint32_t *)mesh->face_sizes;

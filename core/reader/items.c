@@ -146,7 +146,7 @@ int reel_find_items(reel_call *call, reel_pool *pool, const reel_faces *faces,
     if (domain == MESHREEL_VERTICES) {
         return MESHREEL_OK;
     }
-    if (domain == MESHREEL_CELLS) {
+    if (REEL_IS_COMPLETE && domain == MESHREEL_CELLS) {
         items->order = items->inverse = NULL;
         return reel_find_cell_graph(call, pool, outline, mesh, true, &items->graph);
     }

@@ -30,7 +30,7 @@ static void mean_of(const positions *p, const int32_t *vertices, int64_t n, doub
 static void find_points(const meshreel_file *file, const reel_track *track,
                         const reel_items *items, const int32_t *rows, const positions *p,
                         double *points) {
-    if (track->info.domain == MESHREEL_CELLS) {
+    if (REEL_IS_COMPLETE && track->info.domain == MESHREEL_CELLS) {
         const int32_t *nodes = (const int32_t *)file->mesh.cells.nodes;
         for (uint64_t i = 0; i < items->graph.n_items; i++) {
             int64_t size = reel_cell_size(file->mesh.cells.types[i]);

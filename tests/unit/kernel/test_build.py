@@ -125,7 +125,7 @@ def test_page_build_exports_the_public_header_and_imports_its_host(core):
     declared = (COMPILE.parent / "include" / "meshreel.h").read_text()
     declared += (COMPILE.parent / "reader" / "page.c").read_text()
     declared += (COMPILE.parent / "reel.h").read_text()  # of cells, which the page cuts
-    for name in core["PAGE_FUNCTIONS"]:
+    for name in core["PAGE_FUNCTIONS"] + core["CELL_FUNCTIONS"]:
         assert f" {name}(" in declared or f"*{name}(" in declared, name
 
 
