@@ -41,7 +41,7 @@ UNUSED = {"1H_Sword", "1H_Sword_Offhand"} | {
 """Nodes of the weapons that this animation does not use: the file shows all at once."""
 
 ROOT = Path(__file__).parents[1]
-PLAYER_SCRIPT = ROOT / "npm" / "dist" / "player.js"
+DIST = ROOT / "npm" / "dist"
 OUTPUT = ROOT / "docs" / "images" / "demo.webp"
 WIDTH, HEIGHT, FOOT = 640, 400, 64
 WIPE_SWING = 0.2
@@ -166,7 +166,9 @@ def main() -> None:
     page = PAGE.format(
         width=WIDTH, height=HEIGHT, players="".join(PLAYER.format(name=name) for name in streams)
     )
-    files = {"/index.html": page.encode(), "/player.js": PLAYER_SCRIPT.read_bytes()}
+    scripts = ("player.js", "reel.wasm", "reel_full.wasm")
+    files = {"/index.html": page.encode()}
+    files |= {f"/{name}": (DIST / name).read_bytes() for name in scripts}
     files |= {f"/{name}.reel": data for name, data in streams.items()}
     n_frames = knight.n_frames - 1  # the last repeats the first
     pictures = []

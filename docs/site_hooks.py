@@ -49,6 +49,9 @@ SCRIPTS = {
 }
 """Scripts of the elements that play animations, which `npm run build` makes."""
 
+MODULES = (ROOT / "npm/dist/reel.wasm", ROOT / "npm/dist/reel_full.wasm")
+"""The decoder, which the script of the package loads from its own folder."""
+
 COMMITTED_PAGE = ROOT / "src/meshreel/app/viewer/page/player.js"
 """The page of `meshreel view`, which defines <reel-player> too."""
 
@@ -63,7 +66,7 @@ def on_startup(command: str, dirty: bool) -> None:
     """Let `mkdocs serve` play with the committed page if the package is not built."""
     if command == "serve" and not all(script.is_file() for script in SCRIPTS.values()):
         SCRIPTS.clear()
-        SCRIPTS["reel-player"] = COMMITTED_PAGE
+        SCRIPTS["reel-player"] = COMMITTED_PAGE  # contains the decoder
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -71,10 +74,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for source, place in OUTSIDE.items():
         files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     contents = {f"{name}{shown.extension}": shown.data for name, shown in gallery().items()}
-    for script in SCRIPTS.values():
-        if not script.is_file():
-            raise PluginError(f"{script} is not built: npm ci && npm run build in npm/")
-        contents[script.name] = script.read_bytes()
+    modules = () if COMMITTED_PAGE in SCRIPTS.values() else MODULES
+    for path in (*SCRIPTS.values(), *modules):
+        if not path.is_file():
+            raise PluginError(f"{path} is not built: npm ci && npm run build in npm/")
+        contents[path.name] = path.read_bytes()
     for name, content in contents.items():
         files.append(File.generated(config, f"{PLAYER_FOLDER}/{name}", content=content))
     return files

@@ -23,7 +23,7 @@ PAGE = """<!doctype html>
 <style>
   reel-player:not(:defined) {{ display: block; aspect-ratio: 16 / 9; }}
 </style>
-<!-- Put the scripts in dist/ of the npm package meshreel next to this page. -->
+<!-- Put the files in dist/ of the npm package meshreel next to this page. -->
 <script type="module" src="player.js"></script>
 <reel-player src="{name}.reel" alt="{name}" autoplay loop camera-controls controls></reel-player>
 """

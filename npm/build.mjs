@@ -1,7 +1,7 @@
 // Builds the package and the page of `meshreel view` and `meshreel export`.
 //
-//     node build.mjs package         dist/: bundles with the C library as embedded WebAssembly, and types;
-//                                    and site/three_figure.js, for the gallery of the documentation
+//     node build.mjs package         dist/: bundles, the C library as WebAssembly, and types; and
+//                                    site/three_figure.js, for the gallery of the documentation
 //     node build.mjs page [FOLDER]   one HTML file with inline styles, and its script player.js; by
 //                                    default into src/meshreel/app/viewer/page, which is committed, so
 //                                    that installing meshreel does not need Node
@@ -22,23 +22,26 @@ import { minify } from "terser";
 const here = dirname(fileURLToPath(import.meta.url));
 const core = join(here, "../core");
 const dist = join(here, "dist");
-const wasm = join(here, "wasm/reel.wasm");
+const wasm = join(here, "wasm");
+/** Modules and their targets in core/compile.py: the decoder of meshes, and the complete one. */
+const MODULES = { "reel.wasm": "wasm-meshes", "reel_full.wasm": "wasm" };
 
 function run(command, ...args) {
   execFileSync(command, args, { cwd: here, stdio: "inherit" });
 }
 
-/** Return the bytes of the C library as WebAssembly; compiles it if a source is newer. */
+/** Compile the C library to WebAssembly in wasm/ if a source is newer. */
 function compileCore() {
   const sources = ["", "reader", "include"].flatMap((folder) =>
     readdirSync(join(core, folder)).map((file) => join(core, folder, file)),
   );
-  const isNewer = (file) => /\.([ch]|py)$/.test(file) && statSync(file).mtimeMs > statSync(wasm).mtimeMs;
-  if (!existsSync(wasm) || sources.some(isNewer)) {
-    mkdirSync(dirname(wasm), { recursive: true });
-    run(process.env.PYTHON ?? "python3", join(core, "compile.py"), "--target", "wasm", "-o", wasm);
+  mkdirSync(wasm, { recursive: true });
+  for (const [name, target] of Object.entries(MODULES)) {
+    const built = join(wasm, name);
+    const isNewer = (file) => /\.([ch]|py)$/.test(file) && statSync(file).mtimeMs > statSync(built).mtimeMs;
+    if (existsSync(built) && !sources.some(isNewer)) continue;
+    run(process.env.PYTHON ?? "python3", join(core, "compile.py"), "--target", target, "-o", built);
   }
-  return readFileSync(wasm);
 }
 
 /** Return bytes as a zlib stream in base64. */
@@ -47,8 +50,13 @@ async function pack(bytes) {
   return Buffer.from(packed).toString("base64");
 }
 
-/** Inserted into scripts. */
-const define = { WASM_MODULE: JSON.stringify(await pack(compileCore())) };
+compileCore();
+
+/** Inserted into scripts that contain the complete library. */
+const embedded = {
+  IS_EMBEDDED: "true",
+  WASM_MODULE: JSON.stringify(await pack(readFileSync(join(wasm, "reel_full.wasm")))),
+};
 
 /**
  * Shrink a bundled script further, smaller after gzip than with esbuild alone.
@@ -144,6 +152,14 @@ const ownRenderer = {
   },
 };
 
+/** Imports the script with the complete library only when it is needed. */
+const externalModule = {
+  name: "external module",
+  setup(bundler) {
+    bundler.onResolve({ filter: /^\.\/embedded_module\.js$/ }, ({ path }) => ({ path, external: true }));
+  },
+};
+
 const common = {
   bundle: true,
   minifySyntax: true, // `shrink` does the rest, but keeps comments for other bundlers
@@ -154,8 +170,10 @@ const common = {
   charset: "utf8",
   legalComments: "none",
   absWorkingDir: here,
-  define,
 };
+
+/** Options of scripts that load the library from files next to them. */
+const withFiles = { ...common, define: { IS_EMBEDDED: "false" } };
 
 const threeLicense = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
 const notice = `Shaders are derived from those of three.js.\n\n${threeLicense}`;
@@ -164,10 +182,16 @@ const notice = `Shaders are derived from those of three.js.\n\n${threeLicense}`;
 async function buildPackage() {
   rmSync(dist, { recursive: true, force: true });
   const decoder = await build({
-    ...common,
+    ...withFiles,
     entryPoints: ["src/index.ts"],
     outdir: dist,
-    plugins: [embedEngine(true)],
+    plugins: [embedEngine(true), externalModule],
+  });
+  const embeddedModule = await build({
+    ...common,
+    entryPoints: ["src/core/embedded_module.ts"],
+    outdir: dist,
+    define: embedded,
   });
   const three = await build({
     ...common,
@@ -180,14 +204,14 @@ async function buildPackage() {
   });
   // For pages without a bundler: one script with the decoder and a renderer.
   const player = await build({
-    ...common,
+    ...withFiles,
     minifyIdentifiers: true,
     entryPoints: ["src/player/index.ts"],
     outfile: join(dist, "player.js"),
-    plugins: [embedEngine(false), ownRenderer, shrinkTexts],
+    plugins: [embedEngine(false), ownRenderer, shrinkTexts, externalModule],
   });
   const scripts = ({ metafile }) => Object.keys(metafile.outputs).filter((file) => file.endsWith(".js"));
-  const modules = [decoder, three].flatMap(scripts);
+  const modules = [decoder, embeddedModule, three].flatMap(scripts);
   const files = [...modules, ...scripts(player)];
   for (const file of files) await shrinkFile(join(here, file), modules.includes(file));
   // Before the address of the source map, which must come last.
@@ -202,12 +226,12 @@ async function buildPackage() {
   copyFileSync(join(here, "src/player/jsx.d.ts"), join(dist, "player/jsx.d.ts"));
   writeFileSync(join(dist, "player/jsx.js"), "export {};\n");
   copyFileSync(join(here, "../THIRD_PARTY_LICENSES.md"), join(dist, "THIRD_PARTY_LICENSES.md"));
+  for (const name of Object.keys(MODULES)) copyFileSync(join(wasm, name), join(dist, name));
   writeFileSync(join(dist, "built"), ""); // marks a complete build
 
-  for (const file of files) {
+  for (const file of [...files, ...Object.keys(MODULES).map((name) => join("dist", name))]) {
     const bytes = readFileSync(join(here, file));
-    const packed = gzipSync(bytes, { level: 9 }).length;
-    console.log(`${file}: ${bytes.length} bytes, ${packed} after gzip`);
+    console.log(`${file}: ${bytes.length} bytes, ${gzipSync(bytes, { level: 9 }).length} after gzip`);
   }
 }
 
@@ -221,6 +245,7 @@ async function buildFigure() {
     entryPoints: ["site/three_figure.ts"],
     outdir: "site",
     plugins: [embedEngine(false)],
+    define: embedded,
   });
 }
 
@@ -232,6 +257,7 @@ async function bundleForPage(options) {
     minifyIdentifiers: true,
     write: false,
     plugins: [embedEngine(false), ownRenderer, shrinkTexts],
+    define: embedded,
     ...options,
   });
   for (const input of Object.keys(result.metafile.inputs)) {

@@ -46,6 +46,27 @@ test("positions and tracks of every stream are right", async () => {
   }
 });
 
+test("the module for meshes decodes the same values, or asks for the other module", async () => {
+  for (const name of PLAYED) {
+    const { method, cells, tracks = [], ...expected } = expectedOf(name);
+    const hashOrLack = async (track) => {
+      try {
+        return await framesHash(await openEngine(internals, streamBytes(name), { module: "reel.wasm" }), track);
+      } catch (error) {
+        return error.name;
+      }
+    };
+    const hashes = [expected["hash of positions"], ...tracks.map((track) => track["hash of values"])];
+    const results = await Promise.all(hashes.map((_, track) => hashOrLack(track)));
+    const lacks = results.map((result) => result === "IncompleteModule");
+    assert.deepEqual(results.filter((_, i) => !lacks[i]), hashes.filter((_, i) => !lacks[i]), name);
+    if (method === "lossless" || cells) assert.ok(lacks.every(Boolean), name);
+    else if (method === "reel") assert.ok(!lacks[0], name);
+    if (/^exact_/.test(name)) assert.ok(lacks.at(-1), name);
+    if (["tracks", "normals"].includes(name)) assert.ok(!lacks.some(Boolean), name);
+  }
+});
+
 test("surfaces of every stream are right", async () => {
   for (const name of PLAYED) {
     const expected = expectedOf(name);

@@ -40,9 +40,9 @@ window.fetch = async (...what) => {
   return given(...what);
 };
 const wait = window.setTimeout;
-window.setTimeout = (run, ms, ...more) => wait(run, Math.min(ms, 50), ...more);
+window.setTimeout = (run, ms, ...more) => wait(run, window.isCut ? Math.min(ms, 50) : ms, ...more);
 """
-"""Without a network once `isCut` is true; pauses before further attempts are short."""
+"""Without a network once `isCut` is true; pauses before further attempts are then short."""
 
 
 @pytest.fixture(scope="module")

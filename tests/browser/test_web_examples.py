@@ -47,9 +47,10 @@ def pages(data, tmp_path_factory):
 
 
 def plain():
+    built = [path for path in built_package().iterdir() if path.suffix in (".js", ".wasm")]
     return {
         **three_files((EXAMPLES / "plain" / "index.html").read_text("utf-8")),
-        **{f"/meshreel/{path.name}": path.read_bytes() for path in DIST.glob("*.js")},
+        **{f"/meshreel/{path.name}": path.read_bytes() for path in built},
     }
 
 
@@ -79,7 +80,8 @@ def test_example_plays_in_firefox(pages, data, name):
 
 def test_a_plain_mesh_needs_no_script_of_textures_or_tracks(new_page, pages, data):
     chunks = re.findall(r"three_chunk\w+", pages("plain")["/meshreel/three.js"].decode())
-    needed = {f"/meshreel/{name}.js" for name in ("index", "three", *chunks)}
+    names = ["reel.wasm", *(f"{name}.js" for name in ("index", "three", *chunks))]
+    needed = {f"/meshreel/{name}" for name in names}
     files = {
         path: body
         for path, body in pages("plain").items()
@@ -114,10 +116,10 @@ def test_the_example_with_the_element_plays(new_page, data):
     files = {
         "/index.html": (PACKAGE / "examples" / "element" / "index.html").read_bytes(),
         "/flag.reel": data,
-        "/meshreel/player.js": (DIST / "player.js").read_bytes(),  # no other file
+        **{f"/meshreel/{name}": (DIST / name).read_bytes() for name in ("player.js", "reel.wasm")},
     }
     with serving(files) as (url, _):
         page = new_page(f"{url}/index.html", width=640, height=400, is_shown=False)
         player = "document.querySelector('reel-player')"
         page.wait_for_function(f"{player}.mesh?.frame > 3", timeout=PATIENCE_MS)
-        assert not page.evaluate(f"{player}.paused")
+        assert not page.evaluate(f"{player}.paused")  # no other file was needed

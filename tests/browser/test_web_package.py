@@ -90,6 +90,27 @@ def test_positions_and_tracks_of_streams_match(new_page, policy, is_in_worker):
     assert result == stored_hashes(files, is_in_worker=is_in_worker)
 
 
+@pytest.mark.parametrize(
+    ("more", "loaded"),
+    [
+        ("connect-src *", ["index.js", "reel.wasm", "reel_full.wasm"]),
+        ("connect-src 'self'", ["embedded_module.js", "index.js"]),
+    ],
+)
+def test_decoder_of_another_origin_is_loaded_as_the_policy_allows(new_page, more, loaded):
+    files = dict([*stored_streams().items()][::9])
+    names = [path[1:-5] for path in files]
+    with serving({}, {"Access-Control-Allow-Origin": "*"}) as (host, _):
+        policy = f"{WITHOUT_WORKERS} {host}; worker-src blob:; {more}"
+        with serving(files, {POLICY: policy}) as (url, _):
+            page = new_page(url, is_shown=False)
+            seen = []
+            page.on("requestfinished", lambda request: seen.append(request.url))
+            result = page.evaluate(HASHES.replace('"/dist', f'"{host}/dist'), names)
+    assert result == stored_hashes(files, is_in_worker=True)
+    assert sorted(path[len(f"{host}/dist/") :] for path in seen if path.startswith(host)) == loaded
+
+
 def test_positions_and_tracks_match_in_firefox():
     files = stored_streams()
     script = f"""

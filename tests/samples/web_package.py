@@ -88,6 +88,7 @@ def serving(files, headers=None, posted=None):
         def answer(self, path, body):
             kinds = {
                 ".js": "text/javascript",
+                ".wasm": "application/wasm",
                 ".reel": "application/octet-stream",
                 ".webm": "video/webm",
                 ".mp4": "video/mp4",

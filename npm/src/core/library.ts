@@ -15,7 +15,7 @@ import { Struct } from "./struct.js";
 const ABI = 1;
 
 const ERROR_BYTES = 32;
-const [NO_MEMORY, UNREADABLE, LIMIT] = [1, 7, 9];
+const [NO_MEMORY, UNREADABLE, LIMIT, INCOMPLETE] = [1, 7, 9, 100];
 
 /** Error classes of the other values of `meshreel_code`; default: InvalidInputError. */
 const ERROR_CLASSES = new Map([
@@ -101,6 +101,11 @@ export class MissingBytes extends Error {
   ) {
     super(`bytes ${start} to ${end} are missing`);
   }
+}
+
+/** Thrown by the module that decodes only meshes, when a file needs the other. */
+export class IncompleteModule extends Error {
+  override name = "IncompleteModule";
 }
 
 /** An instance of the C library; serves one file. */
@@ -198,6 +203,7 @@ export class Library {
         );
       }
       if (code === NO_MEMORY) throw outOfMemory(size);
+      if (code === INCOMPLETE) throw new IncompleteModule();
       const place = offset < 2 ** 53 ? ` (byte ${offset})` : "";
       throw new (ERROR_CLASSES.get(code) ?? InvalidInputError)(fields.cString() + place);
     });

@@ -53,7 +53,7 @@ export type CallMessage = {
 
 /** Messages to an engine. */
 export type ToEngine =
-  /** The compiled library; sent before all calls. */
+  /** The compiled library; sent before all calls, and again when a file needs the full one. */
   | { readonly module: WebAssembly.Module }
   | CallMessage
   /** Cancels the call of this id. */

@@ -26,6 +26,7 @@ export function start(port: Port): void {
   let nReads = 0;
   let library: Promise<Library>;
   let file: SegmentsEngine | null = null;
+  let parameters: Calls["open"] | null = null;
   let opening = new Ranges(); // bytes of a file that is not open yet
   let lastEngine: Engine | null = null;
   let queue: Promise<void> = Promise.resolve();
@@ -50,12 +51,15 @@ export function start(port: Port): void {
 
   const execute = async ({ call, args }: CallMessage, signal: AbortSignal) => {
     if (call === "ranges") return file ? file.ranges() : opening.list();
-    if (call === "open" && !file) {
+    if (call === "open" && !parameters) {
+      parameters = args;
       opening = new Ranges(args.ranges);
-      file = await SegmentsEngine.open(await library, opening, read, args, signal);
+    }
+    if (!file) {
+      file = await SegmentsEngine.open(await library, opening, read, parameters!, signal);
       opening = new Ranges();
     }
-    const opened = file as SegmentsEngine;
+    const opened = file;
     if (call === "segments") return opened.segments;
     const engine = (lastEngine = await opened.segment((args as Calls["open"]).segment, signal));
     if (call === "open") {
@@ -85,6 +89,9 @@ export function start(port: Port): void {
 
   port.onmessage = ({ data }: MessageEvent<ToEngine>) => {
     if ("module" in data) {
+      // The next call opens the file again, with this module.
+      opening = file ? new Ranges(file.ranges()) : opening;
+      file = lastEngine = null;
       library = Library.instantiate(data.module);
       library.catch(() => {}); // reported when the file is opened
     } else if ("cancel" in data) {

@@ -1,6 +1,5 @@
 // The engines of an open file.
 
-import { loadModule } from "../core/module.js";
 import type { Calls, Results } from "../engine/messages.js";
 import { findReel } from "../source/mp4.js";
 import { openSource } from "../source/open.js";
@@ -40,7 +39,7 @@ export class FileEngines {
     const finding = opening.then((file) => findReel(file, options.signal));
     const engine = new RemoteEngine(finding, options.worker ?? true);
     try {
-      const [source] = await Promise.all([finding, engine.sendModule(loadModule())]);
+      const [source] = await Promise.all([finding, engine.sendModule(false)]);
       const engines = new FileEngines(engine, source, options);
       return { engines, opened: await engines.openSegment(segment, options.signal) };
     } catch (error) {
@@ -82,7 +81,7 @@ export class FileEngines {
     const ranges = await this.positions.call("ranges", {});
     const engine = new RemoteEngine(Promise.resolve(this.source), this.options.worker ?? true);
     try {
-      await engine.sendModule(loadModule());
+      await engine.sendModule(this.positions.isFull);
       await engine.call("open", { ...this.parameters(segment), ranges });
       return engine;
     } catch (error) {

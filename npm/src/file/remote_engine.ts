@@ -1,5 +1,6 @@
 // Client of an engine that runs in a worker, or on this thread if workers are unavailable.
 
+import { loadModule } from "../core/module.js";
 import {
   type Results,
   type Calls,
@@ -36,6 +37,7 @@ export class RemoteEngine {
   private hasResponded = false;
   private closed: unknown = null;
   private module: WebAssembly.Module | null = null;
+  private fullModule: Promise<void> | null = null;
 
   /**
    * @param source - The bytes to decode.
@@ -55,14 +57,37 @@ export class RemoteEngine {
     return this.connection.isWorker;
   }
 
+  /** Whether the engine has the full module. */
+  get isFull(): boolean {
+    return this.fullModule !== null;
+  }
+
   /** Send the compiled library to the engine. */
-  async sendModule(loading: Promise<WebAssembly.Module>): Promise<void> {
-    this.module = await loading;
+  async sendModule(isFull: boolean): Promise<void> {
+    this.module = await loadModule(isFull);
     if (!this.closed) this.post({ module: this.module });
   }
 
-  /** Call the engine and return the result; the signal cancels the call. */
+  /** Call the engine and return the result; the signal cancels the call. Loads the full module if needed. */
   async call<Name extends keyof Calls>(
+    call: Name,
+    args: Calls[Name],
+    signal?: AbortSignal,
+  ): Promise<Results[Name]> {
+    try {
+      return await this.callOnce(call, args, signal);
+    } catch (error) {
+      if ((error as Error).name !== "IncompleteModule") throw error;
+    }
+    this.fullModule ??= this.sendModule(true).catch((error: unknown) => {
+      this.fullModule = null; // the next call tries again
+      throw error;
+    });
+    await this.fullModule;
+    return this.callOnce(call, args, signal);
+  }
+
+  private async callOnce<Name extends keyof Calls>(
     call: Name,
     args: Calls[Name],
     signal?: AbortSignal,

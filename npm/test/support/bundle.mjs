@@ -24,9 +24,9 @@ export async function loadInternals() {
   }
 }
 
-/** Instantiate the built module. */
-export function newLibrary(Library) {
-  return Library.instantiate(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm/reel.wasm"))));
+/** Instantiate a built module; the default one decodes everything. */
+export function newLibrary(Library, name = "reel_full.wasm") {
+  return Library.instantiate(new WebAssembly.Module(readFileSync(join(PACKAGE, "wasm", name))));
 }
 
 /** Open an engine for bytes in memory. */
@@ -39,14 +39,14 @@ export async function openEngine(internals, bytes, options) {
 export async function openSegments(
   { SegmentsEngine, Ranges, Library },
   bytes,
-  { memory = 2 ** 31, segment = null } = {},
+  { memory = 2 ** 31, segment = null, module = undefined } = {},
 ) {
   const reads = [];
   const read = async (start, end) => {
     reads.push([start, end]);
     return bytes.slice(start, end);
   };
-  const library = await newLibrary(Library);
+  const library = await newLibrary(Library, module);
   const { signal } = new AbortController();
   const parameters = { size: bytes.length, hasRanges: true, memory };
   const file = await SegmentsEngine.open(library, new Ranges(), read, parameters, signal);
