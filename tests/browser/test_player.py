@@ -214,7 +214,7 @@ def test_legend_shows_ends_and_ticks(compared):
         assert (np.abs(shown - color).max(axis=2) < 12).sum() > 5
     assert "% of the diagonal" in bar.inner_text()
     first, last, *ticks = bar.locator(".values span").all_inner_texts()
-    assert first == "0 %"
+    assert first == "0"
     label = bar.get_attribute("aria-label")
     assert re.search(rf"from 0 % to {last}$", label)
     largest = float(re.fullmatch(r"(?:≥ )?([\d.]+) %", last)[1])
@@ -367,6 +367,7 @@ def test_views_of_a_tall_figure_that_walks_are_side_by_side(new_page, tmp_path):
         assert page.get_by_label("Keep the mesh in the middle").is_checked()
         decoded, original = (label.bounding_box() for label in page.locator("#labels span").all())
         assert decoded["y"] == original["y"]
+        assert decoded["y"] + decoded["height"] <= page.locator("canvas").bounding_box()["y"]
 
 
 def test_views_share_a_camera(own_compared):

@@ -1,5 +1,7 @@
 """The element <reel-player> in a real browser."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -573,6 +575,55 @@ def test_a_track_colors_the_mesh_with_a_legend(shown):
     page.evaluate("player.track = null")
     until(page, f"{LEGEND}.hidden")
     assert page.evaluate("player.error") is None
+
+
+CONTROL_NAMES = ("Play", "Time", "Unmute", "Full screen")
+CONTROLS = """[...player.shadowRoot.querySelectorAll(".bar > *")].filter((one) => one.offsetWidth)
+    .map((one) => [one, one.getBoundingClientRect(), player.getBoundingClientRect()])"""
+
+
+@pytest.mark.parametrize(("width", "n_controls"), [(200, 4), (120, 3), (320, 4)])
+def test_every_control_of_a_small_player_works(shown, width, n_controls):
+    attributes = 'src="/sheet.reel" texture="/walk.webm" muted controls'
+    page = shown(f"<reel-player {attributes}></reel-player>")
+    size = f"{{ width: '{width}px', height: '180px', aspectRatio: 'auto' }}"
+    page.evaluate(f"Object.assign(player.style, {size})")
+    settled(page)
+    until(page, "player.mesh.video")
+    is_inside = "box.left >= all.left && box.right <= all.right && box.bottom <= all.bottom"
+    assert page.evaluate(f"{CONTROLS}.every(([, box, all]) => {is_inside})")
+    bar = page.locator(".bar")
+    controls = [one for one in CONTROL_NAMES if bar.get_by_label(one, exact=True).is_visible()]
+    assert len(controls) == n_controls
+    bar.get_by_label("Play", exact=True).click()
+    until(page, "!player.paused")
+    bar.get_by_label("Unmute", exact=True).click()
+    assert page.evaluate("!player.muted")
+    if "Time" in controls:
+        page.evaluate("player.pause()")
+        bar.get_by_label("Time", exact=True).click()
+        until(page, "Math.abs(player.mesh.frame / player.mesh.nFrames - 0.5) < 0.25")
+    bar.get_by_label("Full screen", exact=True).click()
+    until(page, "document.fullscreenElement === player")
+
+
+@pytest.mark.parametrize("width", [200, 390])
+def test_legend_of_a_small_player_covers_nothing_and_has_one_line(shown, width):
+    attributes = 'src="/stress.reel" track="stress" track-range="-0.00123:400" controls'
+    page = shown(f"<reel-player {attributes}></reel-player>")
+    page.evaluate(f"player.style.width = '{width}px'")
+    settled(page)
+    until(page, f"!{LEGEND}.hidden")
+    part = "player.shadowRoot.querySelector('{}').getBoundingClientRect().toJSON()".format
+    legend, canvas, bar = (page.evaluate(part(name)) for name in (".legend", "canvas", ".bar"))
+    assert canvas["bottom"] <= legend["top"] <= legend["bottom"] <= bar["top"]
+    assert legend["height"] < 32
+    assert canvas["height"] > 32
+    first, last = (f".values :nth-child({i})" for i in (1, 2))
+    assert text_of(page, last) == "400 Pa"
+    places = [page.evaluate(part(name)) for name in (first, ".colors", last)]
+    assert all(left["right"] < right["left"] for left, right in pairwise(places))
+    assert places[-1]["right"] <= legend["right"] - 8
 
 
 def test_removed_players_release_everything(shown):

@@ -53,7 +53,7 @@ export function connectControls(
     comparison?.update();
     tracks.update(player.frame, player.isPlaying);
     legend.show(comparison?.legendContent ?? tracks.legendContent);
-    labels.update(picture.look.arrangement, view.isPortrait, player.isTrackMissing);
+    labels.update(view.canvas, picture.look.arrangement, view.isPortrait, player.isTrackMissing);
   };
   return tracks;
 }

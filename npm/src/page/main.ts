@@ -14,7 +14,7 @@ async function start(): Promise<void> {
   });
   view.camera.zoomsAlways = true;
   bar.isDetailed = true;
-  bar.element.before(legend.element);
+  legend.element.classList.add("strip");
   const loading = loadFacts();
   const [facts] = await Promise.all([loading, openInPlayer(player, loading)]);
   document.title = `${facts.name} – meshreel`;

@@ -387,9 +387,9 @@ export class ReelPlayerElement extends PlayerAttributes {
     poster.alt = "";
     const messages = new Messages(() => this.#retry());
     const legend = new Legend();
-    overlay.before(poster, legend.element, start.element);
+    overlay.before(poster, start.element);
     overlay.after(messages.waiting, messages.alert);
-    this.#stage.append(picture, bar.element);
+    this.#stage.append(picture, legend.element, bar.element);
     const frame = (isFollowed: boolean | null): boolean => {
       this.#isFollowed = isFollowed;
       return !!this.#mesh && !!this.#settings && this.#frameModel(this.#settings);

@@ -67,11 +67,11 @@ export class Legend {
     this.#bar.hidden = this.#values.hidden = range === null;
     if (!range || !colors) return this.element.setAttribute("aria-label", `Colors: ${text}`);
     this.#bar.style.backgroundImage = `linear-gradient(to right, ${colors})`;
-    const ends = range.map((end) => withUnit(formatNumber(end, 3), unit));
-    if (isClipped) ends[1] = `≥ ${ends[1]}`;
-    ends.forEach((end, i) => (this.#ends[i].textContent = end));
+    const [low, high] = range.map((end) => formatNumber(end, 3));
+    const last = withUnit(isClipped ? `≥ ${high}` : high, unit);
+    [low, last].forEach((end, i) => (this.#ends[i].textContent = end));
     const noteText = note ? `; ${note}` : "";
-    this.element.setAttribute("aria-label", `Colors: ${title} from ${ends.join(" to ")}${noteText}`);
+    this.element.setAttribute("aria-label", `Colors: ${title} from ${withUnit(low, unit)} to ${last}${noteText}`);
     this.#placeTicks();
   }
 

@@ -89,11 +89,12 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   line-height: 1.4;
   color: var(--ink);
   background: var(--panel);
+  border-bottom: 1px solid #88888840;
 }
 .legend span { display: block; overflow-wrap: anywhere; }
 .legend .colors { height: 10px; margin: 4px 0 2px; border-radius: 2px; forced-color-adjust: none; }
-.legend .values { position: relative; display: flex; justify-content: space-between; gap: 8px; }
-.legend .tick { position: absolute; transform: translateX(-50%); white-space: nowrap; }
+.legend .values { position: relative; display: flex; justify-content: space-between; gap: 8px; white-space: nowrap; }
+.legend .tick { position: absolute; transform: translateX(-50%); }
 .legend .tick::before {
   content: "";
   position: absolute;
@@ -102,24 +103,42 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
   height: 4px;
   border-left: 1px solid;
 }
+.legend.strip :is(.colors, .values) { max-width: 320px; }
+@container (min-width: 520px) {
+  .legend:not(.strip) {
+    position: absolute;
+    left: 12px;
+    top: 12px;
+    width: clamp(110px, 34%, 180px);
+    min-width: min-content;
+    border: 0;
+    border-radius: 6px;
+    pointer-events: none;
+  }
+}
 @container (max-width: 519px) {
   .bar:not(.detailed) :is(.step, .speed) { display: none; }
+  .legend:not(.strip) { display: flex; align-items: center; gap: 8px; padding-block: 4px; white-space: nowrap; }
+  .legend:not(.strip) .title { overflow: hidden; text-overflow: ellipsis; }
+  .legend:not(.strip) .colors { flex: 1 0 32px; margin: 0; }
+  .legend:not(.strip) .values { display: contents; }
+  .legend:not(.strip) .values :first-child { order: -1; }
+  .legend:not(.strip) .title { order: -2; }
+  .legend:not(.strip) .tick { display: none; }
+}
+@container (max-width: 319px) {
+  .bar:not(.detailed) { flex-wrap: wrap; gap: 2px; height: auto; padding-inline: 4px; }
+  .bar:not(.detailed) .text, .legend:not(.strip) .title:has(+ :not([hidden])) { display: none; }
+  .bar:not(.detailed) .time { margin: 0 2px; }
+}
+@container (max-width: 139px) {
+  .bar:not(.detailed) .time { display: none; }
 }
 @container (max-width: 729px) {
   .bar.detailed { flex-wrap: wrap; gap: 0; justify-content: space-between; height: auto; }
   .bar.detailed :is(.time, .text) { order: -2; }
   .bar.detailed::before { content: ""; order: -1; width: 100%; }
 }
-.picture > .legend {
-  position: absolute;
-  left: 12px;
-  top: 12px;
-  width: clamp(110px, 34%, 180px);
-  border-radius: 6px;
-  pointer-events: none;
-}
-.stage > .legend { border-bottom: 1px solid #88888840; }
-.stage > .legend :is(.colors, .values) { max-width: 320px; }
 .start {
   position: absolute;
   inset: 0;
@@ -160,6 +179,7 @@ svg { display: block; width: 24px; height: 24px; fill: currentColor; }
 @keyframes turn { to { rotate: 1turn; } }
 .alert:not(:empty) {
   position: absolute;
+  z-index: 1; /* over the legend */
   top: 12px;
   left: 12px;
   right: 12px;
