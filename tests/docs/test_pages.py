@@ -18,6 +18,7 @@ from samples.pages import PAGES, README, ROOT, name_of, parts_of, prose, snippet
 
 COMMANDS = {name: command_named(name) for name in NAMES}
 LANGUAGES = {"bash", "c", "cpp", "csharp", "html", "css", "js", "python", "text", "tsx"}
+RUNNER = r"(?:uvx|pipx run)(?: --\w+ \S+)?\s+"
 OPEN = {"component"}
 """Parameters that also accept values that shell completion does not list."""
 DEVELOPMENT = {"core", "docs", "lint", "test", "test-all", "verify"}
@@ -26,15 +27,15 @@ every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
 def commands_of(page):
-    """Yield the words of all `meshreel` commands, in snippets and prose."""
+    """Yield the words of all `meshreel` commands, in snippets and prose, also those of uvx and pipx."""
     lines = [
         line
         for snippet in snippets(page)
         if snippet.language == "bash"
         for line in snippet.command_lines
     ]
-    inline = re.findall(r"`(meshreel [^`]+)`", prose(page))
-    for line in [*lines, *inline]:
+    inline = re.findall(rf"`((?:{RUNNER})?meshreel [^`]+)`", prose(page))
+    for line in [re.sub(f"^{RUNNER}", "", line) for line in [*lines, *inline]]:
         for words in parts_of(line):
             if words[0] == "meshreel":
                 yield words[1:]

@@ -106,7 +106,7 @@ def test_snippets_that_do_not_run_state_their_requirements():
     assert skipped
     known = (
         r"Blender|Houdini|Maya|ParaView|LS-DYNA|solver|three\.js|npm|Dask|PyTorch|bucket|checkout|"
-        r"capture|xarray"
+        r"capture|xarray|pipx|\buv\b"
     )
     for snippet in skipped:
         assert re.search(known, snippet.needs), snippet.text
