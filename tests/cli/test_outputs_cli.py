@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 
 import meshreel
-from meshreel.formats.options import WriteOptions
-from meshreel.operations.rigs import sizes_of_alternatives
-from meshreel.runtime.progress import silent
 from samples.commands import assert_fails, run, run_json, run_ok
 from samples.meshes import waving_grid
 
@@ -184,7 +181,7 @@ def test_convert_writes_the_same_stream_as_encode(folder, options):
 
 
 @pytest.mark.parametrize("source", ["walk.npz", "walk.reel"])
-def test_rig_is_shown_with_its_errors_parts_and_alternatives(folder, source):
+def test_rig_is_shown_with_its_errors_and_parts(folder, source):
     command = "decode" if source.endswith(".reel") else "convert"
     options = ["-o", "rig.glb", "--rig", 4, "--max-error", 5, "--kg", 5]
     figures = run_json(command, source, *options, "--force", cwd=folder)
@@ -194,28 +191,9 @@ def test_rig_is_shown_with_its_errors_parts_and_alternatives(folder, source):
     errors = meshreel.compare(meshreel.load(folder / source), meshreel.load(folder / "rig.glb"))
     assert figures["rig"]["kg_percent"] == pytest.approx(errors.kg_error_percent, abs=1e-3)
     assert figures["rig"]["n_bones"] <= 4
-    run(command, source, *options[:2], "--max-error", 5, "--force", cwd=folder)
-    alternatives = figures["alternatives_bytes"]
-    assert alternatives.pop("morph targets") == (folder / "rig.glb").stat().st_size
-    if command == "decode":
-        assert alternatives == {".reel (input)": (folder / source).stat().st_size}
-    else:
-        stream = meshreel.encode(meshreel.load(folder / source), kg=5)
-        assert alternatives == {".reel": len(stream)}
     done = run(command, source, *options, "--force", cwd=folder)
-    for row in ("KG error", "largest error", "normal error", "as morph targets", "as .reel"):
+    for row in ("KG error", "largest error", "normal error"):
         assert row in done.stdout
-
-
-def test_morph_targets_that_miss_the_bound_of_a_rig_are_not_compared(tmp_path):
-    sequence, rig = (
-        waving_grid(3, dtype=np.float64),
-        {"bounds_percent": {"largest": 1e-12, "kg": 1}},
-    )
-    arguments = range(3), tmp_path / "a.glb", WriteOptions(rig=True), rig, silent
-    assert sizes_of_alternatives(sequence, *arguments).keys() == {".reel"}
-    rig["bounds_percent"]["largest"] = 1.0
-    assert sizes_of_alternatives(sequence, *arguments).keys() == {"morph targets", ".reel"}
 
 
 def test_convert_prints_error_and_bound_of_a_stream(folder):

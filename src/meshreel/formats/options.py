@@ -236,8 +236,9 @@ class WriteOptions:
         Option(
             "Move the mesh by at most this many bones, and by corrective morph targets where bones "
             f"do not suffice, so that {{max_error}} (default {DEFAULT_LARGEST_PERCENT:g} %) and "
-            f"{{kg}} hold. Without a number: {MAX_BONES}.",
-            range=Range(1, MAX_BONES, is_whole=True),
+            f"{{kg}} hold. Without a number: {MAX_BONES}; 0: only morph targets. Default: glTF "
+            "with {max_error} gets whichever is smaller.",
+            range=Range(0, MAX_BONES, is_whole=True),
             implied=MAX_BONES,
             metavar="[BONES]",
             group=RIGS,

@@ -1,6 +1,6 @@
 """Saving of sequences and of streamed frames in any format."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, output_format_of
-from meshreel.formats.rigs import FittedRig
+from meshreel.formats.rigs import RigFit
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image
@@ -50,7 +50,7 @@ def save_part(
     progress: Progress = silent,
     notes: Notes | None = None,
     figures: dict[str, Any] | None = None,
-    fit_rig: Callable[[SegmentedStream, WriteOptions], FittedRig] | None = None,
+    fit_rig: RigFit | None = None,
 ) -> list[Path]:
     """Save a range of frames; return the written files. See `meshreel.save`.
 
@@ -65,7 +65,7 @@ def save_part(
     figures : dict of str to any, optional
         Receives the sizes of a rig, which otherwise are notes.
     fit_rig : callable, optional
-        Returns the rig of a stream, which takes long; required if the options request one.
+        As of `SegmentedStream`; required if the options request a rig.
     sequence, output, overwrite, options, progress, notes
         As in `meshreel.save`.
 
@@ -90,8 +90,9 @@ def save_part(
     surfaces = (mesh.surface for mesh in stream.meshes())
     reencode = reencode_images(surfaces, options.images, options.max_image, stream.notes)
     stream = stream.map_segments(lambda mesh: replace(mesh, surface=reencode(mesh.surface)))
+    stream.fit_rig = fit_rig
     if options.rig and fit_rig is not None:
-        stream.rig = fit_rig(stream, options)
+        stream.rig = fit_rig(stream, options, None)
     return _save(stream, paths, output, overwrite=overwrite, options=options)
 
 

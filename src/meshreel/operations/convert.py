@@ -36,7 +36,7 @@ from meshreel.operations.registering import (
     open_part,
     register_frames,
 )
-from meshreel.operations.rigs import fit_rig, sizes_of_alternatives
+from meshreel.operations.rigs import fit_rig
 from meshreel.registration.options import RegisterOptions
 from meshreel.runtime.extras import require
 from meshreel.runtime.outputs.atomic import replace_when_done
@@ -116,10 +116,6 @@ class Target:
             overwrite=self.overwrite, start_number=self._number(frames, first), inputs=inputs,
             options=self.options, progress=progress, notes=notes, figures=figures, fit_rig=fit_rig,
         )  # fmt: skip
-        if "rig" in figures:
-            figures["alternatives_bytes"] = sizes_of_alternatives(
-                sequence, frames, paths[0], self.options, figures["rig"], progress
-            )
         return Written(paths, sequence, len(frames), figures=figures)
 
     def _number(self, frames: range, first: int) -> int | None:

@@ -1,36 +1,26 @@
 """Rigs of the frames to write, and the sizes of other files to compare them with."""
 
-from contextlib import suppress
 from dataclasses import asdict, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from meshreel.codec.encoder import encode
-from meshreel.codec.reel_file import ReelFile
-from meshreel.errors import ConnectivityChangeError, Keyword, MeshReelError
+from meshreel.errors import ConnectivityChangeError, InvalidInputError, Keyword
 from meshreel.formats.error_budget import requested_budget
 from meshreel.formats.frames.frame_stream import SegmentedStream
 from meshreel.formats.options import WriteOptions
 from meshreel.formats.rigs import FittedRig
-from meshreel.formats.save import save_part
 from meshreel.model.notes import Notes, written_times
 from meshreel.model.rig import Rig
 from meshreel.model.rig_bounds import Bounds
-from meshreel.rigging.fitting import bounds_of, fit_sequence
+from meshreel.rigging.fitting import bounds_of, fit_sequence, suffices_for_sample
 from meshreel.runtime.counting import counted
-from meshreel.runtime.progress import Progress
-
-if TYPE_CHECKING:
-    from meshreel.formats.options import AnySource
-
-GLTF = (".glb", ".gltf")
 
 
-def fit_rig(stream: SegmentedStream, options: WriteOptions) -> FittedRig:
-    """Return a rig of a stream within the error bounds of the options, and report its errors.
+def fit_rig(
+    stream: SegmentedStream, options: WriteOptions, max_bones: int | None
+) -> FittedRig | None:
+    """Fit a rig as `RigFit` describes.
 
     Raises
     ------
@@ -54,13 +44,16 @@ def fit_rig(stream: SegmentedStream, options: WriteOptions) -> FittedRig:
     )
     _, budget = requested_budget(low, high, options, bounds.largest, consumer="the rig")
     bounds = replace(bounds, largest=100 * budget.max_added / (diagonal or 1.0))
-    rig = fit_sequence(
-        gathered,
-        written_times(stream.timing, stream.n_frames, Notes()),
-        bones=None if options.rig is True else options.rig,
-        bounds=bounds,
-        progress=stream.progress,
-    )
+    bones = max_bones if options.rig is True or not options.rig else options.rig
+    if max_bones is not None and not suffices_for_sample(gathered, bounds, max_bones):
+        return None
+    times_s = written_times(stream.timing, stream.n_frames, Notes())
+    try:
+        rig = fit_sequence(gathered, times_s, bones=bones, bounds=bounds, progress=stream.progress)
+    except InvalidInputError:
+        if max_bones is None:
+            raise
+        return None
     stream.report({"rig": rig_figures(rig, bounds)}, describe_rig(rig))
     largest = rig.errors.largest_percent / 100 * diagonal
     stream.notes += budget.describe(largest)
@@ -86,40 +79,3 @@ def describe_rig(rig: Rig) -> str:
         f"{errors.kg_percent:.3g} %, largest error {errors.largest_percent:.3g} % of the diagonal, "
         f"mean error of face normals {errors.normal_deg:.2g} degrees"
     )
-
-
-def sizes_of_alternatives(
-    sequence: "AnySource",
-    frames: range,
-    output: Path,
-    options: WriteOptions,
-    rig: dict[str, Any],
-    progress: Progress,
-) -> dict[str, int]:
-    """Return the bytes of the same frames as morph targets and as a .reel, by name.
-
-    Morph targets have the error bound of the rig, and are for glTF outputs; a .reel has its KG
-    bound. What does not meet the bound, or cannot be written, has no entry: nobody asked for it.
-
-    Parameters
-    ----------
-    rig : dict of str to any
-        Figures of the written rig.
-    """
-    sizes = {}
-    bounds = rig["bounds_percent"]
-    if output.suffix.lower() in GLTF:
-        bound = bounds["largest"] if options.max_error is None else options.max_error
-        morphs = replace(options, rig=None, kg=None, quality=None, max_error=bound)
-        with TemporaryDirectory() as folder, suppress(MeshReelError, OSError, MemoryError):
-            path = Path(folder) / output.name
-            save_part(sequence, frames, path, options=morphs, progress=progress)
-            sizes["morph targets"] = path.stat().st_size
-    if isinstance(sequence, ReelFile):
-        if len(frames) == sequence.n_frames:
-            sizes[".reel (input)"] = sequence.size_bytes
-    elif options.origin is None:
-        with suppress(MeshReelError, MemoryError):
-            data = encode(sequence.part(frames), kg=bounds["kg"], progress=progress)
-            sizes[".reel"] = len(data)
-    return sizes

@@ -114,7 +114,9 @@ def _save_stream(data: bytes, output: AnyPath, *, overwrite: bool) -> list[Path]
     return paths
 
 
-def _fit_rig(stream: SegmentedStream, options: WriteOptions) -> FittedRig:
+def _fit_rig(
+    stream: SegmentedStream, options: WriteOptions, max_bones: int | None
+) -> FittedRig | None:
     from meshreel.operations.rigs import fit_rig  # slow to import
 
-    return fit_rig(stream, options)
+    return fit_rig(stream, options, max_bones)

@@ -1,11 +1,12 @@
 """Fitting of rigs to animations: bones, then correctives, until bounds are met."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from meshreel.arrays import Bytes, Floats
+from meshreel.arrays import Bytes, Floats, Integers
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
 from meshreel.codec.error_bounds import bound_of as error_bound_of
@@ -75,6 +76,9 @@ CORRECTIVE_ROUNDING = 0.1
 
 MAX_ATTEMPTS = 5
 """Quantizations, each twice as fine."""
+
+N_SAMPLED, MAX_SAMPLED_FRAMES, MIN_SAMPLES_PER_BONE = 800, 40, 8
+"""Vertices and frames of a sample, and how many of the vertices a bone moves at least."""
 
 
 def bounds_of(
@@ -188,6 +192,23 @@ def fit_sequence(
     return rig
 
 
+def suffices_for_sample(sequence: MeshSequence, bounds: Bounds, max_bones: int) -> bool:
+    """Return whether bones alone move a sample of the vertices within the bounds.
+
+    A fraction of the work of `fit_sequence`, which usually fails if this is false: cloth, fluids,
+    and bounds below the noise of a capture need more bones than a file can pay for.
+    """
+    n_verts = sequence.n_verts
+    sample = np.unique(np.linspace(0, n_verts - 1, min(n_verts, N_SAMPLED)).astype(np.int64))
+    frames = np.unique(np.linspace(0, sequence.n_frames - 1, MAX_SAMPLED_FRAMES).astype(np.int64))
+    vertices = sequence.vertices[frames][:, sample]
+    components = component_labels(sequence.faces, n_verts)[sample]
+    times_s = frames.astype(np.float64)
+    search = _Search(vertices, sequence.faces, times_s, bounds, silent, components)
+    with one_blas_thread():
+        return any(True for _ in search.grow(min(max_bones, len(sample) // MIN_SAMPLES_PER_BONE)))
+
+
 class _Search:
     """The search for a rig within bounds; works in units of about the size of the box."""
 
@@ -198,6 +219,7 @@ class _Search:
         times_s: Floats,
         bounds: Bounds,
         progress: Progress,
+        components: Integers | None = None,
     ) -> None:
         self._vertices, self._faces, self._times_s = vertices, faces, times_s
         self._bounds, self._progress = bounds, progress
@@ -211,12 +233,23 @@ class _Search:
         spread = np.square(scaled - scaled.mean(axis=1, keepdims=True)).sum()
         self._deviation = math.sqrt(spread / (n_frames * n_verts))
         self._diagonal = reference.diagonal_scaled
-        self._components = component_labels(faces, n_verts)
-        self._decomposition = Decomposition(self._frames, self._frames[:3].T, self._components)
+        labels = component_labels(faces, n_verts) if components is None else components
+        self._decomposition = Decomposition(self._frames, self._frames[:3].T, labels)
         self._initial_excess = 0.0
 
     def run(self, max_bones: int) -> Rig:
         """Return the first rig within the bounds, or the best one."""
+        for _ in self.grow(max_bones):
+            rig = self._quantize()
+            if self._excess(rig) <= 1:
+                return rig
+        return self._with_correctives(self._quantize())
+
+    def grow(self, max_bones: int) -> Iterator[None]:
+        """Yield whenever the errors before quantization are small enough, after adding bones.
+
+        Each time, they become smaller; ends if more bones are of no use, or there are enough.
+        """
         fit = self._decomposition
         rms_limit = self._rms_limit()
         max_bones = min(max_bones, self._vertices.shape[1])
@@ -232,9 +265,7 @@ class _Search:
                 kg, largest = self._fit_errors(residuals)
                 self._show_progress((kg, largest))
             if max(kg, largest) <= target:
-                rig = self._quantize()
-                if self._excess(rig) <= 1:
-                    return rig
+                yield
                 target *= 0.95
             gain = math.log(previous_kg / kg) / max(growth, MIN_GROWTH) if kg > 0 else 0.0
             n_stalled = n_stalled + 1 if gain < MIN_GAIN else 0
@@ -244,7 +275,6 @@ class _Search:
             growth = min(max(0.9 * kg / target - 1, MIN_GROWTH), MAX_GROWTH)
             n_new = min(max(1, round(growth * fit.n_bones)), max_bones - fit.n_bones)
             fit.add_bones(fit.seeds(residuals, n_new))
-        return self._with_correctives(self._quantize())
 
     def _rms_limit(self) -> float:
         """Return the root mean squared error that is allowed."""

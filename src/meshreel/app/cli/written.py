@@ -92,7 +92,7 @@ def _print_files(written: "Written") -> None:
 
 
 def _rig_rows(figures: dict[str, Any]) -> dict[str, str]:
-    """Return rows of a table with the errors of a rig, its parts, and the alternatives."""
+    """Return rows of a table with the errors of a rig, and its parts."""
     rig = figures["rig"]
     rows = {
         "rig": f"{counted(rig['n_bones'], 'bone')}, "
@@ -102,9 +102,7 @@ def _rig_rows(figures: dict[str, Any]) -> dict[str, str]:
         "normal error": f"{rig['normal_deg']:.2g} degrees (mean, of faces)",
     }
     sizes = figures.get("sizes_bytes", {}).items()
-    alternatives = figures["alternatives_bytes"].items()
-    rows |= {f"  {name}": size_text(size) for name, size in sizes}
-    return rows | {f"as {name}": size_text(size) for name, size in alternatives}
+    return rows | {f"  {name}": size_text(size) for name, size in sizes}
 
 
 def _capture_figures(result: "Result") -> dict[str, Any]:

@@ -21,7 +21,7 @@ from meshreel.runtime.progress import Count, Progress, silent
 
 if TYPE_CHECKING:
     from meshreel.formats.options import AnySource
-    from meshreel.formats.rigs import FittedRig
+    from meshreel.formats.rigs import FittedRig, RigFit
 
 Tracks = Mapping[str, TrackSource]
 
@@ -139,6 +139,8 @@ class SegmentedStream:
         Further files that the file refers to: name in the file, and path to write.
     rig : FittedRig, or None
         To write in place of the frames.
+    fit_rig : callable, or None
+        For writers that choose between a rig and frames; see `RigFit`.
     figures : dict of str to any, or None
         Receives figures of the written file, such as errors; if None, the notes receive them as
         sentences.
@@ -168,6 +170,7 @@ class SegmentedStream:
         self.image_folder = ""
         self.data_files: list[tuple[str, Path]] = []
         self.rig: FittedRig | None = None
+        self.fit_rig: RigFit | None = None
         self.figures = figures
         self._change: Callable[[FrameStream], FrameStream] = lambda segment: segment
         self._cached_meshes: dict[int, tuple[Faces, Surface]] = {}

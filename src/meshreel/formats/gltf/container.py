@@ -235,6 +235,8 @@ class BufferWriter:
         self,
         curves: Sequence[npt.NDArray[Any]],
         filter_input: tuple[npt.NDArray[Any], str] | None = None,
+        *,
+        has_bounds: bool = False,
     ) -> list[int]:
         """Append values of several animations, of shape (N, C), and return their accessors.
 
@@ -251,7 +253,7 @@ class BufferWriter:
             properties: Json = {"byteOffset": start} if start else {}
             if values.dtype.kind == "i":
                 properties["normalized"] = True
-            accessors.append(self._add_accessor(view, curve, **properties))
+            accessors.append(self._add_accessor(view, curve, has_bounds=has_bounds, **properties))
             start += curve.nbytes
         return accessors
 
@@ -424,10 +426,8 @@ def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str
         complete = document | {"buffers": buffer.buffers(uri=uri)}
         text = json.dumps(complete, ensure_ascii=False, indent=1).encode()
         return FileSize(len(text), _write([text], path))
-    complete = document | {"buffers": buffer.buffers()}
-    text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    size_bytes = HEADER.size + CHUNK.size + len(text) + CHUNK.size + buffer.size_bytes
+    text = _text_of(document, buffer)
+    size_bytes = _binary_size(text, buffer)
     if size_bytes > MAX_BYTES:
         raise InvalidInputError(
             f"the file would have {size_bytes} bytes; a .glb file can have at most "
@@ -436,6 +436,21 @@ def write_document(path: Path, document: Json, buffer: BufferWriter, advice: str
     head = HEADER.pack(MAGIC, VERSION, size_bytes) + CHUNK.pack(len(text), JSON_CHUNK) + text
     pieces = [head, CHUNK.pack(buffer.size_bytes, BINARY_CHUNK), *buffer.pieces]
     return FileSize(size_bytes, _write(pieces, path))
+
+
+def document_bytes(document: Json, buffer: BufferWriter) -> int:
+    """Return the size of a ``.glb`` file."""
+    return _binary_size(_text_of(document, buffer), buffer)
+
+
+def _text_of(document: Json, buffer: BufferWriter) -> bytes:
+    complete = document | {"buffers": buffer.buffers()}
+    text = json.dumps(complete, ensure_ascii=False, separators=(",", ":")).encode()
+    return text + b" " * (-len(text) % 4)
+
+
+def _binary_size(text: bytes, buffer: BufferWriter) -> int:
+    return HEADER.size + CHUNK.size + len(text) + CHUNK.size + buffer.size_bytes
 
 
 def _write(pieces: list[bytes], path: Path) -> int:

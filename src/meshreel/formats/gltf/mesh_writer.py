@@ -1,6 +1,6 @@
 """Parts of a sequence as base mesh and morph targets, written as meshes of a glTF scene."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -477,13 +477,17 @@ class SceneWriter:
         self._n_isolated += n_verts - len(np.unique(split.sources))
         return split, shading, hard_edges is not None
 
+    def _add_times(self, frame_sets: Iterable[npt.NDArray[np.int64]]) -> None:
+        """Add the times of several sets of frames in one buffer view, each once."""
+        new = {frames.tobytes(): frames for frames in frame_sets}
+        times = [self._times_s[frames, np.newaxis].astype("<f4") for frames in new.values()]
+        self._inputs |= zip(new, self.buffer.add_curves(times, has_bounds=True), strict=True)
+
     def _times_accessor(self, frames: npt.NDArray[np.int64]) -> int:
         """Return the accessor of the times of frames, stored once."""
-        key = frames.tobytes()
-        if key not in self._inputs:
-            times = self._times_s[frames, np.newaxis]
-            self._inputs[key] = self.buffer.add_rows(times, has_bounds=True)
-        return self._inputs[key]
+        if frames.tobytes() not in self._inputs:
+            self._add_times([frames])
+        return self._inputs[frames.tobytes()]
 
     def _animate(self, node: int, path: str, keys: int, values: int, **sampler: str) -> None:
         """Add a channel, given the accessors of its key times and values."""

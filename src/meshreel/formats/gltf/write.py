@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,14 @@ from meshreel.errors import InvalidInputError, Keyword, Message
 from meshreel.formats.error_budget import ErrorBudget, requested_budget
 from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
-from meshreel.formats.gltf.container import IDENTITY, JOINTS, Json, path_of, write_document
+from meshreel.formats.gltf.container import (
+    IDENTITY,
+    JOINTS,
+    Json,
+    document_bytes,
+    path_of,
+    write_document,
+)
 from meshreel.formats.gltf.materials import Materials
 from meshreel.formats.gltf.mesh_writer import (
     MorphMesh,
@@ -32,10 +40,11 @@ from meshreel.formats.gltf.morphs import check_range, static_normals, wants_norm
 from meshreel.formats.gltf.read import ERROR_BOUND, SEGMENT_START, list_animations, read_meshes
 from meshreel.formats.kinds import SequenceFormat
 from meshreel.formats.options import WriteOptions
-from meshreel.formats.rigs import is_rigged
+from meshreel.formats.rigs import FittedRig, is_rigged
 from meshreel.formats.scenes.parts import PartMesh, split_parts
 from meshreel.model.notes import Notes, written_times
 from meshreel.model.rig import Rig
+from meshreel.model.rig_bounds import MAX_BONES
 from meshreel.model.sequence import MeshSequence
 from meshreel.runtime.counting import counted, size_text
 from meshreel.runtime.progress import Progress
@@ -49,8 +58,8 @@ MAX_COMMON_TARGETS = 256
 CREASED_REASON = "much of the surface is creased (--normals, normals=True, writes them anyway)"
 
 
-def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Fit all segments, write them, and note the errors.
+def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> int:
+    """Fit all segments, write them, and note the errors; return the bytes of the file.
 
     All frames of a segment, and the file, are in memory. Each segment has its own meshes, below a
     node whose scale is 1 in its frames and 0 in the others.
@@ -121,6 +130,7 @@ def write_morphs(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         )
     _note_normals(notes, scene, options)
     scene.note_form(size)
+    return size.stored
 
 
 def _check_bound(options: WriteOptions) -> None:
@@ -301,12 +311,20 @@ class _MorphScene(SceneWriter):
 
 
 NORMAL_LEVELS = 127
-POSE_DIGITS, EXACT_DIGITS = 4, 9
+POSE_DIGITS, EXACT_DIGITS = 3, 9
 """Significant digits of the pose of nodes in the first frame, and of float32 values."""
 
 
-def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
-    """Write a rig in place of the frames, and report the sizes.
+def write_rigged(
+    path: Path,
+    stream: SegmentedStream,
+    options: WriteOptions,
+    fitted: FittedRig,
+    limit_bytes: float = math.inf,
+) -> int:
+    """Write a rig in place of the frames, and report the sizes; return the bytes of the file.
+
+    A file of `limit_bytes` or more is not written.
 
     Raises
     ------
@@ -314,18 +332,20 @@ def write_rigged(path: Path, stream: SegmentedStream, options: WriteOptions) -> 
         If the options are out of range, or if the file is too large.
     """
     _check_bound(options)
-    fitted, times_s, mesh = stream.rig, frame_times(stream), stream.only()
-    assert fitted is not None  # see `save_part`
+    times_s, mesh = frame_times(stream), stream.only()
     check_range(fitted.extent.low, fitted.extent.high)
     stream.notes.add_all(describe_losses(mesh.surface, len(mesh.faces)))
     scene = _RiggedScene(times_s, mesh, fitted.rig, options, stream.notes)
     document = scene.document()
     document["asset"]["extras"] = {ERROR_BOUND: fitted.error}
+    if (size_bytes := document_bytes(document, scene.buffer)) >= limit_bytes:
+        return size_bytes
     size = write_document(path, document, scene.buffer, "allow larger errors (max_error)")
     sizes = scene.sizes_in_file(size.stored)
     sizes_text = ", ".join(f"{name} {size / 1e3:.0f}" for name, size in sizes.items())
     stream.report({"sizes_bytes": sizes}, f"{size_text(size.stored)}: {sizes_text} kB")
     scene.note_form(size)
+    return size_bytes
 
 
 class _RiggedScene(SceneWriter):
@@ -438,6 +458,7 @@ class _RiggedScene(SceneWriter):
         # The root has keys in all frames, even if it rests, so that readers find all of them.
         turning = [(node, track) for node, track in pairs if moves(track.codes) or node == bones[0]]
         moving = [(node, track) for node, track in pairs if moves(track.translations)]
+        self._add_times(track.frames for _, track in [*turning, *moving])
         codes = np.concatenate([track.codes for _, track in turning])
         rotations = buffer.add_curves(
             [track.rotations for _, track in turning], (codes, "QUATERNION")
@@ -489,17 +510,45 @@ def align_influences(joints: Bytes, weights: Bytes) -> tuple[Bytes, Bytes]:
 def write_gltf(path: Path, stream: SegmentedStream, options: WriteOptions) -> None:
     """Write a self-contained file: a rig if the options request one, or morph targets.
 
-    A ``.gltf`` file is a third larger than a ``.glb`` file, since its buffer is base64. Adds the
-    achieved errors to `stream.notes`.
+    With an error bound, the smaller of both, unless the options decide. A ``.gltf`` file is a third
+    larger than a ``.glb`` file, since its buffer is base64. Adds the achieved errors to
+    `stream.notes`.
 
     Raises
     ------
     InvalidInputError
         As `write_rigged` and `write_morphs`, or if the file is too large for its format.
     """
-    write = write_rigged if is_rigged(options) else write_morphs
-    write(path, stream, options)
+    if is_rigged(options):
+        assert stream.rig is not None  # see `save_part`
+        write_rigged(path, stream, options, stream.rig)
+        return
+    n_notes = len(stream.notes)
+    n_bytes = write_morphs(path, stream, options)
+    if options.max_error is None or options.rig is not None or stream.fit_rig is None:
+        return
+    mesh = next(stream.meshes())
+    n_vertex_bytes = mesh.n_verts * (MIN_VERTEX_BYTES if options.meshopt else PLAIN_VERTEX_BYTES)
+    max_bones = min((n_bytes - n_vertex_bytes) // BONE_BYTES, MAX_BONES)
+    if stream.n_segments > 1 or stream.n_frames < 2 or max_bones < 1:
+        return
+    other = copy(stream)
+    other.notes, other.figures = Notes(), None if stream.figures is None else {}
+    fitted = stream.fit_rig(other, options, max_bones)
+    if fitted is None:
+        return
+    n_rig_bytes = write_rigged(path, other, options, fitted, n_bytes)
+    if n_rig_bytes < n_bytes:
+        del stream.notes[n_notes:]
+        stream.notes.add_all(other.notes)
+        text = f"written as a rig, since morph targets within the bound take {size_text(n_bytes)} ("
+        stream.notes.result(Message(text, Keyword("rig", "0"), " writes those)"))
+        if stream.figures is not None:
+            stream.figures |= other.figures or {}
 
+
+PLAIN_VERTEX_BYTES, MIN_VERTEX_BYTES, BONE_BYTES = 20, 8, 300
+"""Lower estimates of the bytes that a rig takes: a vertex, also compressed, and a bone."""
 
 FORMATS = tuple(
     SequenceFormat(

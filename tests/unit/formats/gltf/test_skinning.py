@@ -8,6 +8,7 @@ from meshreel.formats.load import load
 from meshreel.runtime.counting import size_text
 from samples.glb import Glb
 from samples.gltf import TRIANGLE, Gltf, shifted
+from samples.meshes import waving_grid
 from samples.rigs import bending_tube, boxes, turn
 from unit.formats.gltf.test_write import two_parts
 
@@ -303,3 +304,25 @@ def test_influences_stay_in_their_columns():
     aligned, shares = align_influences(joints, weights)
     assert aligned.tolist() == [[3, 5, 0, 0], [3, 5, 0, 0], [3, 5, 8, 0]]
     assert shares.tolist() == [[200, 55, 0, 0], [55, 200, 0, 0], [55, 100, 100, 0]]
+
+
+def test_smaller_of_rig_and_morph_targets_is_written_within_a_bound(tmp_path):
+    sizes = {}
+    for name, options in {"chosen": {}, "rig": {"rig": True}, "morphs": {"rig": 0}}.items():
+        notes = []
+        path = tmp_path / f"{name}.glb"
+        meshreel.save(bending_tube(), path, max_error=1.0, notes=notes, **options)
+        sizes[name] = path.stat().st_size
+        assert ("skins" in Glb.read(path.read_bytes()).document) == (name != "morphs")
+        is_chosen = any("since morph targets within the bound take" in note for note in notes)
+        assert is_chosen == (name == "chosen")
+        assert any("morph target" in note for note in notes) == (name != "rig")
+    assert sizes["chosen"] == sizes["rig"] < sizes["morphs"]
+
+
+@pytest.mark.parametrize("make", [waving_grid, lambda: boxes([turn] * 60)])
+def test_morph_targets_are_kept_where_a_rig_is_larger(tmp_path, make):
+    sequence = make()
+    for name, options in {"chosen": {}, "morphs": {"rig": False}}.items():
+        meshreel.save(sequence, tmp_path / f"{name}.glb", max_error=0.5, **options)
+    assert (tmp_path / "chosen.glb").read_bytes() == (tmp_path / "morphs.glb").read_bytes()
