@@ -27,7 +27,7 @@ every_page = pytest.mark.parametrize("page", PAGES, ids=name_of)
 
 
 def commands_of(page):
-    """Yield the words of all `meshreel` commands, in snippets and prose, also those of uvx and pipx."""
+    """Yield the words of all `meshreel` commands in snippets and prose, also with uvx or pipx."""
     lines = [
         line
         for snippet in snippets(page)
