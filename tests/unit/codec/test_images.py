@@ -1,4 +1,4 @@
-"""Images of materials: re-encoded, scaled down, or kept, and what is said about them."""
+"""Images of materials: re-encoded, scaled down or kept, and the notes on them."""
 
 import io
 import sys
