@@ -153,8 +153,8 @@ def test_colors_of_values_match_the_legend_on_any_material(new_page):
     x = np.array([0, 1, 2, 3], np.float32)
     corners = np.concatenate([np.stack([x, 0 * x + y, 0 * x], -1) for y in (0, 2)])
     left = np.arange(3)
-    faces = [[left, left + 1, left + 5], [left, left + 5, left + 4]]
-    faces = np.concatenate([np.stack(three, -1) for three in faces]).astype(np.int32)
+    triangles = [[left, left + 1, left + 5], [left, left + 5, left + 4]]
+    faces = np.concatenate([np.stack(three, -1) for three in triangles]).astype(np.int32)
     material = Material("metal", (0.9, 0.3, 0.1, 1), roughness=0.2, double_sided=True)
     groups = FaceGroups("material", ("metal",), np.zeros(6, np.int32))
     values = np.array([0, 0.5, 1] * 2, np.float32)
