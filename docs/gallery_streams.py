@@ -116,8 +116,8 @@ MAKERS: dict[str, Callable[[], Shown]] = {
     "walk": _walk,
     "plate": _plate,
     "fish_stream": _in_three(".reel"),
-    "fish_rig": _in_three(".glb", rig=True),
-    "fish_morphs": _in_three(".glb"),
+    "fish_rig": _in_three(".glb", rig=True, meshopt=True),
+    "fish_morphs": _in_three(".glb", rig=0, meshopt=True),
 }
 
 
