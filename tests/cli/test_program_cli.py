@@ -97,7 +97,7 @@ def test_info_of_other_formats_imports_no_codec(folder):
     light = {*REGISTRY, "meshreel.codec.option"}
     light |= {"meshreel.codec.bitstream", "meshreel.codec.bitstream.layout"}
     # The limit of --memory, the ranges of options, and the options of all commands.
-    options = {"config", "options", "paper_options", "reel_options"}
+    options = {"config", "options", "paper_options", "reel_options", "image_options"}
     light |= {f"meshreel.codec.{name}" for name in {"memory", "targets", "error_bounds"} | options}
     assert codec <= light
     assert not {"scipy", "DracoPy"} & modules
@@ -120,7 +120,7 @@ def test_completion_script_is_printed_when_the_variable_of_click_asks_for_it(she
     [
         ("meshreel ", list(COMMANDS)),
         ("meshreel encode wa", []),  # the shell completes files
-        ("meshreel encode walk.npz --max", ["--max-error"]),
+        ("meshreel encode walk.npz --max-e", ["--max-error"]),
         ("meshreel encode walk.npz --method pca-", ["pca-qp", "pca-q", "pca-qs"]),
         ("meshreel render walk.reel --heatmap a", ["angle"]),
     ],

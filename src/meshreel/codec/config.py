@@ -130,7 +130,8 @@ class EncoderConfig(ABC):
                 option.check(value)
             if value != option.default:
                 option.check_method(self.method)
-        check_images(self.images, self.max_image)
+        if self.images is not None or self.max_image is not None:
+            check_images(self.images, self.max_image)
         if self.memory is not None:
             object.__setattr__(self, "memory", bytes_of(self.memory, "memory"))
         self._complete()

@@ -145,9 +145,10 @@ def encode_with(
         if missing := missing_everywhere(surfaces, attributes):
             raise InvalidInputError(describe_missing(surfaces[0], missing))
         surfaces = [select(surface, attributes, ignore_missing=True) for surface in surfaces]
-    image_notes = Notes() if notes is None else notes
-    reencode = reencode_images(surfaces, config.images, config.max_image, image_notes)
-    surfaces = [*map(reencode, surfaces)]
+    if config.images is not None or config.max_image is not None:
+        image_notes = Notes() if notes is None else notes
+        reencode = reencode_images(surfaces, config.images, config.max_image, image_notes)
+        surfaces = [*map(reencode, surfaces)]
     for name in tracks or ():
         track_by_name(tracks_of_all(sequence), name)  # raises if no segment has it
     if config.positions_only and surfaces[0].cells is not None:
