@@ -68,7 +68,11 @@ def project_with(react, folder):
         "preserveSymlinks": True,
         "lib": ["es2023", "dom"],
         "types": [],
-        "paths": {"three": [f"{PACKAGE}/node_modules/@types/three"]},
+        "paths": {
+            "three": [f"{PACKAGE}/node_modules/@types/three"],
+            "react": ["./node_modules/@types/react"],
+            "react/*": ["./node_modules/@types/react/*"],
+        },
         "skipLibCheck": True,
     }
     project = {"compilerOptions": options, "files": ["right.tsx", "wrong.tsx"]}

@@ -164,7 +164,7 @@ def test_images_of_the_file_are_shown_upright(ask):
     assert strongest(answer["top"]) == 1
     assert strongest(answer["left"]) == 0
     assert strongest(answer["hem"]) == 2
-    assert strongest(answer["plain"]) == 2
+    assert len(set(answer["plain"])) == 1
     assert min(answer["plain"]) > min(answer["hem"]) + 40
 
 

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from meshreel.codec.images import reencode_images
 from meshreel.errors import ConnectivityChangeError, Keyword
-from meshreel.formats.frames.frame_stream import FrameStream, SegmentedStream
+from meshreel.formats.frames.frame_stream import FrameStream, RigFit, SegmentedStream
 from meshreel.formats.frames.shared_data import share_materials
 from meshreel.formats.kinds import FolderFormat, FrameFormat, SequenceFormat
 from meshreel.formats.options import WriteOptions, origin_of
 from meshreel.formats.outputs import DEFAULT_OPTIONS, check_output, is_pattern, numbering
 from meshreel.formats.registry import FRAME_FORMATS, SEQUENCE_FORMATS, output_format_of
-from meshreel.formats.rigs import RigFit
 from meshreel.formats.sources import AnyPath
 from meshreel.formats.surfaces.images import image_folder, image_names
 from meshreel.model.materials import Image

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from meshreel.model.validation import validate_finite, validate_vertices
 from meshreel.runtime.progress import Count, Progress, silent
 
 if TYPE_CHECKING:
-    from meshreel.formats.options import AnySource
-    from meshreel.formats.rigs import FittedRig, RigFit
+    from meshreel.formats.options import AnySource, WriteOptions
+    from meshreel.formats.rigs import FittedRig
 
 Tracks = Mapping[str, TrackSource]
 
@@ -110,6 +110,22 @@ class FrameStream:
             tracks,
             error_bound_of(self.source),
         )
+
+
+class RigFit(Protocol):
+    """Fits a rig to a stream, which takes long."""
+
+    def __call__(
+        self, stream: "SegmentedStream", options: "WriteOptions", max_bones: int | None, /
+    ) -> "FittedRig | None":
+        """Return a rig within the error bounds of the options, and report its errors.
+
+        Parameters
+        ----------
+        max_bones : int or None
+            To return None if a rig needs more bones, or probably cannot meet the bounds; None to
+            use the bones of the options, and to raise an error.
+        """
 
 
 class SegmentedStream:
