@@ -16,8 +16,8 @@ from meshreel.codec.bitstream.layout import Section
 from meshreel.codec.open_stream import OpenStream
 from meshreel.errors import CorruptStreamError, TruncatedStreamError
 from meshreel.kernel.integers import decode_integers, encode_integers
+from meshreel.paper.coded_values import Anchors, CodedBlock, Quantized
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import Anchors, CodedBlock, Quantized
 from meshreel.paper.quantization import Steps
 from meshreel.paper.variants import Basis, Decoding, Variant, variant_named
 

@@ -18,11 +18,12 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
+from meshreel.paper.analysis import analyse, modes_needed, n_frequencies
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import initial_basis, write_coded_block
+from meshreel.paper.coded_values import Quantized
 from meshreel.paper.exact_values import encode_exact
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import Quantized, analyse, modes_needed, n_frequencies
 from meshreel.paper.quantization import step_for_all_rows
 from meshreel.paper.settings import anchors_of, choices
 from meshreel.paper.variants import Basis, Variant, variant_named

@@ -16,11 +16,12 @@ from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.model.sequence import Faces
 from meshreel.paper.blocks import StoredBlock, stored_block
+from meshreel.paper.coded_values import BlockValues, Quantized
 from meshreel.paper.decoded_block import DecodedBlock
 from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
-from meshreel.paper.pipeline import BlockValues, Quantized, synthesise
 from meshreel.paper.quantization import Steps
+from meshreel.paper.synthesis import synthesise
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted, counts_text
 

@@ -14,8 +14,8 @@ import numpy as np
 from meshreel.arrays import Floats, Integers
 from meshreel.codec.inspect import stream_info
 from meshreel.kernel.integers import encode_integers
+from meshreel.paper.coded_values import CodedBlock
 from meshreel.paper.decoder import open_paper_stream
-from meshreel.paper.pipeline import CodedBlock
 from meshreel.paper.stream import bytes_of
 from meshreel.paper.variants import Basis, Decoding, Variant, variant_named
 

@@ -10,7 +10,7 @@ from meshreel.errors import CorruptStreamError, InvalidInputError, TruncatedStre
 from meshreel.kernel.integers import decode_integers, encode_integers
 from meshreel.paper import blocks
 from meshreel.paper.blocks import StoredBlock, _read_tracked_dictionary
-from meshreel.paper.pipeline import Quantized
+from meshreel.paper.coded_values import Quantized
 from meshreel.paper.sweeps import (
     COEFFICIENTS,
     METHOD_NAMES,

@@ -13,7 +13,7 @@ from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
 from meshreel.model.sequence import MeshSequence
-from meshreel.paper import graph_fourier, pipeline
+from meshreel.paper import graph_fourier, synthesis
 from meshreel.paper.choices import PaperChoices, choices_of
 from meshreel.paper.decoder import coded_blocks
 from samples.meshes import irregular_sequence, kg_error_percent, waving_grid
@@ -91,7 +91,7 @@ def test_one_frame_equals_that_of_the_whole_bit_for_bit(name):
 def test_frames_do_not_depend_on_how_residuals_of_anchors_are_solved(monkeypatch):
     data = encode(waving_grid(24, dtype=np.float64), "blocks", n_modes=2, block_frames=8)
     by_anchor = decode(data).vertices
-    monkeypatch.setattr(pipeline, "MAX_RESPONSES", 0)
+    monkeypatch.setattr(synthesis, "MAX_RESPONSES", 0)
     np.testing.assert_allclose(decode(data).vertices, by_anchor, atol=1e-9)
 
 

@@ -21,10 +21,10 @@ from meshreel.metrics.compare import compare
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.basis import modes_for_energy, project
 from meshreel.paper.blocks import write_curves, write_rows
+from meshreel.paper.coded_values import Quantized
 from meshreel.paper.decoder import coded_blocks
 from meshreel.paper.graph_fourier import basis_bytes, estimated_seconds, graph_fourier_basis
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
-from meshreel.paper.pipeline import Quantized
 from meshreel.paper.quantization import uniform_step
 from meshreel.paper.stream_rates import rates
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, Setting, TableSettings
