@@ -9,6 +9,7 @@
 METHODS               the names of the seven variants
 read                  a stream as arrays: PaperStream, PaperBlock
 rates                 bits of a stream in the count of Table I (Eq. 13): StreamRates, RateParts
+experiment            a variant with steps of your own, measured: Experiment; Known for predictors
 PaperChoices          choices that the paper leaves open, for `meshreel.encode(choices=)`
 bounding_frame        the units of the coordinate matrices: BoundingFrame
 to_matrices           positions to coordinate matrices A; from_matrices inverts it
@@ -39,6 +40,7 @@ from meshreel.codec.subspace.trajectories import (
 from meshreel.paper.anchors import choose_anchors
 from meshreel.paper.basis import advance_basis, align_basis, expand, project, ritz_vectors
 from meshreel.paper.choices import PaperChoices
+from meshreel.paper.experiment import Experiment, Known, experiment
 from meshreel.paper.graph_fourier import graph_fourier_basis
 from meshreel.paper.laplacian import (
     adjacency_matrix,
@@ -55,6 +57,8 @@ from meshreel.paper.variants import METHODS
 __all__ = [
     "METHODS",
     "BoundingFrame",
+    "Experiment",
+    "Known",
     "PaperBlock",
     "PaperChoices",
     "PaperStream",
@@ -72,6 +76,7 @@ __all__ = [
     "dequantize",
     "eigen_trajectories",
     "expand",
+    "experiment",
     "from_matrices",
     "graph_fourier_basis",
     "project",

@@ -1,9 +1,11 @@
 """Encoder side of the paper's method: from frames to the integers of a block."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats
 from meshreel.codec.paper_options import FINE_BITS, Allocation, PaperOptions
@@ -31,12 +33,32 @@ PREDICTION_STEP_RATIO = 8
 """Quantization step of coefficients that predict anchor positions, in steps of the positions."""
 
 
+@dataclass(frozen=True)
+class Replacements:
+    """Steps of the method that an experiment replaces; arrays are in internal vertex order."""
+
+    laplacian: csr_array | None = None
+    """csr_array of shape (V, V), or None."""
+    basis: Callable[[Floats, Floats | None], Floats] | None = None
+    """Maps coordinate matrices of shape (3, T, V) and the decoded basis of the previous block, or
+    None, to a basis of shape (3, T, K).
+    """
+    predictor: Callable[[Floats, Floats | None], Floats] | None = None
+    """Maps the decoded basis and anchor positions of a block to predicted coefficients of shape
+    (3, K, V).
+    """
+
+
+THE_PAPERS = Replacements()
+
+
 def analyse(
     vertices: npt.NDArray[np.floating],
     frame: BoundingFrame,
     mesh: MeshModel,
     config: PaperOptions,
     reference: Quantized | None = None,
+    replacements: Replacements = THE_PAPERS,
 ) -> CodedBlock:
     """Transform and quantize a block of frames.
 
@@ -48,11 +70,16 @@ def analyse(
         Units of the coordinate matrices A (`subspace.trajectories`).
     reference : Quantized, optional
         Dictionary of the previous block, from which a tracked one starts.
+    replacements : Replacements, optional
+        Not for graph frequencies, except the Laplacian.
     """
     method, matrices = variant_named(config.method), to_matrices(vertices, frame)
     if method.basis is Basis.GRAPH:
         return _analyse_on_graph(matrices, mesh, config)
-    basis = _dictionary(matrices, frame, config, reference)
+    if replacements.basis is not None:
+        basis = _own_dictionary(matrices, replacements.basis, config, reference)
+    else:
+        basis = _dictionary(matrices, frame, config, reference)
     # Project on the quantized dictionary, which the decoder uses.
     projected = project(basis_columns(basis), matrices)
     anchors = None
@@ -64,11 +91,16 @@ def analyse(
         deltas = _deltas(matrices, mesh)
         rounded = Quantized.of(deltas, _coefficient_steps(deltas, config))
         signal = project(basis_columns(basis), rounded.values)
-        coefficients = _quantize(signal, FINE_BITS)
+        steps = step_for_all_rows(signal, FINE_BITS)
     else:
         signal = _deltas(projected, mesh) if method.signal is Signal.DELTAS else projected
-        coefficients = Quantized.of(signal, _coefficient_steps(signal, config))
-    return CodedBlock(basis, anchors, coefficients)
+        steps = _coefficient_steps(signal, config)
+    block = CodedBlock(basis, anchors, Quantized.of(signal, steps))
+    if replacements.predictor is None:
+        return block
+    prediction = replacements.predictor(basis_columns(basis), block.values.anchor_positions)
+    residual = Quantized.of(signal - prediction, steps)
+    return replace(block, coefficients=residual, prediction=prediction)
 
 
 def modes_needed(
@@ -102,10 +134,32 @@ def _dictionary(
         basis = advance_basis(correlation, start, config.n_iterations)
         if choices(config).rotation == "ritz":
             basis = ritz_vectors(correlation, basis)
-        return Quantized.of(np.swapaxes(align_basis(basis, start), 1, 2), reference.steps)
+        return _like(reference, align_basis(basis, start), config)
     n_modes = config.n_modes or _modes_needed(correlation, matrices, config)
     _, basis = eigen_trajectories(correlation, min(n_modes, matrices.shape[1]))
     return _quantize(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
+
+
+def _own_dictionary(
+    matrices: Floats,
+    basis_of: Callable[[Floats, Floats | None], Floats],
+    config: PaperOptions,
+    reference: Quantized | None,
+) -> Quantized:
+    """The dictionary of an experiment; of equal shape, it is aligned with the previous one."""
+    start = None if reference is None else basis_columns(reference)
+    basis = basis_of(matrices, start)
+    if reference is None or start is None or basis.shape != start.shape:
+        return _quantize(np.swapaxes(basis, 1, 2), choices(config).dictionary_bits)
+    return _like(reference, align_basis(basis, start), config)
+
+
+def _like(reference: Quantized, basis: Floats, config: PaperOptions) -> Quantized:
+    """A dictionary with the steps of the previous one, unless it is stored whole."""
+    rows = np.swapaxes(basis, 1, 2)
+    if choices(config).dictionary == "whole":
+        return _quantize(rows, choices(config).dictionary_bits)
+    return Quantized.of(rows, reference.steps)
 
 
 def _modes_needed(correlation: Floats, matrices: Floats, config: PaperOptions) -> int:

@@ -290,6 +290,12 @@ def _read_tracked_dictionary(stored: StoredBlock, previous: Quantized | None) ->
     return Quantized(previous.integers + basis.integers, basis.steps)
 
 
+def is_difference(stored: StoredBlock, method: Variant) -> bool:
+    """Whether a block stores the difference of its dictionary from the previous one."""
+    is_tracked = method.basis is Basis.TRACKED
+    return is_tracked and stored.payload(Section.BASIS)[:1] == b"\1"
+
+
 def initial_basis(method: Variant, previous: Quantized | None, n_frames: int) -> Quantized | None:
     """Return the dictionary that orthogonal iterations start from; None for a decomposition.
 

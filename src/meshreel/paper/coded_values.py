@@ -24,6 +24,11 @@ class Quantized:
         return cls(quantize(values, steps), steps)
 
     @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the integers."""
+        return self.integers.shape
+
+    @property
     def values(self) -> Floats:
         """The dequantized values."""
         return dequantize(self.integers, self.steps)
@@ -112,6 +117,10 @@ class CodedBlock:
     anchors: Anchors | None
     coefficients: Quantized
     """Quantized of shape (3, K, V), or (3, K, T) on graph frequencies."""
+    prediction: Floats | None = None
+    """float64 array of the same shape, or None. Prediction of the coefficients in an experiment;
+    `coefficients` are then the residual.
+    """
 
     @property
     def n_modes(self) -> int:
@@ -127,7 +136,10 @@ class CodedBlock:
         if self.anchors is not None and self.anchors.residuals is not None:
             residuals = self.anchors.residuals.values
         basis = None if self.basis is None else basis_columns(self.basis)
-        return BlockValues(basis, self.coefficients.values, coefficients, residuals)
+        decoded = self.coefficients.values
+        if self.prediction is not None:
+            decoded = decoded + self.prediction
+        return BlockValues(basis, decoded, coefficients, residuals)
 
 
 def basis_columns(basis: Quantized) -> Floats:

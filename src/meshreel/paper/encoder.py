@@ -6,6 +6,7 @@ from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
 
 from meshreel.arrays import Vertices
 from meshreel.codec.bitstream.container import Sections
@@ -18,10 +19,16 @@ from meshreel.codec.subspace.trajectories import BoundingFrame, to_matrices
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.model.tracks import Track
 from meshreel.paper import blocks
-from meshreel.paper.analysis import analyse, modes_needed, n_frequencies
+from meshreel.paper.analysis import (
+    THE_PAPERS,
+    Replacements,
+    analyse,
+    modes_needed,
+    n_frequencies,
+)
 from meshreel.paper.anchors import check_anchors, choose_anchors
 from meshreel.paper.blocks import initial_basis, write_coded_block
-from meshreel.paper.coded_values import Quantized
+from meshreel.paper.coded_values import CodedBlock, Quantized
 from meshreel.paper.exact_values import encode_exact
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import step_for_all_rows
@@ -44,6 +51,8 @@ class PaperBlockCoder:
         blocks: all blocks, or only the first if the others are not known yet.
     progress : callable, optional
         Called before the graph Fourier basis is computed.
+    replacements : Replacements, optional
+        Steps that an experiment replaces; streams with them cannot be decoded from their bytes.
 
     Raises
     ------
@@ -58,29 +67,33 @@ class PaperBlockCoder:
         frame: BoundingFrame,
         known_blocks: Iterable[Vertices],
         progress: Progress = silent,
+        replacements: Replacements = THE_PAPERS,
     ) -> None:
         self._frame = frame
+        self._replacements = replacements
         config = mesh.config
         assert isinstance(config, PaperOptions)  # those of these methods
         self._variant = variant_named(config.method)
         blocks = iter(known_blocks)
         first = next(blocks)
-        _check_modes(mesh, self._variant, len(first))
-        self._config = _with_modes_for_all(config, frame, chain([first], blocks))
+        self._config = config
+        if replacements.basis is None:
+            _check_modes(mesh, self._variant, len(first))
+            self._config = _with_modes_for_all(config, frame, chain([first], blocks))
         self._shape: Quantized | None = None
         if config.laplacian_choice is Laplacian.COTANGENT:
             coordinates = to_matrices(first[:1], frame)
             self._shape = Quantized.of(coordinates, step_for_all_rows(coordinates, SHAPE_BITS))
-        self._mesh = _mesh_model(mesh, self._config, self._shape)
+        self.mesh = _mesh_model(mesh, self._config, self._shape, replacements.laplacian)
         self._dictionary: Quantized | None = None
         if self._variant.basis is Basis.GRAPH:
             n_modes = n_frequencies(self._config.n_modes, mesh.n_verts)
-            self._mesh.graph_fourier_basis(n_modes, progress)
+            self.mesh.graph_fourier_basis(n_modes, progress)
 
     def leading_sections(self) -> Iterator[tuple[Section, bytes]]:
         """The sections between the connectivity and the first block."""
         if self._variant.has_anchors:
-            yield Section.ANCHOR_VERTICES, blocks.write_anchor_vertices(self._mesh.anchors)
+            yield Section.ANCHOR_VERTICES, blocks.write_anchor_vertices(self.mesh.anchors)
         if self._shape is not None:
             yield Section.SHAPE, blocks.write_curves(self._shape)
 
@@ -94,14 +107,31 @@ class PaperBlockCoder:
         tracks : mapping, optional
             Always empty: these methods code positions.
         """
-        variant, mesh, n_frames = self._variant, self._mesh, len(vertices)
-        reference = initial_basis(variant, self._dictionary, n_frames)
-        block = analyse(vertices, self._frame, mesh, self._config, reference)
+        return self.write(*self.analyse(vertices), vertices)
+
+    def write(self, block: CodedBlock, reference: Quantized | None, vertices: Vertices) -> Sections:
+        """The sections of a block from `analyse`, with the exact positions of isolated vertices."""
+        isolated = self.mesh.isolated
+        exact = encode_exact(vertices[:, isolated]) if len(isolated) else b""
+        return write_coded_block(block, len(vertices), self._variant, reference, exact)
+
+    def analyse(self, vertices: Vertices) -> tuple[CodedBlock, Quantized | None]:
+        """The integers of the next block, and the dictionary from which its own differs, if any.
+
+        Parameters
+        ----------
+        vertices : float array of shape (T_b, V, 3)
+            In internal order.
+        """
+        reference = initial_basis(self._variant, self._dictionary, len(vertices))
+        block = analyse(
+            vertices, self._frame, self.mesh, self._config, reference, self._replacements
+        )
         self._dictionary = block.basis
-        if choices(self._config).dictionary == "whole":
+        is_whole = choices(self._config).dictionary == "whole"
+        if is_whole or (reference and block.basis and reference.shape != block.basis.shape):
             reference = None
-        exact = encode_exact(vertices[:, mesh.isolated]) if len(mesh.isolated) else b""
-        return write_coded_block(block, n_frames, variant, reference, exact)
+        return block, reference
 
 
 def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:
@@ -122,7 +152,13 @@ def _check_modes(mesh: CodedMesh, variant: Variant, block_frames: int) -> None:
         )
 
 
-def _mesh_model(mesh: CodedMesh, config: PaperOptions, shape: Quantized | None) -> MeshModel:
+def _mesh_model(
+    mesh: CodedMesh,
+    config: PaperOptions,
+    shape: Quantized | None,
+    own_laplacian: csr_array | None = None,
+) -> MeshModel:
+    """The model of a mesh; coders of the same mesh share it."""
     anchors = np.zeros(0, np.int64)
     if variant_named(config.method).has_anchors:
         anchors = _anchors(mesh, config)
@@ -130,14 +166,20 @@ def _mesh_model(mesh: CodedMesh, config: PaperOptions, shape: Quantized | None) 
     basis_memory = None
     if config.n_modes is not None:
         basis_memory = config.memory_bytes or DEFAULT_LIMIT.limit_bytes
-    return MeshModel(
-        mesh.faces,
-        mesh.n_verts,
-        anchors,
-        config.laplacian_choice,
-        positions,
-        basis_memory=basis_memory,
-    )
+    key = MeshModel, anchors.tobytes(), config.laplacian_choice, basis_memory, id(own_laplacian)
+    if key not in mesh.derived:
+        mesh.derived[key] = MeshModel(
+            mesh.faces,
+            mesh.n_verts,
+            anchors,
+            config.laplacian_choice,
+            positions,
+            basis_memory=basis_memory,
+            own_laplacian=own_laplacian,
+            bases=mesh.derived.setdefault("graph Fourier bases", {}),
+        )
+    model: MeshModel = mesh.derived[key]
+    return model
 
 
 def _anchors(mesh: CodedMesh, config: PaperOptions) -> npt.NDArray[np.int64]:

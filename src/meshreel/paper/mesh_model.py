@@ -1,6 +1,6 @@
 """The mesh model shared by encoder and decoder: Laplacian, anchors, isolated vertices."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -36,6 +36,10 @@ class MeshModel:
     """Memory limit in bytes of a graph Fourier basis that may take any time. None: the size of the
     basis is limited by `check_basis_size`.
     """
+    own_laplacian: csr_array | None = None
+    """csr_array of shape (V, V), or None. L of an experiment, instead of `laplacian_choice`."""
+    bases: dict[int, Floats] = field(default_factory=dict, compare=False, repr=False)
+    """Computed graph Fourier bases by number of modes; `graph_fourier_basis` keeps the last one."""
 
     @cached_property
     def isolated(self) -> Integers:
@@ -45,6 +49,8 @@ class MeshModel:
     @cached_property
     def laplacian(self) -> csr_array:
         """L of shape (V, V)."""
+        if self.own_laplacian is not None:
+            return self.own_laplacian
         if self.laplacian_choice is Laplacian.COTANGENT:
             assert self.shape is not None  # the stream contains it
             return cotangent_laplacian(self.faces, self.shape)
@@ -64,22 +70,17 @@ class MeshModel:
         InvalidInputError
             If it takes more memory than `basis_memory`, or too much time without this limit.
         """
-        basis = self._last_basis.get(n_modes)
+        basis = self.bases.get(n_modes)
         if basis is None:
             if self.basis_memory is None:
                 check_basis_size(self.n_verts, n_modes)
             laplacian = uniform_laplacian(self.faces, self.n_verts)
-            self._last_basis.clear()
+            self.bases.clear()
             basis = graph_fourier_basis(
                 laplacian, n_modes, memory=self.basis_memory, progress=progress
             )
-            self._last_basis[n_modes] = basis
+            self.bases[n_modes] = basis
         return basis
-
-    @cached_property
-    def _last_basis(self) -> dict[int, Floats]:
-        """The last graph Fourier basis, by its number of modes."""
-        return {}
 
     def reconstruct(self, deltas: Floats, anchor_values: Floats) -> Floats:
         """Solve Eq. 12: values at all vertices, of shape (V, K); 0 at isolated vertices.

@@ -1,6 +1,7 @@
 """Streams of the paper's methods as arrays: basis, coefficients and anchors of each block."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,15 +16,18 @@ from meshreel.codec.option import COUNT
 from meshreel.codec.subspace.trajectories import BoundingFrame
 from meshreel.errors import CorruptStreamError, InvalidInputError, Keyword
 from meshreel.model.sequence import Faces
-from meshreel.paper.blocks import StoredBlock, stored_block
-from meshreel.paper.coded_values import BlockValues, Quantized
+from meshreel.paper.blocks import is_difference, stored_block
+from meshreel.paper.coded_values import Anchors, BlockValues, CodedBlock, Quantized
 from meshreel.paper.decoded_block import DecodedBlock
-from meshreel.paper.decoder import PaperBlockDecoder, open_paper_stream
+from meshreel.paper.decoder import open_paper_stream
 from meshreel.paper.mesh_model import MeshModel
 from meshreel.paper.quantization import Steps
 from meshreel.paper.synthesis import synthesise
 from meshreel.paper.variants import Basis, variant_named
 from meshreel.runtime.counting import counted, counts_text
+
+ROUNDING = 1e-6
+"""Largest distance of a value from a multiple of its step, in steps."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -55,6 +59,10 @@ class PaperBlock(BlockValues):
     basis_steps, coefficient_steps, anchor_coefficient_steps, anchor_residual_steps : float32 arrays
         Quantization steps, of shape (1,) for all rows or (rows,) for each. None where the array
         is None.
+    is_difference : bool
+        Whether the stream stores the dictionary as the difference from that of the previous block.
+    prediction : float64 array of the shape of `coefficients`, or None
+        What an experiment subtracts from the coefficients before it quantizes them.
     """
 
     start: int
@@ -64,6 +72,8 @@ class PaperBlock(BlockValues):
     coefficient_steps: Steps
     anchor_coefficient_steps: Steps | None
     anchor_residual_steps: Steps | None
+    is_difference: bool = False
+    prediction: Floats | None = None
 
     def __repr__(self) -> str:
         last = self.start + self.n_frames - 1
@@ -194,6 +204,21 @@ class PaperStream:
             )
         return vertices
 
+    def frames(self, numbers: Sequence[int]) -> Vertices:
+        """Vertex positions of frames with these numbers, of shape (n, V, 3), as `reconstruct`."""
+        vertices = np.empty((len(numbers), self.n_verts, 3), self.dtype)
+        for block in self.blocks:
+            inside = [
+                (place, number - block.start)
+                for place, number in enumerate(numbers)
+                if block.start <= number < block.start + block.n_frames
+            ]
+            decoded = self._decode(block, None) if inside else None
+            for place, number in inside:
+                assert decoded is not None
+                decoded.fill(vertices[place : place + 1], number)
+        return vertices
+
     def __repr__(self) -> str:
         counts = counts_text(
             frame=self.n_frames,
@@ -203,24 +228,60 @@ class PaperStream:
         )
         return f"<PaperStream {self.method}: {counts}>"
 
-    def _decode(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
-        """Convert a block to the form of the decoder, which uses internal order."""
+    def coded_block(self, block: PaperBlock) -> CodedBlock:
+        """The integers of a block, possibly changed, in internal order.
+
+        Raises
+        ------
+        InvalidInputError
+            If an array has the wrong shape, lacks its steps, or is not made of multiples of them.
+        """
         _check_shapes(block, self)
-        variant, coefficients = variant_named(self.method), block.coefficients
-        if variant.basis is not Basis.GRAPH:
-            coefficients = np.take(coefficients, inverse_permutation(self.order), axis=2)
-        anchors = inverse_permutation(self._anchor_order)
-        values = BlockValues(
+        values, residual, prediction = self._internal_values(block), block.coefficients, None
+        if block.prediction is not None:
+            prediction = self._internal_columns(block.prediction)
+            residual = residual - block.prediction
+        rows = None if values.basis is None else np.swapaxes(values.basis, 1, 2)
+        arrays = {
+            "basis": rows,
+            "coefficients": self._internal_columns(residual),
+            "anchor_coefficients": values.anchor_coefficients,
+            "anchor_residuals": values.anchor_residuals,
+        }
+        integers = {
+            name: _integers(array, block, name)
+            for name, array in arrays.items()
+            if array is not None
+        }
+        at_anchors = [integers.get("anchor_coefficients"), integers.get("anchor_residuals")]
+        anchors = Anchors(*at_anchors) if any(at_anchors) else None
+        return CodedBlock(integers.get("basis"), anchors, integers["coefficients"], prediction)
+
+    def _internal_columns(self, coefficients: Floats) -> Floats:
+        """Coefficients in internal order; a row of `gft` has a column for each frame."""
+        if variant_named(self.method).basis is Basis.GRAPH:
+            return coefficients
+        return np.take(coefficients, inverse_permutation(self.order), axis=2)
+
+    def _internal_values(self, block: PaperBlock) -> BlockValues:
+        """The arrays of a block in internal order."""
+        anchors = inverse_permutation(self.anchor_order)
+        return BlockValues(
             block.basis,
-            coefficients,
+            self._internal_columns(block.coefficients),
             _take(block.anchor_coefficients, anchors, axis=2),
             _take(block.anchor_residuals, anchors, axis=1),
         )
+
+    def _decode(self, block: PaperBlock, n_modes: int | None) -> DecodedBlock:
+        """Convert a block to the form of the decoder, which uses internal order."""
+        _check_shapes(block, self)
+        variant, values = variant_named(self.method), self._internal_values(block)
         if n_modes is not None:
             values = values.truncated(n_modes)
         # Values of a damaged stream may overflow; `reconstruct` checks the positions.
         with np.errstate(over="ignore", invalid="ignore"):
-            frames_of = synthesise(values, self.mesh, variant, self.order)
+            frames_of = synthesise(values, self.mesh, variant, self.order, factor_once=True)
         return DecodedBlock(
             start=block.start,
             n_frames=block.n_frames,
@@ -235,7 +296,7 @@ class PaperStream:
         return inverse_permutation(self.order)[vertices]
 
     @property
-    def _anchor_order(self) -> Integers:
+    def anchor_order(self) -> Integers:
         """Index of each anchor among the anchors of the mesh, which are in internal order."""
         return np.argsort(self._output_numbers(self.mesh.anchors))
 
@@ -298,7 +359,15 @@ def read(
     stored = map(partial(stored_block, opened), range(opened.n_blocks))
     with np.errstate(over="ignore", invalid="ignore"):  # `reconstruct` checks the positions
         blocks = tuple(
-            _block(stream, decoder, block, number) for number, block in enumerate(stored)
+            paper_block(
+                stream,
+                decoder.coded(block, number),
+                block.start,
+                block.n_frames,
+                decoder.exact(block),
+                is_difference=is_difference(block, variant_named(stream.method)),
+            )
+            for number, block in enumerate(stored)
         )
     return replace(stream, blocks=blocks)
 
@@ -320,29 +389,45 @@ def bytes_of(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> b
         ) from error
 
 
-def _block(
-    stream: PaperStream, decoder: PaperBlockDecoder, stored: StoredBlock, number: int
+def paper_block(
+    stream: PaperStream,
+    coded: CodedBlock,
+    start: int,
+    n_frames: int,
+    exact: Vertices | None,
+    *,
+    is_difference: bool,
 ) -> PaperBlock:
-    """Convert a stored block to arrays in output order."""
-    coded = decoder.coded(stored, number)
-    values, anchors, exact = coded.values, coded.anchors, decoder.exact(stored)
+    """Convert a coded block to arrays in output order.
+
+    Parameters
+    ----------
+    stream : PaperStream
+        Its blocks are not used.
+    exact : float array of shape (T, N, 3), or None
+        Positions of isolated vertices in internal order.
+    """
+    values, anchors, prediction = coded.values, coded.anchors, coded.prediction
     coefficients = values.coefficients
     if values.basis is not None:
         coefficients = np.take(coefficients, stream.order, axis=2)
+        prediction = _take(prediction, stream.order, axis=2)
     if exact is not None:
         exact = exact[:, np.argsort(stream._output_numbers(stream.mesh.isolated))]
     return PaperBlock(
-        start=stored.start,
-        n_frames=stored.n_frames,
+        start=start,
+        n_frames=n_frames,
         basis=values.basis,
         coefficients=coefficients,
-        anchor_coefficients=_take(values.anchor_coefficients, stream._anchor_order, axis=2),
-        anchor_residuals=_take(values.anchor_residuals, stream._anchor_order, axis=1),
+        anchor_coefficients=_take(values.anchor_coefficients, stream.anchor_order, axis=2),
+        anchor_residuals=_take(values.anchor_residuals, stream.anchor_order, axis=1),
         isolated_positions=exact,
         basis_steps=_steps_of(coded.basis),
         coefficient_steps=coded.coefficients.steps,
         anchor_coefficient_steps=_steps_of(None if anchors is None else anchors.coefficients),
         anchor_residual_steps=_steps_of(None if anchors is None else anchors.residuals),
+        is_difference=is_difference,
+        prediction=prediction,
     )
 
 
@@ -354,6 +439,36 @@ def _steps_of(quantized: Quantized | None) -> Steps | None:
     return None if quantized is None else quantized.steps
 
 
+def _integers(values: Floats, block: PaperBlock, name: str) -> Quantized:
+    """Return an array of a block, of shape (3, rows, columns), as integers.
+
+    Raises
+    ------
+    InvalidInputError
+        If it has no steps, or values that are not multiples of them.
+    """
+    steps = {
+        "basis": block.basis_steps,
+        "coefficients": block.coefficient_steps,
+        "anchor_coefficients": block.anchor_coefficient_steps,
+        "anchor_residuals": block.anchor_residual_steps,
+    }[name]
+    if steps is None or len(steps) not in (1, values.shape[1]):
+        count = "none" if steps is None else len(steps)
+        raise InvalidInputError(
+            f"{name} of the block at frame {block.start} need 1 or {values.shape[1]} quantization "
+            f"steps; got {count}"
+        )
+    quantized = Quantized.of(values, steps)
+    allowed = ROUNDING * steps.astype(np.float64)[None, :, None]
+    if np.any(np.abs(quantized.values - values) > allowed):
+        raise InvalidInputError(
+            f"{name} of the block at frame {block.start} are not multiples of their quantization "
+            "steps; quantize them, or replace the steps too"
+        )
+    return quantized
+
+
 def _check_shapes(block: PaperBlock, stream: PaperStream) -> None:
     """Raise InvalidInputError if arrays of a block, possibly replaced, do not fit the stream."""
     variant, n_modes, n_frames = variant_named(stream.method), block.n_modes, block.n_frames
@@ -363,6 +478,7 @@ def _check_shapes(block: PaperBlock, stream: PaperStream) -> None:
     expected = {
         "basis": None if on_graph else (3, n_frames, n_modes),
         "coefficients": (3, n_modes, n_columns),
+        "prediction": None if block.prediction is None else (3, n_modes, n_columns),
         "anchor_coefficients": (3, n_modes, n_anchors) if on_modes else None,
         "anchor_residuals": (3, n_anchors, n_frames) if variant.has_anchors else None,
         "isolated_positions": (n_frames, n_isolated, 3) if n_isolated else None,

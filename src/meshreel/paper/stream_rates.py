@@ -5,19 +5,19 @@ headers. Letters as in the paper: n vertices, k frames, n_c anchors, n_b blocks 
 """
 
 import os
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from meshreel.arrays import Floats, Integers
-from meshreel.codec.inspect import stream_info
+from meshreel.codec.bitstream.layout import Section
 from meshreel.kernel.integers import encode_integers
+from meshreel.paper.blocks import write_coded_block
 from meshreel.paper.coded_values import CodedBlock
-from meshreel.paper.decoder import open_paper_stream
-from meshreel.paper.stream import bytes_of
-from meshreel.paper.variants import Basis, Decoding, Variant, variant_named
+from meshreel.paper.stream import PaperStream, read
+from meshreel.paper.variants import Basis, Decoding, variant_named
 
 N_AXES = 3
 
@@ -59,12 +59,13 @@ class StreamRates:
     eq13 : RateParts
         Number of entries times their bits. An entry of a row takes the bits of the row's largest
         magnitude and a sign; an anchor position those of the largest position; an entry of a
-        dictionary those of its largest entry, or for `blocks`, whose dictionaries are stored as
-        differences, the mean bits of a stored entry. A dictionary counts k_f x k_f entries, of
+        dictionary those of its largest entry, or the mean bits of a stored entry if dictionaries
+        are stored as differences (`blocks`). A dictionary counts k_f x k_f entries, of
         which streams contain K k_f.
     stored : RateParts
-        A third of the bytes in the stream, with quantization steps and tables. `bits_per_row` codes
-        each row separately; in a stream similar rows share a table.
+        A third of the bytes in the stream, with quantization steps and tables, without the 4 to 9
+        bytes around a section. `bits_per_row` codes each row separately; in a stream similar rows
+        share a table.
     q_entropy : float
         q if each entry took the zero-order entropy of its row, without tables.
     dictionary_bits : float or None
@@ -80,17 +81,22 @@ class StreamRates:
     q_d_per_block: float | None
 
 
-def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> StreamRates:
+def rates(
+    data: bytes | bytearray | memoryview | str | os.PathLike[str] | PaperStream,
+) -> StreamRates:
     """Return the rates of a stream in the count of Table I (paper Eq. 13).
 
     Parameters
     ----------
-    data : bytes or path
-        As for `read`.
+    data : bytes, path or PaperStream
+        As for `read`, or a stream as arrays, also with replaced ones. Each array must consist of
+        multiples of its steps.
 
     Raises
     ------
-    InvalidInputError, CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
+    InvalidInputError
+        If replaced arrays do not fit the stream or their steps, or as `read`.
+    CorruptStreamError, TruncatedStreamError, UnsupportedVersionError
         As `read`.
 
     Examples
@@ -98,14 +104,13 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
     >>> rates = meshreel.paper.rates(meshreel.encode(sequence, "pca-qp", n_modes=20))
     >>> rates.eq13.q_s, rates.stored.q_s
     """
-    opened, decoder = open_paper_stream(bytes_of(data))
-    variant, size = variant_named(opened.method), opened.n_verts * opened.n_frames
-    blocks = decoder.all_coded()
-    n_squares = sum((stop - start) ** 2 for start, stop in pairwise(opened.starts))
-    stored_bytes = stream_info(opened).budget_bytes
+    stream = data if isinstance(data, PaperStream) else read(data, all_frequencies=True)
+    variant, size = variant_named(stream.method), stream.n_verts * stream.n_frames
+    blocks = [stream.coded_block(block) for block in stream.blocks]
+    stored_bytes = _stored_bytes(stream, blocks)
 
-    def stored(*sections: str) -> float:
-        return 8 * sum(stored_bytes.get(section, 0) for section in sections) / N_AXES / size
+    def stored(*sections: Section) -> float:
+        return 8 * sum(stored_bytes[section] for section in sections) / N_AXES / size
 
     fixed = tuple(_bits_of_rows(block, _fixed_length_bits) for block in blocks)
     entropy = tuple(_bits_of_rows(block, _entropy_bits) for block in blocks)
@@ -113,24 +118,40 @@ def rates(data: bytes | bytearray | memoryview | str | os.PathLike[str]) -> Stre
     if variant.decoding is Decoding.ANCHORED:
         anchors = sum(map(_anchor_bits, blocks)) / size
     if variant.basis is not Basis.GRAPH:
-        dictionary = _dictionary_bits(variant, blocks, stored_bytes["basis"])
+        has_differences = any(block.is_difference for block in stream.blocks)
+        dictionary = _dictionary_bits(
+            blocks, stored_bytes[Section.BASIS] if has_differences else None
+        )
+    n_squares = sum(block.n_frames**2 for block in stream.blocks)
     return StreamRates(
         eq13=RateParts(
             q=_matrix_bits(fixed, blocks) / size,
             q_a=anchors,
-            q_d=None if dictionary is None else dictionary * opened.n_frames / opened.n_verts,
+            q_d=None if dictionary is None else dictionary * stream.n_frames / stream.n_verts,
             bits_per_row=fixed,
         ),
         stored=RateParts(
-            q=stored("coefficients"),
-            q_a=None if anchors is None else stored("anchors", "anchor residuals"),
-            q_d=None if dictionary is None else stored("basis"),
+            q=stored(Section.COEFFICIENTS),
+            q_a=None if anchors is None else stored(Section.ANCHORS, Section.ANCHOR_RESIDUALS),
+            q_d=None if dictionary is None else stored(Section.BASIS),
             bits_per_row=tuple(_bits_of_rows(block, _coded_bits) for block in blocks),
         ),
         q_entropy=_matrix_bits(entropy, blocks) / size,
         dictionary_bits=dictionary,
         q_d_per_block=None if dictionary is None else dictionary * n_squares / size,
     )
+
+
+def _stored_bytes(stream: PaperStream, blocks: Sequence[CodedBlock]) -> Counter[Section]:
+    """Bytes of the payloads of all blocks, by section."""
+    sizes, previous = Counter[Section](), None
+    for block, arrays in zip(blocks, stream.blocks, strict=True):
+        reference = previous if arrays.is_difference else None
+        variant = variant_named(stream.method)
+        for section, payload in write_coded_block(block, arrays.n_frames, variant, reference):
+            sizes[section] += len(payload)
+        previous = block.basis
+    return sizes
 
 
 def _bits_of_rows(block: CodedBlock, bits_of: Callable[[Integers], float]) -> Floats:
@@ -179,9 +200,9 @@ def _anchor_bits(block: CodedBlock) -> float:
     return float(_magnitude_bits(float(largest)) * positions[0].size)
 
 
-def _dictionary_bits(variant: Variant, blocks: Sequence[CodedBlock], n_bytes: int) -> float:
+def _dictionary_bits(blocks: Sequence[CodedBlock], n_bytes: int | None) -> float:
     """Bits of a dictionary's entry: of the largest, or the mean of stored differences."""
     entries = [block.basis.integers for block in blocks if block.basis is not None]
-    if variant.basis is Basis.TRACKED:
+    if n_bytes is not None:
         return 8.0 * n_bytes / float(sum(integers.size for integers in entries))
     return float(max(_magnitude_bits(float(np.abs(integers).max())) for integers in entries))

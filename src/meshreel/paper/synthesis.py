@@ -1,5 +1,7 @@
 """Decoder side of the paper's method: from the values of a block to frames."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from meshreel.arrays import Floats, Integers
@@ -13,7 +15,14 @@ MAX_RESPONSES = 1 << 26
 """Largest size of the matrix of responses of all vertices to all anchors."""
 
 
-def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Integers) -> FramesOf:
+def synthesise(
+    block: BlockValues,
+    mesh: MeshModel,
+    method: Variant,
+    order: Integers,
+    *,
+    factor_once: bool = False,
+) -> FramesOf:
     """Return a function that computes frames of a block, vertices in output order.
 
     On eigen-trajectories the system is solved for the K columns of each axis, not for each frame:
@@ -26,10 +35,13 @@ def synthesise(block: BlockValues, mesh: MeshModel, method: Variant, order: Inte
     ----------
     order : integer array of shape (V,)
         Internal number of each output vertex.
+    factor_once : bool
+        Factor the system of serial variants once and not for each frame, with the same results.
     """
     if method.is_serial:
         deltas_of, anchors_of = _signals_of_frames(block, mesh)
-        return _frame_by_frame(mesh, deltas_of, anchors_of, order)
+        solve = mesh.reconstruct if factor_once else mesh.reconstruct_uncached
+        return _frame_by_frame(solve, deltas_of, anchors_of, order)
     assert block.basis is not None  # only serial variants have none
     basis, fields = block.basis, block.coefficients
     if method.has_anchors:
@@ -87,15 +99,17 @@ def _signals_of_frames(block: BlockValues, mesh: MeshModel) -> tuple[FramesOf, F
 
 
 def _frame_by_frame(
-    mesh: MeshModel, deltas_of: FramesOf, anchors_of: FramesOf, order: Integers
+    solve: Callable[[Floats, Floats], Floats],
+    deltas_of: FramesOf,
+    anchors_of: FramesOf,
+    order: Integers,
 ) -> FramesOf:
-    """Return a function that factors and solves Eq. 12 for each frame."""
+    """Return a function that solves Eq. 12 for each frame."""
 
     def frames_of(frames: slice) -> Floats:
         deltas, anchors = deltas_of(frames), anchors_of(frames)
         solutions = [
-            mesh.reconstruct_uncached(deltas[:, frame].T, anchors[:, frame].T).T
-            for frame in range(deltas.shape[1])
+            solve(deltas[:, frame].T, anchors[:, frame].T).T for frame in range(deltas.shape[1])
         ]
         return np.stack(solutions, axis=1)[:, :, order]
 
