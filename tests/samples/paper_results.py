@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from meshreel.paper.study.results import PaperResults
+from meshreel.paper.study.results import PaperResults, RateSweep, label_of_result
 from meshreel.paper.sweeps import Setting
 
 
@@ -55,9 +55,13 @@ def made_result(
     }  # fmt: skip
 
 
-def made_sequence(name, variants=(), n_verts=9971, **others):
-    """Combine results of variants to those of a sequence."""
+def made_sequence(name, variants=(), n_verts=9971, sweep=(), **others):
+    """Combine results of variants and of sweeps to those of a sequence."""
+    groups = {}
+    for result in sweep:
+        groups.setdefault(label_of_result(result), []).append(result)
+    sweeps = [RateSweep(label, results, 1.5) for label, results in groups.items()]
     sequence = {
         "name": name, "n_frames": 175, "n_verts": n_verts, "n_faces": 19938, "sha256": "0" * 64,
     }  # fmt: skip
-    return PaperResults(name, sequence, list(variants), **others)
+    return PaperResults(name, sequence, list(variants), sweeps=sweeps, **others)

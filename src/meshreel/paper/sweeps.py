@@ -111,6 +111,10 @@ class Setting:
         options["choices"] = self._all_choices
         return {name: value for name, value in options.items() if value != _DEFAULTS.get(name)}
 
+    def method_options(self) -> dict[str, Any]:
+        """The options without the method."""
+        return {name: value for name, value in self.options().items() if name != "method"}
+
     @property
     def _all_choices(self) -> str:
         parts = [choices_of(text or None).changed for text in (self.shared, self.choices)]
@@ -204,7 +208,7 @@ def variants(
         if method == "pca-qp" and table.anchors == ANCHORS:
             settings.append(replace(setting, anchors=FEW_ANCHORS))
         settings.append(setting)
-    return [_limit_modes(setting, n_frames) for setting in settings if setting.method in methods]
+    return [limit_modes(setting, n_frames) for setting in settings if setting.method in methods]
 
 
 def alternatives(
@@ -217,10 +221,10 @@ def alternatives(
             setting = replace(table.setting(method), choices=choices)
             if choices == QUANTIZED_DELTAS:  # deltas of all frames have one step
                 setting = replace(setting, allocation=_DEFAULTS["allocation"])
-            settings.append(_limit_modes(setting, n_frames))
+            settings.append(limit_modes(setting, n_frames))
     if "pca-qp" in methods:
         settings += [
-            _limit_modes(replace(table.setting("pca-qp"), laplacian=laplacian), n_frames)
+            limit_modes(replace(table.setting("pca-qp"), laplacian=laplacian), n_frames)
             for laplacian in ("combinatorial", "cotangent")
         ]
     existing = {setting.key for setting in variants(n_frames, methods, table)}
@@ -232,7 +236,7 @@ def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[S
     if "pca-qp" not in methods:
         return []
     settings = [Setting("pca-qp", modes, anchors=ANCHORS) for modes in ROW_COUNTS]
-    return _distinct(_limit_modes(setting, n_frames) for setting in settings)
+    return _distinct(limit_modes(setting, n_frames) for setting in settings)
 
 
 def sweep(
@@ -252,7 +256,7 @@ def sweep(
     if "gft" in methods and not quick:
         counts = [max(1, round(share * n_verts)) for share in LOW_FREQUENCIES]
         points += [Setting("gft", count, anchors=ANCHORS) for count in counts]
-    return _distinct(_limit_modes(setting, n_frames) for setting in points)
+    return _distinct(limit_modes(setting, n_frames) for setting in points)
 
 
 def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[str, Any]]]]:
@@ -295,7 +299,7 @@ def _effective(choices: str, method: str) -> str:
     )
 
 
-def _limit_modes(setting: Setting, n_frames: int) -> Setting:
+def limit_modes(setting: Setting, n_frames: int) -> Setting:
     """Limit the modes of a setting to the number of frames in a block."""
     frames = setting.block_frames and equal_blocks(n_frames)
     modes = setting.n_modes

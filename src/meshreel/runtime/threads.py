@@ -263,8 +263,8 @@ def one_blas_thread() -> Iterator[None]:
             limit.leave()
 
 
-def limit_cores(limit: int) -> None:
-    """Limit the cores that this process uses, if several processes share the machine."""
+def limit_cores(limit: int | None) -> None:
+    """Limit the cores that this process uses, if several processes share the machine; None: all."""
     global _core_limit
     if limit != _core_limit:
         _core_limit = limit

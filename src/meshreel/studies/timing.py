@@ -3,7 +3,8 @@
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.runtime.extras import PEERS
+from meshreel.runtime.threads import limit_cores, one_blas_thread
 from meshreel.runtime.version import __version__
 
 REPEAT_BELOW_S = 2.0
@@ -33,7 +35,20 @@ def timed_once(work: Callable[[], Value]) -> tuple[Value, Seconds]:
     return value, Seconds(time.perf_counter() - start, time.process_time() - start_processor)
 
 
-def timed(work: Callable[[], Value], n_repeats: int = REPEATS) -> tuple[Value, Floats]:
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """A context in which BLAS and our own code use one thread."""
+    limit_cores(1)
+    try:
+        with one_blas_thread():
+            yield
+    finally:
+        limit_cores(None)
+
+
+def timed(
+    work: Callable[[], Value], n_repeats: int = REPEATS, repeat_below_s: float = REPEAT_BELOW_S
+) -> tuple[Value, Floats]:
     """Return the value of the work and the seconds of each run; long work is run once.
 
     Returns
@@ -45,17 +60,17 @@ def timed(work: Callable[[], Value], n_repeats: int = REPEATS) -> tuple[Value, F
     while True:
         value, seconds = timed_once(work)
         runs.append(seconds)
-        if len(runs) >= n_repeats or runs[0].wall >= REPEAT_BELOW_S:
+        if len(runs) >= n_repeats or runs[0].wall >= repeat_below_s:
             return value, np.array(runs)
 
 
 def seconds_of(encoding: Floats, decoding: Floats) -> dict[str, Any]:
-    """Medians of wall-clock and processor seconds, and the wall-clock seconds of all runs."""
+    """Medians of wall-clock and processor seconds, and the processor seconds of all runs."""
     figures: dict[str, Any] = {}
     for phase, runs in (("encode", encoding), ("decode", decoding)):
         wall, processor = np.median(runs, axis=0).tolist()
         figures |= {phase: wall, f"{phase}_processor": processor}
-        figures[f"{phase}_runs"] = runs[:, 0].tolist()
+        figures[f"{phase}_runs"] = runs[:, 1].tolist()
     return figures
 
 

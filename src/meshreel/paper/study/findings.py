@@ -10,11 +10,13 @@ import numpy as np
 
 from meshreel.paper.study.results import (
     ENTROPY_RATE,
+    ERRORS,
     RATE,
     PaperResults,
     extrapolated_basis,
     label_of_result,
     method_of_result,
+    value_of,
 )
 from meshreel.paper.sweeps import (
     CHOICE_NAMES,
@@ -28,9 +30,7 @@ from meshreel.runtime.counting import duration_text
 from meshreel.studies.rate_distortion import error_at_equal_rate
 from meshreel.studies.runs import Result, usable
 
-KG, STED, NMSVE = "quality.kg_error_percent", "quality.sted", "quality.nmsve_mean"
-ERRORS = {"KG": KG, "STED": STED, "NMSVE": NMSVE}
-"""The compared errors, by name."""
+KG, STED, NMSVE = ERRORS.values()
 
 PER_MESH_VERTICES = 20000
 """Vertices beyond which the paper considers the per-mesh solve infeasible."""
@@ -42,6 +42,8 @@ DAY_S = 24 * 3600.0
 
 MIN_EXTRAPOLATED_VERTS = 2000
 """Fewest vertices from which the time of larger meshes is extrapolated."""
+
+NOT_JUDGED = "not judged"
 
 PRINTED_DICTIONARY_BITS = (8.5, 10.6)
 """Bits per entry implied by the printed q_d of `blocks`, for Samba and for Handstand."""
@@ -71,8 +73,12 @@ class Claim:
     """The verdict is "yes" if the measure is at most `yes`, "weakly" if it is below `weakly`, else
     "no". If `yes` exceeds `weakly`: at least `yes`, above `weakly`.
     """
+    needs: str
+    """Methods whose results it takes, separated by spaces."""
     evidence: Callable[[PaperResults], Evidence | None]
     """Returns the evidence of a sequence's results; None if they do not contain it."""
+    in_quick: bool = True
+    """Whether a quick study measures it."""
 
     @property
     def threshold(self) -> str:
@@ -82,13 +88,22 @@ class Claim:
         return f"yes: {self.yes:g} or more; weakly: above {self.weakly:g}"
 
     def verdict(self, value: float | None) -> str:
-        """Return "yes", "weakly", "no", or "not judged" without a value."""
+        """Return "yes", "weakly", "no", or `NOT_JUDGED` without a value."""
         if value is None or not np.isfinite(value):
-            return "not judged"
+            return NOT_JUDGED
         sign = 1 if self.yes <= self.weakly else -1
         if sign * value <= sign * self.yes:
             return "yes"
         return "weakly" if sign * value < sign * self.weakly else "no"
+
+    def why_not_judged(self, results: PaperResults) -> str:
+        """Why results contain no evidence."""
+        missing = set(self.needs.split()) - {*map(method_of_result, results.variants)}
+        if missing:
+            return f"It needs {', '.join(sorted(missing))}, which the study did not run."
+        if results.is_quick and not self.in_quick:
+            return "A quick study does not measure it."
+        return "Its runs were refused, or have nothing to compare, such as common rates."
 
 
 @dataclass(frozen=True)
@@ -97,6 +112,9 @@ class Finding:
 
     claim: Claim
     evidence: Evidence
+    """What decides, or why nothing does."""
+    is_quick: bool = False
+    """Whether it is from a quick study."""
 
     @property
     def verdict(self) -> str:
@@ -106,8 +124,9 @@ class Finding:
     @property
     def text(self) -> str:
         """Claim, verdict, evidence and thresholds as Markdown."""
+        mark = " (quick)" if self.is_quick else ""
         return (
-            f"**{self.claim.text}: {self.verdict}.** {self.evidence.text} (Measure: "
+            f"**{self.claim.text}: {self.verdict}{mark}.** {self.evidence.text} (Measure: "
             f"{self.claim.measure}; {self.claim.threshold}.)"
         )
 
@@ -125,20 +144,12 @@ class Finding:
 
 
 def findings(results: PaperResults) -> list[Finding]:
-    """Return a finding for each claim that the results of a sequence cover."""
+    """Return a finding for each claim; those that the results do not cover say why."""
     return [
-        Finding(claim, evidence)
+        Finding(claim, claim.evidence(results) or Evidence(None, claim.why_not_judged(results), ""),
+                results.is_quick)
         for claim in CLAIMS
-        if (evidence := claim.evidence(results)) is not None
-    ]
-
-
-def _value(result: Result, keys: str) -> float:
-    """A figure of a result, given its keys separated by dots; infinite if it is not finite."""
-    value: Any = result
-    for key in keys.split("."):
-        value = value[key]
-    return float("inf") if value is None else float(value)
+    ]  # fmt: skip
 
 
 def _at_equal_rate(
@@ -152,7 +163,7 @@ def _at_equal_rate(
     """The errors of a variant relative to another at equal rate; the largest ratio decides."""
     ratios, texts = {}, []
     for name in errors:
-        points = results.points(ERRORS[name].removeprefix("quality."), rate)
+        points = results.points(name, rate)
         change = error_at_equal_rate(points.get(first, []), points.get(second, []))
         if change.percent is not None:
             ratios[name] = 1 + change.percent / 100
@@ -162,7 +173,8 @@ def _at_equal_rate(
         return None
     return Evidence(
         max(ratios.values()),
-        f"Errors of `{first}` relative to `{second}`: {', '.join(texts)}.",
+        f"Errors of `{first}` relative to `{second}`: {', '.join(texts)}. "
+        + results.sweep_text(first, second),
         ", ".join(f"{name} {ratio:.2f}" for name, ratio in ratios.items()),
     )
 
@@ -214,15 +226,28 @@ def _compare(
     found = [result for result in pair if result is not None]
     if len(found) < 2:
         return None
-    values = {name: [_value(result, keys) for result in found] for name, keys in figures.items()}
-    texts = [f"{name} {low:.3g} against {high:.3g}" for name, (low, high) in values.items()]
-    rates = "" if timing else " and ".join(f"{_value(result, RATE):.3g}" for result in found)
+    values = {name: [value_of(result, keys) for result in found] for name, keys in figures.items()}
+    texts = [
+        f"{name} {' against '.join(_with_spread(result, figures[name]) for result in found)}"
+        for name in values
+    ]
+    rates = "" if timing else " and ".join(f"{value_of(result, RATE):.3g}" for result in found)
     setting = f"{timing['n_frames']} frames" if timing else f"{rates} bpvf"
     return Evidence(
         measure(list(values.values())),
         f"`{first}` against `{second}`, {setting}: {', '.join(texts)}.",
         texts[0],
     )
+
+
+def _with_spread(result: Result, keys: str) -> str:
+    """A figure, and for a median of seconds their range."""
+    text = f"{value_of(result, keys):.3g}"
+    group, name = keys.rsplit(".", 1)
+    runs = (
+        result[group].get(f"{name.removesuffix('_processor')}_runs") if group == "seconds" else ()
+    )
+    return f"{text} ({min(runs):.3g} to {max(runs):.3g})" if runs else text
 
 
 def _anchor_choice(results: PaperResults) -> Evidence | None:
@@ -246,21 +271,21 @@ def _random_changes(results: PaperResults, label: str, choices: Sequence[str]) -
     default = results.variant(label)
     others = [results.variant(f"pca-qp ({CHOICE_NAMES[text]})") for text in choices]
     return [
-        _increase([(_value(other, KG), _value(default, KG))])
+        _increase([(value_of(other, KG), value_of(default, KG))])
         for other in others
         if default is not None and other is not None
     ]
 
 
 def _lowest_error(results: PaperResults) -> Evidence | None:
-    ranked = sorted(usable(results.variants), key=lambda result: _value(result, NMSVE))
+    ranked = sorted(usable(results.variants), key=lambda result: value_of(result, NMSVE))
     best: dict[bool, float] = {}
     for result in reversed(ranked):
-        best[method_of_result(result) in ("pca-qs", "pca-qp")] = _value(result, NMSVE)
+        best[method_of_result(result) in ("pca-qs", "pca-qp")] = value_of(result, NMSVE)
     if len(best) < 2:
         return None
     texts = ", ".join(
-        f"`{label_of_result(result)}` {_value(result, NMSVE):.2e} at {_value(result, RATE):.2g}"
+        f"`{label_of_result(result)}` {value_of(result, NMSVE):.2e} at {value_of(result, RATE):.2g}"
         for result in ranked
     )
     ratio = best[True] / (best[False] or 1.0)
@@ -289,10 +314,10 @@ def _rows_enough(results: PaperResults) -> Evidence | None:
     if 20 not in rows or 30 not in rows:
         return None
     texts = ", ".join(
-        f"{n_modes}: {_value(result, KG):.3g} % and {_value(result, STED):.3g}"
+        f"{n_modes}: {value_of(result, KG):.3g} % and {value_of(result, STED):.3g}"
         for n_modes, result in sorted(rows.items())
     )
-    fall = -_increase([(_value(rows[30], STED), _value(rows[20], STED))])
+    fall = -_increase([(value_of(rows[30], STED), value_of(rows[20], STED))])
     return Evidence(fall, f"KG and STED by k_l, 8 bits: {texts}.", f"STED {-fall:+.0f} %")
 
 
@@ -380,11 +405,11 @@ def _visible_error(results: PaperResults) -> Evidence | None:
     result = results.variant("pca-qp")
     if result is None:
         return None
-    angle = _value(result, "quality.normal_angle_mean_deg")
+    angle = value_of(result, "quality.normal_angle_mean_deg")
     return Evidence(
         angle,
-        f"At the settings of the tables ({_value(result, RATE):.3g} bpvf) the normals of faces "
-        f"differ by {angle:.2f} degrees on average; STED is {_value(result, STED):.3g}.",
+        f"At the settings of the tables ({value_of(result, RATE):.3g} bpvf) the normals of faces "
+        f"differ by {angle:.2f} degrees on average; STED is {value_of(result, STED):.3g}.",
         f"{angle:.1f} degrees",
     )
 
@@ -394,7 +419,7 @@ _QP_COEFFICIENTS, _BLOCKS_COEFFICIENTS = (
 )
 _RATES = "largest of KG, STED and NMSVE over those of the other, at equal rate"
 _KG_RATE = "KG error over that of the other, at equal rate"
-_SECONDS = "processor seconds over those of the other"
+_SECONDS = "median processor seconds of one thread over those of the other"
 _ENCODE, _DECODE = (
     {f"processor seconds to {verb}": f"seconds.{phase}_processor"}
     for verb, phase in (("encode", "encode"), ("reconstruct", "decode"))
@@ -406,69 +431,75 @@ CLAIMS = tuple(
     Claim(*row)
     for row in (
         ("Deltas on eigen-trajectories beat spatial coding of each mesh (PCA+qp, per mesh)",
-         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="gft")),
+         _RATES, *RATIO, "pca-qp gft", partial(_at_equal_rate, first="pca-qp", second="gft")),
         ("Deltas on eigen-trajectories beat vertices (PCA+qp, v2v)",
-         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="v2v")),
+         _RATES, *RATIO, "pca-qp v2v", partial(_at_equal_rate, first="pca-qp", second="v2v")),
         ("Deltas on eigen-trajectories beat vertices at the zero-order entropy of coefficients",
-         _RATES, *RATIO, partial(_at_equal_rate, first="pca-qp", second="v2v", rate=ENTROPY_RATE)),
+         _RATES, *RATIO, "pca-qp v2v",
+         partial(_at_equal_rate, first="pca-qp", second="v2v", rate=ENTROPY_RATE)),
         ("The quality is not noticeably affected (PCA+qp, settings of the tables)",
-         "mean angle between original and decoded normals, degrees", 2.0, 5.0, _visible_error),
+         "mean angle between original and decoded normals, degrees", 2.0, 5.0, "pca-qp",
+         _visible_error),
         ("The projected deltas are very sparse",
-         "share of the entries of at most 1 % of the largest, percent", 95.0, 80.0, _sparsity),
+         "share of the entries of at most 1 % of the largest, percent", 95.0, 80.0, "", _sparsity),
         ("More than 20 rows improve little",
-         "fall of STED from 20 to 30 rows, percent", 10.0, 20.0, _rows_enough),
+         "fall of STED from 20 to 30 rows, percent", 10.0, 20.0, "pca-qp", _rows_enough),
         ("Anchors raise the level of detail (PCA+qp, PCA+q)",
          "largest of KG, STED and NMSVE over those without, at the settings of the tables",
-         *RATIO, partial(_compare, first="pca-qp", second="pca-q")),
+         *RATIO, "pca-qp pca-q", partial(_compare, first="pca-qp", second="pca-q")),
         ("1 % of the vertices as anchors are better than 0.5 %",
          "largest of KG, STED and NMSVE over those with 0.5 %, at the settings of the tables",
-         *RATIO, partial(_compare, first="pca-qp", second="pca-qp (0.5 %)")),
+         *RATIO, "pca-qp", partial(_compare, first="pca-qp", second="pca-qp (0.5 %)")),
         ("The choice of anchors hardly affects the results",
-         "largest change of KG with three random sets, percent", 5.0, 15.0, _anchor_choice),
+         "largest change of KG with three random sets, percent", 5.0, 15.0, "pca-qp",
+         _anchor_choice, False),
         ("Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp",
-         _KG_RATE, *RATIO, partial(_equal_kg, first="pca-qp", second=_QP_COEFFICIENTS)),
+         _KG_RATE, *RATIO, "pca-qp", partial(_equal_kg, first="pca-qp", second=_QP_COEFFICIENTS)),
         ("Positions of anchors in all frames (Eq. 12) beat their coefficients, blocks",
-         _KG_RATE, *RATIO, partial(_equal_kg, first="blocks", second=_BLOCKS_COEFFICIENTS)),
+         _KG_RATE, *RATIO, "blocks",
+         partial(_equal_kg, first="blocks", second=_BLOCKS_COEFFICIENTS)),
         ("Anchors need 16 bits for each position",
-         "increase of KG with 12 bits, percent", 10.0, 2.0,
+         "increase of KG with 12 bits, percent", 10.0, 2.0, "pca-qp",
          partial(_compare, first="pca-qp", second=f"pca-qp ({CHOICE_NAMES[FINE_ANCHORS]})",
-                 figures={"KG": KG, "q_a": "rates.stored.q_a"}, measure=_increase)),
+                 figures={"KG": KG, "q_a": "rates.stored.q_a"}, measure=_increase), False),
         ("Variant (ii) read as the projection of quantized deltas is better than Eq. 10",
-         "largest of q, KG and STED over those of Eq. 10", *RATIO,
+         "largest of q, KG and STED over those of Eq. 10", *RATIO, "pca-q",
          partial(_compare, first=f"pca-q ({CHOICE_NAMES[QUANTIZED_DELTAS]})", second="pca-q",
-                 figures={"q": "rates.stored.q", "KG": KG, "STED": STED})),
+                 figures={"q": "rates.stored.q", "KG": KG, "STED": STED}), False),
         ("PCA+qs and PCA+qp have the lowest NMSVE at the settings of the tables",
-         "their mean NMSVE over the lowest of the others", *RATIO, _lowest_error),
+         "their mean NMSVE over the lowest of the others", *RATIO, "pca-qs pca-qp", _lowest_error),
         ("NMSVE per frame follows a similar pattern in all temporal methods",
-         "smallest correlation of two methods", 0.8, 0.5, _similar_pattern),
+         "smallest correlation of two methods", 0.8, 0.5, "", _similar_pattern),
         ("Per mesh has nearly the same NMSVE in every frame",
-         "standard deviation over the mean, percent", 10.0, 20.0, _steadiness),
+         "standard deviation over the mean, percent", 10.0, 20.0, "gft pca-qp", _steadiness),
         ("PCA+qs and PCA+qp have equal quality",
-         "largest difference of KG, STED and NMSVE, percent", 0.1, 1.0,
+         "largest difference of KG, STED and NMSVE, percent", 0.1, 1.0, "pca-qs pca-qp",
          partial(_compare, first="pca-qs", second="pca-qp", measure=_difference)),
         ("PCA+qs has temporal artifacts that PCA+qp does not have",
-         "temporal part of STED of PCA+qp over that of PCA+qs", *RATIO,
+         "temporal part of STED of PCA+qp over that of PCA+qs", *RATIO, "pca-qs pca-qp",
          partial(_compare, first="pca-qp", second="pca-qs",
                  figures={"temporal part of STED": "quality.sted_temporal"})),
-        ("PCA+qp is much faster to reconstruct than PCA+qs", _SECONDS, 0.5, 1.0,
+        ("PCA+qp is much faster to reconstruct than PCA+qs", _SECONDS, 0.5, 1.0, "pca-qs pca-qp",
          partial(_compare, first="pca-qp", second="pca-qs", figures=_DECODE)),
-        ("Blocks are faster to encode than PCA+qp", _SECONDS, *RATIO,
+        ("Blocks are faster to encode than PCA+qp", _SECONDS, *RATIO, "blocks pca-qp",
          partial(_compare, first="blocks", second="pca-qp", figures=_ENCODE)),
-        ("Blocks are faster to reconstruct than PCA+qp", _SECONDS, *RATIO,
+        ("Blocks are faster to reconstruct than PCA+qp", _SECONDS, *RATIO, "blocks pca-qp",
          partial(_compare, first="blocks", second="pca-qp", figures=_DECODE)),
         ("Blocks are faster to encode than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,
-         partial(_long, figures=_ENCODE)),
+         "blocks pca-qp", partial(_long, figures=_ENCODE), False),
         ("Blocks are faster to reconstruct than PCA+qp beyond 1,000 frames", _SECONDS, *RATIO,
-         partial(_long, figures=_DECODE)),
-        ("PCA+qp is better than blocks", _KG_RATE, *RATIO,
+         "blocks pca-qp", partial(_long, figures=_DECODE), False),
+        ("PCA+qp is better than blocks", _KG_RATE, *RATIO, "blocks pca-qp",
          partial(_equal_kg, first="pca-qp", second="blocks")),
         ("Differences U[i+1] - U[i] need fewer bits than dictionaries",
-         "bits per entry over those of whole dictionaries, entry by entry", *RATIO, _differences),
+         "bits per entry over those of whole dictionaries, entry by entry", *RATIO, "blocks",
+         _differences),
         ("Blocks with little motion need fewer bits for the same error",
          "bits of the quietest third over those of the third with the most motion",
-         *RATIO, _quiet_blocks),
+         *RATIO, "blocks", _quiet_blocks),
         (f"Per mesh is infeasible beyond {PER_MESH_VERTICES:,} vertices",
-         "days for one decomposition per frame, extrapolated", 1.0, 0.1, _per_mesh_size),
+         "days for one decomposition per frame, extrapolated", 1.0, 0.1, "gft",
+         _per_mesh_size, False),
     )
 )  # fmt: skip
 """In the order of the report: the central claims, rows, anchors, variants, blocks, per mesh."""

@@ -1,16 +1,47 @@
 """Results of one sequence, for tables, figures and findings."""
 
-from dataclasses import asdict, dataclass, field
+import math
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from meshreel.paper.sweeps import ANCHORS, COEFFICIENTS, Setting
-from meshreel.runtime.counting import duration_text, size_text
+from meshreel.paper.sweeps import Setting
+from meshreel.runtime.counting import counted, duration_text, size_text
 from meshreel.studies.rate_distortion import Point
 from meshreel.studies.runs import Result, usable
 
 RATE, ENTROPY_RATE = "rate_order_dropped_bpvf", "rate_order_dropped_entropy_bpvf"
 """Figures of a result: the rate of the file without order, and the same if coefficients took their
 zero-order entropy."""
+
+ERRORS = {
+    "KG": "quality.kg_error_percent",
+    "STED": "quality.sted",
+    "NMSVE": "quality.nmsve_mean",
+}
+"""The compared errors: keys of a result, separated by dots, by name."""
+
+
+@dataclass(frozen=True)
+class RateSweep:
+    """The points of a rate-distortion curve."""
+
+    label: str
+    """That of its settings with the anchors and blocks of the tables."""
+    results: list[Result]
+    """In the order of their runs, also refused ones."""
+    moved_percent: float | None
+    """By how much the last round moved the envelope of the error that moved most; None if the sweep
+    was cut short.
+    """
+    window: tuple[float, float] = (0.0, math.inf)
+    """Rates of the points that were refined."""
+
+    @property
+    def text(self) -> str:
+        """The number of points, and how far they are from settled."""
+        moved = self.moved_percent
+        settled = "cut short" if moved is None else f"the last round moved it {moved:.1f} %"
+        return f"`{self.label}` {counted(len(usable(self.results)), 'point')} ({settled})"
 
 
 @dataclass(frozen=True)
@@ -23,8 +54,9 @@ class PaperResults:
     """Name, shape and hash."""
     variants: list[Result] = field(default_factory=list)
     rows: list[Result] = field(default_factory=list)
-    sweep: list[Result] = field(default_factory=list)
-    """For the tables, for Fig. 3, and for the rate-distortion plots."""
+    """For the tables, and for Fig. 3."""
+    sweeps: list[RateSweep] = field(default_factory=list)
+    """Rate-distortion curves, one for each label."""
     alternatives: list[Result] = field(default_factory=list)
     """Variants that change one choice that the paper leaves open."""
     claims: dict[str, Result] = field(default_factory=dict)
@@ -39,6 +71,8 @@ class PaperResults:
     """Result or None. Seconds and memory of one with all frequencies, if `gft` was run; or its
     refusal.
     """
+    is_quick: bool = False
+    """Whether the study was a quick one, whose sweeps do not settle."""
 
     @property
     def name(self) -> str:
@@ -62,6 +96,14 @@ class PaperResults:
             **self.sequence,
             "variants": [summary(result) for result in self.variants],
             "alternatives": [summary(result) for result in self.alternatives],
+            "sweeps": [
+                {
+                    "label": sweep.label,
+                    "n_points": len(usable(sweep.results)),
+                    "moved_percent": sweep.moved_percent,
+                }
+                for sweep in self.sweeps
+            ],
         }
 
     def variant(self, label: str) -> Result | None:
@@ -70,18 +112,25 @@ class PaperResults:
         return next((result for result in results if label_of_result(result) == label), None)
 
     def points(self, figure: str, rate: str = RATE) -> dict[str, list[Point]]:
-        """Points (rate without order, error) by label, by ascending rate.
+        """Points (rate, error) of each sweep within its window, by ascending rate.
 
-        Excludes variants with non-default anchors, choices other than coefficients of anchors, and
-        `pca-qs`, which has the quality of `pca-qp`.
+        Parameters
+        ----------
+        figure : str
+            As for `value_of`.
         """
-        curves: dict[str, set[Point]] = {}
-        for result in usable([*self.sweep, *self.variants, *self.rows]):
-            setting, error = setting_of_result(result), result["quality"][figure]
-            is_default = setting.anchors in (0, ANCHORS) and setting.choices in ("", COEFFICIENTS)
-            if error is not None and is_default and setting.method != "pca-qs":
-                curves.setdefault(setting.label, set()).add((result[rate], error))
-        return {label: sorted(points) for label, points in curves.items()}
+        curves = {}
+        for sweep in self.sweeps:
+            low, high = sweep.window
+            found = [each for each in usable(sweep.results) if low <= each[RATE] <= high]
+            pairs = [(each[rate], value_of(each, figure)) for each in found]
+            curves[sweep.label] = sorted(pair for pair in pairs if math.isfinite(pair[1]))
+        return {label: points for label, points in curves.items() if points}
+
+    def sweep_text(self, *labels: str) -> str:
+        """The sweeps with these labels as a sentence."""
+        texts = [sweep.text for sweep in self.sweeps if sweep.label in labels]
+        return f"Sweeps: {', '.join(texts)}." if texts else ""
 
 
 @dataclass(frozen=True)
@@ -136,6 +185,14 @@ def extrapolated_basis(measured: Result, n_verts: int, n_frames: int) -> FullBas
     )
 
 
+def value_of(result: Result, keys: str) -> float:
+    """A figure of a result, by its name in `ERRORS` or its keys; infinite if it is not finite."""
+    value: Any = result
+    for key in ERRORS.get(keys, keys).split("."):
+        value = value[key]
+    return float("inf") if value is None else float(value)
+
+
 def method_of_result(result: Result) -> str:
     """The method of a result."""
     return str(result["identity"]["setting"]["method"])
@@ -148,7 +205,9 @@ def label_of_result(result: Result) -> str:
 
 def setting_of_result(result: Result) -> Setting:
     """The setting of a result."""
-    return Setting(**result["identity"]["setting"])
+    names = {each.name for each in fields(Setting)}
+    setting = result["identity"]["setting"]
+    return Setting(**{name: setting[name] for name in setting if name in names})
 
 
 def summary(result: Result) -> dict[str, Any]:

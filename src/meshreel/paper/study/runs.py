@@ -5,14 +5,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.codec.decoder import decode
 from meshreel.codec.encoder import encode
-from meshreel.codec.inspect import StreamInfo, info
+from meshreel.codec.inspect import info
 from meshreel.codec.paper_options import equal_blocks
 from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
@@ -23,15 +23,24 @@ from meshreel.paper.basis import modes_for_energy, project
 from meshreel.paper.blocks import write_curves, write_rows
 from meshreel.paper.coded_values import Quantized
 from meshreel.paper.decoder import coded_blocks
+from meshreel.paper.experiment import ExperimentSeries
 from meshreel.paper.graph_fourier import basis_bytes, estimated_seconds, graph_fourier_basis
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.quantization import uniform_step
-from meshreel.paper.stream_rates import rates
+from meshreel.paper.stream_rates import StreamRates, rates
+from meshreel.paper.study.results import RATE
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, Setting, TableSettings
 from meshreel.runtime.counting import duration_text
 from meshreel.runtime.progress import Progress
 from meshreel.studies.runs import Outcome, Run, finite
-from meshreel.studies.timing import REPEATS, machine_facts, seconds_of, timed
+from meshreel.studies.timing import REPEATS, machine_facts, one_thread, seconds_of, timed
+
+Value = TypeVar("Value")
+
+SAMPLED_FRAMES = 16
+"""Frames of which sweeps measure the errors: the measures of all frames take five times as long as
+the codec.
+"""
 
 LONG_FRAMES = 1200
 """The paper's claim about blocks concerns sequences of more than 1,000 frames."""
@@ -43,6 +52,9 @@ N_DECOMPOSITIONS = 2
 
 NEAR_ZERO = 0.01, 0.001
 """Magnitudes near zero, relative to the largest."""
+
+REPEAT_BELOW_S = 60.0
+"""Longer work is timed once."""
 
 MAX_FULL_SECONDS = 600.0
 """Time that the study spends on all graph frequencies of a sequence."""
@@ -202,12 +214,24 @@ def long_run(sequence: MeshSequence, table: TableSettings) -> Run:
         for number, (name, setting) in enumerate(settings.items()):
             progress(f"{name}, {len(vertices)} frames", number / 2)
             options = setting.options()
-            data, encode_s = timed(partial(encode, repeated, **options))
-            _, decode_s = timed(partial(decode, data))
+            data, encode_s = timed_on_one_thread(partial(encode, repeated, **options))
+            _, decode_s = timed_on_one_thread(partial(decode, data))
             figures[name] = seconds_of(encode_s, decode_s)
         return Outcome(figures)
 
     return Run("long sequence", "claim_long_sequence", {"times": n_repeats, **keys}, measure)
+
+
+def timed_on_one_thread(
+    work: Callable[[], Value], n_repeats: int = REPEATS
+) -> tuple[Value, Floats]:
+    """Return the value of the work and the seconds of each run, of one thread, as `timed`.
+
+    Threads of BLAS wait for each other in loops, which count as processor time: with two, blocks
+    seem faster to encode than all frames at once, with one they are slower.
+    """
+    with one_thread():
+        return timed(work, n_repeats, REPEAT_BELOW_S)
 
 
 def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
@@ -221,7 +245,8 @@ def decompositions_run(sequence: MeshSequence, n_modes: int) -> Run:
         runs = []
         for number in range(N_DECOMPOSITIONS):
             progress("decomposition", number / N_DECOMPOSITIONS)
-            runs += timed(lambda: graph_fourier_basis(laplacian, n_modes), 1)[1].tolist()
+            work = partial(graph_fourier_basis, laplacian, n_modes)
+            runs += timed_on_one_thread(work, 1)[1].tolist()
         wall, processor = np.mean(runs, axis=0).tolist()
         return Outcome(
             {"n_modes": n_modes, "seconds_each": wall, "processor_seconds_each": processor}
@@ -248,7 +273,7 @@ def full_decomposition_run(sequence: MeshSequence) -> Run:
                 f"estimate); the study spends up to {duration_text(MAX_FULL_SECONDS)}"
             )
         progress(f"about {duration_text(estimate)} (an estimate)", 0.0)
-        _, runs = timed(lambda: graph_fourier_basis(laplacian, n_verts), 1)
+        _, runs = timed_on_one_thread(partial(graph_fourier_basis, laplacian, n_verts), 1)
         seconds, processor = runs[0].tolist()
         return Outcome(
             {
@@ -264,9 +289,8 @@ def full_decomposition_run(sequence: MeshSequence) -> Run:
 
 
 MEASURED = (
-    "wall-clock and processor seconds (all threads) in one process, from arrays in memory to bytes "
-    "in memory and back, with connectivity and entropy coding, without files; the order of "
-    "vertices and faces is preserved"
+    "processor seconds of one thread, from arrays in memory to bytes in memory and back, with "
+    "connectivity and entropy coding, without files; the order of vertices and faces is preserved"
 )
 
 
@@ -283,13 +307,14 @@ def variant_run(
     shown_frame : int
         The decoded frame to store for pictures.
     repeat : bool
-        Use the median of three runs if one takes less than two seconds.
+        Use the median of three runs if one takes less than a minute.
     """
     options, n_repeats = setting.options(), REPEATS if repeat else 1
 
     def measure(progress: Progress) -> Outcome:
-        data, encode_s = timed(lambda: encode(sequence, **options, progress=progress), n_repeats)
-        decoded, decode_s = timed(lambda: decode(data, progress=progress), n_repeats)
+        work = partial(encode, sequence, **options, progress=progress)
+        data, encode_s = timed_on_one_thread(work, n_repeats)
+        decoded, decode_s = timed_on_one_thread(partial(decode, data, progress=progress), n_repeats)
         smallest = info(encode(sequence, **options, order="drop", progress=progress))
         stream, frame = info(data), io.BytesIO()
         np.save(frame, decoded.vertices[shown_frame])
@@ -299,7 +324,7 @@ def variant_run(
             "rate_order_dropped_bpvf": smallest.rate_bpvf,
             "size_order_dropped_bytes": smallest.size_bytes,
             "budget_order_dropped_bytes": smallest.budget_bytes,
-            **_rate_figures(data, smallest),
+            **_rate_figures(rates(data), smallest.rate_bpvf),
             "seconds": seconds_of(encode_s, decode_s),
             "quality": finite(compare(sequence, decoded, progress=progress).as_dict()),
             "machine": machine_facts(),
@@ -310,13 +335,36 @@ def variant_run(
     return Run(name, setting.key, asdict(setting), measure, needs=("reel",))
 
 
-def _rate_figures(data: bytes, smallest: StreamInfo) -> dict[str, Any]:
+def sweep_run(series: ExperimentSeries, setting: Setting) -> Run:
+    """A run of a point of a rate-distortion sweep: rates and errors, without a stream and seconds.
+
+    Rates and positions are those of a stream. Errors are of `SAMPLED_FRAMES` frames.
+    """
+    numbers = sampled_frames(series.n_frames)
+
+    def measure(progress: Progress) -> Outcome:
+        sample = series.sample(setting.method, numbers, **setting.method_options())
+        figures = _rate_figures(sample.rates, sample.rate_bpvf)
+        del figures["bits_per_row"]
+        return Outcome({RATE: sample.rate_bpvf, **figures, "quality": finite(sample.errors)})
+
+    name = f"sweep of {setting.label}, {setting.n_modes} modes, {setting.bits} bits"
+    identity = {**asdict(setting), "frames": SAMPLED_FRAMES}
+    return Run(name, f"sweep_{setting.key}", identity, measure)
+
+
+def sampled_frames(n_frames: int) -> list[int]:
+    """Numbers of the frames of which sweeps measure the errors, evenly spaced."""
+    numbers = np.linspace(0, n_frames - 1, min(n_frames, SAMPLED_FRAMES))
+    return [*map(int, np.rint(numbers))]
+
+
+def _rate_figures(stream_rates: StreamRates, smallest_bpvf: float) -> dict[str, Any]:
     """The rates of a stream in the paper's count, in plain types.
 
     "rate_order_dropped_entropy_bpvf" is the rate of the file if its coefficients took their
     zero-order entropy.
     """
-    stream_rates = rates(data)
     figures: dict[str, Any] = {
         name: {part: getattr(getattr(stream_rates, name), part) for part in RATE_PARTS}
         for name in ("eq13", "stored")
@@ -326,7 +374,7 @@ def _rate_figures(data: bytes, smallest: StreamInfo) -> dict[str, Any]:
     saved = 3 * (stream_rates.q_entropy - stream_rates.stored.q)
     return {
         "rates": figures,
-        "rate_order_dropped_entropy_bpvf": smallest.rate_bpvf + saved,
+        "rate_order_dropped_entropy_bpvf": smallest_bpvf + saved,
         "bits_per_row": [rows.tolist() for rows in stream_rates.stored.bits_per_row],
     }
 

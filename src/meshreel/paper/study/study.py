@@ -6,9 +6,17 @@ from functools import partial
 from pathlib import Path
 
 from meshreel.model.sequence import MeshSequence
+from meshreel.paper.experiment import ExperimentSeries
 from meshreel.paper.study.figures import diagrams, matrices, meshes
-from meshreel.paper.study.findings import findings
-from meshreel.paper.study.results import PaperResults, extrapolated_basis, setting_of_result
+from meshreel.paper.study.findings import CLAIMS, NOT_JUDGED, findings
+from meshreel.paper.study.rate_sweeps import axes_of, starts, swept, window_around
+from meshreel.paper.study.results import (
+    RATE,
+    PaperResults,
+    RateSweep,
+    extrapolated_basis,
+    setting_of_result,
+)
 from meshreel.paper.study.runs import (
     MEASURED,
     N_DECOMPOSITIONS,
@@ -18,6 +26,7 @@ from meshreel.paper.study.runs import (
     long_run,
     quiet_blocks_run,
     sparsity_run,
+    sweep_run,
     variant_run,
 )
 from meshreel.paper.study.tables import (
@@ -34,10 +43,10 @@ from meshreel.paper.study.tables import (
 from meshreel.paper.sweeps import (
     DEFAULTS,
     METHOD_NAMES,
+    Setting,
     TableSettings,
     alternatives,
     row_settings,
-    sweep,
     variants,
 )
 from meshreel.rendering.documents import Part, Picture, bullets
@@ -104,8 +113,16 @@ def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[P
     """Findings, tables and figures of a sequence."""
     remark = REMARKS.get(results.name.lower())
     parts: list[Part] = [remark] if remark else []
-    texts = tuple(finding.text for finding in findings(results))
-    parts += ["### Findings", bullets(texts or ("None to compare.",))]
+    judged = [finding for finding in findings(results) if finding.verdict != NOT_JUDGED]
+    others = [finding for finding in findings(results) if finding.verdict == NOT_JUDGED]
+    if results.is_quick:
+        parts.append(
+            "A quick study: its sweeps have few points, so verdicts may change without it."
+        )
+    parts += ["### Findings", bullets(tuple(finding.text for finding in judged))]
+    if others:
+        texts = (f"{finding.claim.text}: {finding.evidence.text}" for finding in others)
+        parts += [f"### Not judged: {len(others)} of {len(CLAIMS)}", bullets(tuple(texts))]
     parts += ["### Rates and errors", rate_table(results), _rate_note(results)]
     parts += [quality_table(results), *refusals(results)]
     if results.alternatives:
@@ -164,14 +181,13 @@ class PaperStudy:
     )
 
     def plan(self, sequence: MeshSequence) -> dict[str, list[Run]]:
-        """The runs for tables, alternatives, Fig. 3, rate-distortion plots and claims."""
-        n_frames, n_verts = sequence.n_frames, sequence.n_verts
+        """The runs for tables, alternatives, Fig. 3 and claims; `collect` adds those of sweeps."""
+        n_frames = sequence.n_frames
         frame = meshes.uncommon_frame(sequence)
         groups = {
             "variants": variants(n_frames, self.methods, self.table),
             "alternatives": [] if self.quick else alternatives(n_frames, self.methods, self.table),
             "rows": row_settings(n_frames, self.methods),
-            "sweep": sweep(n_frames, n_verts, self.methods, quick=self.quick),
         }
         runs = {
             group: [
@@ -194,7 +210,7 @@ class PaperStudy:
     def collect(
         self, subject: Subject, groups: Mapping[str, list[Result]], progress: Progress
     ) -> PaperResults:
-        """The results of all runs, and the timing of decompositions if `gft` was run.
+        """The results of all runs, the sweeps, and the timing of decompositions if `gft` was run.
 
         A quick study omits the full decomposition.
         """
@@ -206,9 +222,10 @@ class PaperStudy:
             store.sequence,
             variants=groups["variants"],
             rows=groups["rows"],
-            sweep=groups["sweep"],
+            sweeps=self._sweeps(subject, progress),
             alternatives=groups["alternatives"],
             claims={name: result for name, result in claims if "refused" not in result},
+            is_quick=self.quick,
         )
         graph = results.variant("gft")
         if graph is None:
@@ -221,6 +238,23 @@ class PaperStudy:
             decompositions=next(iter(decompositions), None),
             full_decomposition=full,
         )
+
+    def _sweeps(self, subject: Subject, progress: Progress) -> list[RateSweep]:
+        sequence, store = subject.sequence, subject.store
+        shape, series = (sequence.n_frames, sequence.n_verts), ExperimentSeries(sequence)
+
+        def measure(setting: Setting) -> Result:
+            run = sweep_run(series, setting)
+            progress(run.name, 0.0)
+            return result_of(run, store)
+
+        # All methods have the window of rates of the paper's best variant, also if it is not shown.
+        [reference] = starts(*shape, ["pca-qp"])[:1]
+        window = window_around(measure(reference)[RATE])
+        return [
+            swept(start, axes_of(start, *shape), measure, window, is_quick=self.quick)
+            for start in starts(*shape, self.methods)
+        ]
 
     def drawings(
         self, subject: Subject, results: PaperResults, folder: Path
@@ -243,8 +277,16 @@ class PaperStudy:
         yield partial(diagrams.draw_rate_distortion, results, folder)
 
     def notes(self, measured: Sequence[PaperResults]) -> list[str]:
-        """Empty: no variant needs an optional package."""
-        return []
+        """How many claims are not judged."""
+        counts = {
+            results.name: sum(each.verdict == NOT_JUDGED for each in findings(results))
+            for results in measured
+        }
+        return [
+            f"{name}: {count} of {len(CLAIMS)} claims are not judged; the report says why"
+            for name, count in counts.items()
+            if count
+        ]
 
     def preface(self, measured: Sequence[PaperResults]) -> list[Part]:
         """The settings of the variants."""

@@ -30,8 +30,9 @@ from samples.paper_results import made_result, made_sequence
 
 
 def judged(results, words):
-    """Return the only finding whose claim begins with this text."""
-    [finding] = [each for each in findings(results) if each.claim.text.startswith(words)]
+    """Return the only finding whose claim has or begins with this text."""
+    found = [each for each in findings(results) if each.claim.text.startswith(words)]
+    [finding] = [each for each in found if each.claim.text == words] or found
     return finding
 
 
@@ -116,7 +117,7 @@ JUDGED: dict[str, tuple[Callable[[Any], PaperResults], dict[Any, str]]] = {
         lambda factor: curves(curve("blocks", factor), curve("pca-qp", 1.0)),
         {0.5: "no", 2.0: "yes"},
     ),
-    "Positions of anchors in all frames (Eq. 12) beat": (
+    "Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp": (
         lambda factor: curves(curve("pca-qp", factor), curve("pca-qp", 1.0, COEFFICIENTS)),
         {0.5: "yes", 2.0: "no"},
     ),
@@ -189,7 +190,8 @@ def test_verdict_of_a_claim_follows_its_measure(claim, number, verdict):
         ("Blocks are faster to encode than PCA+qp", 0.1, "seconds to encode 0.2 against 2."),
         ("Deltas on eigen-trajectories beat vertices (", 4.0,
          "relative to `v2v`: KG 0.25 (0.5 to 2 bpvf), STED 0.25 (0.5 to 2 bpvf)"),
-        ("Positions of anchors in all frames (Eq. 12) beat", 0.5, "KG 0.50 (0.5 to 2 bpvf)"),
+        ("Positions of anchors in all frames (Eq. 12) beat their coefficients, PCA+qp", 0.5,
+         "KG 0.50 (0.5 to 2 bpvf)"),
         ("The choice of anchors", 1.04, "by seed: +0.0 %, +4.0 %, +1.0 %"),
         ("Per mesh is infeasible", (10_000, 62.0), "6.4 GB"),
         ("Per mesh is infeasible", (1999, 62.0), "A verdict needs 2,000 measured vertices."),
@@ -209,12 +211,12 @@ def test_evidence_contains_the_measured_values(claim, number, words):
     ],
 )
 def test_verdict_follows_the_thresholds(limits, verdicts):
-    claim = Claim("It rains", "liters", limits[0], limits[1], lambda _: None)
+    claim = Claim("It rains", "liters", limits[0], limits[1], "", lambda _: None)
     assert {value: claim.verdict(value) for value in verdicts} == verdicts
 
 
 def test_thresholds_are_stated_in_both_directions():
-    thresholds = [Claim("", "", *pair, lambda _: None).threshold for pair in ((1, 2), (2, 1))]
+    thresholds = [Claim("", "", *pair, "", lambda _: None).threshold for pair in ((1, 2), (2, 1))]
     assert thresholds == ["yes: up to 1; weakly: below 2", "yes: 2 or more; weakly: above 1"]
 
 
@@ -265,7 +267,39 @@ def test_deltas_and_vertices_are_compared_by_zero_order_entropy_too():
     ids=["one variant", "dictionaries of one block", "no common rates"],
 )
 def test_results_without_comparisons_give_no_findings(results):
-    assert findings(results) == []
+    assert {each.verdict for each in findings(results)} == {"not judged"}
+
+
+def test_claims_that_are_not_judged_say_why():
+    results = tables(PCA_QP, is_quick=True)
+    reasons = {
+        "Blocks are faster to encode than PCA+qp": "It needs blocks, which the study did not run.",
+        "Anchors need 16 bits": "A quick study does not measure it.",
+        "More than 20 rows": "nothing to compare",
+    }
+    for words, reason in reasons.items():
+        finding = judged(results, words)
+        assert finding.verdict == "not judged"
+        assert reason in finding.evidence.text
+    assert len(findings(results)) == len(CLAIMS)
+
+
+def test_verdicts_of_quick_studies_are_marked():
+    assert "tables): weakly (quick).**" in judged(tables(PCA_QP, is_quick=True), "The quality").text
+
+
+def test_evidence_at_equal_rate_names_points_and_convergence():
+    text = judged(
+        curves(curve("pca-qp", 1.0), curve("gft", 2.0)), "Deltas on eigen-trajectories beat spatial"
+    ).evidence.text
+    assert "Sweeps: `pca-qp` 3 points (the last round moved it 1.5 %), `gft` 3 points" in text
+
+
+def test_seconds_have_their_spread():
+    blocks = made_result("blocks")
+    blocks["seconds"]["encode_runs"] = [1.9, 2.0, 2.3]
+    text = judged(tables(blocks, PCA_QP), "Blocks are faster to encode than PCA+qp").evidence.text
+    assert "processor seconds to encode 2 (1.9 to 2.3) against 2." in text
 
 
 def figures(run):

@@ -21,7 +21,7 @@ def test_all_frequencies_are_decomposed_unless_quick(quick, seconds, tmp_path, m
     grid = waving_grid(3, 6, 6)
     subject = Subject(grid, "grid", Store.for_sequence(tmp_path, grid))
     groups: dict[str, list[Result]] = {
-        **{name: [] for name in ("rows", "sweep", "alternatives")},
+        **{name: [] for name in ("rows", "alternatives")},
         "claims": [{"refused": "not run"}],
     }
     results = study.PaperStudy(["gft"], quick).collect(

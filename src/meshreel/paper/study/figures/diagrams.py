@@ -29,9 +29,9 @@ ROW_AXES = {
 """Titles and horizontal axes of Fig. 5."""
 
 ERRORS = (
-    ("kg_error_percent", "KG error (%)"),
-    ("sted", "STED"),
-    ("nmsve_mean", "NMSVE, mean over frames"),
+    ("KG", "KG error (%)"),
+    ("STED", "STED"),
+    ("NMSVE", "NMSVE, mean over frames"),
 )
 
 
@@ -108,9 +108,9 @@ def draw_rate_distortion(results: PaperResults, folder: Path) -> Picture:
     path = folder / f"{results.slug}-rate-distortion.png"
     save_figure(figure, path, overwrite=True, dpi=DPI)
     caption = (
-        "Three errors over the rate of the whole file, without the order of vertices and faces. "
-        "Each point is a stream. A line connects the Pareto-optimal streams of a method; the "
-        "others are small points."
+        "Three errors, of evenly spaced frames, over the rate of the whole file, without the order "
+        "of vertices and faces. Each point is a stream. A line connects the Pareto-optimal streams "
+        "of a method; the others are small points."
     )
     return Picture(path, "Rate and distortion", caption, len(ERRORS))
 
