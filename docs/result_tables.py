@@ -130,29 +130,21 @@ def rates_table(name: str, variants: Sequence[dict[str, Any]]) -> str:
 
 
 def seconds() -> str:
-    """Table II of samba and the flag: processor seconds, wall-clock and printed ones beside."""
-    header = ("sequence", "variant", "encode, processor s", "reconstruct, processor s",
-              "encode, s (printed)", "reconstruct, s (printed)")  # fmt: skip
+    """Table II of samba and the flag: processor seconds of one thread, and the printed ones."""
+    header = ("sequence", "variant", "encode, s (printed)", "reconstruct, s (printed)")
     rows: list[tuple[str, ...]] = []
     for name in ("samba", "flag"):
         sequence = sequence_named(name)
         printed = printed_seconds(name, sequence["n_verts"])
         for one in sequence["variants"]:
             beside = printed.get(one["label"]) if one["label"] != "gft" else None
-            rows.append(
-                (
-                    name,
-                    f"`{one['label']}`",
-                    significant(one["encode_processor_s"]),
-                    significant(one["decode_processor_s"]),
-                    printed_beside(
-                        significant(one["encode_s"]), getattr(beside, "encode", None), 2
-                    ),
-                    printed_beside(
-                        significant(one["decode_s"]), getattr(beside, "decode", None), 2
-                    ),
+            cells = [
+                printed_beside(
+                    significant(one[f"{part}_processor_s"]), getattr(beside, part, None), 2
                 )
-            )
+                for part in ("encode", "decode")
+            ]
+            rows.append((name, f"`{one['label']}`", *cells))
         rows += _decomposed_each(name, sequence, printed.get("gft"))
     return source("paper", table(header, rows))
 
@@ -163,25 +155,19 @@ def _decomposed_each(
     """Rows of `gft` with a decomposition for each frame, extrapolated: 5 % and all frequencies."""
     graph = next(one for one in sequence["variants"] if one["label"] == "gft")
     few, full = sequence["decompositions"], sequence["full_decomposition"]
-    n_more = sequence["n_frames"] - 1
+    more = (sequence["n_frames"] - 1) * few["processor_seconds_each"]
     yield (
         name,
         f"`gft`, {few['n_modes']} frequencies, decomposed for each frame *",
-        *(
-            f"{graph[f'{part}{clock}_s'] + n_more * few[f'{each}seconds_each']:.0f}"
-            for clock, each in (("_processor", "processor_"), ("", ""))
-            for part in ("encode", "decode")
-        ),
+        *(f"{graph[f'{part}_processor_s'] + more:.0f}" for part in ("encode", "decode")),
     )
     if full is not None and "refused" not in full:
-        processor, wall = (
-            f"{sequence['n_frames'] * full[clock]:.0f}"
-            for clock in ("processor_seconds", "seconds")
-        )
+        all_frames = f"{sequence['n_frames'] * full['processor_seconds']:.0f}"
         cells = [
-            printed_beside(wall, getattr(printed, part, None), 2) for part in ("encode", "decode")
+            printed_beside(all_frames, getattr(printed, part, None), 2)
+            for part in ("encode", "decode")
         ]
-        yield name, "`gft`, all frequencies, decomposed for each frame *", *[processor] * 2, *cells
+        yield name, "`gft`, all frequencies, decomposed for each frame *", *cells
 
 
 def anchors() -> str:
@@ -206,7 +192,7 @@ def anchors() -> str:
 KINDS_OF_ANCHORS = ("coefficients", "positions")
 
 
-VERDICTS = ("yes", "weakly", "no")
+VERDICTS = ("yes", "weakly", "no", "not judged")
 
 
 def claims() -> str:
@@ -218,10 +204,32 @@ def claims() -> str:
     rows = []
     for claim, findings in found.items():
         counts = [sum(one["verdict"] == verdict for one in findings) for verdict in VERDICTS]
-        values = [one["value"] for one in findings if one["value"] is not None]
+        values = [one["value"] for one in findings if one["verdict"] != "not judged"]
         measures = f"{min(values):.3g}, {median(values):.3g}, {max(values):.3g}" if values else "-"
         rows.append((claim, *map(str, counts), measures))
     header = ("claim", *VERDICTS, "measure: lowest, median, highest")
+    return source("paper", table(header, rows))
+
+
+def sweeps() -> str:
+    """Points of the sweeps behind the claims, and how far their envelopes are from settled."""
+    sequences = results("paper")["sequences"]
+    found: dict[str, list[dict[str, Any]]] = {}
+    for one in (one for sequence in sequences for one in sequence["sweeps"]):
+        found.setdefault(one["label"], []).append(one)
+    rows = []
+    for label, each in found.items():
+        points = [one["n_points"] for one in each]
+        moves = [one["moved_percent"] for one in each if one["moved_percent"] is not None]
+        rows.append(
+            (
+                f"`{label}`",
+                f"{min(points)} to {max(points)}",
+                f"{max(moves):.1f}",
+                str(len(each) - len(moves)),
+            )
+        )
+    header = "method", "points", "largest last move, %", "cut short"
     return source("paper", table(header, rows))
 
 
@@ -397,6 +405,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "seconds": seconds,
     "anchors": anchors,
     "claims": claims,
+    "sweeps": sweeps,
     "claim-rows": claim_rows,
     "entropy": entropy,
     "alternatives": alternatives,

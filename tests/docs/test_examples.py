@@ -90,6 +90,15 @@ def test_a_character_of_another_program_is_kept_within_a_size(tmp_path):
 
 
 @pytest.mark.slow
+def test_adaptive_subspaces_have_more_modes_and_smaller_errors_with_smaller_limits():
+    arguments = ("--modes", "2", "--errors", "0.05,0.01")
+    _, fixed, *adaptive = run_script("adaptive_subspace.py", *arguments).splitlines()
+    kg = [float(line.split()[-2]) for line in adaptive]
+    assert fixed.startswith("2 modes")
+    assert 0 < kg[1] < kg[0] < 3
+
+
+@pytest.mark.slow
 def test_a_capture_is_registered(tmp_path):
     pytest.importorskip("igl", reason="libigl is not installed")
     path = tmp_path / "walk.reel"

@@ -37,6 +37,9 @@ from meshreel.paper.variants import Basis, Variant, variant_named
 from meshreel.runtime.counting import counted
 from meshreel.runtime.progress import Progress, silent
 
+BASES = "graph Fourier bases"
+"""Key of the graph Fourier bases that coders of the same mesh share, in `CodedMesh.derived`."""
+
 SHAPE_BITS = 12
 """Bits of the largest coordinate of the shape from which cotangent weights are computed."""
 
@@ -176,7 +179,7 @@ def _mesh_model(
             positions,
             basis_memory=basis_memory,
             own_laplacian=own_laplacian,
-            bases=mesh.derived.setdefault("graph Fourier bases", {}),
+            bases=mesh.derived.setdefault(BASES, {}),
         )
     model: MeshModel = mesh.derived[key]
     return model

@@ -9,6 +9,7 @@ from scipy.sparse import csr_array, issparse
 
 from meshreel.arrays import Floats, Integers, Vertices
 from meshreel.codec.connectivity.order import inverse_permutation
+from meshreel.codec.memory import DEFAULT_LIMIT
 from meshreel.codec.options import config_of
 from meshreel.codec.paper_options import PaperOptions
 from meshreel.codec.source import CodedMesh, Source
@@ -19,9 +20,11 @@ from meshreel.metrics.position_errors import position_errors
 from meshreel.metrics.sted import sted
 from meshreel.model.sequence import Faces, MeshSequence, single_segment
 from meshreel.paper.analysis import Replacements, n_frequencies
-from meshreel.paper.encoder import PaperBlockCoder
+from meshreel.paper.encoder import BASES, PaperBlockCoder
+from meshreel.paper.graph_fourier import basis_bytes, graph_fourier_basis
+from meshreel.paper.laplacian import uniform_laplacian
 from meshreel.paper.stream import PaperBlock, PaperStream, paper_block
-from meshreel.paper.stream_rates import StreamRates, rates
+from meshreel.paper.stream_rates import StreamRates, rates, rates_of
 from meshreel.paper.variants import METHODS, Basis, Signal, variant_named
 from meshreel.runtime.progress import Progress, silent
 
@@ -237,16 +240,25 @@ class ExperimentSeries:
             self._source = Source(self._sequence, config)
         source = self._source.with_changes(config=config)
         if variant_named(config.method).basis is Basis.GRAPH:
-            self._share_frequencies(source.mesh, config, progress)
+            self._share_frequencies(source.mesh, config)
         return _Run(self._sequence, source, laplacian, basis, predictor, progress)
 
-    def _share_frequencies(self, mesh: CodedMesh, config: PaperOptions, progress: Progress) -> None:
-        """Take the graph Fourier basis from a larger one, or keep the one to be computed."""
-        n_modes = n_frequencies(config.n_modes, mesh.n_verts)
-        kept = mesh.derived.setdefault("graph Fourier bases", {})
-        largest = kept.get(max(kept, default=0))
-        if largest is not None and largest.shape[1] >= n_modes:
-            kept[n_modes] = largest[:, :n_modes]
+    def _share_frequencies(self, mesh: CodedMesh, config: PaperOptions) -> None:
+        """Take the graph Fourier basis from a larger one.
+
+        The second time that an experiment needs a larger one, all frequencies are computed, if the
+        memory limit allows it: the dense solver computes them anyway.
+        """
+        n_modes, n_verts = n_frequencies(config.n_modes, mesh.n_verts), mesh.n_verts
+        kept: dict[int, Floats] = mesh.derived.setdefault(BASES, {})
+        if not kept:
+            return  # the mesh model computes the first one
+        limit = config.memory_bytes or DEFAULT_LIMIT.limit_bytes
+        if max(kept) < n_modes and basis_bytes(n_verts, n_verts) <= limit:
+            laplacian = uniform_laplacian(mesh.faces, n_verts)
+            kept[n_verts] = graph_fourier_basis(laplacian, n_verts, memory=config.memory)
+        if n_modes < max(kept):
+            kept[n_modes] = kept[max(kept)][:, :n_modes]
 
 
 class _Run:
@@ -306,7 +318,7 @@ class _Run:
             "sted": sted(original, decoded, faces).sted,
             "nmsve_mean": float(nmsve_per_frame(original, decoded, faces).mean()),
         }
-        return Sample(rates(self._stream), bpvf, errors)
+        return Sample(rates_of(self._stream, has_coded_rows=False), bpvf, errors)
 
     def _encode(self) -> int:
         """Encode all blocks, and return the size of the file without vertex order."""

@@ -53,7 +53,7 @@ N_DECOMPOSITIONS = 2
 NEAR_ZERO = 0.01, 0.001
 """Magnitudes near zero, relative to the largest."""
 
-REPEAT_BELOW_S = 60.0
+REPEAT_BELOW_S = 15.0
 """Longer work is timed once."""
 
 MAX_FULL_SECONDS = 600.0
@@ -307,7 +307,7 @@ def variant_run(
     shown_frame : int
         The decoded frame to store for pictures.
     repeat : bool
-        Use the median of three runs if one takes less than a minute.
+        Use the median of three runs if one takes less than 15 seconds.
     """
     options, n_repeats = setting.options(), REPEATS if repeat else 1
 

@@ -145,9 +145,9 @@ def _rate_note(results: PaperResults) -> str:
 
 def _seconds_note(results: PaperResults) -> str:
     text = f"Measured: {MEASURED}. " if usable(results.variants) else ""
-    text += "The median of three runs if one takes less than two seconds, else one run."
+    text += "The median of three runs if one takes less than 15 seconds, else one run."
     if results.decompositions is not None:
-        seconds = results.decompositions["seconds_each"]
+        seconds = results.decompositions["processor_seconds_each"]
         text += (
             f" * Extrapolated from {N_DECOMPOSITIONS} decompositions: {seconds:.3g} s each for "
             f"{results.decompositions['n_modes']} graph frequencies, added for every frame after "

@@ -245,10 +245,9 @@ def alternatives_table(results: PaperResults) -> Table:
 
 
 def seconds_table(results: PaperResults) -> Table:
-    """Table II: seconds to process and encode, and to reconstruct, by both clocks."""
+    """Table II: processor seconds of one thread to process and encode, and to reconstruct."""
     printed = printed_seconds(results.name, results.sequence["n_verts"])
-    header = ["variant", "processing and encoding, s", "processing and encoding, processor s",
-              "reconstruction, s", "reconstruction, processor s"]  # fmt: skip
+    header = ["variant", "processing and encoding, s", "reconstruction, s"]
     if printed:
         header += ["paper: processing and encoding, s", "paper: reconstruction, s"]
     rows: list[list[str]] = []
@@ -266,9 +265,8 @@ def seconds_table(results: PaperResults) -> Table:
             rows.append([name, *map(significant, seconds), *_printed_seconds(paper_values)])
             if is_graph and results.decompositions is not None:
                 costs, n_more = results.decompositions, results.sequence["n_frames"] - 1
-                extra = 2 * [costs["seconds_each"], costs["processor_seconds_each"]]
-                pairs = zip(seconds, extra, strict=True)
-                cells = (f"{once + n_more * cost:.0f}" for once, cost in pairs)
+                cost = costs["processor_seconds_each"]
+                cells = (f"{once + n_more * cost:.0f}" for once in seconds)
                 rows.append([f"{label}, decomposed for each frame *", *cells])
         if is_graph:
             rows += _all_frequencies(results, printed.get("gft"))
@@ -276,7 +274,7 @@ def seconds_table(results: PaperResults) -> Table:
     return Table(f"Table II, {results.name}", tuple(header), tuple(padded))
 
 
-PHASES = ("encode", "encode_processor", "decode", "decode_processor")
+PHASES = ("encode_processor", "decode_processor")
 
 
 def _all_frequencies(results: PaperResults, printed: PrintedSeconds | None) -> list[list[str]]:
@@ -284,11 +282,11 @@ def _all_frequencies(results: PaperResults, printed: PrintedSeconds | None) -> l
 
     Both phases compute as many decompositions.
     """
-    cells = [NONE] * 4
+    cells = [NONE] * 2
     if results.full_basis is not None:
         shape = results.sequence["n_verts"], results.sequence["n_frames"]
         basis = extrapolated_basis(results.full_basis, *shape)
-        cells = 2 * [f"{basis.seconds:.0f}", f"{basis.processor_seconds:.0f}"]
+        cells = 2 * [f"{basis.processor_seconds:.0f}"]
     elif printed is None:
         return []
     name = "gft, all frequencies, decomposed for each frame *"

@@ -52,7 +52,7 @@ def test_seconds_of_handstand_are_next_to_the_printed_ones():
     variants = [made_result("pca-qs", seconds=(0.5, 15.42))]
     table = seconds_table(made_sequence("handstand", variants, n_verts=10002))
     result = list(cells(table)["pca-qs"].values())
-    assert result == ["0.5", "1", "15.4", "30.8", "0.89", "4736.25"]
+    assert result == ["1", "30.8", "0.89", "4736.25"]
 
 
 @pytest.mark.every_case
@@ -84,18 +84,16 @@ def test_printed_per_mesh_figure_is_next_to_the_row_with_all_frequencies():
     graph = made_result("gft", seconds=(6.0, 50.0))
     results = made_sequence("samba", [graph], decompositions=EACH, full_decomposition=FULL)
     rows = cells(seconds_table(results))
-    # 174 more decompositions of 2 s, and of 3 s of the processor.
+    # 174 more decompositions of 3 s of the processor.
     assert list(rows["gft, 20 frequencies, decomposed for each frame *"].values()) == [
-        "354", "534", "398", "622", "-", "-",
+        "534", "622", "-", "-",
     ]  # fmt: skip
-    # 175 decompositions of 200 s, and of 300 s of the processor.
+    # 175 decompositions of 300 s of the processor.
     assert list(rows[ALL_FREQUENCIES].values()) == [
-        "35000", "52500", "35000", "52500", "37314.55", "4214.55",
+        "52500", "52500", "37314.55", "4214.55",
     ]  # fmt: skip
     assert list(rows["gft, 20 frequencies, decomposed once"].values()) == [
-        "6",
         "12",
-        "50",
         "100",
         "-",
         "-",
@@ -110,7 +108,7 @@ def test_row_with_all_frequencies_has_printed_figures_when_none_are_measured(ful
         )
         for name in ("samba", "x")
     }
-    wanted = ["-", "-", "-", "-", "37314.55", "4214.55"]
+    wanted = ["-", "-", "37314.55", "4214.55"]
     assert list(made["samba"][ALL_FREQUENCIES].values()) == wanted
     assert ALL_FREQUENCIES not in made["x"]
 
