@@ -3,19 +3,22 @@
     python bench/stored_results.py paper samba.npz cow.npz --flag 1000 --work runs
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
     python bench/stored_results.py choices samba.npz cow.npz
+    python bench/stored_results.py points samba.npz cow.npz --work runs
     python bench/stored_results.py checks
 
-Writes docs/results/paper.json and others, with the commit; `checks` measures the small
-flag that tests re-encode. `python docs/result_tables.py --write` then updates the pages. Results
-in the folder `--work` are reused, so use a new folder for each commit. Set OPENBLAS_NUM_THREADS=1
-for processor seconds on one core.
+Writes docs/results/paper.json and others, with the commit; `points` writes rd.csv, which other
+papers can plot; `checks` measures the small flag that tests re-encode. `python
+docs/result_tables.py --write` then updates the pages. Results in the folder `--work` are reused, so
+use a new folder for each commit.
 """
 
 import argparse
+import csv
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +28,7 @@ import measuring
 import meshreel
 from meshreel.evaluation.comparison import ERRORS, CodecResults
 from meshreel.evaluation.positions import compare_positions, method_sweeps
-from meshreel.evaluation.recorded import read_recorded
+from meshreel.evaluation.recorded import COLUMNS, read_recorded
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.findings import findings
 from meshreel.paper.study.results import PaperResults, extrapolated_basis, summary
@@ -304,7 +307,48 @@ CHECKED: dict[str, dict[str, Any]] = {
 """Options of the streams that tests re-encode."""
 
 
-WHAT = ("paper", "codecs", "choices", "checks")
+def point_rows(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
+    """Rows of rd.csv: streams of our methods, as `meshreel evaluate --quick` measures them."""
+    sweeps = {**method_sweeps(quick=True), **option_sweeps(quick=True)}
+    study = compare_positions({name: sweeps[name] for name in POINT_METHODS}, ())
+    results: CodecResults = run_study(study, sequence, folder)
+    shape = results.sequence
+    return [
+        {
+            "sequence": shape["name"],
+            "n": shape["n_verts"],
+            "k": shape["n_frames"],
+            "m": shape["n_faces"],
+            "codec": f"meshreel {each['codec']}",
+            "params": each["params"],
+            "bytes_total": each["size_bytes"],
+            "bytes_connectivity": each["connectivity_bytes"],
+            "bpvf_total": f"{each['rate_bpvf']:.6g}",
+            "kg_error_percent": f"{each['quality']['kg_error_percent']:.6g}",
+            "max_err_over_diag": f"{each['quality']['max_error_percent'] / 100:.6g}",
+            "enc_s": f"{each['seconds']['encode']:.3g}",
+            "dec_s": f"{each['seconds']['decode']:.3g}",
+            "rms_err_over_diag": f"{each['quality']['rms_error_percent'] / 100:.6g}",
+            "sted": f"{each['quality']['sted']:.6g}",
+            "commit": commit(),
+        }
+        for each in usable(results.measured)
+    ]
+
+
+POINT_METHODS = ("reel", "lossless", "pca", "pca-q", "v2v", "pca-qp", "blocks", "gft")
+"""Methods in rd.csv: all but pca-qs, which has the points of pca-qp."""
+
+
+def store_points(rows: Sequence[dict[str, Any]]) -> None:
+    """Write rd.csv."""
+    with (RESULTS / "rd.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, [*COLUMNS, "sted", "commit"], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+WHAT = ("paper", "codecs", "choices", "points", "checks")
 
 
 def main() -> None:
@@ -322,6 +366,10 @@ def main() -> None:
     sequences = [meshreel.load(path).replace(tracks={}) for path in arguments.inputs]
     if arguments.flag:
         sequences.append(meshreel.simulate_flag(arguments.flag))
+    if arguments.what == "points":
+        found = (point_rows(sequence, arguments.work) for sequence in sequences)
+        store_points([*chain.from_iterable(found)])
+        return
     measures: dict[str, Callable[[MeshSequence], dict[str, Any]]] = {
         "paper": partial(paper_figures, folder=arguments.work),
         "codecs": partial(codec_figures, folder=arguments.work, reference=arguments.reference),

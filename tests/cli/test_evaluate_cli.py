@@ -9,6 +9,7 @@ from meshreel.evaluation.recorded import COLUMNS
 from meshreel.model.flag import simulate_flag
 from samples import commands
 from samples.commands import assert_fails
+from samples.pages import ROOT
 
 
 def run(*arguments, cwd=None):
@@ -39,9 +40,22 @@ def test_evaluate_writes_a_report(grid, tmp_path):
     assert all((tmp_path / name).stat().st_size > 5000 for name in sequence["figures"])
 
 
+def test_evaluate_measures_a_codec_of_the_user(grid, tmp_path):
+    (tmp_path / "mine.py").write_text((ROOT / "examples" / "own_codec.py").read_text())
+    options = ("--methods", "v2v", "--peers", "none", "--codec", "mine:encode,decode", "--quick")
+    done = run("grid.npz", *options, "--out", "codecs", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (sequence,) = json.loads(done.stdout)["sequences"]
+    assert {result["codec"] for result in sequence["measured"]} == {"v2v", "mine"}
+    report = (tmp_path / "codecs" / "report.md").read_text()
+    assert "--codec mine:encode,decode" in report
+    assert "| mine |" in report.split("BD-rate at equal KG error")[1]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (("--codec", "mine"), "not of the form module:encode,decode"),
         (("--methods", "pca-x"), "method 'pca-x' is unknown; choose from pca-qp"),
         (("--peers", "zip"), "peer 'zip' is unknown; choose from draco"),
         (("--methods", ","), "name at least one method"),

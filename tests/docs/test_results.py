@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import meshreel
+from meshreel.evaluation.recorded import read_recorded
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "result_tables.py"))
@@ -34,6 +35,15 @@ def test_results_state_their_commit(name):
     commit = results(name)["commit"]
     assert len(commit) == 12
     assert int(commit, 16)
+
+
+def test_points_to_download_are_read_as_a_reference_and_cover_all_methods():
+    points = read_recorded(ROOT / "docs" / "results" / "rd.csv")
+    codecs = {point["codec"] for point in points}
+    methods = "pca", "pca-q", "v2v", "pca-qp", "blocks", "gft", "reel", "lossless"
+    assert codecs == {f"meshreel {method} (recorded)" for method in methods}
+    sequences = {point["sequence"]["name"] for point in points}
+    assert sequences == {one["name"] for one in results("paper")["sequences"]}
 
 
 @pytest.fixture(scope="module")

@@ -40,8 +40,8 @@ class Peer:
     """The package that it needs; None if Python and NumPy suffice."""
     encode: Callable[[MeshSequence, float], bytes]
     """Encodes a prepared sequence at a setting."""
-    decode: Callable[[bytes, Shape, npt.DTypeLike], Vertices]
-    """Decodes positions of a shape and type, in the codec's vertex order."""
+    decode: Callable[..., Vertices]
+    """Decodes positions, given the bytes, a shape and a type, in the codec's vertex order."""
     settings: tuple[float, ...] = (0,)
     quick: tuple[float, ...] = (0,)
     """All settings, and few."""
@@ -55,6 +55,10 @@ class Peer:
     """
     has_faces: bool = False
     """Whether its bytes contain the faces."""
+    takes_faces: bool = False
+    """Whether `decode` also takes the faces."""
+    source: str = ""
+    """Identifies the code of a codec without package."""
 
     @property
     def is_available(self) -> bool:
@@ -63,8 +67,8 @@ class Peer:
 
     @property
     def version(self) -> str:
-        """The version of its package; empty without one."""
-        return version(self.package.library) if self.package else ""
+        """The version of its package, or `source`."""
+        return version(self.package.library) if self.package else self.source
 
 
 def peers_named(names: Iterable[str] | None, peers: Sequence[Peer]) -> tuple[Peer, ...]:

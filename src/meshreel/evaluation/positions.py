@@ -162,7 +162,8 @@ def _measure_coder(
     source = peer.prepare(original) if peer.prepare else original
     data, encode_s = timed(lambda: peer.encode(source, value))
     shape, dtype = (source.n_frames, source.n_verts, 3), source.vertices.dtype
-    decoded, decode_s = timed(lambda: peer.decode(data, shape, dtype))
+    known = (shape, dtype, source.faces) if peer.takes_faces else (shape, dtype)
+    decoded, decode_s = timed(lambda: peer.decode(data, *known))
     if peer.restore:
         decoded = peer.restore(decoded, source, value)
     if faces:

@@ -31,6 +31,15 @@ def evaluate_command(
     peers: Annotated[
         str | None, Option(f"Other codecs, or 'none'. Default: {PEERS}.", metavar="A,B,...")
     ] = None,
+    codec: Annotated[
+        str | None,
+        Option(
+            "A codec of yours: module:encode,decode, with encode(vertices, faces, setting) -> "
+            "bytes, decode(data, faces) -> vertices, and the module's SETTINGS, a list of numbers. "
+            "Our coded faces are added to its bytes, unless the module sets HAS_FACES = True.",
+            metavar="MODULE:ENCODE,DECODE",
+        ),
+    ] = None,
     reference: Annotated[
         Path | None,
         Option(
@@ -58,10 +67,12 @@ def evaluate_command(
     - `meshreel evaluate samba.npz cow.npz --out codecs --reference recorded.csv`
     - `meshreel evaluate walk.npz --methods pca-qp --peers draco,sz3`
     - `meshreel evaluate walk.npz --peers none --json`
+    - `meshreel evaluate walk.npz --peers none --codec my_codec:encode,decode`
     """
     from meshreel.app.cli.reports import check_before_work, split_names, write_report
     from meshreel.codec.method_names import METHOD_NAMES, our_name
     from meshreel.codec.paper_options import PAPER_METHODS
+    from meshreel.evaluation.own_codec import own_codec
     from meshreel.evaluation.peers import peers_named
     from meshreel.evaluation.positions import (
         DEFAULT_METHODS,
@@ -78,6 +89,8 @@ def evaluate_command(
         method_names = checked_names(map(our_name, split_names(methods)), METHOD_NAMES, "method")
     codecs = peers_named(None if peers is None else split_names(peers), PEERS)
     extras = [] if set(method_names).isdisjoint(PAPER_METHODS) else [PAPER]
+    if codec is not None:
+        codecs += (own_codec(codec, [*METHOD_NAMES, *(peer.name for peer in PEERS)]),)
     check_before_work(inputs, out, [reference] if reference else [], extras)
 
     from meshreel.paper.sweeps import option_sweeps  # imports SciPy

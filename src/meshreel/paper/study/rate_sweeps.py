@@ -131,7 +131,8 @@ def swept(
         if (is_quick and n_rounds == QUICK_ROUNDS) or len(results) >= MAX_POINTS:
             return RateSweep(start.label, [*results.values()], None, window)
         before = _curves(results.values())
-        for setting in _on_hulls(results, window):
+        # The start may be outside: pca with 16 bits has high rates.
+        for setting in _on_hulls(results, window) or _on_hulls(results, (0.0, math.inf)):
             for neighbor in chain.from_iterable(axis.neighbors(setting) for axis in axes):
                 if neighbor not in results and _is_possible(neighbor):
                     results[neighbor] = measure(neighbor)

@@ -56,6 +56,14 @@ def test_sweep_finds_the_envelope_of_the_whole_lattice():
     assert 20 < len(sweep.results) < 0.6 * len(everything)
 
 
+def test_sweep_that_starts_outside_the_window_reaches_it():
+    [start] = starts(FRAMES, VERTS, ["v2v"])
+    rate = modeled(start)["rate_order_dropped_bpvf"]
+    sweep = swept(start, axes_of(start, FRAMES, VERTS), modeled, (rate / 16, rate / 4))
+    rates = [each["rate_order_dropped_bpvf"] for each in sweep.results]
+    assert min(rates) < rate / 15
+
+
 def test_quick_sweep_measures_the_start_and_its_neighbors():
     sweep = sweep_of(is_quick=True)
     assert len(sweep.results) == 5  # two rows, two bits
