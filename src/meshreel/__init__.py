@@ -19,6 +19,7 @@ encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
 compare           errors between two sequences: Quality; SurfaceQuality (SurfaceDistances)
                   if their meshes differ
+msdm2             a perceptual error of sampled frames
 info              contents of a stream, and its bytes by section: StreamInfo
 open              a .reel file whose frames are decoded on demand: ReelFile
 Encoder           encodes frames as they arrive
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.msdm2 import msdm2
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.model.cells import Cells
     from meshreel.model.flag import simulate_flag
@@ -121,6 +123,7 @@ __all__ = [
     "from_trimesh",
     "info",
     "load",
+    "msdm2",
     "open",
     "register",
     "rig",
@@ -144,6 +147,7 @@ _MODULES = {
         ("from_pyvista", "from_trimesh", "to_pyvista", "to_trimesh"), "operations.interop"
     ),
     "load": "formats.load",
+    "msdm2": "metrics.msdm2",
     "open": "formats.reel",
     "Quality": "metrics.compare",
     "ReelFile": "codec.reel_file",

@@ -438,7 +438,7 @@ CLAIMS = tuple(
          _RATES, *RATIO, "pca-qp v2v",
          partial(_at_equal_rate, first="pca-qp", second="v2v", rate=ENTROPY_RATE)),
         ("The quality is not noticeably affected (PCA+qp, settings of the tables)",
-         "mean angle between original and decoded normals, degrees", 2.0, 5.0, "pca-qp",
+         "mean angle between original and decoded normals, degrees (limits of ours)", 2.0, 5.0, "pca-qp",
          _visible_error),
         ("The projected deltas are very sparse",
          "share of the entries of at most 1 % of the largest, percent", 95.0, 80.0, "", _sparsity),
