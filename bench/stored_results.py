@@ -4,6 +4,7 @@
     python bench/stored_results.py codecs samba.npz cow.npz --reference points.csv --work runs
     python bench/stored_results.py choices samba.npz cow.npz
     python bench/stored_results.py points samba.npz cow.npz --work runs
+    python bench/stored_results.py anchors samba.npz cow.npz --flag 300
     python bench/stored_results.py checks
 
 Writes docs/results/paper.json and others, with the commit; `points` writes rd.csv, which other
@@ -26,6 +27,7 @@ import numpy as np
 
 import measuring
 import meshreel
+from anchor_exchange import better_anchors
 from meshreel.evaluation.comparison import ERRORS, CodecResults
 from meshreel.evaluation.positions import compare_positions, method_sweeps
 from meshreel.evaluation.recorded import COLUMNS, read_recorded
@@ -298,6 +300,26 @@ def check_figures() -> dict[str, Any]:
     return {"n_frames": CHECK_FRAMES, "methods": methods}
 
 
+def exchange_figures(sequence: MeshSequence) -> dict[str, Any]:
+    """`pca-qp` with farthest points, and with anchors exchanged for better ones."""
+    encode = partial(meshreel.encode, sequence, "pca-qp", n_modes=MODES)
+    streams = [encode(bits=bits, anchors=0.01) for bits in (7, 8, 9)]
+    task = partial(better_anchors, sequence, meshreel.paper.read(streams[1]))
+    anchors, seconds = timed_once(task)
+    points = [figures_of(sequence, data) for data in streams]
+    exchanged = figures_of(sequence, encode(bits=8, anchors=anchors.tolist()))
+    rates, errors = ([one[name] for one in points] for name in ("rate_bpvf", "kg_error_percent"))
+    at_equal_rate = np.exp(np.interp(exchanged["rate_bpvf"], rates, np.log(errors)))
+    return {
+        "name": sequence.name,
+        "n_anchors": len(anchors),
+        "farthest": points[1],
+        "exchanged": exchanged,
+        "kg_change_percent": 100 * float(exchanged["kg_error_percent"] / at_equal_rate - 1),
+        "exchange_processor_s": seconds.processor,
+    }
+
+
 CHECKED: dict[str, dict[str, Any]] = {
     "reel": {},
     "pca-qp": {"n_modes": 20, "bits": 8},
@@ -348,7 +370,7 @@ def store_points(rows: Sequence[dict[str, Any]]) -> None:
         writer.writerows(rows)
 
 
-WHAT = ("paper", "codecs", "choices", "points", "checks")
+WHAT = ("paper", "codecs", "choices", "points", "anchors", "checks")
 
 
 def main() -> None:
@@ -374,6 +396,7 @@ def main() -> None:
         "paper": partial(paper_figures, folder=arguments.work),
         "codecs": partial(codec_figures, folder=arguments.work, reference=arguments.reference),
         "choices": choice_figures,
+        "anchors": exchange_figures,
     }
     figures: dict[str, Any] = {"sequences": []}
     for sequence in sequences:
