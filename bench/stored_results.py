@@ -33,10 +33,15 @@ from meshreel.evaluation.positions import compare_positions, method_sweeps
 from meshreel.evaluation.recorded import COLUMNS, read_recorded
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.study.findings import findings
-from meshreel.paper.study.results import PaperResults, extrapolated_basis, summary
+from meshreel.paper.study.results import (
+    PaperResults,
+    extrapolated_basis,
+    setting_of_result,
+    summary,
+)
 from meshreel.paper.study.runs import decompositions_run, full_decomposition_run
 from meshreel.paper.study.study import PaperStudy
-from meshreel.paper.study.tables import SHAPES
+from meshreel.paper.study.tables import SHAPES, settings_line
 from meshreel.paper.sweeps import COEFFICIENTS, PRESETS, option_sweeps
 from meshreel.studies.rate_distortion import bd_rate
 from meshreel.studies.runs import Result, Store, file_name, result_of, usable, without_identities
@@ -330,36 +335,62 @@ CHECKED: dict[str, dict[str, Any]] = {
 
 
 def point_rows(sequence: MeshSequence, folder: Path) -> list[dict[str, Any]]:
-    """Rows of rd.csv: streams of our methods, as `meshreel evaluate --quick` measures them."""
-    sweeps = {**method_sweeps(quick=True), **option_sweeps(quick=True)}
-    study = compare_positions({name: sweeps[name] for name in POINT_METHODS}, ())
-    results: CodecResults = run_study(study, sequence, folder)
-    shape = results.sequence
-    return [
-        {
-            "sequence": shape["name"],
-            "n": shape["n_verts"],
-            "k": shape["n_frames"],
-            "m": shape["n_faces"],
-            "codec": f"meshreel {each['codec']}",
-            "params": each["params"],
-            "bytes_total": each["size_bytes"],
-            "bytes_connectivity": each["connectivity_bytes"],
-            "bpvf_total": f"{each['rate_bpvf']:.6g}",
-            "kg_error_percent": f"{each['quality']['kg_error_percent']:.6g}",
-            "max_err_over_diag": f"{each['quality']['max_error_percent'] / 100:.6g}",
-            "enc_s": f"{each['seconds']['encode']:.3g}",
-            "dec_s": f"{each['seconds']['decode']:.3g}",
-            "rms_err_over_diag": f"{each['quality']['rms_error_percent'] / 100:.6g}",
-            "sted": f"{each['quality']['sted']:.6g}",
-            "commit": commit(),
-        }
-        for each in usable(results.measured)
+    """Rows of rd.csv: streams of the paper's variants in the tables and Fig. 3, and of `reel`."""
+    paper: PaperResults = run_study(PaperStudy(), sequence, folder)
+    sweeps = method_sweeps(quick=True)
+    study = compare_positions({name: sweeps[name] for name in ("reel", "lossless")}, ())
+    ours: CodecResults = run_study(study, sequence, folder)
+    rows = [
+        _point_row(
+            paper.sequence,
+            setting_of_result(each).method,
+            settings_line(setting_of_result(each)),
+            each["size_order_dropped_bytes"],
+            each["budget_order_dropped_bytes"].get("connectivity", 0),
+            each,
+        )
+        for each in usable([*paper.variants, *paper.rows])
+    ]
+    return rows + [
+        _point_row(
+            paper.sequence,
+            each["codec"],
+            each["params"],
+            each["size_bytes"],
+            each["connectivity_bytes"],
+            each,
+        )
+        for each in usable(ours.measured)
     ]
 
 
-POINT_METHODS = ("reel", "lossless", "pca", "pca-q", "v2v", "pca-qp", "blocks", "gft")
-"""Methods in rd.csv: all but pca-qs, which has the points of pca-qp."""
+def _point_row(
+    shape: dict[str, Any],
+    method: str,
+    params: str,
+    size_bytes: int,
+    connectivity_bytes: int,
+    result: Result,
+) -> dict[str, Any]:
+    quality, seconds = result["quality"], result["seconds"]
+    return {
+        "sequence": shape["name"],
+        "n": shape["n_verts"],
+        "k": shape["n_frames"],
+        "m": shape["n_faces"],
+        "codec": f"meshreel {method}",
+        "params": params,
+        "bytes_total": size_bytes,
+        "bytes_connectivity": connectivity_bytes,
+        "bpvf_total": f"{8 * size_bytes / (shape['n_verts'] * shape['n_frames']):.6g}",
+        "kg_error_percent": f"{quality['kg_error_percent']:.6g}",
+        "max_err_over_diag": f"{quality['max_error_percent'] / 100:.6g}",
+        "enc_s": f"{seconds['encode_processor']:.3g}",
+        "dec_s": f"{seconds['decode_processor']:.3g}",
+        "rms_err_over_diag": f"{quality['rms_error_percent'] / 100:.6g}",
+        "sted": f"{quality['sted']:.6g}",
+        "commit": commit(),
+    }
 
 
 def store_points(rows: Sequence[dict[str, Any]]) -> None:

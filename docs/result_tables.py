@@ -1,18 +1,19 @@
-"""Tables of the pages that come from stored results.
+"""Tables, and figures of sentences, that come from stored results.
 
-    python docs/result_tables.py             lists the tables
+    python docs/result_tables.py             lists the tables and figures
     python docs/result_tables.py --write     brings README and the pages up to date
 
 `python bench/stored_results.py` measures the results in docs/results/, and those of `corpus`
 bench/corpus_results.py. A table is between the lines ``<!-- results: NAME -->`` and
-``<!-- end of results -->``; a test fails if it differs from the results.
+``<!-- end of results -->``, figures are between the same marks in one line; a test fails if one
+differs from the results.
 """
 
 import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -31,8 +32,9 @@ RESULTS = ROOT / "docs" / "results"
 FROM_RESULTS = ("paper", "benchmarks", "codec", "corpus", "equations")
 PAGES = ("README.md", *(f"docs/{name}.md" for name in FROM_RESULTS))
 REGION = re.compile(
-    r"(?<=^<!-- results: )(?P<name>[\w-]+)( -->\n).*?(?=^<!-- end of results -->$)",
-    re.MULTILINE | re.DOTALL,
+    r"(?P<begin><!-- results: (?P<name>[\w-]+) -->(?P<newline>\n?)).*?"
+    r"(?P<end><!-- end of results -->)",
+    re.DOTALL,
 )
 
 KINDS = {
@@ -67,8 +69,12 @@ def results(name: str) -> dict[str, Any]:
 
 
 def with_tables(text: str) -> str:
-    """A page with its tables as the stored results have them."""
-    return REGION.sub(lambda found: f"{found['name']} -->\n{TABLES[found['name']]()}\n", text)
+    """A page with its tables and figures as the stored results have them."""
+    makers = {**TABLES, **FIGURES}
+    return REGION.sub(
+        lambda found: f"{found['begin']}{makers[found['name']]()}{found['newline']}{found['end']}",
+        text,
+    )
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -234,13 +240,12 @@ def sweeps() -> str:
 
 
 def claim_rows() -> str:
-    """The measure, the thresholds and the place of every claim."""
-    home, test = "`paper/study/findings.py`", "`unit/paper/study/test_findings.py`"
+    """The measure and the thresholds of every claim."""
     rows = [
-        (claim.text, f"{claim.measure}; {claim.threshold}", home, test, faithful(claim.text))
+        (claim.text, f"{claim.measure}; {claim.threshold}", faithful(claim.text))
         for claim in CLAIMS
     ]
-    return table(("row", "measure and thresholds", "home", "test", "verdict"), rows)
+    return table(("row", "measure and thresholds", "verdict"), rows)
 
 
 def faithful(claim: str) -> str:
@@ -281,9 +286,17 @@ def alternatives() -> str:
 
 def _changes(sequence: dict[str, Any], labels: Sequence[str]) -> str:
     """Mean changes of KG error and rate by alternatives, in percent."""
+    changes = _changes_by(sequence, labels)
+    if not changes:
+        return "-"
+    return ", ".join(f"{sum(column) / len(changes):+.1f}" for column in zip(*changes, strict=True))
+
+
+def _changes_by(sequence: dict[str, Any], labels: Sequence[str]) -> list[list[float]]:
+    """Changes of KG error and rate by each alternative that has a result, in percent."""
     measured = {one["label"]: one for one in (*sequence["variants"], *sequence["alternatives"])}
     pairs = [(measured.get(label), measured.get(label.split(" (")[0])) for label in labels]
-    changes = [
+    return [
         [
             100 * (other[name] / usual[name] - 1)
             for name in ("kg_error_percent", "rate_order_dropped_bpvf")
@@ -291,9 +304,105 @@ def _changes(sequence: dict[str, Any], labels: Sequence[str]) -> str:
         for other, usual in pairs
         if other and usual and "refused" not in other and "refused" not in usual
     ]
-    if not changes:
-        return "-"
-    return ", ".join(f"{sum(column) / len(changes):+.1f}" for column in zip(*changes, strict=True))
+
+
+def ranges_of_changes(*labels: str) -> str:
+    """The changes by these alternatives on all sequences."""
+    sequences = results("paper")["sequences"]
+    changes = [change for one in sequences for change in _changes_by(one, labels)]
+    errors, rates = zip(*changes, strict=True)
+    return f"KG changes by {span(errors, '+.1f')} % and the rate by {span(rates, '+.1f')} %"
+
+
+def span(values: Iterable[float], form: str) -> str:
+    """The smallest and the largest value."""
+    numbers = sorted(values)
+    return f"{numbers[0]:{form}} to {numbers[-1]:{form}}"
+
+
+def labeled(variants: Iterable[dict[str, Any]], label: str) -> dict[str, Any]:
+    """What was measured of a variant."""
+    return next(one for one in variants if one["label"] == label)
+
+
+def one_step() -> str:
+    """KG and q of `pca-q` on samba with one step for all rows, and with constant bits."""
+    both = sequence_named("samba")["variants"], results("paper")["printed_preset"]
+    usual, constant = (
+        f"{significant(one['kg_error_percent'])} % at q = {number(one['rates']['eq13']['q'])}"
+        for one in (labeled(variants, "pca-q") for variants in both)
+    )
+    return (
+        f"KG of `pca-q` on samba {usual} with one step of 8 bits, {constant} with 4 constant bits "
+        '(`allocation="constant"`)'
+    )
+
+
+def printed_q() -> str:
+    """The q and q_a of samba with the preset of the printed rates."""
+    preset = results("paper")["printed_preset"]
+    pca, few, v2v, blocks = (
+        number(labeled(preset, label)["rates"]["eq13"]["q"])
+        for label in ("pca", "pca-q", "v2v", "blocks")
+    )
+    return (
+        f"{pca}, {few} and {v2v} with 8 rows of 16, 4 and 10 bits, {blocks} with 2 rows of 4 bits "
+        "in each block of 25 frames"
+    )
+
+
+def printed_q_a() -> str:
+    """The q_a of samba with the preset of the printed rates."""
+    return number(labeled(results("paper")["printed_preset"], "pca-qp")["rates"]["eq13"]["q_a"])
+
+
+def printed_sums() -> str:
+    """The sums of printed rates of samba that differ from the printed sums."""
+    printed = {
+        (one.q + (one.q_a or 0.0) + one.q_d, one.q_s) for one in printed_rates("samba").values()
+    }
+    pairs = sorted(pair for pair in printed if abs(pair[0] - pair[1]) > ROUNDING)
+    sums, wrong = (", ".join(map(number, column)) for column in zip(*pairs, strict=True))
+    return f"{sums} for the printed {wrong}"
+
+
+ROUNDING = 5e-5
+"""Half of the last printed digit."""
+
+
+def dictionary(label: str, stored: str) -> str:
+    """The q_d of a variant on cow, as stored and by Eq. 13."""
+    rates = labeled(sequence_named("cow")["variants"], label)["rates"]
+    flat = {**rates, **rates["stored"]}
+    return f"{number(flat[stored])} on cow, where Eq. 13 counts {number(rates['eq13']['q_d'])}"
+
+
+def exchange() -> str:
+    """What an exchange of anchors gains, and its time."""
+    sequences = results("anchors")["sequences"]
+    gains = span((-one["kg_change_percent"] for one in sequences), ".0f")
+    seconds = span((one["exchange_processor_s"] for one in sequences), ".1f")
+    return f"{gains} % less KG than farthest points at equal rate, in {seconds} s of processor time"
+
+
+RANDOM_ANCHORS = [f"pca-qp (random anchors {number})" for number in (1, 2, 3)]
+
+FIGURES: dict[str, Callable[[], str]] = {
+    "centering": partial(ranges_of_changes, "pca-qp (without centering)"),
+    "rotation": partial(ranges_of_changes, "blocks (without rotation)"),
+    "combinatorial": partial(ranges_of_changes, "pca-qp (combinatorial)"),
+    "anchor-bits": partial(ranges_of_changes, "pca-qp (anchors of 16 bits)"),
+    "quantized-deltas": partial(ranges_of_changes, "pca-q (quantized deltas)"),
+    "random-anchors": partial(ranges_of_changes, *RANDOM_ANCHORS),
+    "one-step": one_step,
+    "printed-q": printed_q,
+    "printed-q-a": printed_q_a,
+    "printed-sums": printed_sums,
+    "dictionary": partial(dictionary, "pca-qp", "q_d"),
+    "dictionaries": partial(dictionary, "blocks", "q_d_per_block"),
+    "exchange": exchange,
+}
+"""Figures in sentences of the pages, by name."""
 
 
 def large_mesh() -> str:
@@ -426,3 +535,5 @@ if __name__ == "__main__":
     else:
         for name, make in TABLES.items():
             print(f"{name}: {(make.__doc__ or '').splitlines()[0]}")
+        for name, make in FIGURES.items():
+            print(f"{name}: {make()}")

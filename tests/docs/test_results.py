@@ -1,5 +1,6 @@
 """Figures of the pages match the stored results, and these match the codec."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -10,8 +11,8 @@ from meshreel.evaluation.recorded import read_recorded
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "result_tables.py"))
-PAGES, TABLES, results, with_tables = (
-    SCRIPT[name] for name in ("PAGES", "TABLES", "results", "with_tables")
+PAGES, TABLES, FIGURES, results, with_tables = (
+    SCRIPT[name] for name in ("PAGES", "TABLES", "FIGURES", "results", "with_tables")
 )
 TOLERANCE = 0.02
 """Relative: eigenvectors and solutions differ in their last bits between machines."""
@@ -24,13 +25,20 @@ def test_tables_of_a_page_match_the_stored_results(page):
     assert with_tables(text) == text, "run python docs/result_tables.py --write"
 
 
-def test_every_table_is_in_a_page():
+def test_every_table_and_figure_is_in_a_page():
     text = "".join((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
-    assert [name for name in TABLES if f"<!-- results: {name} -->" not in text] == []
+    assert [name for name in [*TABLES, *FIGURES] if f"<!-- results: {name} -->" not in text] == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_figures_in_a_line_do_not_begin_it(page):
+    """A comment at the beginning of a line ends the paragraph."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert re.findall(r"^\s*<!-- results: .+ -->.+", text, re.MULTILINE) == []
 
 
 @pytest.mark.every_case
-@pytest.mark.parametrize("name", ["paper", "codecs", "corpus", "checks"])
+@pytest.mark.parametrize("name", ["paper", "codecs", "anchors", "corpus", "checks"])
 def test_results_state_their_commit(name):
     commit = results(name)["commit"]
     assert len(commit) == 12
@@ -40,7 +48,7 @@ def test_results_state_their_commit(name):
 def test_points_to_download_are_read_as_a_reference_and_cover_all_methods():
     points = read_recorded(ROOT / "docs" / "results" / "rd.csv")
     codecs = {point["codec"] for point in points}
-    methods = "pca", "pca-q", "v2v", "pca-qp", "blocks", "gft", "reel", "lossless"
+    methods = "pca", "pca-q", "v2v", "pca-qs", "pca-qp", "blocks", "gft", "reel", "lossless"
     assert codecs == {f"meshreel {method} (recorded)" for method in methods}
     sequences = {point["sequence"]["name"] for point in points}
     assert sequences == {one["name"] for one in results("paper")["sequences"]}

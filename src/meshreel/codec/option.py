@@ -154,9 +154,10 @@ class Option:
         if self.annotation is bool and not isinstance(value, bool):
             raise InvalidInputError(Keyword(self.name), f" must be True or False; got {value!r}")
         if self.names:
-            if value not in self.names:
+            if not isinstance(value, str) or value not in self.names:  # arrays compare in their way
+                text = repr(value) if isinstance(value, str) else f"of type {type(value).__name__}"
                 raise InvalidInputError(
-                    Keyword(self.name), f" {value!r} is unknown; choose {', '.join(self.names)}"
+                    Keyword(self.name), f" {text} is unknown; choose {', '.join(self.names)}"
                 )
         elif self.range is not None and not self._is_parsed_later(value):
             self.range.check(value, Keyword(self.name), self.unit)

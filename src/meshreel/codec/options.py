@@ -41,7 +41,9 @@ def config_of(method: str = DEFAULT_METHOD, **options: Any) -> EncoderConfig:
     supported = _NAMES[family]
     for option in all_options():
         name = option.name
-        if name not in supported and options.get(name, option.default) != option.default:
-            option.check(options[name])
-            option.check_method(method)
+        value = options.get(name, option.default)
+        if name not in supported and value is not option.default:
+            option.check(value)
+            if value != option.default:
+                option.check_method(method)
     return family(method, **{name: options[name] for name in options if name in supported})

@@ -1,6 +1,7 @@
 from dataclasses import replace
 from itertools import combinations
 
+import numpy as np
 import pytest
 
 from meshreel.codec.config import MAX_BLOCK_POSITIONS
@@ -26,6 +27,7 @@ TARGETS = {"quality": 80, "step": 0.001, "max_error": 0.1, "kg": 0.5, "size": 90
         ({"method": "pca-qp", "anchors": 1.5}, "anchors must be 0..1, a share"),
         ({"method": "pca-qp", "anchors": float("nan")}, "anchors must be 0..1, a share"),
         ({"laplacian": "fancy"}, "laplacian 'fancy' is unknown; choose normalized, combinatorial"),
+        ({"laplacian": np.eye(3)}, "laplacian of type ndarray is unknown; choose normalized"),
         ({"order": "some"}, "order 'some' is unknown; choose keep, vertices, drop"),
         ({"block_frames": 0}, "block_frames must be"),
         ({"method": "blocks", "n_iterations": 0}, "n_iterations must be"),

@@ -419,7 +419,7 @@ _QP_COEFFICIENTS, _BLOCKS_COEFFICIENTS = (
 )
 _RATES = "largest of KG, STED and NMSVE over those of the other, at equal rate"
 _KG_RATE = "KG error over that of the other, at equal rate"
-_SECONDS = "median processor seconds of one thread over those of the other"
+_SECONDS = "median processor seconds over those of the other"
 _ENCODE, _DECODE = (
     {f"processor seconds to {verb}": f"seconds.{phase}_processor"}
     for verb, phase in (("encode", "encode"), ("reconstruct", "decode"))
