@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, issparse
+from scipy.sparse import csr_array
 
 from meshreel.arrays import Floats, Integers, Vertices
+from meshreel.codec.bitstream.container import Sections
 from meshreel.codec.connectivity.order import inverse_permutation
 from meshreel.codec.memory import DEFAULT_LIMIT
 from meshreel.codec.options import config_of
@@ -24,7 +25,7 @@ from meshreel.paper.encoder import BASES, PaperBlockCoder
 from meshreel.paper.graph_fourier import basis_bytes, graph_fourier_basis
 from meshreel.paper.laplacian import uniform_laplacian
 from meshreel.paper.stream import PaperBlock, PaperStream, paper_block
-from meshreel.paper.stream_rates import StreamRates, rates, rates_of
+from meshreel.paper.stream_rates import StreamRates, rates
 from meshreel.paper.variants import METHODS, Basis, Signal, variant_named
 from meshreel.runtime.progress import Progress, silent
 
@@ -87,17 +88,6 @@ class Experiment:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """Rates of a variant, and errors of some frames."""
-
-    rates: StreamRates
-    rate_bpvf: float
-    """Of all frames, as in `Experiment`."""
-    errors: dict[str, float]
-    """"kg_error_percent", "sted" and "nmsve_mean"; each frame counts its own as in `Quality`."""
-
-
 def experiment(
     sequence: MeshSequence,
     method: str = "pca-qp",
@@ -155,16 +145,18 @@ def experiment(
     >>> mean = experiment(sequence, n_modes=20, bits=8, laplacian="combinatorial")
     >>> mean.rates.eq13.q_s, mean.quality.kg_error_percent
     """
-    series = ExperimentSeries(sequence)
-    return series.run(
-        method,
-        laplacian=laplacian,
-        basis=basis,
-        anchors=anchors,
-        predictor=predictor,
-        progress=progress,
-        **options,
-    )
+    steps = Steps(laplacian, basis, anchors, predictor)
+    return ExperimentSeries(sequence).run(method, options, steps, progress).measure()
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Steps that replace those of a variant, as parameters of `experiment`."""
+
+    laplacian: LaplacianOf | None = None
+    basis: BasisOf | None = None
+    anchors: AnchorsOf | None = None
+    predictor: PredictorOf | None = None
 
 
 class ExperimentSeries:
@@ -172,109 +164,66 @@ class ExperimentSeries:
 
     def __init__(self, sequence: MeshSequence) -> None:
         single_segment(sequence, "an experiment")
-        self._sequence = sequence
+        self.sequence = sequence
         self._source: Source | None = None
-
-    @property
-    def n_frames(self) -> int:
-        """Number of frames of the sequence."""
-        return self._sequence.n_frames
 
     def run(
         self,
         method: str,
-        *,
-        laplacian: LaplacianOf | None = None,
-        basis: BasisOf | None = None,
-        anchors: AnchorsOf | None = None,
-        predictor: PredictorOf | None = None,
+        options: dict[str, Any],
+        steps: Steps | None = None,
         progress: Progress = silent,
-        **options: Any,
-    ) -> Experiment:
-        """Run one experiment, as `experiment`."""
-        return self._run(
-            method,
-            laplacian=laplacian,
-            basis=basis,
-            anchors=anchors,
-            predictor=predictor,
-            progress=progress,
-            **options,
-        ).measure()
-
-    def sample(self, method: str, numbers: Sequence[int], **options: Any) -> Sample:
-        """Rates of an experiment, and errors of the frames with these numbers, much faster.
-
-        Parameters
-        ----------
-        options
-            As for `run`.
-        """
-        return self._run(method, **options).sample(numbers)
-
-    def _run(
-        self,
-        method: str,
-        *,
-        laplacian: LaplacianOf | None = None,
-        basis: BasisOf | None = None,
-        anchors: AnchorsOf | None = None,
-        predictor: PredictorOf | None = None,
-        progress: Progress = silent,
-        **options: Any,
-    ) -> "_Run":
+    ) -> "EncodedExperiment":
+        """Encode with a variant; options and errors as of `experiment`."""
         if "order" in options:
             raise InvalidInputError("order has no effect on experiments: files drop it; omit it")
-        if isinstance(laplacian, str):
-            options["laplacian"], laplacian = laplacian, None
-        if anchors is not None:
-            chosen = anchors(self._sequence) if callable(anchors) else anchors
-            options["anchors"] = chosen if isinstance(chosen, int | float) else [*map(int, chosen)]
+        steps = Steps() if steps is None else steps
+        if isinstance(steps.laplacian, str):
+            options = {**options, "laplacian": steps.laplacian}
+            steps = replace(steps, laplacian=None)
+        if steps.anchors is not None:
+            chosen = steps.anchors(self.sequence) if callable(steps.anchors) else steps.anchors
+            is_share = isinstance(chosen, int | float)
+            options = {**options, "anchors": chosen if is_share else np.asarray(chosen).tolist()}
         config = config_of(method, order="drop", **options)
         if not isinstance(config, PaperOptions):
             raise InvalidInputError(
                 f"method {method} is not one of the paper's; choose from {', '.join(METHODS)}"
             )
-        _check_replaced(config, laplacian, basis, predictor)
+        _check_steps(config, steps)
         if self._source is None:
-            self._source = Source(self._sequence, config)
+            self._source = Source(self.sequence, config)
         source = self._source.with_changes(config=config)
         if variant_named(config.method).basis is Basis.GRAPH:
-            self._share_frequencies(source.mesh, config)
-        return _Run(self._sequence, source, laplacian, basis, predictor, progress)
-
-    def _share_frequencies(self, mesh: CodedMesh, config: PaperOptions) -> None:
-        """Take the graph Fourier basis from a larger one.
-
-        The second time that an experiment needs a larger one, all frequencies are computed, if the
-        memory limit allows it: the dense solver computes them anyway.
-        """
-        n_modes, n_verts = n_frequencies(config.n_modes, mesh.n_verts), mesh.n_verts
-        kept: dict[int, Floats] = mesh.derived.setdefault(BASES, {})
-        if not kept:
-            return  # the mesh model computes the first one
-        limit = config.memory_bytes or DEFAULT_LIMIT.limit_bytes
-        if max(kept) < n_modes and basis_bytes(n_verts, n_verts) <= limit:
-            laplacian = uniform_laplacian(mesh.faces, n_verts)
-            kept[n_verts] = graph_fourier_basis(laplacian, n_verts, memory=config.memory)
-        if n_modes < max(kept):
-            kept[n_modes] = kept[max(kept)][:, :n_modes]
+            _share_frequencies(source.mesh, config)
+        return EncodedExperiment(self.sequence, source, steps, progress)
 
 
-class _Run:
-    """One experiment: the coder with replaced steps, and the arrays of its stream."""
+def _share_frequencies(mesh: CodedMesh, config: PaperOptions) -> None:
+    """Take the graph Fourier basis from a larger one.
+
+    The second time that an experiment needs a larger one, all frequencies are computed, if the
+    memory limit allows it: the dense solver computes them anyway.
+    """
+    n_modes, n_verts = n_frequencies(config.n_modes, mesh.n_verts), mesh.n_verts
+    kept: dict[int, Floats] = mesh.derived.setdefault(BASES, {})
+    if not kept:
+        return  # the mesh model computes the first one
+    limit = config.memory_bytes or DEFAULT_LIMIT.limit_bytes
+    if max(kept) < n_modes and basis_bytes(n_verts, n_verts) <= limit:
+        laplacian = uniform_laplacian(mesh.faces, n_verts)
+        kept[n_verts] = graph_fourier_basis(laplacian, n_verts, memory=config.memory)
+    if n_modes < max(kept):
+        kept[n_modes] = kept[max(kept)][:, :n_modes]
+
+
+class EncodedExperiment:
+    """An encoded sequence: the arrays of its stream, and the size of its file."""
 
     def __init__(
-        self,
-        sequence: MeshSequence,
-        source: Source,
-        laplacian: csr_array | Callable[[MeshSequence], csr_array] | None,
-        basis: BasisOf | None,
-        predictor: PredictorOf | None,
-        progress: Progress,
+        self, sequence: MeshSequence, source: Source, steps: Steps, progress: Progress
     ) -> None:
-        self._sequence, self._source, self._progress = sequence, source, progress
-        self._basis, self._predictor = basis, predictor
+        self._sequence, self._steps, self._progress = sequence, steps, progress
         self._order = source.mesh.order
         self._coder = PaperBlockCoder(
             source.mesh,
@@ -282,12 +231,12 @@ class _Run:
             source.blocks(),
             progress,
             Replacements(
-                None if laplacian is None else self._own_laplacian(laplacian),
-                None if basis is None else self._own_basis,
-                None if predictor is None else self._predicted,
+                None if steps.laplacian is None else self._laplacian(),
+                None if steps.basis is None else self._basis,
+                None if steps.predictor is None else self._prediction,
             ),
         )
-        self._stream = PaperStream(
+        self.stream = PaperStream(
             method=source.config.method,
             faces=sequence.faces,
             blocks=(),
@@ -297,70 +246,63 @@ class _Run:
             order=inverse_permutation(self._order),
             mesh=self._coder.mesh,
         )
+        coded = [self._coded(vertices) for vertices in source.blocks()]
+        self.size_bytes = len(source.stream(self._coder.leading_sections(), coded))
 
     def measure(self) -> Experiment:
-        """Encode, decode and compare."""
-        size_bytes = self._encode()
+        """Decode and compare all frames."""
         self._progress("decoding", 0.0)
-        vertices = self._stream.reconstruct()
+        vertices = self.stream.reconstruct()
         decoded = MeshSequence(vertices, self._sequence.faces)
         quality = compare(self._sequence, decoded, progress=self._progress)
-        return Experiment(self._stream, vertices, rates(self._stream), size_bytes, quality)
+        return Experiment(self.stream, vertices, rates(self.stream), self.size_bytes, quality)
 
-    def sample(self, numbers: Sequence[int]) -> Sample:
-        """Encode all frames, and decode and compare some."""
-        size_bytes = self._encode()
+    def errors_of(self, numbers: Sequence[int]) -> dict[str, float]:
+        """KG error, STED and mean NMSVE of some frames, by their names in `Quality`."""
         original, faces = self._sequence.vertices[list(numbers)], self._sequence.faces
-        decoded = self._stream.frames(numbers)
-        bpvf = 8 * size_bytes / (self._stream.n_verts * self._stream.n_frames)
-        errors = {
+        decoded = self.stream.frames(numbers)
+        return {
             "kg_error_percent": position_errors(original, decoded).kg_error_percent,
             "sted": sted(original, decoded, faces).sted,
             "nmsve_mean": float(nmsve_per_frame(original, decoded, faces).mean()),
         }
-        return Sample(rates_of(self._stream, has_coded_rows=False), bpvf, errors)
 
-    def _encode(self) -> int:
-        """Encode all blocks, and return the size of the file without vertex order."""
-        source, start, coded = self._source, 0, []
-        for vertices in source.blocks():
-            self._progress("encoding", start / source.n_frames)
-            block, reference = self._coder.analyse(vertices)
-            n_frames = len(vertices)
-            coded.append((n_frames, [*self._coder.write(block, reference, vertices)]))
-            isolated = vertices[:, self._coder.mesh.isolated]
-            arrays = paper_block(
-                self._stream,
-                block,
-                start,
-                n_frames,
-                isolated if isolated.size else None,
-                is_difference=reference is not None,
-            )
-            self._stream = replace(self._stream, blocks=(*self._stream.blocks, arrays))
-            start += n_frames
-        return len(source.stream(self._coder.leading_sections(), coded))
+    def _coded(self, vertices: Vertices) -> tuple[int, Sections]:
+        """Encode the next block, and append its arrays to those of the stream."""
+        start, n_frames = self.stream.n_frames, len(vertices)
+        self._progress("encoding", start / self._sequence.n_frames)
+        block, reference = self._coder.analyse(vertices)
+        isolated = vertices[:, self._coder.mesh.isolated]
+        arrays = paper_block(
+            self.stream,
+            block,
+            start,
+            n_frames,
+            isolated if isolated.size else None,
+            is_difference=reference is not None,
+        )
+        self.stream = replace(self.stream, blocks=(*self.stream.blocks, arrays))
+        return n_frames, [*self._coder.write(block, reference, vertices)]
 
-    def _own_laplacian(
-        self, laplacian: csr_array | Callable[[MeshSequence], csr_array]
-    ) -> csr_array:
+    def _laplacian(self) -> csr_array:
         """L in internal order."""
-        matrix = laplacian(self._sequence) if callable(laplacian) else laplacian
-        n_verts = self._sequence.n_verts
-        if not issparse(matrix) or matrix.shape != (n_verts, n_verts):
+        given = self._steps.laplacian
+        matrix: Any = given(self._sequence) if callable(given) else given
+        n_verts, found = self._sequence.n_verts, getattr(matrix, "shape", None)
+        if found != (n_verts, n_verts) or not hasattr(matrix, "tocsr"):
             raise InvalidInputError(
                 f"laplacian must be a sparse matrix of shape ({n_verts}, {n_verts}); got "
-                f"{type(matrix).__name__} of shape {getattr(matrix, 'shape', None)}"
+                f"{type(matrix).__name__} of shape {found}"
             )
         in_order = csr_array(matrix).astype(np.float64)[self._order][:, self._order]
         if not np.isfinite(in_order.data).all():
             raise InvalidInputError("laplacian has entries that are not finite")
         return csr_array(in_order)
 
-    def _own_basis(self, matrices: Floats, previous: Floats | None) -> Floats:
-        assert self._basis is not None  # else this function is not a replacement
+    def _basis(self, matrices: Floats, previous: Floats | None) -> Floats:
+        assert self._steps.basis is not None  # else this function is not a replacement
         n_frames = matrices.shape[1]
-        basis = np.asarray(self._basis(matrices[:, :, self._stream.order], previous), np.float64)
+        basis = np.asarray(self._steps.basis(matrices[:, :, self.stream.order], previous))
         n_modes = basis.shape[2] if basis.ndim == 3 else 0
         if not 1 <= n_modes <= n_frames:
             raise InvalidInputError(
@@ -369,43 +311,32 @@ class _Run:
             )
         return _checked(basis, (3, n_frames, n_modes), "basis")
 
-    def _predicted(self, basis: Floats, anchor_positions: Floats | None) -> Floats:
-        assert self._predictor is not None
-        stream = self._stream
+    def _prediction(self, basis: Floats, anchor_positions: Floats | None) -> Floats:
+        assert self._steps.predictor is not None
+        stream = self.stream
         if anchor_positions is not None:
             anchor_positions = anchor_positions[:, :, stream.anchor_order]
         known = Known(
-            stream.faces,
-            stream.laplacian,
-            stream.anchors,
-            basis,
-            anchor_positions,
-            stream.blocks,
+            stream.faces, stream.laplacian, stream.anchors, basis, anchor_positions, stream.blocks
         )
         shape = 3, basis.shape[2], stream.n_verts
-        predicted = np.asarray(self._predictor(known), np.float64)
+        predicted = np.asarray(self._steps.predictor(known))
         return _checked(predicted, shape, "predictor")[:, :, self._order]
 
 
-def _check_replaced(
-    config: PaperOptions,
-    laplacian: object,
-    basis: BasisOf | None,
-    predictor: PredictorOf | None,
-) -> None:
-    """Raise InvalidInputError if a replaced step has no effect or excludes an option."""
+def _check_steps(config: PaperOptions, steps: Steps) -> None:
+    """Raise InvalidInputError if a step has no effect, or excludes an option."""
     variant = variant_named(config.method)
-    if laplacian is not None and variant.signal is not Signal.DELTAS:
+    if steps.laplacian is not None and variant.signal is not Signal.DELTAS:
         raise InvalidInputError(f"method {variant.name} codes no deltas; omit laplacian")
-    if variant.basis is Basis.GRAPH:
-        for name, step in (("basis", basis), ("predictor", predictor)):
-            if step is not None:
-                raise InvalidInputError(
-                    f"method {variant.name} projects on graph frequencies, without {name}; omit "
-                    "it, or choose another method"
-                )
+    for name in ("basis", "predictor"):
+        if variant.basis is Basis.GRAPH and getattr(steps, name) is not None:
+            raise InvalidInputError(
+                f"method {variant.name} projects on graph frequencies, without {name}; omit it, or "
+                "choose another method"
+            )
     for name in ("n_modes", "energy"):
-        if basis is not None and getattr(config, name) is not None:
+        if steps.basis is not None and getattr(config, name) is not None:
             raise InvalidInputError(f"{name} has no effect: basis chooses the modes; omit it")
 
 
@@ -415,4 +346,4 @@ def _checked(values: Floats, shape: tuple[int, ...], name: str) -> Floats:
         raise InvalidInputError(f"{name} must return an array of shape {shape}; got {values.shape}")
     if not np.isfinite(values).all():
         raise InvalidInputError(f"{name} returned values that are not finite")
-    return values
+    return values.astype(np.float64)

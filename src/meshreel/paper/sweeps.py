@@ -28,8 +28,6 @@ BLOCK_MODES, VERTEX_BITS = 4, 11
 ROW_COUNTS = (2, 5, 10, 20, 30)
 """The k_l of the paper's Fig. 3."""
 
-LOW_FREQUENCIES = (0.01, 0.02)  # fractions of the vertices: extra points of gft
-
 COEFFICIENTS = "anchor-values=coefficients"
 QUANTIZED_DELTAS = "quantize=deltas"
 WHOLE_DICTIONARIES = "dictionary=whole"
@@ -181,21 +179,14 @@ _ALTERNATIVES = (
     ("blocks", NO_ROTATION),
 )
 
-# Modes and bits of the rate-distortion sweep, without pca-qs, which has the quality of pca-qp.
-_SWEEP = {
+_MODES_AND_BITS: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
     "pca": ((5, 10, 20, 40, 80), (HIGH_BITS,)),
     "pca-q": ((10, 20, 40), (6, 8, 10)),
     "v2v": ((5, 10, 20, 40, 80), (8, 10, 12, 14)),
     "pca-qp": ((5, 10, 20, 40, 80), (6, 8, 10)),
     "blocks": ((1, 2, 4, 8, 12), (6, 8, 10)),
 }
-_QUICK_SWEEP = {
-    "pca": ((10, 20), (HIGH_BITS,)),
-    "pca-q": ((10, 20), (8,)),
-    "v2v": ((10, 20), (10, 12)),
-    "pca-qp": ((10, 20), (6, 8)),
-    "blocks": ((2, 4), (6, 8)),
-}
+"""Modes and bits that `meshreel evaluate` measures, a quick one every second of each."""
 
 
 def variants(
@@ -239,33 +230,22 @@ def row_settings(n_frames: int, methods: Sequence[str] = METHOD_NAMES) -> list[S
     return _distinct(limit_modes(setting, n_frames) for setting in settings)
 
 
-def sweep(
-    n_frames: int, n_verts: int, methods: Sequence[str] = METHOD_NAMES, *, quick: bool = False
-) -> list[Setting]:
-    """The settings of the rate-distortion plots: anchors as positions and as coefficients."""
-    rates = _QUICK_SWEEP if quick else _SWEEP
-    defaults = {method: DEFAULTS.setting(method) for method in rates}
-    points = [
-        replace(defaults[method], n_modes=modes, bits=bits, choices=choices)
-        for method, (mode_counts, bit_counts) in rates.items()
-        if method in methods
-        for choices in (("", COEFFICIENTS) if defaults[method].anchors else ("",))
-        for modes in mode_counts
-        for bits in bit_counts
-    ]
-    if "gft" in methods and not quick:
-        counts = [max(1, round(share * n_verts)) for share in LOW_FREQUENCIES]
-        points += [Setting("gft", count, anchors=ANCHORS) for count in counts]
-    return _distinct(limit_modes(setting, n_frames) for setting in points)
-
-
 def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[str, Any]]]]:
     """Options of `meshreel.encode` to measure, by method, given numbers of frames and vertices."""
 
     def options(method: str, n_frames: int, n_verts: int) -> list[dict[str, Any]]:
-        settings = sweep(n_frames, n_verts, (method,), quick=quick) or variants(n_frames, (method,))
-        all_options = [setting.options() for setting in settings]
-        return [{name: row[name] for name in row if name != "method"} for row in all_options]
+        default = DEFAULTS.setting(method)
+        if method not in _MODES_AND_BITS:
+            return [limit_modes(default, n_frames).method_options()]
+        modes, bits = (values[1::2] or values if quick else values
+                       for values in _MODES_AND_BITS[method])  # fmt: skip
+        settings = [
+            limit_modes(replace(default, n_modes=count, bits=number, choices=choices), n_frames)
+            for choices in (("", COEFFICIENTS) if default.anchors else ("",))
+            for count in modes
+            for number in bits
+        ]
+        return [setting.method_options() for setting in dict.fromkeys(settings)]
 
     return {method: partial(options, method) for method in METHOD_NAMES}
 

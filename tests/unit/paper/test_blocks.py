@@ -19,8 +19,8 @@ from meshreel.paper.sweeps import (
     TableSettings,
     alternatives,
     check_table,
+    option_sweeps,
     row_settings,
-    sweep,
     variants,
 )
 from meshreel.studies.plots import METHOD_COLORS
@@ -144,7 +144,7 @@ def test_variants_cover_every_method_of_the_paper():
 
 
 def test_different_settings_have_different_keys():
-    settings = {*variants(175), *row_settings(175), *sweep(175, 9971), *alternatives(175)}
+    settings = {*variants(175), *row_settings(175), *alternatives(175)}
     assert len({setting.key for setting in settings}) == len(settings)
 
 
@@ -160,11 +160,16 @@ def test_number_of_modes_is_at_most_the_number_of_frames():
     assert max(modes) == 12
 
 
-def test_slow_methods_are_omitted_from_the_sweep():
-    methods = [setting.method for setting in sweep(175, 9971)]
-    assert "pca-qs" not in methods
-    assert methods.count("gft") == 2
-    assert "gft" not in {setting.method for setting in sweep(175, 9971, quick=True)}
+def test_slow_methods_have_one_setting_and_others_all_modes_and_bits():
+    counts = [
+        {method: len(sweep(12, 99)) for method, sweep in option_sweeps(quick=quick).items()}
+        for quick in (False, True)
+    ]
+    # 5, 10 and 12 modes remain with 12 frames; anchors as positions and as coefficients.
+    assert counts[0] == {
+        "pca": 3, "pca-q": 6, "v2v": 12, "pca-qs": 1, "pca-qp": 18, "blocks": 30, "gft": 1
+    }  # fmt: skip
+    assert all(0 < counts[1][method] < count or count == 1 for method, count in counts[0].items())
 
 
 def test_options_omit_those_fixed_by_the_method():

@@ -27,7 +27,7 @@ from meshreel.paper.experiment import ExperimentSeries
 from meshreel.paper.graph_fourier import basis_bytes, estimated_seconds, graph_fourier_basis
 from meshreel.paper.laplacian import delta_coordinates, uniform_laplacian
 from meshreel.paper.quantization import uniform_step
-from meshreel.paper.stream_rates import StreamRates, rates
+from meshreel.paper.stream_rates import StreamRates, rates, rates_of
 from meshreel.paper.study.results import RATE
 from meshreel.paper.sweeps import BITS, BLOCK_MODES, Setting, TableSettings
 from meshreel.runtime.counting import duration_text
@@ -340,13 +340,15 @@ def sweep_run(series: ExperimentSeries, setting: Setting) -> Run:
 
     Rates and positions are those of a stream. Errors are of `SAMPLED_FRAMES` frames.
     """
-    numbers = sampled_frames(series.n_frames)
+    numbers = sampled_frames(series.sequence.n_frames)
 
     def measure(progress: Progress) -> Outcome:
-        sample = series.sample(setting.method, numbers, **setting.method_options())
-        figures = _rate_figures(sample.rates, sample.rate_bpvf)
+        encoded = series.run(setting.method, setting.method_options())
+        rate_bpvf = 8 * encoded.size_bytes / (encoded.stream.n_verts * encoded.stream.n_frames)
+        figures = _rate_figures(rates_of(encoded.stream, has_coded_rows=False), rate_bpvf)
         del figures["bits_per_row"]
-        return Outcome({RATE: sample.rate_bpvf, **figures, "quality": finite(sample.errors)})
+        quality = finite(encoded.errors_of(numbers))
+        return Outcome({RATE: rate_bpvf, **figures, "quality": quality})
 
     name = f"sweep of {setting.label}, {setting.n_modes} modes, {setting.bits} bits"
     identity = {**asdict(setting), "frames": SAMPLED_FRAMES}

@@ -229,7 +229,7 @@ def test_text_has_claim_verdict_evidence_and_threshold():
     text = judged(tables(PCA_QP), "The quality is not").text
     assert text.startswith("**The quality is not noticeably affected (PCA+qp, settings of the")
     assert "tables): weakly.** At the settings of the tables (1 bpvf)" in text
-    assert text.endswith("degrees; yes: up to 2; weakly: below 5.)")
+    assert text.endswith("(limits of ours); yes: up to 2; weakly: below 5.)")
 
 
 def test_blocks_are_judged_on_long_sequences_too():
