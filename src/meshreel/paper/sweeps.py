@@ -186,7 +186,7 @@ _MODES_AND_BITS: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {
     "pca-qp": ((5, 10, 20, 40, 80), (6, 8, 10)),
     "blocks": ((1, 2, 4, 8, 12), (6, 8, 10)),
 }
-"""Modes and bits that `meshreel evaluate` measures, a quick one every second of each."""
+"""Modes and bits that `meshreel evaluate` measures; few of them if quick."""
 
 
 def variants(
@@ -237,8 +237,9 @@ def option_sweeps(*, quick: bool) -> dict[str, Callable[[int, int], list[dict[st
         default = DEFAULTS.setting(method)
         if method not in _MODES_AND_BITS:
             return [limit_modes(default, n_frames).method_options()]
-        modes, bits = (values[1::2] or values if quick else values
-                       for values in _MODES_AND_BITS[method])  # fmt: skip
+        modes, bits = _MODES_AND_BITS[method]
+        if quick:
+            modes, bits = modes[1:3], bits[:2]
         settings = [
             limit_modes(replace(default, n_modes=count, bits=number, choices=choices), n_frames)
             for choices in (("", COEFFICIENTS) if default.anchors else ("",))

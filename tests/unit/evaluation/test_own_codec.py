@@ -87,13 +87,14 @@ def test_wrong_results_are_refusals_with_their_reason(change, words, write, tmp_
         ("mine:encode", "not of the form"),
         ("absent_module:encode,decode", "cannot be imported: ModuleNotFoundError"),
         ("absent.py:encode,decode", "cannot be imported: FileNotFoundError"),
-        ("mine:encode,unpack", "module mine has no function 'unpack'"),
+        ("named_once:encode,unpack", "module named_once has no function 'unpack'"),
         ("reel.py:encode,decode", "has the name of another one"),
         ("bare:encode,decode", "has no SETTINGS"),
     ],
 )
 def test_codecs_that_cannot_be_called_are_refused(text, words, write, tmp_path):
     write()
+    (tmp_path / "named_once.py").write_text(CODEC)
     (tmp_path / "reel.py").write_text(CODEC)
     (tmp_path / "bare.py").write_text(CODEC.replace("SETTINGS", "VALUES"))
     with pytest.raises(InvalidInputError, match=words):
