@@ -19,7 +19,7 @@ encode, decode    a sequence or a file to the bytes of a .reel stream and back
 corner_normals    normals of one or several frames, split at the hard edges of a Surface
 compare           errors between two sequences: Quality; SurfaceQuality (SurfaceDistances)
                   if their meshes differ
-msdm2             a perceptual error of sampled frames
+fmpd, msdm2       perceptual errors of frames: roughness, curvature
 info              contents of a stream, and its bytes by section: StreamInfo
 open              a .reel file whose frames are decoded on demand: ReelFile
 Encoder           encodes frames as they arrive
@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from meshreel.formats.load import load
     from meshreel.formats.reel import open
     from meshreel.metrics.compare import Quality
+    from meshreel.metrics.fmpd import fmpd
     from meshreel.metrics.msdm2 import msdm2
     from meshreel.metrics.surface_distance import SurfaceDistances, SurfaceQuality
     from meshreel.model.cells import Cells
@@ -119,6 +120,7 @@ __all__ = [
     "corner_normals",
     "decode",
     "encode",
+    "fmpd",
     "from_pyvista",
     "from_trimesh",
     "info",
@@ -143,6 +145,7 @@ _MODULES = {
     "Cells": "model.cells",
     "corner_normals": "model.geometry.hard_edges",
     "Encoder": "codec.streaming",
+    "fmpd": "metrics.fmpd",
     **dict.fromkeys(
         ("from_pyvista", "from_trimesh", "to_pyvista", "to_trimesh"), "operations.interop"
     ),
