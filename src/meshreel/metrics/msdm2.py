@@ -52,8 +52,9 @@ def msdm2(original: MeshSequence, decoded: MeshSequence, n_frames: int = 16) -> 
     References
     ----------
     G. Lavoue, "A multiscale metric for 3D mesh visual quality assessment", Computer Graphics Forum
-    30(5), 2011. Checked against the author's implementation: the values of all vertices of the test
-    of MEPP2 (cow.off and cow_simp.off) have its colors.
+    30(5), 2011. Values of vertices equal those of the author's implementation in MEPP2, except near
+    vertices whose closest point lies on an edge of the original: the choice of its face matters,
+    so that moving a model may change the result by a thousandth.
     """
     if n_frames < 1:
         raise InvalidInputError(Keyword("n_frames"), f" must be at least 1; got {n_frames}")
@@ -116,11 +117,12 @@ class Msdm2:
         tree = TriangleTree(original, self._original.faces)
         closest = tree.closest(decoded)
         corners = self._original.faces[closest.faces]
+        shares = _corner_shares(original[corners] - decoded[:, None])
         for scale in SCALES:
             radius = scale * size
             curvature = size * self._decoded.curvature(decoded, radius)
             others = size * self._original.curvature(original, radius)
-            matched = np.einsum("vk,vk->v", closest.weights, others[corners])
+            matched = np.einsum("vk,vk->v", shares, others[corners])
             near = self._decoded.within(decoded, STATISTICS_RATIO * radius)
             values += _differences(near, decoded, closest.points, curvature, matched)
         return values / len(SCALES)
@@ -226,6 +228,24 @@ class _Edges:
         return _Neighborhoods(
             radius, centers, edges, self.starts[edges], self.ends[edges], shares, is_sample
         )
+
+
+def _corner_shares(offsets: Floats) -> Floats:
+    """Weights of the corners of the closest faces, of shape (V, 3).
+
+    As in MEPP2, they are the areas that a vertex itself spans with the opposite sides, which are
+    barycentric coordinates only in the plane of the face.
+
+    Parameters
+    ----------
+    offsets : float64 array of shape (V, 3, 3)
+        Corners relative to the vertex.
+    """
+    spanned = np.cross(np.roll(offsets, -1, axis=1), np.roll(offsets, -2, axis=1))
+    areas = np.linalg.norm(spanned, axis=2)
+    totals = areas.sum(axis=1, keepdims=True)
+    shares = np.divide(areas, totals, out=np.full_like(areas, 1 / 3), where=totals > 0)
+    return np.asarray(shares)
 
 
 def _ranges(counts: Integers) -> Integers:

@@ -6,7 +6,7 @@ import pytest
 import meshreel
 from meshreel.errors import ConnectivityChangeError, InvalidInputError
 from meshreel.metrics.msdm2 import SCALES, Msdm2
-from samples.meshes import irregular_sequence, waving_grid
+from samples.meshes import grid_faces, irregular_sequence, waving_grid
 
 
 def bumpy(amplitude, seed=0):
@@ -101,6 +101,38 @@ def test_curvature_equals_a_walk_from_each_vertex(scale):
         assert near.is_sample[mine].sum() == sum(edge[3] for edge in walk)
 
 
+def bowls():
+    """A dense bowl and a rough one above it, so that all closest points are within faces."""
+    y, x = np.mgrid[0:31, 0:121] / 120 - 0.5
+    number = np.arange(x.size).reshape(x.shape)
+    x, y = x + 0.0002 * np.sin(37 * number), y + 0.0002 * np.cos(53 * number)
+
+    def bowl(x, y):
+        return np.stack([x, y, 0.8 * x**2 + 0.6 * (y + 0.37) ** 2], axis=-1).reshape(1, -1, 3)
+
+    original, decoded = bowl(x, y), bowl(0.97 * x, 0.97 * (y + 0.375) - 0.375)
+    decoded[..., 2] += 0.003 + 0.0004 * np.sin(900 * decoded[..., 0]) * np.cos(
+        700 * decoded[..., 1]
+    )
+    return [meshreel.MeshSequence(each, grid_faces(*x.shape)) for each in (original, decoded)]
+
+
+def test_the_result_is_that_of_the_authors_implementation():
+    """Expected: MEPP2 at commit d977d05, three scales, from decoded to original."""
+    assert meshreel.msdm2(*bowls())[0] == pytest.approx(0.368560185987404, rel=1e-9)
+
+
+def moved(sequence):
+    """The sequence rotated, larger, elsewhere."""
+    return sequence.replace(vertices=7 * sequence.vertices[..., [1, 2, 0]] + 3)
+
+
+def test_it_is_invariant_to_position_and_size():
+    bowl, rough = bowls()
+    expected = meshreel.msdm2(bowl, rough)[0]
+    assert meshreel.msdm2(moved(bowl), moved(rough))[0] == pytest.approx(expected, rel=1e-9)
+
+
 def test_curvature_of_a_sphere_is_that_of_its_radius():
     sphere = meshreel.MeshSequence(*fine_sphere(0.5))
     measure = Msdm2(sphere.faces, sphere.faces)
@@ -127,16 +159,15 @@ def test_equal_meshes_have_no_error(sequence):
     assert meshreel.msdm2(sequence, sequence).max() == pytest.approx(0, abs=1e-7)
 
 
-def test_it_grows_with_noise_and_is_invariant_to_position_and_size():
+def test_it_grows_with_noise_and_moving_the_models_hardly_matters():
     smooth, errors = bumpy(0.0005), []
     for amplitude in (0.0001, 0.0005, 0.002):
         noisy = smooth.replace(vertices=smooth.vertices + bumpy(amplitude, 1).vertices
                                - bumpy(0.0, 1).vertices)  # fmt: skip
         [error] = meshreel.msdm2(smooth, noisy)
-        turned = [
-            each.replace(vertices=7 * each.vertices[..., [1, 2, 0]] + 3) for each in (smooth, noisy)
-        ]
-        assert meshreel.msdm2(*turned)[0] == pytest.approx(error, rel=1e-6)
+        # Rounding selects among the faces of closest points on edges and vertices.
+        turned = meshreel.msdm2(moved(smooth), moved(noisy))[0]
+        assert turned == pytest.approx(error, rel=2e-3)
         errors.append(error)
     assert 0 < errors[0] < errors[1] < errors[2] < 1
 
