@@ -3,12 +3,11 @@
     python examples/adaptive_subspace.py
     python examples/adaptive_subspace.py walk.npz --errors 0.02,0.01,0.005
 
-The idea is that of A. S. Lalos, A. A. Vasilakis, A. Dimas, K. Moustakas, "Adaptive compression of
-animated meshes by exploiting orthogonal iterations", The Visual Computer, 2017: orthogonal
-iterations start from the subspace of the previous block, which grows by the direction of its
-residual while the error is above an upper limit, and shrinks while it is below a lower one. There
-blocks are of positions; here the deltas of this paper are projected on the subspace. The limits,
-0.7 to 1 times the given error, are ours.
+After A. S. Lalos, A. A. Vasilakis, A. Dimas, K. Moustakas, "Adaptive compression of animated meshes
+by exploiting orthogonal iterations", The Visual Computer, 2017: orthogonal iterations start from
+the subspace of the previous block and find the size that a block needs. How it changes is ours: it
+grows by the direction of the largest residual while the error is above the given one, and loses its
+last direction while the error is below 0.7 times that.
 """
 
 import argparse
