@@ -198,7 +198,7 @@ def anchors() -> str:
 KINDS_OF_ANCHORS = ("coefficients", "positions")
 
 
-VERDICTS = ("yes", "weakly", "no", "not judged")
+VERDICTS = ("yes", "weakly", "no")
 
 
 def claims() -> str:
@@ -214,7 +214,9 @@ def claims() -> str:
         measures = f"{min(values):.3g}, {median(values):.3g}, {max(values):.3g}" if values else "-"
         rows.append((claim, *map(str, counts), measures))
     header = ("claim", *VERDICTS, "measure: lowest, median, highest")
-    return source("paper", table(header, rows))
+    unjudged = sum(one["verdict"] == "not judged" for each in found.values() for one in each)
+    rest = f"\n\nNot judged: {unjudged}, for want of blocks or by their time." if unjudged else ""
+    return source("paper", table(header, rows) + rest)
 
 
 def sweeps() -> str:
@@ -223,20 +225,18 @@ def sweeps() -> str:
     found: dict[str, list[dict[str, Any]]] = {}
     for one in (one for sequence in sequences for one in sequence["sweeps"]):
         found.setdefault(one["label"], []).append(one)
-    rows = []
+    texts, moves = [], list[float | None]()
     for label, each in found.items():
         points = [one["n_points"] for one in each]
-        moves = [one["moved_percent"] for one in each if one["moved_percent"] is not None]
-        rows.append(
-            (
-                f"`{label}`",
-                f"{min(points)} to {max(points)}",
-                f"{max(moves):.1f}",
-                str(len(each) - len(moves)),
-            )
-        )
-    header = "method", "points", "largest last move, %", "cut short"
-    return source("paper", table(header, rows))
+        moves += [one["moved_percent"] for one in each]
+        texts.append(f"`{label}` {min(points)} to {max(points)}")
+    settled = [move for move in moves if move is not None]
+    text = (
+        f"Points: {', '.join(texts)}. The last rounds moved envelopes by up to {max(settled):.1f} %"
+    )
+    if len(settled) < len(moves):
+        text += f"; {len(moves) - len(settled)} of {len(moves)} sweeps were cut short"
+    return source("paper", f"{text}.")
 
 
 def claim_rows() -> str:

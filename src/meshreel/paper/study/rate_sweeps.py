@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from meshreel.paper.analysis import n_frequencies
-from meshreel.paper.study.results import ERRORS, RATE, RateSweep, value_of
+from meshreel.paper.study.results import ERRORS, RATE, RateSweep, comparable, value_of
 from meshreel.paper.sweeps import COEFFICIENTS, DEFAULTS, HIGH_BITS, Setting, limit_modes
 from meshreel.studies.rate_distortion import Point, error_at_equal_rate, lower_envelope
-from meshreel.studies.runs import Result, usable
+from meshreel.studies.runs import Result
 
 SETTLED_PERCENT = 2.0
 """A sweep ends when all its envelopes move by less, in percent of the error at equal rate."""
@@ -152,7 +152,7 @@ def _is_possible(setting: Setting) -> bool:
 
 def _curves(results: Iterable[Result]) -> dict[str, list[Point]]:
     """The envelope of each error."""
-    found = usable(results)
+    found = comparable(results)
     return {
         name: lower_envelope([(result[RATE], value_of(result, name)) for result in found])
         for name in ERRORS

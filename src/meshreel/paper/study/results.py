@@ -1,6 +1,7 @@
 """Results of one sequence, for tables, figures and findings."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -19,6 +20,11 @@ ERRORS = {
     "NMSVE": "quality.nmsve_mean",
 }
 """The compared errors: keys of a result, separated by dots, by name."""
+
+MAX_KG_PERCENT = 30.0
+"""Streams with a larger KG error are not compared: STED, a deviation of relative edge lengths, is
+nearly 0 where few graph frequencies collapse components to points.
+"""
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,7 @@ class PaperResults:
         curves = {}
         for sweep in self.sweeps:
             low, high = sweep.window
-            found = [each for each in usable(sweep.results) if low <= each[RATE] <= high]
+            found = [each for each in comparable(sweep.results) if low <= each[RATE] <= high]
             pairs = [(each[rate], value_of(each, figure)) for each in found]
             curves[sweep.label] = sorted(pair for pair in pairs if math.isfinite(pair[1]))
         return {label: points for label, points in curves.items() if points}
@@ -183,6 +189,11 @@ def extrapolated_basis(measured: Result, n_verts: int, n_frames: int) -> FullBas
         measured["memory_bytes"] * ratio**2,
         source if ratio == 1 else f"{source}, with V^3",
     )
+
+
+def comparable(results: Iterable[Result]) -> list[Result]:
+    """The results of streams that keep the shape."""
+    return [each for each in usable(results) if value_of(each, "KG") <= MAX_KG_PERCENT]
 
 
 def value_of(result: Result, keys: str) -> float:

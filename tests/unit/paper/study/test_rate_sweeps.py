@@ -17,7 +17,7 @@ from meshreel.paper.study.rate_sweeps import (
 )
 from meshreel.paper.sweeps import COEFFICIENTS, METHOD_NAMES, Setting
 from meshreel.studies.rate_distortion import error_at_equal_rate
-from samples.paper_results import made_result
+from samples.paper_results import made_result, made_sequence
 
 FRAMES, VERTS = 60, 2904
 
@@ -87,6 +87,19 @@ def test_refused_points_are_kept_and_not_refined():
     sweep = sweep_of(measure)
     assert any("refused" in each for each in sweep.results)
     assert max(each["identity"]["setting"]["bits"] for each in sweep.results) == 12
+
+
+def test_streams_that_lose_the_shape_are_not_compared():
+    def measure(setting):
+        result = modeled(setting)
+        if setting.n_modes < 10:  # components collapse: a large KG error, and no STED
+            result["quality"] |= {"kg_error_percent": 52.0, "sted": 1e-3}
+        return result
+
+    sweep = sweep_of(measure)
+    assert any(each["quality"]["kg_error_percent"] == 52 for each in sweep.results)
+    results = made_sequence("x", sweep=sweep.results)
+    assert min(error for _, error in results.points("STED")["v2v"]) > 1e-3
 
 
 def test_all_methods_begin_at_the_settings_of_the_tables_on_the_same_axes():
