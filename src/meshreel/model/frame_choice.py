@@ -127,6 +127,12 @@ def evenly_spaced(n: int, n_chosen: int) -> list[int]:
     return [(2 * part + 1) * n // (2 * n_chosen) for part in range(n_chosen)]
 
 
+def spread_frames(numbers: Sequence[int], max_frames: int) -> list[int]:
+    """At most this many of the frames, evenly spaced from the first to the last."""
+    steps = np.linspace(0, len(numbers) - 1, min(max_frames, len(numbers))).round().astype(int)
+    return [numbers[step] for step in steps]
+
+
 def _is_number(choice: object) -> bool:
     if isinstance(choice, np.ndarray):
         return choice.ndim == 0 and np.issubdtype(choice.dtype, np.integer)

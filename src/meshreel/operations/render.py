@@ -58,9 +58,10 @@ def render(
     files = check_inputs(sources, *drawing)
     check_output_path(output, overwrite=overwrite, inputs=files)
     check_supported(sources, reading)
+    from meshreel.model.frame_choice import spread_frames
     from meshreel.rendering.picture import save_png  # imports Pillow, whose extra is checked above
     from meshreel.rendering.scenes import Scene
-    from meshreel.rendering.shots import representative_frames, spread_frames
+    from meshreel.rendering.shots import representative_frames
     from meshreel.rendering.stills import still
 
     with ExitStack() as stack:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image as PillowImage
 
+from meshreel.model.frame_choice import spread_frames
 from meshreel.model.timing import DUE_TOLERANCE, Timing
 from meshreel.rendering.layout import Size
 from meshreel.rendering.scenes import Scales, Scene
@@ -17,7 +18,6 @@ from meshreel.rendering.shots import (
     frame_labels,
     framing_of,
     scene_annotations,
-    spread_frames,
 )
 from meshreel.rendering.views import View
 from meshreel.runtime.progress import Progress, silent

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from meshreel.arrays import Floats
+from meshreel.model.frame_choice import spread_frames
 from meshreel.rendering.camera import Camera
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import NO_SCALES, Frame, Scales, Scene, SceneFrame, SelectedFrames
@@ -59,12 +60,6 @@ def _draw_batch(
     with one_blas_thread():
         in_threads(draw, range(len(batch)))
     return views
-
-
-def spread_frames(numbers: Sequence[int], max_frames: int) -> list[int]:
-    """At most this many of the frames, evenly spaced from the first to the last."""
-    steps = np.linspace(0, len(numbers) - 1, min(max_frames, len(numbers))).round().astype(int)
-    return [numbers[step] for step in steps]
 
 
 def representative_frames(numbers: Sequence[int], max_frames: int) -> list[int]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from PIL import Image as PillowImage
 
+from meshreel.model.frame_choice import spread_frames
 from meshreel.rendering.layout import Size
 from meshreel.rendering.painting import Image
 from meshreel.rendering.scenes import Scene
@@ -15,7 +16,6 @@ from meshreel.rendering.shots import (
     frame_labels,
     framing_of,
     scene_annotations,
-    spread_frames,
 )
 from meshreel.rendering.views import View
 from meshreel.runtime.progress import Count, Progress, silent
