@@ -4,10 +4,10 @@ import numpy as np
 
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
+from meshreel.metrics.reference import require_equal_frame_counts
 from meshreel.model.geometry.connectivity import boundary_edges
 from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces, MeshSequence, single_segment
-from meshreel.runtime.counting import counted
 
 COTANGENTS = 0.001, 1000.0
 """Range of the halved cotangents."""
@@ -55,11 +55,7 @@ def fmpd(original: MeshSequence, decoded: MeshSequence) -> Floats:
     are excluded here.
     """
     pair = [single_segment(each, "FMPD") for each in (original, decoded)]
-    if original.n_frames != decoded.n_frames:
-        raise InvalidInputError(
-            f"the original has {counted(original.n_frames, 'frame')} and the decoded "
-            f"{decoded.n_frames}; FMPD compares equal numbers of frames"
-        )
+    require_equal_frame_counts(original, decoded, "FMPD compares equal numbers of frames")
     measures = [Roughness(each.faces, each.n_verts) for each in pair]
     values = np.empty(original.n_frames)
     for number in range(original.n_frames):

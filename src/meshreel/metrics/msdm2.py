@@ -8,10 +8,11 @@ import numpy.typing as npt
 from meshreel.arrays import Floats, Integers
 from meshreel.errors import InvalidInputError, Keyword
 from meshreel.kernel.closest import TriangleTree
+from meshreel.metrics.reference import require_equal_frame_counts
+from meshreel.model.frame_choice import spread_frames
 from meshreel.model.geometry.connectivity import undirected_edges
 from meshreel.model.geometry.normals import face_normals, unit
 from meshreel.model.sequence import Faces, MeshSequence, single_segment
-from meshreel.runtime.counting import counted
 
 SCALES = 0.002, 0.003, 0.004
 """Radii of the neighborhoods of curvature, in the longest side of the bounding box."""
@@ -59,16 +60,12 @@ def msdm2(original: MeshSequence, decoded: MeshSequence, n_frames: int = 16) -> 
     if n_frames < 1:
         raise InvalidInputError(Keyword("n_frames"), f" must be at least 1; got {n_frames}")
     pair = [single_segment(each, "MSDM2") for each in (original, decoded)]
-    if original.n_frames != decoded.n_frames:
-        raise InvalidInputError(
-            f"the original has {counted(original.n_frames, 'frame')} and the decoded "
-            f"{decoded.n_frames}; MSDM2 compares equal numbers of frames"
-        )
+    require_equal_frame_counts(original, decoded, "MSDM2 compares equal numbers of frames")
     if not all(len(each.faces) for each in pair):
         raise InvalidInputError("MSDM2 needs faces, and a sequence has none")
     measure = Msdm2(pair[0].faces, pair[1].faces)
-    numbers = np.rint(np.linspace(0, original.n_frames - 1, min(n_frames, original.n_frames)))
-    frames = ((each.read(n, n + 1)[0] for each in pair) for n in numbers.astype(int).tolist())
+    numbers = spread_frames(range(original.n_frames), n_frames)
+    frames = ((each.read(n, n + 1)[0] for each in pair) for n in numbers)
     return np.array([measure.of(*both) for both in frames])
 
 
@@ -79,13 +76,12 @@ class Msdm2:
     tensor of the edges within a radius. A decoded vertex receives the curvature of the closest
     point of the original. Around each vertex, Gaussian means, deviations and the covariance of both
     curvatures give differences of curvature, contrast and structure; the result is the mean of the
-    scales.
+    scales. Constants and details are those of the author's implementation in MEPP2.
 
     Parameters
     ----------
     faces, decoded_faces : integer arrays of shape (M, 3) and (M', 3)
         Of the original, and of the decoded mesh.
-    Constants and details are those of the author's implementation in MEPP2.
     """
 
     def __init__(self, faces: Faces, decoded_faces: Faces) -> None:

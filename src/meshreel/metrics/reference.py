@@ -6,6 +6,7 @@ two is exact and keeps squares of very large or very small coordinates in range.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from meshreel.arrays import Floats
 from meshreel.errors import InvalidInputError
 from meshreel.model.extent import Extent, Vertices
+from meshreel.runtime.counting import counted
 
 _LARGEST_EXPONENT = 1000  # both 2**1000 and 2**-1000 are normal float64 numbers
 
@@ -60,6 +62,20 @@ def reference_of_box(low: Floats, high: Floats) -> Reference:
 def reference_of_extent(extent: Extent) -> Reference:
     """Reference of positions of this extent."""
     return reference_of_box(extent.low, extent.high)
+
+
+class _Frames(Protocol):
+    @property
+    def n_frames(self) -> int: ...
+
+
+def require_equal_frame_counts(original: _Frames, decoded: _Frames, remark: str) -> None:
+    """Raise InvalidInputError, with a remark, if frame counts differ."""
+    if original.n_frames != decoded.n_frames:
+        raise InvalidInputError(
+            f"the original has {counted(original.n_frames, 'frame')} and the decoded "
+            f"{decoded.n_frames}; {remark}"
+        )
 
 
 def shared_reference(original: Vertices, decoded: Vertices) -> Reference:

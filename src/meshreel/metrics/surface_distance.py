@@ -14,7 +14,7 @@ from meshreel.kernel.closest import TriangleTree
 from meshreel.metrics.closest_points import k_d_tree
 from meshreel.metrics.normals import DEGENERATE_AREA
 from meshreel.metrics.position_errors import PositionErrors
-from meshreel.metrics.reference import Reference, reference_of_box
+from meshreel.metrics.reference import Reference, reference_of_box, require_equal_frame_counts
 from meshreel.metrics.surface_samples import (
     SurfacePoints,
     TriangleSet,
@@ -200,11 +200,8 @@ def compare_surfaces(
     """
     if n_samples < 1:
         raise InvalidInputError(f"the number of samples must be at least 1; got {n_samples}")
-    if original.n_frames != decoded.n_frames:
-        raise InvalidInputError(
-            f"the original has {counted(original.n_frames, 'frame')} and the decoded "
-            f"{decoded.n_frames}; only sequences with equal numbers of frames can be compared"
-        )
+    remark = "only sequences with equal numbers of frames can be compared"
+    require_equal_frame_counts(original, decoded, remark)
     space = _space_of(original, decoded)
     n_frames = original.n_frames
     stride = -(-n_frames * n_samples // MAX_POOLED)

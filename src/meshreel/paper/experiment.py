@@ -70,13 +70,10 @@ class Experiment:
     """Rates by Eq. 13 and as stored."""
     size_bytes: int
     """Size of a file without vertex order."""
+    rate_bpvf: float
+    """Bits of the file per vertex and frame: three coordinates, connectivity and headers."""
     quality: Quality
     """KG error, STED, NMSVE per frame, largest error and others."""
-
-    @property
-    def rate_bpvf(self) -> float:
-        """Bits of the file per vertex and frame: three coordinates, connectivity and headers."""
-        return 8 * self.size_bytes / (self.stream.n_verts * self.stream.n_frames)
 
     def __repr__(self) -> str:
         return (
@@ -249,13 +246,20 @@ class EncodedExperiment:
         coded = [self._coded(vertices) for vertices in source.blocks()]
         self.size_bytes = len(source.stream(self._coder.leading_sections(), coded))
 
+    @property
+    def rate_bpvf(self) -> float:
+        """Bits of the file per vertex and frame."""
+        return 8 * self.size_bytes / (self.stream.n_verts * self.stream.n_frames)
+
     def measure(self) -> Experiment:
         """Decode and compare all frames."""
         self._progress("decoding", 0.0)
         vertices = self.stream.reconstruct()
         decoded = MeshSequence(vertices, self._sequence.faces)
         quality = compare(self._sequence, decoded, progress=self._progress)
-        return Experiment(self.stream, vertices, rates(self.stream), self.size_bytes, quality)
+        return Experiment(
+            self.stream, vertices, rates(self.stream), self.size_bytes, self.rate_bpvf, quality
+        )
 
     def errors_of(self, numbers: Sequence[int]) -> dict[str, float]:
         """KG error, STED and mean NMSVE of some frames, by their names in `Quality`."""

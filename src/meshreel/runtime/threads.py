@@ -263,12 +263,20 @@ def one_blas_thread() -> Iterator[None]:
             limit.leave()
 
 
-def limit_cores(limit: int | None) -> None:
-    """Limit the cores that this process uses, if several processes share the machine; None: all."""
+def limit_cores(limit: int | None) -> int | None:
+    """Limit the cores that this process uses, if several processes share the machine; None: all.
+
+    Returns
+    -------
+    int or None
+        The limit before.
+    """
     global _core_limit
-    if limit != _core_limit:
+    before = _core_limit
+    if limit != before:
         _core_limit = limit
         pool.cache_clear()
+    return before
 
 
 class _Pool(ThreadPoolExecutor):

@@ -38,12 +38,12 @@ def timed_once(work: Callable[[], Value]) -> tuple[Value, Seconds]:
 @contextmanager
 def one_thread() -> Iterator[None]:
     """A context in which BLAS and our own code use one thread."""
-    limit_cores(1)
+    limit = limit_cores(1)
     try:
         with one_blas_thread():
             yield
     finally:
-        limit_cores(None)
+        limit_cores(limit)
 
 
 def timed(

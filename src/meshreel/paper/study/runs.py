@@ -18,6 +18,7 @@ from meshreel.codec.subspace.pca import autocorrelation, eigen_trajectories
 from meshreel.codec.subspace.trajectories import bounding_frame, to_matrices
 from meshreel.errors import InvalidInputError
 from meshreel.metrics.compare import compare
+from meshreel.model.frame_choice import spread_frames
 from meshreel.model.sequence import MeshSequence
 from meshreel.paper.basis import modes_for_energy, project
 from meshreel.paper.blocks import write_curves, write_rows
@@ -340,25 +341,19 @@ def sweep_run(series: ExperimentSeries, setting: Setting) -> Run:
 
     Rates and positions are those of a stream. Errors are of `SAMPLED_FRAMES` frames.
     """
-    numbers = sampled_frames(series.sequence.n_frames)
+    numbers = spread_frames(range(series.sequence.n_frames), SAMPLED_FRAMES)
 
     def measure(progress: Progress) -> Outcome:
         encoded = series.run(setting.method, setting.method_options())
-        rate_bpvf = 8 * encoded.size_bytes / (encoded.stream.n_verts * encoded.stream.n_frames)
-        figures = _rate_figures(rates_of(encoded.stream, has_coded_rows=False), rate_bpvf)
+        stream_rates = rates_of(encoded.stream, has_coded_rows=False)
+        figures = _rate_figures(stream_rates, encoded.rate_bpvf)
         del figures["bits_per_row"]
         quality = finite(encoded.errors_of(numbers))
-        return Outcome({RATE: rate_bpvf, **figures, "quality": quality})
+        return Outcome({RATE: encoded.rate_bpvf, **figures, "quality": quality})
 
     name = f"sweep of {setting.label}, {setting.n_modes} modes, {setting.bits} bits"
     identity = {**asdict(setting), "frames": SAMPLED_FRAMES}
     return Run(name, f"sweep_{setting.key}", identity, measure)
-
-
-def sampled_frames(n_frames: int) -> list[int]:
-    """Numbers of the frames of which sweeps measure the errors, evenly spaced."""
-    numbers = np.linspace(0, n_frames - 1, min(n_frames, SAMPLED_FRAMES))
-    return [*map(int, np.rint(numbers))]
 
 
 def _rate_figures(stream_rates: StreamRates, smallest_bpvf: float) -> dict[str, Any]:

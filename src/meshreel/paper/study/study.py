@@ -113,8 +113,9 @@ def sequence_parts(results: PaperResults, pictures: Sequence[Picture]) -> list[P
     """Findings, tables and figures of a sequence."""
     remark = REMARKS.get(results.name.lower())
     parts: list[Part] = [remark] if remark else []
-    judged = [finding for finding in findings(results) if finding.verdict != NOT_JUDGED]
-    others = [finding for finding in findings(results) if finding.verdict == NOT_JUDGED]
+    every = findings(results)
+    judged = [finding for finding in every if finding.verdict != NOT_JUDGED]
+    others = [finding for finding in every if finding.verdict == NOT_JUDGED]
     if results.is_quick:
         parts.append(
             "A quick study: its sweeps have few points, so verdicts may change without it."
