@@ -100,6 +100,11 @@ class Target:
         first: int = 0,
     ) -> "Written":
         """Write these frames of a sequence; parameters as of `check`. A .mp4 is only encoded."""
+        sizes = [(segment.n_verts, len(segment.faces)) for segment in sequence.segments]
+        n_verts, n_faces = map(max, zip(*sizes, strict=True))
+        mesh_figures = {
+            "n_segments": len(sizes), "n_verts": n_verts, "n_faces": n_faces, "fps": sequence.fps,
+        }  # fmt: skip
         if is_stream(self.output):
             path = Path(self.output)
             assert isinstance(sequence, MeshSequence)  # a .reel is read with `open_any`
@@ -109,14 +114,14 @@ class Target:
             if path.suffix.lower() == ".reel":
                 with replace_when_done(path, overwrite=self.overwrite) as temporary:
                     temporary.write_bytes(encoded.data)
-            return Written([path], sequence, len(frames), encoded)
+            return Written([path], len(frames), mesh_figures, encoded)
         figures: dict[str, Any] = {}
         paths = save_part(
             sequence, frames, self.output,
             overwrite=self.overwrite, start_number=self._number(frames, first), inputs=inputs,
             options=self.options, progress=progress, notes=notes, figures=figures, fit_rig=fit_rig,
         )  # fmt: skip
-        return Written(paths, sequence, len(frames), figures=figures)
+        return Written(paths, len(frames), mesh_figures, figures=figures)
 
     def _number(self, frames: range, first: int) -> int | None:
         """Number of the first file of an output; None for a single file."""
@@ -129,8 +134,9 @@ class Written:
     """Files with frames of a sequence."""
 
     paths: list[Path]
-    sequence: "AnySource"
     n_frames: int
+    mesh_figures: dict[str, Any]
+    """Number of segments, and the largest number of their vertices and faces; frame rate."""
     encoded: Encoded | None = None
     """The stream, for a .reel."""
     figures: dict[str, Any] = field(default_factory=dict)
@@ -145,18 +151,13 @@ class Written:
 
     def as_dict(self) -> dict[str, Any]:
         """Figures for JSON."""
-        sizes = [(segment.n_verts, len(segment.faces)) for segment in self.sequence.segments]
-        n_verts, n_faces = map(max, zip(*sizes, strict=True))
         stream = {} if self.encoded is None else self.encoded.as_dict()
         if stream:
             stream |= {"output": str(self.paths[0]), "input_size_bytes": self.input_bytes}
         return {
             "outputs": list(map(str, self.paths)),
             "n_frames": self.n_frames,
-            "n_segments": len(sizes),
-            "n_verts": n_verts,
-            "n_faces": n_faces,
-            "fps": self.sequence.fps,
+            **self.mesh_figures,
             "size_bytes": self.size_bytes,
             **self.figures,
             **stream,
