@@ -206,7 +206,8 @@ def suffices_for_sample(sequence: MeshSequence, bounds: Bounds, max_bones: int) 
     times_s = frames.astype(np.float64)
     search = _Search(vertices, sequence.faces, times_s, bounds, silent, components)
     with one_blas_thread():
-        return any(True for _ in search.grow(min(max_bones, len(sample) // MIN_SAMPLES_PER_BONE)))
+        n_bones = min(max_bones, -(-len(sample) // MIN_SAMPLES_PER_BONE))
+        return any(True for _ in search.grow(n_bones))
 
 
 class _Search:
