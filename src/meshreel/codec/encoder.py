@@ -160,7 +160,7 @@ def encode_with(
             check_uvs(surface, config.uv_bits)
     progress("encoding connectivity", 0.0)
     positions_config = with_bound_of_motion(config, sequence)
-    extent = sequence.extent if has_several else None
+    whole = sequence if has_several else None
     ranges: dict[str, float] = {}
     sources, edits = [], MeshEdits() if has_several else None
     for segment, surface in zip(segments, surfaces, strict=True):
@@ -170,7 +170,7 @@ def encode_with(
             if has_several and bound.measure is Measure.SHARE and name not in ranges:
                 ranges[name] = _range_size(sequence, name)
             bounds[name] = _in_units(bound, ranges.get(name))
-        source = Source(segment, positions_config, surface, bounds, whole_extent=extent)
+        source = Source(segment, positions_config, surface, bounds, whole=whole)
         if edits is not None and source.mesh.may_be_edited:
             source = replace(source, edit=edits.edit_to(segment.faces, segment.n_verts))
         sources.append(source)
@@ -183,7 +183,7 @@ def encode_with(
 
 
 def _range_size(sequence: MeshSequence, name: str) -> float:
-    """Return the diagonal of the range of a track's values in all segments, in its units."""
+    """Return the diagonal of the range of a track's values in all segments; 0 for a constant."""
     tracks = [segment.tracks[name] for segment in sequence.segments if name in segment.tracks]
     widths = {track.shape[2] for track in tracks}
     if len(widths) > 1:
@@ -192,8 +192,8 @@ def _range_size(sequence: MeshSequence, name: str) -> float:
             "different segments, which have no common range; give its bound in units"
         )
     low, high = zip(*map(value_range, tracks), strict=True)
-    lowest, highest = np.fmin.reduce(low), np.fmax.reduce(high)
-    return bounding_frame(Extent(np.nan_to_num(lowest), np.nan_to_num(highest), 0.0)).scale
+    lowest, highest = map(np.nan_to_num, (np.fmin.reduce(low), np.fmax.reduce(high)))
+    return bounding_frame(Extent(lowest, highest, 0.0)).scale if (highest > lowest).any() else 0.0
 
 
 def _in_units(bound: TrackBound, range_size: float | None) -> TrackBound:

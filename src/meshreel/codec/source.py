@@ -35,7 +35,7 @@ from meshreel.codec.times import timing_sections
 from meshreel.codec.track_bounds import TrackBound
 from meshreel.codec.tracks import Coding
 from meshreel.model.extent import Extent
-from meshreel.model.sequence import Faces, FrameSource
+from meshreel.model.sequence import Faces, FrameSource, MeshSequence
 from meshreel.model.surface import PLAIN, Domain, Surface
 from meshreel.model.timing import UNTIMED, Timing
 from meshreel.model.tracks import TrackSource, error_bound_of, max_items
@@ -225,8 +225,8 @@ class Source:
     """Error bounds by track; other tracks are dropped."""
     tracks: Sequence["CodedTrack"] = ()
     """Encoded tracks, which `stream` places after the positions."""
-    whole_extent: Extent | None = None
-    """Extent of the whole sequence if this one is a segment of it."""
+    whole: MeshSequence | None = None
+    """The sequence of several segments of which this is one; its extent sets the bounding box."""
     edit: MeshEdit | None = None
     """See `CodedMesh`."""
     origin: tuple[float, ...] | None = None
@@ -235,7 +235,7 @@ class Source:
     @property
     def extent(self) -> Extent:
         """Extent that sets the bounding box and the size of the model."""
-        return self.sequence.extent if self.whole_extent is None else self.whole_extent
+        return (self.whole or self.sequence).extent
 
     @cached_property
     def mesh(self) -> CodedMesh:

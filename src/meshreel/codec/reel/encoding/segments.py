@@ -40,7 +40,7 @@ def encode_segments(
     encode : callable
         Encodes one segment.
     sources : sequence of Source
-        The segments, all with the same options and `whole_extent`.
+        The segments, all of one sequence and with the same options.
     progress
         As in `codec.methods.Method.encode`.
 
@@ -103,7 +103,10 @@ def _common_step(sources: Sequence[Source], progress: Progress) -> float:
             return whole.encode(source, silent, step=step)
 
         streams = results_in_order(encode_one, sources, _is_parallel)
-        return float(len(join_streams(list(streams))))
+        whole_sequence = sources[0].whole
+        assert whole_sequence is not None
+        name, timing = whole_sequence.name, whole_sequence.timing
+        return float(len(join_streams(list(streams), name=name, timing=timing)))
 
     start = FIRST_STEP * sources[0].model_size
     has_tracks = any(source.bounds for source in sources)

@@ -61,7 +61,7 @@ def encode(source: Source, progress: Progress, *, step: float | None = None) -> 
     """
     config = source.config
     assert isinstance(config, ReelOptions)  # the options of this method
-    if source.whole_extent is not None and suits_one_frame(source):
+    if source.whole is not None and suits_one_frame(source):
         if step is None and config.target.kind is not TargetKind.MAX_ERROR:
             step, _ = step_for_target(config, RateSearch(source, progress))
         return grid_positions.encode(source, progress, step)
